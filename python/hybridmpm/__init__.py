@@ -1,0 +1,67 @@
+"""Real-time, interactive particle fluids: scenes, an MLS-MPM solver and errors between states.
+
+The names in `__all__` are public, and so are the modules among them; the rest may move.
+"""
+
+from hybridmpm import control, metrics, scenarios
+from hybridmpm._native import Diagnostics, FrameReport, __version__
+from hybridmpm.errors import (
+    ConfigError,
+    DomainError,
+    ExportError,
+    InvertedError,
+    NonFiniteError,
+    SceneError,
+    SimulationError,
+    SketchError,
+    SnapshotError,
+    StepSizeError,
+    UnknownScenarioError,
+)
+from hybridmpm.materials import Elastic, Sand, Water
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.sampling import Particles
+from hybridmpm.scene import Scene, Walls
+from hybridmpm.shapes import (
+    Ball,
+    BallObstacle,
+    Box,
+    BoxObstacle,
+    HalfSpaceObstacle,
+    Polygon,
+    SegmentObstacle,
+)
+
+__all__ = [
+    "Ball",
+    "BallObstacle",
+    "Box",
+    "BoxObstacle",
+    "ConfigError",
+    "Diagnostics",
+    "DomainError",
+    "Elastic",
+    "ExportError",
+    "FrameReport",
+    "HalfSpaceObstacle",
+    "InvertedError",
+    "MpmSolver",
+    "NonFiniteError",
+    "Particles",
+    "Polygon",
+    "Sand",
+    "Scene",
+    "SceneError",
+    "SegmentObstacle",
+    "SimulationError",
+    "SketchError",
+    "SnapshotError",
+    "StepSizeError",
+    "UnknownScenarioError",
+    "Walls",
+    "Water",
+    "__version__",
+    "control",
+    "metrics",
+    "scenarios",
+]

@@ -1,0 +1,359 @@
+"""The compiled core: MLS-MPM in 2D and 3D. Usable on its own, without the rest of the package.
+
+All quantities are SI. Arrays of particles are in the caller's order and never change it, whatever
+order the solver keeps inside. N is the number of particles, D the dimension (2 or 3).
+"""
+
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+
+class SimulationError(Exception):
+    """Parent of every error that hybridmpm raises."""
+
+class ConfigError(SimulationError, ValueError):
+    """A parameter is outside its range, or arrays disagree in shape or type."""
+
+class DomainError(SimulationError):
+    """A particle left the box [0, 1]^D or went more than one cell past a wall."""
+
+class NonFiniteError(SimulationError):
+    """A position or velocity became NaN or infinite."""
+
+class InvertedError(SimulationError):
+    """The volume ratio J of a particle fell to zero or below."""
+
+class StepSizeError(SimulationError):
+    """A fixed number of substeps is above the stability limit."""
+
+class SnapshotError(SimulationError, ValueError):
+    """Snapshot bytes are truncated, damaged, foreign, or of another scene."""
+
+@final
+class Material:
+    """Constitutive model and its constants. Build one with `water`, `sand` or `elastic`."""
+
+    @staticmethod
+    def water(
+        *, density: float, bulk_modulus: float, tension: float = 0.25, wall_friction: float = 0.0
+    ) -> Material:
+        """Weakly compressible fluid, Kirchhoff stress tau = lambda J (J - 1) I.
+
+        Parameters
+        ----------
+        density : float > 0
+            Rest density [kg/m^3].
+        bulk_modulus : float > 0
+            lambda [Pa]; the sound speed is sqrt(lambda / density).
+        tension : float in [0, 1]
+            Factor on the stress where J > 1. 1 clumps, 0 lets J drift.
+        wall_friction : float >= 0
+            Coulomb coefficient against box walls and obstacles that name none.
+        """
+
+    @staticmethod
+    def sand(
+        *,
+        density: float,
+        youngs_modulus: float,
+        poisson_ratio: float,
+        friction_angle: float,
+        wall_friction: float = 0.5,
+        volume_correction: bool = True,
+    ) -> Material:
+        """Drucker-Prager sand on StVK-Hencky elasticity (Klar et al. 2016).
+
+        Parameters
+        ----------
+        density : float > 0
+            Rest density [kg/m^3].
+        youngs_modulus : float > 0
+            E [Pa].
+        poisson_ratio : float in (-1, 0.5)
+            nu [-].
+        friction_angle : float in (0, 90)
+            Internal friction angle [degrees].
+        wall_friction : float >= 0
+            Coulomb coefficient against box walls and obstacles that name none.
+        volume_correction : bool
+            Track the volume gained in separation and take it back when sand
+            recompacts (Tampubolon et al. 2017).
+        """
+
+    @staticmethod
+    def elastic(
+        *, density: float, youngs_modulus: float, poisson_ratio: float, wall_friction: float = 0.5
+    ) -> Material:
+        """Fixed-corotated solid (Stomakhin et al. 2012); parameters as in `sand`."""
+
+    @property
+    def kind(self) -> str:
+        """"water", "sand" or "elastic"."""
+    @property
+    def density(self) -> float:
+        """Rest density [kg/m^3]."""
+    @property
+    def sound_speed(self) -> float:
+        """Speed of the fastest wave at rest [m/s]."""
+
+@final
+class Obstacle:
+    """A fixed solid. `contact` is "sticky", "slip" or "separating".
+
+    `friction` [-] is the Coulomb coefficient of separating contact; None takes the material's own.
+    """
+
+    @staticmethod
+    def ball(
+        center: Sequence[float],
+        radius: float,
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle: ...
+    @staticmethod
+    def box(
+        lower: Sequence[float],
+        upper: Sequence[float],
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle: ...
+    @staticmethod
+    def segment(
+        start: Sequence[float],
+        end: Sequence[float],
+        thickness: float,
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle:
+        """A ramp: all points within thickness / 2 of the segment."""
+
+    @staticmethod
+    def half_space(
+        point: Sequence[float],
+        normal: Sequence[float],
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle:
+        """Solid on the side that `normal` points away from; `point` lies on the surface."""
+
+    def signed_distance(self, x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Distance [m] of points (N, D) to the surface, negative inside; shape (N,)."""
+
+@final
+class Diagnostics:
+    """Totals over all particles at one instant."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]; in 2D for a slice one metre deep."""
+    @property
+    def momentum(self) -> list[float]:
+        """D components [kg m/s]."""
+    @property
+    def centroid(self) -> list[float]:
+        """Centre of mass, D components [m]."""
+    @property
+    def kinetic_energy(self) -> float:
+        """[J]"""
+    @property
+    def potential_energy(self) -> float:
+        """-m g . x [J], zero at the origin."""
+    @property
+    def elastic_energy(self) -> float:
+        """[J]"""
+    @property
+    def max_speed(self) -> float:
+        """[m/s]"""
+    @property
+    def min_volume_ratio(self) -> float:
+        """Smallest J (water) or det F (solids) [-]."""
+    @property
+    def max_volume_ratio(self) -> float:
+        """Largest J (water) or det F (solids) [-]."""
+
+@final
+class FrameReport:
+    """How the last frame was cut into substeps."""
+
+    @property
+    def substeps(self) -> int: ...
+    @property
+    def smallest_dt(self) -> float:
+        """[s]"""
+    @property
+    def bound(self) -> str:
+        """What chose the smallest step.
+
+        "sound" or "speed" (the CFL bound), "frame" (one step a frame was enough), "reference" or
+        "fixed" (the caller chose).
+        """
+
+@final
+class Solver:
+    """MLS-MPM (Hu et al. 2018) with APIC transfer and quadratic B-splines on [0, 1]^D.
+
+    Thread safe: calls on one solver wait for each other, with the GIL released.
+    """
+
+    def __init__(
+        self,
+        *,
+        resolution: int,
+        frame_dt: float,
+        gravity: Sequence[float],
+        wall_lower: Sequence[float],
+        wall_upper: Sequence[float],
+        wall_contact: str = "separating",
+        wall_friction: float | None = None,
+        materials: Sequence[Material],
+        obstacles: Sequence[Obstacle] = (),
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        material: npt.NDArray[np.uint8],
+        mass: npt.NDArray[np.float32],
+        volume: npt.NDArray[np.float32],
+        volume_ratio: npt.NDArray[np.float32] | None = None,
+        substeps: str | int = "cfl",
+        cfl: float | None = None,
+        allow_unstable: bool = False,
+        threads: int = 1,
+    ) -> None:
+        """Create a solver; the dimension is `len(gravity)`.
+
+        Parameters
+        ----------
+        resolution : int in [8, 1024]
+            Grid cells along each axis; dx = 1 / resolution [m].
+        frame_dt : float > 0
+            Length of a frame [s].
+        gravity : D floats
+            [m/s^2].
+        wall_lower, wall_upper : D floats in [0, 1]
+            Box walls [m]; applied where they are, also between grid nodes.
+        wall_contact : "sticky", "slip" or "separating"
+        wall_friction : float >= 0, optional
+            Coulomb coefficient of separating walls; None takes each material's own.
+        materials : 1 to 255 materials
+        x, v : float32 (N, D)
+            Positions [m] inside the walls and velocities [m/s].
+        material : uint8 (N,)
+            Index into `materials`.
+        mass, volume : float32 (N,), > 0
+            [kg] and rest volume [m^D].
+        volume_ratio : float32 (N,), > 0, optional
+            Initial J; 1 where not given.
+        substeps : "cfl", "reference" or int >= 1
+            "cfl": the fewest that the CFL bound allows, chosen anew as speeds change.
+            "reference": floor(frame_dt / (0.02 dx)) + 1 a frame, the ground truth's rule.
+            An integer: that many equal substeps a frame.
+        cfl : float in (0, 1], optional
+            CFL number of "cfl" substeps; default `DEFAULT_CFL`.
+        allow_unstable : bool
+            Let a fixed number of substeps go above the stability limit.
+        threads : int >= 1
+            The result does not depend on it, to the bit.
+
+        Raises
+        ------
+        ConfigError
+            With the parameter's name, its value and the allowed range.
+        """
+
+    def advance(
+        self,
+        frames: int = 1,
+        force: npt.NDArray[np.float32] | None = None,
+        out: npt.NDArray[np.float32] | None = None,
+    ) -> None:
+        """Advance by whole frames.
+
+        Parameters
+        ----------
+        frames : int >= 0
+        force : float32 (N, D) or (frames, N, D), optional
+            External acceleration [m/s^2] besides gravity, held over the call or given per frame.
+        out : float32 (frames, N, D), C-contiguous, optional
+            Receives the positions after each frame.
+
+        Raises
+        ------
+        NonFiniteError, DomainError, InvertedError, StepSizeError
+            Naming particle and frame. The state is then the one before the failed frame.
+        ConfigError
+            Arrays of wrong shape; nothing has moved.
+        """
+
+    @property
+    def dim(self) -> int: ...
+    @property
+    def particle_count(self) -> int: ...
+    @property
+    def resolution(self) -> int: ...
+    @property
+    def frame(self) -> int:
+        """Frames done since the start."""
+    @property
+    def time(self) -> float:
+        """[s]"""
+    @property
+    def positions(self) -> npt.NDArray[np.float32]:
+        """Snapshot (N, D) [m]; a copy."""
+    @property
+    def velocities(self) -> npt.NDArray[np.float32]:
+        """Snapshot (N, D) [m/s]; a copy."""
+    @property
+    def affine(self) -> npt.NDArray[np.float32]:
+        """APIC matrix C, snapshot (N, D, D) [1/s]; a copy."""
+    @property
+    def volume_ratio(self) -> npt.NDArray[np.float32]:
+        """J of water, det F of solids, snapshot (N,) [-]; a copy."""
+    @property
+    def last_frame(self) -> FrameReport | None:
+        """Report on the latest frame; None before the first."""
+    def diagnostics(self) -> Diagnostics: ...
+    def snapshot(self) -> bytes:
+        """Complete state, versioned and checksummed. Going on from it gives the same bits."""
+    def restore(self, data: bytes) -> None:
+        """Take the state of `data`, which must come from a solver of the same scene.
+
+        Raises
+        ------
+        SnapshotError
+            The present state is then untouched.
+        """
+
+    def copy(self) -> Solver:
+        """An independent solver in the same state."""
+
+def grid_mass(
+    x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int
+) -> npt.NDArray[np.float32]:
+    """Mass of the nodes of a grid over [0, 1]^D, by quadratic B-spline P2G.
+
+    Parameters
+    ----------
+    x : float32 (N, D), in [0, 1]
+    mass : float32 (N,)
+
+    Returns
+    -------
+    float32, (resolution + 1,) * D
+        [kg]. Mass that the stencil carries outside the box goes to the nearest node, so the sum is
+        that of `mass`.
+    """
+
+def cpu_features() -> list[str]:
+    """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""
+
+DEFAULT_CFL: float
+"""CFL number of "cfl" substeps."""
+CFL_LIMIT: float
+"""CFL number above which a fixed number of substeps is refused."""

@@ -1,0 +1,39 @@
+"""Checks on arguments before they cross into the compiled core, whose integers have fixed sizes."""
+
+import operator
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import ConfigError
+
+
+def whole(name: str, value: object, low: int, high: int) -> int:
+    """Return `value` as an int in [low, high], or raise `ConfigError` naming it and the range."""
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]  # what is no integer raises
+    except TypeError:
+        raise ConfigError(f"{name} must be a whole number in [{low}, {high}], got {value!r}") from None
+    if not low <= number <= high:
+        raise ConfigError(f"{name} must be in [{low}, {high}], got {number}")
+    return number
+
+
+def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.float32]:
+    """Return `value` as a contiguous float32 array with as many axes as one of `shapes`, e.g. "(N, D)".
+
+    Raises
+    ------
+    ConfigError
+        Not numbers, or another number of axes. Lengths of axes are the core's to check.
+    """
+    expected = f"{name} must be numbers of shape {' or '.join(shapes)}"
+    try:
+        # What float32 cannot hold becomes infinite, and the core names the particle that has it.
+        with np.errstate(over="ignore"):
+            array = np.asarray(value, dtype=np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{expected}: {error}") from None
+    if array.ndim not in {len(shape.split()) for shape in shapes}:
+        raise ConfigError(f"{expected}, got shape {array.shape}")
+    return array

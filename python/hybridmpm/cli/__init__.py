@@ -1,0 +1,61 @@
+"""The `hybridmpm` command. Each module holds related subcommands; here they are put together.
+
+A user's error ends in one line on stderr without a traceback: exit status 2 for bad input, 1 for a run that
+failed, 130 after Ctrl-C.
+"""
+
+from typing import Any
+
+import click
+
+from hybridmpm import __version__
+from hybridmpm.cli.bench import bench
+from hybridmpm.cli.report import doctor, scenarios, schema
+from hybridmpm.cli.serve import serve
+from hybridmpm.cli.simulate import simulate
+from hybridmpm.errors import ConfigError, SimulationError
+
+__all__ = ["cli", "main"]
+
+
+class _BadInput(click.ClickException):
+    exit_code = 2
+
+
+class _Commands(click.Group):
+    """Turns every foreseen exception into one line and an exit status."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except click.exceptions.NoArgsIsHelpError:
+            raise
+        except click.UsageError as error:
+            usage = error.ctx.command_path if error.ctx else ctx.command_path
+            raise _BadInput(f"{error.format_message()} See {usage} --help") from None
+        except ConfigError as error:
+            raise _BadInput(_one_line(error)) from None
+        except SimulationError as error:
+            raise click.ClickException(_one_line(error)) from None
+        except KeyboardInterrupt:
+            click.echo("\nInterrupted; no unfinished file is left.", err=True)
+            ctx.exit(130)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="hybridmpm")
+def cli() -> None:
+    """Real-time, interactive particle fluids."""
+
+
+for command in (simulate, scenarios, schema, serve, bench, doctor):
+    cli.add_command(command)
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    cli(prog_name="hybridmpm")

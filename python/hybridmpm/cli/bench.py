@@ -1,0 +1,48 @@
+"""`hybridmpm bench ...`: print a table, and with --json write the same rows."""
+
+from pathlib import Path
+
+import click
+
+from hybridmpm.bench import mpm as mpm_bench
+from hybridmpm.bench.provenance import provenance, write_rows
+from hybridmpm.cli.progress import progress
+
+_COLUMNS = ("dim", "material", "particles", "threads", "substeps", "ns_per_particle_substep", "ms_per_frame")
+
+
+@click.group()
+def bench() -> None:
+    """Measure speed on this machine."""
+
+
+@bench.command()
+@click.option("--particles", type=click.IntRange(64, 40_000), default=4000, show_default=True)
+@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
+@click.option(
+    "--repeats", type=click.IntRange(1, 1000), default=9, show_default=True, help="The median is reported."
+)
+@click.option(
+    "--json",
+    "file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Also write the rows there.",
+)
+def mpm(*, particles: int, threads: int, repeats: int, file: Path | None) -> None:
+    """Time the solver on water and sand in 2D and 3D, mid-splash, at the ground truth's substeps."""
+    settings = mpm_bench.Settings(particles=particles, threads=threads, repeats=repeats)
+    source = provenance(
+        f"hybridmpm bench mpm --particles {particles} --threads {threads} --repeats {repeats}"
+    )
+    rows = []
+    with progress("Measuring", len(mpm_bench.CASES)) as bar:
+        for row in mpm_bench.rows(settings, source):
+            rows.append(row)
+            bar.update(1)
+    if file is not None:
+        write_rows(file, rows)
+    click.echo("  ".join(_COLUMNS))
+    for row in rows:
+        click.echo("  ".join(str(row[name]).rjust(len(name)) for name in _COLUMNS))
+    click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")

@@ -1,0 +1,149 @@
+"""`hybridmpm simulate`."""
+
+import time
+from pathlib import Path
+
+import click
+
+from hybridmpm import export, scenarios
+from hybridmpm.cli.progress import CountedProgress, progress
+from hybridmpm.errors import ExportError
+from hybridmpm.mpm import MpmSolver, Substeps
+from hybridmpm.recording import Recording, record
+from hybridmpm.scene import Scene
+
+
+class _SubstepsType(click.ParamType[Substeps, object]):
+    name = "cfl|reference|INT"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Substeps:
+        match value:
+            case "cfl":
+                return "cfl"
+            case "reference":
+                return "reference"
+        try:
+            return int(str(value))
+        except ValueError:
+            self.fail(f"{value!r} is none of cfl, reference or a whole number", param, ctx)
+
+
+@click.command()
+@click.argument("scenario", required=False)
+@click.option(
+    "--scene",
+    "scene_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Simulate this .json or .yaml scene instead of a scenario.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the scenario.")
+@click.option("--frames", type=click.IntRange(0, 1_000_000), help="Default: what the scene suggests.")
+@click.option(
+    "--substeps",
+    type=_SubstepsType(),
+    default="cfl",
+    show_default=True,
+    help="Substeps a frame: by the CFL bound, the ground truth's rule, or a fixed number.",
+)
+@click.option(
+    "--threads",
+    type=click.IntRange(1, 1024),
+    default=1,
+    show_default=True,
+    help="The result does not depend on it.",
+)
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Frames between recorded states.",
+)
+@click.option(
+    "--out",
+    "targets",
+    type=click.Path(dir_okay=False, path_type=Path),
+    multiple=True,
+    metavar="FILE",
+    help="May be repeated; see above.",
+)
+@click.option(
+    "--width", type=click.IntRange(64, 4096), default=640, show_default=True, help="Of a picture [pixels]."
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.01, 10),
+    default=1.0,
+    show_default=True,
+    help="Of films: simulated seconds per second.",
+)
+@click.option(
+    "--strip",
+    type=click.IntRange(1, 12),
+    default=1,
+    show_default=True,
+    help="States side by side in a .png, evenly spread over the run.",
+)
+def simulate(
+    *,
+    scenario: str | None,
+    scene_file: Path | None,
+    seed: int,
+    frames: int | None,
+    substeps: Substeps,
+    threads: int,
+    every: int,
+    targets: tuple[Path, ...],
+    width: int,
+    speed: float,
+    strip: int,
+) -> None:
+    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file.
+
+    The suffix of each --out FILE decides what is written: .npz all recorded states, .gif or .mp4 a film, .png
+    a picture, .ply or .vtp the points of the last state. A .png, .ply or .vtp name with %04d in it gives one
+    numbered file for each recorded state.
+    """
+    style = export.Style(width=width, speed=speed, strip=strip)
+    for target in targets:
+        try:
+            export.check_target(target)
+        except ExportError as error:
+            raise click.UsageError(f"--out: {error}.") from None
+    solver = MpmSolver(_scene(scenario, scene_file, seed), substeps=substeps, threads=threads)
+    frames = solver.scene.frames if frames is None else frames
+    if not any(export.needs_history(target, style) for target in targets):
+        every = max(frames, 1)
+
+    began = time.perf_counter()
+    with progress(f"Simulating {frames} frames", frames) as bar:
+        recording = record(solver, frames, every=every, on_progress=bar.update)
+    seconds = time.perf_counter() - began
+    click.echo(_summary(solver, frames, seconds))
+    for target in targets:
+        _write(target, recording, style)
+
+
+def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
+    if scenario is not None and scene_file is None:
+        return scenarios.get(scenario, seed)
+    if scene_file is not None and scenario is None:
+        return Scene.load(scene_file)
+    raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}) or --scene FILE.")
+
+
+def _summary(solver: MpmSolver, frames: int, seconds: float) -> str:
+    totals = solver.diagnostics()
+    line = f"{solver.scene.name or 'scene'}: {solver.particle_count} particles, {frames} frames"
+    if frames and solver.last_frame:
+        line += (
+            f", {1e3 * seconds / frames:.2f} ms per frame, {solver.last_frame.substeps} substeps in the last"
+        )
+    return f"{line}; {totals.mass:.4g} kg, fastest {totals.max_speed:.3g} m/s"
+
+
+def _write(target: Path, recording: Recording, style: export.Style) -> None:
+    with progress(f"Writing {target.name}", CountedProgress.STEPS) as bar:
+        files = export.save(target, recording, style, on_progress=CountedProgress(bar))
+        bar.finish()
+    click.echo(f"wrote {files[0]}" + (f" to {files[-1].name}" if len(files) > 1 else ""))

@@ -1,0 +1,23 @@
+"""Steering a fluid by a freehand sketch: reading sketches, and the constant force that follows them.
+
+`parse_png` and `parse_strokes` give an `Arrow` or an `Ellipse`, `follow` gives the trajectory.
+"""
+
+from hybridmpm.control.constant import MAX_ACCELERATION, ControlledTrajectory, follow
+from hybridmpm.control.raster import parse_png
+from hybridmpm.control.render import render_png
+from hybridmpm.control.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.control.strokes import Stroke, parse_strokes
+
+__all__ = [
+    "MAX_ACCELERATION",
+    "Arrow",
+    "ControlledTrajectory",
+    "Ellipse",
+    "Sketch",
+    "Stroke",
+    "follow",
+    "parse_png",
+    "parse_strokes",
+    "render_png",
+]

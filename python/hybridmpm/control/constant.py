@@ -1,0 +1,190 @@
+"""The paper's baseline controller: one acceleration, the same for all particles and all frames.
+
+Written in closed form for a body that nothing holds, then corrected by shooting: the solver itself
+is run on copies, because walls, obstacles and the fluid's own pressure take part in the motion.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.sketch import Arrow, Floats, Sketch, depth_of_width
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.mpm import MpmSolver
+
+MAX_FRAMES = 10_000
+MAX_ACCELERATION = 100.0
+"""Largest control acceleration [m/s^2], about ten times gravity: what a target asks for beyond it is
+out of reach in the frames given, and would only press the fluid through its walls."""
+MAX_ROLLOUTS = 5
+_CLOSE_ENOUGH = 0.01
+"""Shooting ends when the miss is below this share of the wanted displacement ..."""
+_SMALLEST_MISS = 1e-3
+"""... or below this length [m]."""
+_PATIENCE = 2
+"""Rollouts in a row that may bring nothing: a wall is in the way, and more force will not help."""
+
+
+@dataclass(frozen=True, eq=False)
+class ControlledTrajectory:
+    """What a sketch makes of the state it was drawn on. N particles, D dimensions, T frames."""
+
+    positions: npt.NDArray[np.float32]
+    """(T + 1, N, D) [m]; row 0 is the state at the start."""
+    acceleration: npt.NDArray[np.float32]
+    """(D,) [m/s^2], besides gravity."""
+    target_displacement: Floats
+    """(D,) [m]: how far the centre of mass was asked to move."""
+    displacement: Floats
+    """(D,) [m]: how far it does."""
+    centroids: Floats
+    """(T + 1, D) [m]: centre of mass after each frame."""
+    first_frame: int
+    """Frame number of the solver at the start."""
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return len(self.positions) - 1
+
+    def force(self) -> npt.NDArray[np.float32]:
+        """Return the control of one frame, (N, D) [m/s^2].
+
+        `solver.advance(1, force=trajectory.force())`, T times from the state at the start, gives
+        `positions` bit for bit.
+        """
+        return np.tile(self.acceleration, (self.positions.shape[1], 1))
+
+
+def follow(solver: MpmSolver, sketch: Sketch, frames: int = 100) -> ControlledTrajectory:
+    """Find the constant acceleration under which the centre of mass follows a sketch.
+
+    For an unhindered body a = 2 (Delta - v_0 T) / T^2 - g, with Delta the wanted displacement, v_0
+    the velocity of the centre of mass and T the time. That is tried on a copy of the solver and
+    corrected by the miss (Broyden's method), at most `MAX_ROLLOUTS` times; the nearest is kept. An
+    acceleration beyond `MAX_ACCELERATION` is cut to it.
+
+    Parameters
+    ----------
+    solver : MpmSolver
+        Stays as it is.
+    sketch : Arrow or Ellipse
+        An arrow asks for tip minus tail, an ellipse for its centre minus the present centre of
+        mass. In 3D the widths give the depth; without widths the depth does not change.
+    frames : int in [1, 10000]
+        T / frame_dt.
+
+    Raises
+    ------
+    ConfigError
+        `frames` is out of range.
+    SimulationError
+        The solver failed under every acceleration tried; the last failure.
+
+    References
+    ----------
+    The baseline of the control experiments of arXiv:2505.18926, which leave open how it is found.
+    """
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MAX_FRAMES:
+        raise ConfigError(f"frames must be a whole number in [1, {MAX_FRAMES}], got {frames!r}")
+    scene = solver.scene
+    now = solver.diagnostics()
+    velocity = np.array(now.momentum, dtype=np.float64) / now.mass
+    target = target_displacement(sketch, solver)
+    seconds = frames * scene.frame_dt
+    gain = np.eye(solver.dim) * seconds**2 / 2
+    shot = _Shooting(solver, target, frames)
+    trial = _limited(2 * (target - velocity * seconds) / seconds**2 - np.array(scene.gravity))
+    return shot.run(trial, gain)
+
+
+def target_displacement(sketch: Sketch, solver: MpmSolver) -> Floats:
+    """Return how far a sketch asks the present centre of mass to move, (D,) [m]."""
+    centroid = np.array(solver.diagnostics().centroid, dtype=np.float64)
+    front = sketch.displacement if isinstance(sketch, Arrow) else sketch.center - centroid[:2]
+    if solver.dim == 2:
+        return np.array(front)
+    walls = solver.scene.walls
+    back_z, front_z = walls.lower[2], walls.upper[2]
+    depth = 0.0
+    if isinstance(sketch, Arrow):
+        if sketch.widths is not None:
+            start, end = (depth_of_width(float(sketch.widths[i]), back_z, front_z) for i in (0, -1))
+            depth = end - start
+    elif sketch.width is not None:
+        depth = depth_of_width(sketch.width, back_z, front_z) - float(centroid[2])
+    return np.append(front, depth)
+
+
+class _Shooting:
+    """Tries accelerations on copies of the solver and remembers the nearest result."""
+
+    def __init__(self, solver: MpmSolver, target: Floats, frames: int) -> None:
+        self._solver = solver
+        self._target = target
+        self._frames = frames
+        self._weights = solver.mass.astype(np.float64) / float(solver.mass.sum(dtype=np.float64))
+
+    def run(self, trial: Floats, gain: Floats) -> ControlledTrajectory:
+        """Return the best trajectory; `gain` is the first guess of d displacement / d acceleration."""
+        good_enough = max(_SMALLEST_MISS, _CLOSE_ENOUGH * float(np.linalg.norm(self._target)))
+        best: ControlledTrajectory | None = None
+        smallest, useless = np.inf, 0
+        last: tuple[Floats, Floats] | None = None
+        failures: list[SimulationError] = []
+        for _ in range(MAX_ROLLOUTS):
+            try:
+                result = self._rollout(trial)
+            except SimulationError as err:
+                failures.append(err)
+                # Halfway to what is known to work: the best so far, else no control at all.
+                trial = (trial + (0.0 if best is None else best.acceleration)) / 2
+                continue
+            # Only these two are kept of a rollout that is not the best: positions are large.
+            shot = result.acceleration.astype(np.float64), result.displacement
+            if last is not None:
+                gain = _broyden(gain, shot, last)
+            last = shot
+            miss = self._target - result.displacement
+            size = float(np.linalg.norm(miss))
+            if size < smallest:
+                useless = 0 if size < 0.9 * smallest else useless + 1
+                best, smallest = result, size
+            else:
+                useless += 1
+            if smallest <= good_enough or useless >= _PATIENCE:
+                break
+            # Directions in which a wall stops all motion have no gain: leave them alone.
+            correction = np.asarray(np.linalg.lstsq(gain, miss, rcond=0.05)[0], dtype=np.float64)
+            trial = _limited(shot[0] + _limited(correction))
+        if best is None:
+            raise failures[-1]
+        return best
+
+    def _rollout(self, acceleration: Floats) -> ControlledTrajectory:
+        # Rounded once, here: what is reported is exactly what was applied.
+        applied = acceleration.astype(np.float32)
+        twin = self._solver.copy()
+        positions = twin.rollout(self._frames, force=np.tile(applied, (twin.particle_count, 1)))
+        centroids = np.array([self._weights @ frame for frame in positions])
+        return ControlledTrajectory(
+            positions=positions,
+            acceleration=applied,
+            target_displacement=self._target,
+            displacement=centroids[-1] - centroids[0],
+            centroids=centroids,
+            first_frame=self._solver.frame,
+        )
+
+
+def _broyden(gain: Floats, shot: tuple[Floats, Floats], last: tuple[Floats, Floats]) -> Floats:
+    """Return the gain that also explains the latest pair of (acceleration, displacement)."""
+    step = shot[0] - last[0]
+    surprise = shot[1] - last[1] - gain @ step
+    return np.asarray(gain + np.outer(surprise, step) / max(float(step @ step), 1e-12))
+
+
+def _limited(acceleration: Floats) -> Floats:
+    size = float(np.linalg.norm(acceleration))
+    return acceleration * min(1.0, MAX_ACCELERATION / max(size, 1e-12))

@@ -1,0 +1,151 @@
+"""The two sketches a person can draw: an arrow, or an oval around where the fluid should be.
+
+Both live in the front view (x, y) of the world box [0, 1]^D with y up. In 3D the width of the
+stroke carries the depth: `WIDTH_AT_BACK` pixels at the back wall (lower z), `WIDTH_AT_FRONT` at the
+front wall (upper z), linear between, measured on a raster of `RASTER_SIZE` pixels.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import SketchError
+
+RASTER_SIZE = 512
+"""Side of the sketch raster [pixels]; stroke widths are counted on it."""
+WIDTH_AT_BACK = 2.0
+WIDTH_AT_FRONT = 20.0
+MAX_POINTS = 4096
+MIN_LENGTH = 2.0 / RASTER_SIZE
+"""Shortest arrow and smallest semi-axis [m]: two pixels of the raster."""
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """Asks the centre of mass to move by tip minus tail.
+
+    Parameters
+    ----------
+    points : float (K, 2), in [0, 1], 2 <= K <= `MAX_POINTS`
+        Polyline from the tail to the tip [m].
+    widths : float (K,), in [2, 20], optional
+        Stroke width at each point [pixels of the 512-pixel raster]: the depth in 3D.
+
+    Raises
+    ------
+    SketchError
+        Naming the field and the allowed range.
+    """
+
+    points: Floats
+    widths: Floats | None = None
+
+    kind: ClassVar[Literal["arrow"]] = "arrow"
+
+    def __post_init__(self) -> None:
+        points = _checked_points(self.points)
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        if length < MIN_LENGTH:
+            raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {MIN_LENGTH:.4g}")
+        widths = None if self.widths is None else _checked_widths(self.widths, len(points))
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "widths", widths)
+
+    @property
+    def displacement(self) -> Floats:
+        """Tip minus tail in the front view, shape (2,) [m]."""
+        return np.asarray(self.points[-1] - self.points[0], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipse:
+    """Asks the centre of mass to move to `center`.
+
+    Parameters
+    ----------
+    center : float (2,), in [0, 1]
+        [m]
+    axes : float (2,), >= 2 / 512, major first
+        Semi-axes [m]: two standard deviations of the wanted particle cloud.
+    angle : float
+        Of the major axis against +x, counter-clockwise [rad].
+    width : float in [2, 20], optional
+        Stroke width [pixels of the 512-pixel raster]: the depth in 3D.
+
+    Raises
+    ------
+    SketchError
+        Naming the field and the allowed range.
+    """
+
+    center: Floats
+    axes: Floats
+    angle: float
+    width: float | None = None
+
+    kind: ClassVar[Literal["ellipse"]] = "ellipse"
+
+    def __post_init__(self) -> None:
+        center = _frozen(self.center)
+        axes = _frozen(self.axes)
+        if center.shape != (2,) or not np.all((center >= 0) & (center <= 1)):
+            raise SketchError(f"center must be two numbers in [0, 1], got {center.tolist()}")
+        if axes.shape != (2,) or not np.all((axes >= MIN_LENGTH) & (axes <= 1)):
+            raise SketchError(f"axes must be two lengths in [{MIN_LENGTH:.4g}, 1], got {axes.tolist()}")
+        if not np.isfinite(self.angle):
+            raise SketchError(f"angle must be finite, got {self.angle}")
+        if self.width is not None:
+            _checked_widths([self.width], 1)
+        object.__setattr__(self, "center", center)
+        object.__setattr__(self, "axes", axes)
+
+
+Sketch: TypeAlias = Arrow | Ellipse
+
+
+def depth_of_width(width: float, back: float, front: float) -> float:
+    """Return the depth z [m] that a stroke width [pixels] stands for.
+
+    `back` and `front` are the z of the two walls [m]. Widths outside [2, 20] are those of the walls.
+    """
+    share = (width - WIDTH_AT_BACK) / (WIDTH_AT_FRONT - WIDTH_AT_BACK)
+    return back + min(max(share, 0.0), 1.0) * (front - back)
+
+
+def _frozen(values: npt.ArrayLike) -> Floats:
+    """Return an own, read-only float64 copy, so that a checked sketch stays checked."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as err:
+        raise SketchError(f"a sketch is made of numbers: {err}") from err
+    array.flags.writeable = False
+    return array
+
+
+def _checked_points(values: npt.ArrayLike) -> Floats:
+    points = _frozen(values)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise SketchError(f"points must have shape (K, 2), got {points.shape}")
+    if not 2 <= len(points) <= MAX_POINTS:
+        raise SketchError(f"points: there must be 2 to {MAX_POINTS}, got {len(points)}")
+    bad = np.flatnonzero(~np.all((points >= 0) & (points <= 1), axis=1))
+    if bad.size:
+        first = int(bad[0])
+        raise SketchError(f"points[{first}] must be two numbers in [0, 1], got {points[first].tolist()}")
+    return points
+
+
+def _checked_widths(values: npt.ArrayLike, count: int) -> Floats:
+    widths = _frozen(values)
+    if widths.shape != (count,):
+        raise SketchError(f"widths must have one number per point ({count}), got shape {widths.shape}")
+    if not np.all((widths >= WIDTH_AT_BACK) & (widths <= WIDTH_AT_FRONT)):
+        raise SketchError(
+            f"widths must be in [{WIDTH_AT_BACK:g}, {WIDTH_AT_FRONT:g}] pixels, "
+            f"got {widths.min():g} to {widths.max():g}"
+        )
+    return widths

@@ -1,0 +1,98 @@
+"""What this installation can do: versions, processor, and what is missing with how to get it."""
+
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hybridmpm import _native
+from hybridmpm.errors import ExportError, SimulationError
+from hybridmpm.export.pictures import require_encoder
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scenarios import water_2d
+
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report."""
+
+    subject: str
+    state: str
+    """"ok", "missing" (optional, absent) or "broken" (needed, does not work)."""
+    detail: str
+
+
+def examine() -> list[Finding]:
+    """Look at everything; takes well below a second and raises nothing."""
+    return [
+        Finding("hybridmpm", "ok", _native.__version__),
+        Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),
+        Finding("numpy", "ok", np.__version__),
+        Finding("platform", "ok", platform.platform()),
+        Finding("processor", "ok", f"{cpu_model()}, {usable_cores()} cores usable"),
+        Finding("cpu features", "ok", ", ".join(_native.cpu_features()) or "none that matter here"),
+        _solver_works(),
+        _encoder(),
+        _service(),
+        _browser(),
+    ]
+
+
+def cpu_model() -> str:
+    """Name of the processor, as the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []  # not Linux
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _solver_works() -> Finding:
+    try:
+        solver = MpmSolver(water_2d(0))
+        solver.advance(10)
+    except SimulationError as error:
+        return Finding("solver", "broken", str(error))
+    return Finding("solver", "ok", f"moved {solver.particle_count} particles of water for 10 frames")
+
+
+def _encoder() -> Finding:
+    try:
+        path = require_encoder().get_ffmpeg_exe()
+    except (ExportError, RuntimeError):
+        return Finding("mp4 encoder", "missing", "pip install 'hybridmpm[video]'; GIF works without")
+    return Finding("mp4 encoder", "ok", path)
+
+
+def _service() -> Finding:
+    if importlib.util.find_spec("hybridmpm_service") is None:
+        return Finding("service", "missing", "pip install hybridmpm-service, for `hybridmpm serve`")
+    try:
+        version = importlib.metadata.version("hybridmpm-service")
+    except importlib.metadata.PackageNotFoundError:
+        version = "importable, but not installed"
+    return Finding("service", "ok", version)
+
+
+def _browser() -> Finding:
+    for name in _BROWSERS:
+        path = shutil.which(name)
+        if path:
+            return Finding("chromium", "ok", path)
+    return Finding("chromium", "missing", "only the browser tests need it; Debian's package is chromium")

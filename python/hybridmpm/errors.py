@@ -1,0 +1,66 @@
+"""Every error that hybridmpm raises on purpose; all descend from `SimulationError`.
+
+Those of the solver come from the compiled core, those of scenes, sketches and files are added here.
+"""
+
+from collections.abc import Sequence
+
+from hybridmpm._native import (
+    ConfigError,
+    DomainError,
+    InvertedError,
+    NonFiniteError,
+    SimulationError,
+    SnapshotError,
+    StepSizeError,
+)
+
+__all__ = [
+    "ConfigError",
+    "DomainError",
+    "ExportError",
+    "InvertedError",
+    "NonFiniteError",
+    "SceneError",
+    "SimulationError",
+    "SketchError",
+    "SnapshotError",
+    "StepSizeError",
+    "UnknownScenarioError",
+]
+
+
+class SceneError(ConfigError):
+    """A scene is malformed; the message names each field and what it allows.
+
+    Parameters
+    ----------
+    message : str
+        One line for a reader.
+    problems : sequence of (field, message)
+        Each fault by its path in the scene, e.g. ("bodies[0].material.density", "must be ...").
+        Empty where the fault belongs to no field, e.g. text that is not JSON.
+    """
+
+    problems: list[tuple[str, str]]
+
+    def __init__(self, message: str, problems: Sequence[tuple[str, str]] = ()) -> None:
+        super().__init__(message)
+        self.problems = list(problems)
+
+    @classmethod
+    def of(cls, problems: Sequence[tuple[str, str]]) -> "SceneError":
+        """Build the error whose message lists `problems`, as "field: message; field: message"."""
+        return cls("; ".join(f"{field}: {text}" if field else text for field, text in problems), problems)
+
+
+class UnknownScenarioError(SceneError):
+    """No scenario has this name; the message lists those there are."""
+
+
+class SketchError(ConfigError):
+    """A sketch cannot be read as one arrow or one ellipse; the message says what is allowed."""
+
+
+class ExportError(SimulationError):
+    """A result could not be written: unknown format, missing encoder or a folder that refuses it."""

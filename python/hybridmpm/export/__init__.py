@@ -1,0 +1,125 @@
+"""Writing a recording to a file; the suffix of its name decides the form.
+
+| suffix | content |
+|---|---|
+| .npz | every recorded state as arrays |
+| .gif, .mp4 | a film; .mp4 needs the extra `video` |
+| .png | a picture of the last state, or several side by side (`strip`) |
+| .ply, .vtp | the last state as a cloud of points with velocity and type |
+
+A .png, .ply or .vtp name that holds `%d` or e.g. `%04d` gives a numbered series instead, one file for each
+recorded state, numbered by frame. Files appear under their name only once they are complete.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from hybridmpm.errors import ExportError
+from hybridmpm.export import arrays, clouds, pictures
+from hybridmpm.files import replacing
+from hybridmpm.recording import Recording
+
+__all__ = ["SUFFIXES", "Style", "check_target", "needs_history", "save"]
+
+SUFFIXES = (".gif", ".mp4", ".npz", ".ply", ".png", ".vtp")
+_SINGLE = {".png": pictures.write_png, ".ply": clouds.write_ply, ".vtp": clouds.write_vtp}
+_NUMBER = re.compile(r"%(0\d{1,2})?d")
+
+Progress = Callable[[int, int], object]
+"""Called with the parts done and their total."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How pictures and films look."""
+
+    width: int = 640
+    """Of one picture [pixels], 64 to 4096."""
+    speed: float = 1.0
+    """Simulated seconds per second of film, 0.01 to 10."""
+    strip: int = 1
+    """States side by side in a .png, 1 to 12, evenly spread over the recording."""
+
+    def __post_init__(self) -> None:
+        if not 0.01 <= self.speed <= 10.0:
+            raise ExportError(f"speed must be in [0.01, 10], got {self.speed}")
+        if not 1 <= self.strip <= 12:
+            raise ExportError(f"strip must be in [1, 12], got {self.strip}")
+
+
+def check_target(path: Path) -> None:
+    """Refuse a file that `save` could not write, before time is spent on the simulation.
+
+    Raises
+    ------
+    ExportError
+        Unknown suffix, no such folder, a series where none is possible, or no MP4 encoder installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ExportError(f"output files end in {', '.join(SUFFIXES)}; got {path.name!r}")
+    if not path.parent.is_dir():
+        raise ExportError(f"the folder {path.parent} does not exist")
+    if _NUMBER.search(path.name) and suffix not in _SINGLE:
+        raise ExportError(f"a numbered series is for {', '.join(_SINGLE)}; got {path.name!r}")
+    if suffix == ".mp4":
+        pictures.require_encoder()
+
+
+def needs_history(path: Path, style: Style) -> bool:
+    """Whether more than the last state goes into the file."""
+    strip = path.suffix.lower() == ".png" and style.strip > 1
+    return strip or path.suffix.lower() in {".gif", ".mp4", ".npz"} or bool(_NUMBER.search(path.name))
+
+
+def save(
+    path: str | Path, recording: Recording, style: Style | None = None, *, on_progress: Progress | None = None
+) -> list[Path]:
+    """Write `recording` to `path` and return the files made.
+
+    Raises
+    ------
+    ExportError
+        As in `check_target`, or writing failed. A file of that name is then as it was before.
+    """
+    path, style = Path(path), style or Style()
+    check_target(path)
+    tell = on_progress or (lambda _done, _total: None)
+    suffix = path.suffix.lower()
+    if suffix in {".gif", ".mp4"}:
+        write_film = pictures.write_gif if suffix == ".gif" else pictures.write_mp4
+        with replacing(path) as part:
+            write_film(part, recording, style.width, style.speed, tell)
+        return [path]
+    if suffix == ".npz":
+        with replacing(path) as part:
+            arrays.write_npz(part, recording)
+        return [path]
+    return _save_states(path, recording, style, tell)
+
+
+def _save_states(path: Path, recording: Recording, style: Style, tell: Progress) -> list[Path]:
+    """Write the last state, or each under its number."""
+    suffix = path.suffix.lower()
+    if not _NUMBER.search(path.name):
+        with replacing(path) as part:
+            if suffix == ".png" and style.strip > 1:
+                pictures.write_strip(part, recording, style.width, style.strip)
+            else:
+                _SINGLE[suffix](part, recording, len(recording.frames) - 1, style.width)
+        return [path]
+    files = []
+    for row, frame in enumerate(recording.frames.tolist()):
+        file = path.with_name(_numbered(path.name, frame))
+        with replacing(file) as part:
+            _SINGLE[suffix](part, recording, row, style.width)
+        files.append(file)
+        tell(row + 1, len(recording.frames))
+    return files
+
+
+def _numbered(name: str, frame: int) -> str:
+    """Put the frame in the place of `%d` or `%04d`; any other percent sign stays as it is."""
+    return _NUMBER.sub(lambda match: match.group() % frame, name)

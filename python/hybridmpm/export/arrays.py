@@ -1,0 +1,26 @@
+"""Recordings as numpy's .npz."""
+
+from pathlib import Path
+
+import numpy as np
+
+from hybridmpm.recording import Recording
+
+
+def write_npz(path: Path, recording: Recording) -> None:
+    """Write all states.
+
+    Arrays: `positions`, `velocities` float32 (F, N, D) in m and m/s, `types` uint8 (N,) of DeepMind,
+    `mass` float32 (N,) in kg, `frames` int64 (F,), `frame_dt` [s], and `scene`, the scene's JSON.
+    """
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            positions=recording.positions,
+            velocities=recording.velocities,
+            types=recording.types,
+            mass=recording.mass,
+            frames=recording.frames,
+            frame_dt=np.float64(recording.scene.frame_dt),
+            scene=np.array(recording.scene.to_json()),
+        )

@@ -1,0 +1,75 @@
+"""One state as a point cloud: PLY for mesh tools, VTP for ParaView. In 2D, z is 0."""
+
+import base64
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.recording import Recording
+
+
+def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
+    """Write state `row` as binary PLY: x y z vx vy vz (float) and type (uchar) of each vertex."""
+    fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
+    vertices = np.zeros(recording.positions.shape[1], dtype=fields)
+    x, v = _in_3d(recording.positions[row]), _in_3d(recording.velocities[row])
+    for axis, name in enumerate("xyz"):
+        vertices[name], vertices[f"v{name}"] = x[:, axis], v[:, axis]
+    vertices["type"] = recording.types
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment frame {recording.frames[row]} time {_time(recording, row):.9g} s",
+        f"element vertex {len(vertices)}",
+        *(f"property float {name}" for name, _ in fields[:-1]),
+        "property uchar type",
+        "end_header",
+    ]
+    path.write_bytes("\n".join(header).encode() + b"\n" + vertices.tobytes())
+
+
+def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
+    """Write state `row` as VTK PolyData with point arrays `velocity` and `type`, and field `TimeValue`."""
+    x, v = _in_3d(recording.positions[row]), _in_3d(recording.velocities[row])
+    count = len(x)
+    time = np.array([_time(recording, row)])
+    path.write_text(
+        f"""<?xml version="1.0"?>
+<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
+<PolyData>
+<FieldData>{_array("TimeValue", time, tuples=True)}</FieldData>
+<Piece NumberOfPoints="{count}" NumberOfVerts="{count}">
+<Points>{_array("Points", x)}</Points>
+<Verts>{_array("connectivity", np.arange(count))}{_array("offsets", np.arange(1, count + 1))}</Verts>
+<PointData Vectors="velocity" Scalars="type">
+{_array("velocity", v)}{_array("type", recording.types)}
+</PointData>
+</Piece>
+</PolyData>
+</VTKFile>
+""",
+        encoding="ascii",
+    )
+
+
+def _array(name: str, values: npt.NDArray[np.generic], *, tuples: bool = False) -> str:
+    """Write an array inline: base64 of its size in bytes, as UInt64, and its little-endian bytes."""
+    kinds = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+    kind = kinds[values.dtype.str[1:]]
+    data = values.astype(values.dtype.newbyteorder("<")).tobytes()
+    encoded = base64.b64encode(np.array(len(data), dtype="<u8").tobytes() + data).decode()
+    size = f' NumberOfTuples="{len(values)}"' if tuples else ""
+    parts = values.shape[1] if values.ndim == 2 else 1
+    return (
+        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{parts}"{size} format="binary">'
+        f"{encoded}</DataArray>"
+    )
+
+
+def _in_3d(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    return np.pad(vectors, [(0, 0), (0, 3 - vectors.shape[1])])
+
+
+def _time(recording: Recording, row: int) -> float:
+    return float(recording.frames[row]) * recording.scene.frame_dt

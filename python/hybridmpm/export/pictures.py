@@ -1,0 +1,89 @@
+"""Pictures through Pillow, films as GIF through Pillow and as MP4 through imageio-ffmpeg."""
+
+import importlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from hybridmpm.errors import ExportError
+from hybridmpm.recording import Recording
+from hybridmpm.render import side_by_side, view_of
+
+FILM_FPS = 50
+"""A GIF's delays are whole hundredths of a second, and browsers slow down those below two."""
+
+Tell = Callable[[int, int], object]
+
+
+def write_png(path: Path, recording: Recording, row: int, width: int) -> None:
+    """Write a picture of state `row`."""
+    view = view_of(recording.scene, recording.types, width)
+    Image.fromarray(view.draw(recording.positions[row], recording.velocities[row])).save(path, optimize=True)
+
+
+def write_strip(path: Path, recording: Recording, width: int, count: int) -> None:
+    """Write `count` states side by side, evenly spread from the first to the last, `width` pixels each."""
+    view = view_of(recording.scene, recording.types, width)
+    rows = np.linspace(0, len(recording.frames) - 1, count).round().astype(int)
+    pictures = [view.draw(recording.positions[row], recording.velocities[row]) for row in rows]
+    Image.fromarray(side_by_side(pictures)).save(path, optimize=True)
+
+
+def write_gif(path: Path, recording: Recording, width: int, speed: float, tell: Tell) -> None:
+    """Write an endless film, 50 pictures a second."""
+    pictures = (
+        Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
+        for picture in _film(recording, width, speed, tell)
+    )
+    first = next(pictures)
+    first.save(path, save_all=True, append_images=pictures, duration=1000 // FILM_FPS, loop=0)
+
+
+def write_mp4(path: Path, recording: Recording, width: int, speed: float, tell: Tell) -> None:
+    """Write an H.264 film, 50 pictures a second; raises `ExportError` where the encoder fails."""
+    encoder = require_encoder()
+    pictures = _film(recording, width, speed, tell)
+    first = next(pictures)
+    size = (first.shape[1], first.shape[0])
+    # The view's sizes are even, so no block size has to scale the picture.
+    sink = encoder.write_frames(
+        str(path), size, fps=FILM_FPS, quality=8, macro_block_size=2, ffmpeg_log_level="error"
+    )
+    sink.send(None)
+    try:
+        sink.send(first.tobytes())
+        for picture in pictures:
+            sink.send(picture.tobytes())
+    finally:
+        sink.close()
+    if not path.exists():
+        raise ExportError("the MP4 encoder wrote no file")
+
+
+def require_encoder() -> ModuleType:
+    """Return imageio-ffmpeg, or raise `ExportError` saying how to install it."""
+    try:
+        return importlib.import_module("imageio_ffmpeg")
+    except ImportError:
+        raise ExportError(
+            "MP4 needs imageio-ffmpeg; install it with: pip install 'hybridmpm[video]', or write a .gif"
+        ) from None
+
+
+def _film(recording: Recording, width: int, speed: float, tell: Tell) -> Iterator[npt.NDArray[np.uint8]]:
+    """Draw the state nearest to each picture's time."""
+    view = view_of(recording.scene, recording.types, width)
+    frames = recording.frames - recording.frames[0]
+    frames_per_picture = speed / (FILM_FPS * recording.scene.frame_dt)
+    wanted = np.arange(0.0, frames[-1] + 1e-9, frames_per_picture)
+    right = np.clip(np.searchsorted(frames, wanted), 1, max(1, len(frames) - 1))
+    right = np.minimum(right, len(frames) - 1)
+    left = np.maximum(right - 1, 0)
+    rows = np.where(wanted - frames[left] < frames[right] - wanted, left, right)
+    for done, row in enumerate(rows.tolist(), start=1):
+        yield view.draw(recording.positions[row], recording.velocities[row])
+        tell(done, len(rows))

@@ -1,0 +1,165 @@
+"""Building blocks of the scene models: checked numbers, vectors, and errors with field paths."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
+
+from hybridmpm.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Range:
+    """The allowed range of a number, for `Annotated`; refuses NaN and infinity with the same message."""
+
+    low: float
+    high: float
+    unit: str = ""
+    open_low: bool = False
+    open_high: bool = False
+
+    def __str__(self) -> str:
+        left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
+        return f"{left}{_brief(self.low)}, {_brief(self.high)}{right}{self.unit and ' ' + self.unit}"
+
+    def check(self, value: float) -> float:
+        """Return `value`, or raise ValueError with the range and the value."""
+        above = value > self.low if self.open_low else value >= self.low
+        below = value < self.high if self.open_high else value <= self.high
+        if not (above and below and math.isfinite(value)):
+            raise ValueError(f"must be in {self}, got {_brief(value)}")
+        return value
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        described = handler(schema)
+        described["exclusiveMinimum" if self.open_low else "minimum"] = self.low
+        described["exclusiveMaximum" if self.open_high else "maximum"] = self.high
+        return described
+
+
+def _brief(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:g}"
+
+
+Coordinate = Annotated[float, Range(0, 1, "m")]
+Length = Annotated[float, Range(0, 1, "m", open_low=True)]
+Point = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
+"""D coordinates in the world box [m]."""
+Direction = Annotated[tuple[Annotated[float, Range(-1e3, 1e3)], ...], Field(min_length=2, max_length=3)]
+Velocity = Annotated[tuple[Annotated[float, Range(-50, 50, "m/s")], ...], Field(min_length=2, max_length=3)]
+Gravity = Annotated[
+    tuple[Annotated[float, Range(-1000, 1000, "m/s^2")], ...], Field(min_length=2, max_length=3)
+]
+Seed = Annotated[int, Range(0, 2**53 - 1)]
+"""Below 2**53, so that a browser's numbers hold it."""
+
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    # pydantic names the metaclass of its models nowhere in public.
+    ModelMetaclass = type(BaseModel)
+
+
+class _RaisesSceneError(ModelMetaclass):
+    """Makes `Model(...)` raise `SceneError`, while nested validation keeps pydantic's own errors."""
+
+    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805 - a metaclass
+        try:
+            return super().__call__(*args, **kwargs)
+        except ValidationError as error:
+            raise scene_error(error) from None
+
+
+class Record(BaseModel, metaclass=_RaisesSceneError):
+    """Frozen model that refuses unknown keys; a bad value raises `SceneError` with its field path."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Fault = tuple[tuple[str | int, ...], str]
+"""Where a fault is (as pydantic writes locations) and what is wrong there."""
+
+
+def refuse(title: str, faults: list[Fault]) -> None:
+    """Raise all `faults` at once, each at its own location, from within a model validator.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        If there are any; pydantic then prefixes the location of the model itself.
+    """
+    if faults:
+        raise ValidationError.from_exception_data(
+            title,
+            [
+                InitErrorDetails(
+                    type=PydanticCustomError("scene", "{text}", {"text": text}), loc=where, input=None
+                )
+                for where, text in faults
+            ],
+        )
+
+
+def scene_error(error: ValidationError) -> SceneError:
+    """Translate pydantic's error into a `SceneError` with paths such as `bodies[0].lower[1]`."""
+    return SceneError.of(problems_of(error))
+
+
+def problems_of(error: ValidationError) -> list[tuple[str, str]]:
+    """List (field path, message) of each fault in `error`."""
+    faults = error.errors(include_url=False)
+    return [(_path(fault["loc"]), _message(fault)) for fault in faults if not _follows(fault, faults)]
+
+
+def _follows(fault: ErrorDetails, faults: list[ErrorDetails]) -> bool:
+    """Whether a fault only follows from another one: pydantic drops bad items, then counts what is left."""
+    if fault["type"] == "too_short":
+        where = fault["loc"]
+        return any(len(other["loc"]) > len(where) and other["loc"][: len(where)] == where for other in faults)
+    return fault["type"] == "default_factory_not_called"
+
+
+def _message(fault: ErrorDetails) -> str:  # noqa: PLR0911 - one return a kind of fault
+    context = fault.get("ctx", {})
+    match fault["type"]:
+        case "extra_forbidden":
+            return "unknown field"
+        case "missing":
+            return "is required"
+        case "model_type":
+            return f"{context['class_name']} must be an object with named fields"
+        case "union_tag_not_found":
+            return f"must name its {context['discriminator']}"
+        case "union_tag_invalid":
+            expected, got = context["expected_tags"], context["tag"]
+            return f"{context['discriminator']} must be one of {expected}, got '{got}'"
+        case "too_short":
+            return f"must have {context['min_length']} or more items, got {context['actual_length']}"
+        case "too_long":
+            return f"must have {context['max_length']} or fewer items"
+    return fault["msg"].removeprefix("Value error, ")
+
+
+def _path(location: tuple[str | int, ...]) -> str:
+    """Join a location, leaving out the union tags that pydantic inserts after list items and `material`."""
+    path = ""
+    may_be_tag = False
+    for part in location:
+        if isinstance(part, int):
+            path += f"[{part}]"
+            may_be_tag = path.startswith(("bodies[", "obstacles[")) and path.count("[") == 1
+        elif may_be_tag:
+            may_be_tag = False
+        else:
+            path += f".{part}" if path else part
+            may_be_tag = part == "material"
+    return path

@@ -1,0 +1,208 @@
+"""`MpmSolver`: a scene and the compiled MLS-MPM solver that moves it."""
+
+import copy
+from typing import Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.arguments import float32, whole
+from hybridmpm.scene import Scene
+
+Substeps = Literal["cfl", "reference"] | int
+MAX_FRAMES_AT_ONCE = 1_000_000
+MAX_SUBSTEPS = 20_000
+
+
+class MpmSolver:
+    """MLS-MPM (Hu et al. 2018) on a scene. Safe to share between threads: calls wait for each other.
+
+    Parameters
+    ----------
+    scene : Scene
+    substeps : "cfl", "reference" or int in [1, 20000]
+        "cfl": the fewest that the CFL bound allows. "reference": floor(frame_dt / (0.02 dx)) + 1 a frame,
+        the ground truth's rule. An integer: that many equal substeps a frame.
+    cfl : float in (0, 1], optional
+        CFL number of "cfl" substeps; the core's default if absent.
+    allow_unstable : bool
+        Let a fixed number of substeps go above the stability limit.
+    threads : int in [1, 1024]
+        The result does not depend on it, to the bit.
+
+    Raises
+    ------
+    SceneError
+        The scene cannot be filled with particles.
+    ConfigError
+        A setting is out of range.
+
+    Notes
+    -----
+    N is the number of particles, D the dimension. Particles keep their order for good. A frame that fails
+    raises `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError`, and the state is the one
+    before that frame.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        substeps: Substeps = "cfl",
+        cfl: float | None = None,
+        allow_unstable: bool = False,
+        threads: int = 1,
+    ) -> None:
+        self._scene = scene
+        self._particles = scene.sample()
+        for constant in (self._particles.types, self._particles.mass):
+            constant.flags.writeable = False
+        self._solver = _native.Solver(
+            resolution=scene.resolution,
+            frame_dt=scene.frame_dt,
+            gravity=scene.gravity,
+            wall_lower=scene.walls.lower,
+            wall_upper=scene.walls.upper,
+            wall_contact=scene.walls.contact,
+            wall_friction=scene.walls.friction,
+            materials=[material.to_native(scene.potential_drop) for material in scene.materials],
+            obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
+            x=self._particles.x,
+            v=self._particles.v,
+            material=self._particles.material,
+            mass=self._particles.mass,
+            volume=self._particles.volume,
+            substeps=substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS),
+            cfl=cfl,
+            allow_unstable=allow_unstable,
+            threads=whole("threads", threads, 1, 1024),
+        )
+        self._start = self._solver.snapshot()
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that this solver was made from."""
+        return self._scene
+
+    @property
+    def dim(self) -> int:
+        """D, 2 or 3."""
+        return self._scene.dim
+
+    @property
+    def frame(self) -> int:
+        """Frames done since the start."""
+        return self._solver.frame
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start [s]."""
+        return self._solver.time
+
+    @property
+    def particle_count(self) -> int:
+        """N."""
+        return self._solver.particle_count
+
+    @property
+    def positions(self) -> npt.NDArray[np.float32]:
+        """Snapshot (N, D) [m]; a copy."""
+        return self._solver.positions
+
+    @property
+    def velocities(self) -> npt.NDArray[np.float32]:
+        """Snapshot (N, D) [m/s]; a copy."""
+        return self._solver.velocities
+
+    @property
+    def affine(self) -> npt.NDArray[np.float32]:
+        """APIC matrix C, snapshot (N, D, D) [1/s]; a copy."""
+        return self._solver.affine
+
+    @property
+    def volume_ratio(self) -> npt.NDArray[np.float32]:
+        """J of water, det F of solids, snapshot (N,) [-]; a copy."""
+        return self._solver.volume_ratio
+
+    @property
+    def materials(self) -> npt.NDArray[np.uint8]:
+        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
+        return self._particles.types
+
+    @property
+    def mass(self) -> npt.NDArray[np.float32]:
+        """(N,) [kg], read-only; in 2D of a slice one metre deep."""
+        return self._particles.mass
+
+    @property
+    def last_frame(self) -> _native.FrameReport | None:
+        """How the latest frame was cut into substeps; None before the first."""
+        return self._solver.last_frame
+
+    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
+        """Go on by whole frames.
+
+        Parameters
+        ----------
+        frames : int in [0, 1000000]
+        force : (N, D) or (frames, N, D), optional
+            External acceleration [m/s^2] besides gravity, held over the call or given per frame. Taken as
+            float32.
+
+        Raises
+        ------
+        NonFiniteError, DomainError, InvertedError, StepSizeError
+            Naming particle and frame. The state is then the one before the failed frame.
+        ConfigError
+            `frames` out of range or `force` of a wrong shape; nothing has moved.
+        """
+        self._solver.advance(whole("frames", frames, 0, MAX_FRAMES_AT_ONCE), _acceleration(force))
+
+    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
+        """Advance, and return where the particles were on the way.
+
+        Parameters and errors are those of `advance`.
+
+        Returns
+        -------
+        float32 (frames + 1, N, D)
+            Positions [m]; the first row is the state before the call.
+        """
+        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+        path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
+        path[0] = self.positions
+        self._solver.advance(frames, _acceleration(force), path[1:])
+        return path
+
+    def snapshot(self) -> bytes:
+        """Complete state, versioned and checksummed. Going on from it gives the same bits."""
+        return self._solver.snapshot()
+
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene.
+
+        Raises
+        ------
+        SnapshotError
+            The bytes are damaged or of another scene; the present state is then untouched.
+        """
+        self._solver.restore(data)
+
+    def copy(self) -> Self:
+        """Return an independent solver in the same state."""
+        twin = copy.copy(self)
+        twin._solver = self._solver.copy()  # noqa: SLF001 - of this very class
+        return twin
+
+    def reset(self) -> None:
+        """Go back to frame 0."""
+        self._solver.restore(self._start)
+
+    def diagnostics(self) -> _native.Diagnostics:
+        """Mass, momentum, energies and extremes over all particles, at this instant."""
+        return self._solver.diagnostics()
+
+
+def _acceleration(force: npt.ArrayLike | None) -> npt.NDArray[np.float32] | None:
+    return None if force is None else float32("force", force, "(N, D)", "(frames, N, D)")

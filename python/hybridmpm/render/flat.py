@@ -1,0 +1,136 @@
+"""Pictures of 2D scenes: each material as a smooth surface, drawn from the density of its particles."""
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.render import palette
+from hybridmpm.render.palette import Colors
+from hybridmpm.scene import Scene
+
+MARGIN = 0.03
+"""Shown around the walls, as a share of their longer side."""
+_SUPERSAMPLING = 3
+Field = npt.NDArray[np.float32]
+
+
+class FlatView:
+    """Draws frames of one 2D scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    types : uint8 (N,)
+        DeepMind's particle types.
+    width : int
+        Of the pictures [pixels]; the height follows from the walls. Both are rounded up to even numbers,
+        which video encoders ask for.
+    """
+
+    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
+        lower, upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
+        margin = MARGIN * float((upper - lower).max())
+        size = upper - lower + 2 * margin
+        self._scene = scene
+        self._width = width + width % 2
+        self._scale = self._width / float(size[0])
+        self._height = 2 * int(np.ceil(self._scale * float(size[1]) / 2))
+        self._origin = lower - margin
+        self._groups = {int(kind): np.flatnonzero(types == kind) for kind in np.unique(types)}
+        # Grains differ in brightness; drawn once, so that they do not flicker.
+        self._grain = np.random.default_rng(0).uniform(-1.0, 1.0, len(types)).astype(np.float32)
+        self._background, self._solid = self._draw_background()
+
+    def draw(self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+        """Picture of particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]: uint8 (H, W, 3)."""
+        image = self._background
+        speed = np.linalg.norm(v, axis=1)
+        for kind, members in self._groups.items():
+            image = self._draw_material(image, kind, x[members], speed[members], self._grain[members])
+        return palette.to_bytes(palette.mix(image, self._background, self._solid))
+
+    def _draw_material(self, image: Colors, kind: int, x: Field, speed: Field, grain: Field) -> Colors:
+        pitch = self._scene.spacing * self._scale
+        full = 1.0 / pitch**2
+        place = self._pixels(x)
+        density = _blur(self._deposit(place, np.ones(len(x), np.float32)), 0.7 * pitch) / full
+        mean_speed = _blur(self._deposit(place, speed), 0.7 * pitch) / full / np.maximum(density, 1e-3)
+        color = palette.by_speed(kind, mean_speed)
+        if kind == 6:
+            spots = _blur(self._deposit(place, grain), 0.4 * pitch) / full
+            color = color * (1.0 + 0.22 * np.clip(spots, -1.5, 1.5)[..., None])
+        else:
+            # A bright rim where the surface is, a darker body below it.
+            rim = 1.0 - palette.smoothstep(0.35, 0.95, density)
+            color = palette.mix(color, color * 0.45 + 0.55, 0.55 * rim)
+        return palette.mix(image, color, palette.smoothstep(0.16, 0.34, density))
+
+    def _pixels(self, x: Field) -> Field:
+        """Column and row of points, in pixels with centres at whole numbers; rows count downwards."""
+        place = (x - self._origin) * self._scale - 0.5
+        place[:, 1] = self._height - 1 - place[:, 1]
+        return place.astype(np.float32)
+
+    def _deposit(self, place: Field, values: Field) -> Field:
+        """Spread each value over the four pixels around its place; what is out of sight is lost."""
+        corner = np.floor(place).astype(np.int64)
+        share = place - corner
+        total = np.zeros(self._height * self._width)
+        for right in (0, 1):
+            for down in (0, 1):
+                column, row = corner[:, 0] + right, corner[:, 1] + down
+                weight = np.abs(1 - right - share[:, 0]) * np.abs(1 - down - share[:, 1])
+                seen = (column >= 0) & (column < self._width) & (row >= 0) & (row < self._height)
+                flat = row[seen] * self._width + column[seen]
+                total += np.bincount(flat, (weight * values)[seen], len(total))
+        return total.reshape(self._height, self._width).astype(np.float32)
+
+    def _draw_background(self) -> tuple[Colors, Field]:
+        """Sky, walls and obstacles, and the coverage (H, W) of what lies in front of the particles."""
+        fine = self._scale * _SUPERSAMPLING
+        columns = (np.arange(self._width * _SUPERSAMPLING) + 0.5) / fine
+        rows = (np.arange(self._height * _SUPERSAMPLING)[::-1] + 0.5) / fine
+        x = self._origin + np.stack(np.meshgrid(columns, rows), axis=-1)
+        shape = x.shape[:2]
+        points = x.reshape(-1, 2).astype(np.float32)
+
+        lower, upper = np.array(self._scene.walls.lower), np.array(self._scene.walls.upper)
+        height = np.clip((x[..., 1] - lower[1]) / (upper[1] - lower[1]), 0.0, 1.0)
+        image = palette.mix(
+            np.broadcast_to(palette.SKY_BOTTOM, (*shape, 3)),
+            np.broadcast_to(palette.SKY_TOP, (*shape, 3)),
+            height,
+        )
+        outside = np.maximum(lower - x, x - upper).max(axis=-1)
+        line = 2.0 / self._scale
+        image = np.where((outside > 0)[..., None], palette.OUTSIDE, image)
+        wall = (outside > 0) & (outside < line)
+        image = np.where(wall[..., None], palette.WALL, image)
+        solid = outside > 0
+        for obstacle in self._scene.obstacles:
+            depth = -obstacle.to_native().signed_distance(points).reshape(shape)
+            body = np.where((depth < line)[..., None], palette.OBSTACLE_EDGE, palette.OBSTACLE)
+            inside = (depth > 0) & (outside <= 0)
+            image = np.where(inside[..., None], body, image)
+            solid = solid | inside
+        coverage = palette.shrink(solid[..., None].astype(np.float32), _SUPERSAMPLING)[..., 0]
+        return palette.shrink(image.astype(np.float32), _SUPERSAMPLING), coverage
+
+
+def _blur(field: Field, sigma: float) -> Field:
+    """Convolve (H, W) with a Gaussian of `sigma` pixels."""
+    reach = max(1, int(np.ceil(3.0 * sigma)))
+    taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 0.3)) ** 2).astype(np.float32)
+    taps /= taps.sum()
+    for axis in (0, 1):
+        field = _convolve(field, taps, axis)
+    return field
+
+
+def _convolve(field: Field, taps: Field, axis: int) -> Field:
+    reach = len(taps) // 2
+    length = field.shape[axis]
+    padded = np.pad(field, [(reach, reach) if axis == a else (0, 0) for a in (0, 1)])
+    total = np.zeros_like(field)
+    for offset, tap in enumerate(taps):
+        total += tap * np.take(padded, range(offset, offset + length), axis=axis)
+    return total

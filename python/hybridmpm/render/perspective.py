@@ -1,0 +1,177 @@
+"""Pictures of 3D scenes: shaded spheres in perspective over a floor with their shadow."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.render import palette
+from hybridmpm.render.palette import Colors
+from hybridmpm.scene import Scene
+
+_SUPERSAMPLING = 2
+_YAW, _PITCH = math.radians(32.0), math.radians(20.0)
+_DISTANCE = 2.6
+"""From the eye to the centre of the walls, in their diagonals over sqrt(3)."""
+_FIELD_OF_VIEW = math.radians(35.0)
+_LIGHT = np.array([-0.45, 0.80, 0.40], dtype=np.float32) / np.float32(math.sqrt(1.0025))
+"""Towards the light, in view coordinates: right, up, to the viewer."""
+_SHADOW_CELLS = 96
+_AT_ONCE = 20_000
+
+Field = npt.NDArray[np.float32]
+
+
+class PerspectiveView:
+    """Draws frames of one 3D scene; arguments as for `FlatView`, the height is 3/4 of the width."""
+
+    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
+        self._lower, self._upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
+        self._width = _SUPERSAMPLING * (width + width % 2)
+        self._height = _SUPERSAMPLING * 2 * math.ceil(3 * width / 8)
+        self._axes = _view_axes()
+        span = float(np.linalg.norm(self._upper - self._lower)) / math.sqrt(3.0)
+        # The target lies below the centre: fluids are heavy, and rest on the floor.
+        self._target = (self._lower + self._upper) / 2 - np.array([0.0, 0.08 * span, 0.0])
+        self._eye_distance = _DISTANCE * span
+        self._focal = 0.5 * self._height / math.tan(_FIELD_OF_VIEW / 2)
+        self._radius = 0.62 * scene.spacing
+        self._kinds = types
+        self._fixed_x, self._fixed_radius, self._fixed_color = self._fixed_spheres(scene)
+        self._background, self._floor = self._draw_background()
+
+    def draw(self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+        """Picture of particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]: uint8 (H, W, 3)."""
+        speed = np.linalg.norm(v, axis=1)
+        color = np.empty((len(x), 3), dtype=np.float32)
+        for kind in np.unique(self._kinds):
+            members = self._kinds == kind
+            color[members] = palette.by_speed(int(kind), speed[members])
+        image = self._background * self._shade_of(x)[..., None]
+        image = self._draw_spheres(
+            image.reshape(-1, 3),
+            np.concatenate([x, self._fixed_x]),
+            np.concatenate([np.full(len(x), self._radius, np.float32), self._fixed_radius]),
+            np.concatenate([color, self._fixed_color]),
+        )
+        full = image.reshape(self._height, self._width, 3)
+        return palette.to_bytes(palette.shrink(full, _SUPERSAMPLING))
+
+    def _draw_spheres(self, image: Colors, x: Field, radius: Field, color: Colors) -> Colors:
+        """Paint spheres from far to near, so that a later assignment covers an earlier one."""
+        view = self._to_view(x)
+        for some in np.array_split(np.argsort(-view[:, 2]), len(x) // _AT_ONCE + 1):
+            self._paint(image, view[some], radius[some], color[some])
+        return image
+
+    def _paint(self, image: Colors, view: Field, radius: Field, color: Colors) -> None:
+        per_metre = self._focal / view[:, 2]
+        column = view[:, 0] * per_metre + self._width / 2
+        row = self._height / 2 - view[:, 1] * per_metre
+        reach = np.maximum(radius * per_metre, 0.7)
+        steps = np.arange(-math.ceil(float(reach.max())), math.ceil(float(reach.max())) + 1)
+        down, right = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
+        i = np.floor(row).astype(np.int64)[:, None] + down
+        j = np.floor(column).astype(np.int64)[:, None] + right
+        normal_x = (j + 0.5 - column[:, None]) / reach[:, None]
+        normal_y = (row[:, None] - i - 0.5) / reach[:, None]
+        flat = normal_x**2 + normal_y**2
+        seen = (flat < 1.0) & (i >= 0) & (i < self._height) & (j >= 0) & (j < self._width)
+        normal_z = np.sqrt(np.maximum(1.0 - flat, 0.0))
+        facing = (_LIGHT[0] * normal_x + _LIGHT[1] * normal_y + _LIGHT[2] * normal_z)[seen]
+        owner = np.nonzero(seen)[0]
+        # Far spheres fade a little into the air.
+        haze = np.clip((view[:, 2] / self._eye_distance - 0.75) * 0.5, 0.0, 0.45)
+        lit = color[owner] * (0.50 + 0.50 * np.clip(facing, 0.0, 1.0))[:, None]
+        lit = lit + (0.35 * np.clip(facing, 0.0, 1.0) ** 12)[:, None]
+        lit = palette.mix(lit.astype(np.float32), palette.SKY_BOTTOM, haze[owner])
+        image[i[seen] * self._width + j[seen]] = lit
+
+    def _to_view(self, x: npt.NDArray[np.floating]) -> Field:
+        """Right, up, and depth from the eye [m]."""
+        view = (x - self._target) @ self._axes.T
+        view[:, 2] = self._eye_distance - view[:, 2]
+        return np.asarray(view, dtype=np.float32)
+
+    def _fixed_spheres(self, scene: Scene) -> tuple[Field, Field, Colors]:
+        """Edges of the walls and surfaces of obstacles as small spheres."""
+        edges = _box_edges(self._lower, self._upper)
+        step = scene.spacing
+        axes = [np.arange(a + step / 2, b, step) for a, b in zip(self._lower, self._upper, strict=True)]
+        lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
+        shells = [np.empty((0, 3), dtype=np.float32)]
+        for obstacle in scene.obstacles:
+            distance = obstacle.to_native().signed_distance(lattice)
+            shells.append(lattice[(distance <= 0) & (distance > -1.5 * step)])
+        shell = np.concatenate(shells)
+        x = np.concatenate([edges, shell]).astype(np.float32)
+        radius = np.concatenate([np.full(len(edges), 0.0016), np.full(len(shell), 0.8 * step)])
+        color = np.concatenate(
+            [np.tile(palette.WALL, (len(edges), 1)), np.tile(palette.OBSTACLE, (len(shell), 1))]
+        )
+        return x, radius.astype(np.float32), color
+
+    def _draw_background(self) -> tuple[Colors, npt.NDArray[np.int64]]:
+        """Sky and floor, and the shadow cell of the floor behind each pixel, -1 where there is none."""
+        i, j = np.mgrid[0 : self._height, 0 : self._width]
+        fall = i / self._height
+        image = palette.mix(
+            np.broadcast_to(palette.SKY_TOP, (*i.shape, 3)),
+            np.broadcast_to(palette.SKY_BOTTOM, (*i.shape, 3)),
+            fall,
+        )
+        ray = (
+            ((j + 0.5 - self._width / 2) / self._focal)[..., None] * self._axes[0]
+            + ((self._height / 2 - i - 0.5) / self._focal)[..., None] * self._axes[1]
+            - self._axes[2]
+        )
+        eye = self._target + self._eye_distance * self._axes[2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = (self._lower[1] - eye[1]) / ray[..., 1]
+            hit = eye + reach[..., None] * ray
+            share = (hit - self._lower) / (self._upper - self._lower)
+            on_floor = (reach > 0) & ((share >= 0) & (share < 1))[..., [0, 2]].all(axis=-1)
+        cell = np.full(i.shape, -1, dtype=np.int64)
+        inside = share[on_floor]
+        where = (inside[:, [0, 2]] * _SHADOW_CELLS).astype(np.int64)
+        cell[on_floor] = where[:, 0] * _SHADOW_CELLS + where[:, 1]
+        tiles = np.floor(inside[:, 0] * 8) + np.floor(inside[:, 2] * 8)
+        image[on_floor] = palette.SKY_BOTTOM * (1.45 + 0.25 * (tiles % 2))[:, None].astype(np.float32)
+        return image.astype(np.float32), cell
+
+    def _shade_of(self, x: npt.NDArray[np.float32]) -> Field:
+        """Brightness (H, W) that the particles leave to the floor under them."""
+        share = (x - self._lower)[:, [0, 2]] / (self._upper - self._lower)[[0, 2]]
+        cell = np.clip((share * _SHADOW_CELLS).astype(np.int64), 0, _SHADOW_CELLS - 1)
+        count = np.bincount(cell[:, 0] * _SHADOW_CELLS + cell[:, 1], minlength=_SHADOW_CELLS**2)
+        area = np.prod((self._upper - self._lower)[[0, 2]]) / _SHADOW_CELLS**2
+        cover = (count * (2 * self._radius) ** 2 / area).reshape(_SHADOW_CELLS, _SHADOW_CELLS)
+        for _ in range(3):
+            for axis in (0, 1):
+                cover = (np.roll(cover, 1, axis) + 2 * cover + np.roll(cover, -1, axis)) / 4
+        light = np.append(1.0 - 0.6 * np.clip(cover, 0.0, 1.0), 1.0).astype(np.float32)
+        return np.asarray(light[self._floor])
+
+
+def _view_axes() -> npt.NDArray[np.float64]:
+    """Rows: right, up and towards the viewer, in world coordinates."""
+    toward = np.array(
+        [math.cos(_PITCH) * math.sin(_YAW), math.sin(_PITCH), math.cos(_PITCH) * math.cos(_YAW)]
+    )
+    right = np.cross([0.0, 1.0, 0.0], toward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(toward, right), toward])
+
+
+def _box_edges(lower: npt.NDArray[np.float64], upper: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Points along the twelve edges of a box."""
+    along = np.linspace(0.0, 1.0, 400)
+    edges = []
+    for axis in range(3):
+        for corner in range(4):
+            share = np.empty((len(along), 3))
+            share[:, axis] = along
+            share[:, (axis + 1) % 3] = corner % 2
+            share[:, (axis + 2) % 3] = corner // 2
+            edges.append(lower + share * (upper - lower))
+    return np.concatenate(edges)

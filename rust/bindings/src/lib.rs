@@ -1,0 +1,67 @@
+//! `hybridmpm._native`: converts, calls, converts back. No physics here.
+
+mod convert;
+mod error;
+mod material;
+mod obstacle;
+mod report;
+mod solver;
+
+use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use convert::slice_of;
+use error::NativeError;
+
+/// Mass of the nodes of a grid over [0, 1]^D.
+#[pyfunction]
+fn grid_mass<'py>(
+    py: Python<'py>,
+    x: PyReadonlyArray2<'py, f32>,
+    mass: PyReadonlyArray1<'py, f32>,
+    resolution: usize,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let dim = x.shape()[1];
+    let (x, mass) = (slice_of("x", &x)?, slice_of("mass", &mass)?);
+    let nodes = py
+        .detach(|| match dim {
+            2 => mpm::grid_mass::<2>(x, mass, resolution),
+            3 => mpm::grid_mass::<3>(x, mass, resolution),
+            _ => Err(mpm::MpmError::parameter("x", "of shape (N, 2) or (N, 3)", dim)),
+        })
+        .map_err(NativeError)?;
+    nodes.into_pyarray(py).reshape(vec![resolution + 1; dim])
+}
+
+/// Instruction sets of this processor that matter for speed.
+#[pyfunction]
+fn cpu_features() -> Vec<&'static str> {
+    #[cfg(target_arch = "x86_64")]
+    let features = vec![
+        ("sse4.2", is_x86_feature_detected!("sse4.2")),
+        ("avx", is_x86_feature_detected!("avx")),
+        ("avx2", is_x86_feature_detected!("avx2")),
+        ("fma", is_x86_feature_detected!("fma")),
+        ("avx512f", is_x86_feature_detected!("avx512f")),
+    ];
+    #[cfg(target_arch = "aarch64")]
+    let features = vec![("neon", std::arch::is_aarch64_feature_detected!("neon"))];
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    let features: Vec<(&'static str, bool)> = Vec::new();
+    features.into_iter().filter(|(_, present)| *present).map(|(name, _)| name).collect()
+}
+
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("DEFAULT_CFL", f64::from(mpm::DEFAULT_CFL))?;
+    module.add("CFL_LIMIT", f64::from(mpm::CFL_LIMIT))?;
+    error::register(module)?;
+    module.add_class::<material::PyMaterial>()?;
+    module.add_class::<obstacle::PyObstacle>()?;
+    module.add_class::<report::PyDiagnostics>()?;
+    module.add_class::<report::PyFrameReport>()?;
+    module.add_class::<solver::PySolver>()?;
+    module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
+    module.add_function(wrap_pyfunction!(cpu_features, module)?)
+}

@@ -1,0 +1,75 @@
+//! `Material`.
+
+use mpm::Material;
+use pyo3::prelude::*;
+
+use crate::error::NativeError;
+
+/// Constitutive model and its constants.
+#[pyclass(frozen, name = "Material", module = "hybridmpm._native")]
+pub struct PyMaterial {
+    pub inner: Material,
+    kind: &'static str,
+}
+
+impl PyMaterial {
+    fn new(material: Result<Material, mpm::MpmError>, kind: &'static str) -> PyResult<Self> {
+        Ok(Self { inner: material.map_err(NativeError)?, kind })
+    }
+}
+
+#[pymethods]
+impl PyMaterial {
+    #[staticmethod]
+    #[pyo3(signature = (*, density, bulk_modulus, tension=0.25, wall_friction=0.0))]
+    fn water(density: f32, bulk_modulus: f32, tension: f32, wall_friction: f32) -> PyResult<Self> {
+        Self::new(Material::water(density, bulk_modulus, tension, wall_friction), "water")
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (*, density, youngs_modulus, poisson_ratio, friction_angle, wall_friction=0.5, volume_correction=true))]
+    fn sand(
+        density: f32,
+        youngs_modulus: f32,
+        poisson_ratio: f32,
+        friction_angle: f32,
+        wall_friction: f32,
+        volume_correction: bool,
+    ) -> PyResult<Self> {
+        let material = Material::sand(
+            density,
+            youngs_modulus,
+            poisson_ratio,
+            friction_angle,
+            wall_friction,
+            volume_correction,
+        );
+        Self::new(material, "sand")
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (*, density, youngs_modulus, poisson_ratio, wall_friction=0.5))]
+    fn elastic(
+        density: f32,
+        youngs_modulus: f32,
+        poisson_ratio: f32,
+        wall_friction: f32,
+    ) -> PyResult<Self> {
+        Self::new(Material::elastic(density, youngs_modulus, poisson_ratio, wall_friction), "elastic")
+    }
+
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.kind
+    }
+
+    #[getter]
+    fn density(&self) -> f32 {
+        self.inner.density
+    }
+
+    #[getter]
+    fn sound_speed(&self) -> f32 {
+        self.inner.sound_speed()
+    }
+}

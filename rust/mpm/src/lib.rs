@@ -1,0 +1,39 @@
+//! MLS-MPM (Hu et al. 2018) for water, sand and elastic solids in 2D and 3D, on the CPU.
+//!
+//! One substep is `clear`, `p2g`, `grid_update`, `g2p`, each in the file of that name. Dimension is a
+//! const generic; D is 2 or 3. This crate opens no file, reads no clock and knows no Python.
+
+mod contact;
+mod diagnostics;
+mod error;
+mod g2p;
+mod grid;
+mod grid_update;
+mod material;
+mod math;
+mod measure;
+mod obstacle;
+mod p2g;
+mod particle;
+mod snapshot;
+mod solver;
+mod stencil;
+mod svd;
+mod timestep;
+#[cfg(test)]
+mod transfer_tests;
+mod walls;
+
+pub use contact::{Contact, ContactKind};
+pub use diagnostics::Diagnostics;
+pub use error::MpmError;
+pub use material::Material;
+pub use math::{Matrix, Vector};
+pub use measure::grid_mass;
+pub use obstacle::{Obstacle, Shape};
+pub use solver::{Force, Particles, Settings, Solver};
+pub use svd::{Svd, svd};
+pub use timestep::{
+    Bound, CFL_LIMIT, DEFAULT_CFL, FrameReport, Substeps, reference_substeps,
+};
+pub use walls::Walls;

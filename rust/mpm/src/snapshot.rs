@@ -1,0 +1,149 @@
+//! Complete state as bytes: magic, version, fingerprint of the scene, particles in the solver's own
+//! order, checksum. All little-endian.
+
+use crate::error::MpmError;
+use crate::material::{Constitutive, Words};
+use crate::math::{Matrix, Vector};
+use crate::particle::{Group, Particle};
+use crate::solver::{Settings, State};
+use crate::with_group;
+
+const MAGIC: &[u8; 8] = b"HMPMSNAP";
+const VERSION: u32 = 1;
+/// Magic, version, fingerprint, frame, speed.
+const HEADER: usize = 8 + 4 + 8 + 8 + 4;
+const CHECKSUM: usize = 8;
+
+pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &State<D>) -> Vec<u8> {
+    let mut out = Vec::new();
+    out.extend_from_slice(MAGIC);
+    out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&fingerprint(settings).to_le_bytes());
+    out.extend_from_slice(&state.frame.to_le_bytes());
+    out.extend_from_slice(&state.max_speed.to_le_bytes());
+    for phase in &state.phases {
+        with_group!(phase, group => {
+            out.extend_from_slice(&(group.particles.len() as u32).to_le_bytes());
+            for p in &group.particles {
+                out.extend_from_slice(&p.id.to_le_bytes());
+                write(p, &mut |word: f32| out.extend_from_slice(&word.to_le_bytes()));
+            }
+        });
+    }
+    let checksum = fnv1a(&out);
+    out.extend_from_slice(&checksum.to_le_bytes());
+    out
+}
+
+/// `present` is a state of the same scene; it tells which groups to expect.
+pub(crate) fn decode<const D: usize>(
+    settings: &Settings<D>,
+    present: &State<D>,
+    data: &[u8],
+) -> Result<State<D>, MpmError> {
+    let refuse = |reason: String| MpmError::Snapshot { reason };
+    if data.len() < HEADER + CHECKSUM || &data[..8] != MAGIC {
+        return Err(refuse("these bytes are no hybridmpm snapshot, or cut off".into()));
+    }
+    let (body, checksum) = data.split_at(data.len() - CHECKSUM);
+    let mut reader = Reader { rest: &body[8..] };
+    let version = reader.u32();
+    if version != VERSION {
+        return Err(refuse(format!("it has version {version}, this build reads version {VERSION}")));
+    }
+    if fnv1a(body).to_le_bytes() != checksum {
+        return Err(refuse("its checksum does not match: it is damaged or cut off".into()));
+    }
+    if reader.u64() != fingerprint(settings) {
+        return Err(refuse("it belongs to a scene with other settings".into()));
+    }
+    let mut state = State { frame: reader.u64(), max_speed: reader.f32(), phases: present.phases.clone() };
+    for phase in &mut state.phases {
+        with_group!(phase, group => read_group(group, &mut reader)
+            .ok_or_else(|| refuse("it belongs to a scene with other particles".into()))?);
+    }
+    if !reader.rest.is_empty() {
+        return Err(refuse("it belongs to a scene with other particles".into()));
+    }
+    Ok(state)
+}
+
+/// None when the group has another size, or ids that the present one lacks.
+fn read_group<const D: usize, M: Constitutive<D>>(
+    group: &mut Group<D, M>,
+    reader: &mut Reader<'_>,
+) -> Option<()> {
+    if reader.rest.len() < 4 || reader.u32() as usize != group.particles.len() {
+        return None;
+    }
+    let mut ids: Vec<u32> = group.particles.iter().map(|p| p.id).collect();
+    for p in &mut group.particles {
+        let id = reader.u32();
+        *p = read(id, &mut || reader.f32());
+    }
+    let mut restored: Vec<u32> = group.particles.iter().map(|p| p.id).collect();
+    ids.sort_unstable();
+    restored.sort_unstable();
+    (ids == restored).then_some(())
+}
+
+fn write<const D: usize, S: Words>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
+    p.x.iter().chain(&p.v).chain(&p.affine).for_each(|&word| put(word));
+    put(p.mass);
+    put(p.volume);
+    p.state.write(put);
+}
+
+fn read<const D: usize, S: Words>(id: u32, take: &mut impl FnMut() -> f32) -> Particle<D, S> {
+    Particle {
+        id,
+        x: Vector::from_fn(|_, _| take()),
+        v: Vector::from_fn(|_, _| take()),
+        affine: Matrix::from_fn(|_, _| take()),
+        mass: take(),
+        volume: take(),
+        state: S::read(take),
+    }
+}
+
+/// Of all settings that shape the motion; substeps and threads may differ.
+fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
+    let Settings { resolution, frame_dt, gravity, walls, materials, obstacles, .. } = settings;
+    let text = format!("{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?}");
+    fnv1a(text.as_bytes())
+}
+
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+/// Reads numbers off a slice. Past the end it answers zeros: the checksum has spoken before, and a group
+/// of another size is refused by its count.
+struct Reader<'a> {
+    rest: &'a [u8],
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> [u8; N] {
+        let Some((head, rest)) = self.rest.split_first_chunk::<N>() else {
+            self.rest = &[];
+            return [0; N];
+        };
+        self.rest = rest;
+        *head
+    }
+
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.take())
+    }
+
+    fn u64(&mut self) -> u64 {
+        u64::from_le_bytes(self.take())
+    }
+
+    fn f32(&mut self) -> f32 {
+        f32::from_le_bytes(self.take())
+    }
+}

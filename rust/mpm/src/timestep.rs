@@ -1,0 +1,173 @@
+//! How a frame is cut into substeps.
+
+use crate::error::MpmError;
+use crate::material::Material;
+
+/// CFL number of `Substeps::Cfl` unless the caller names one. Isolated water particles at a wall
+/// become unstable between 0.80 and 0.85, solids later; the default keeps a factor of 1.5 below.
+pub const DEFAULT_CFL: f32 = 0.55;
+/// CFL number above which fixed substeps are refused.
+pub const CFL_LIMIT: f32 = 0.8;
+/// More substeps in one frame than this mean that speeds have no bound.
+const MOST_SUBSTEPS: f32 = 20_000.0;
+
+/// Who chooses the substeps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Substeps {
+    /// The fewest with dt <= cfl dx / max(signal speed, largest speed), chosen anew as speeds change.
+    Cfl(f32),
+    /// floor(frame / (0.02 dx)) + 1 equal ones, the rule of the ground truth.
+    Reference,
+    /// That many equal ones.
+    Fixed { count: u32, allow_unstable: bool },
+}
+
+/// What limited the step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// The stiffest mode of the materials present.
+    Sound,
+    /// The fastest particle.
+    Speed,
+    /// The frame itself.
+    Frame,
+    /// The reference rule.
+    Reference,
+    /// The caller.
+    Fixed,
+}
+
+impl Bound {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Speed => "speed",
+            Self::Frame => "frame",
+            Self::Reference => "reference",
+            Self::Fixed => "fixed",
+        }
+    }
+}
+
+/// How a frame was cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameReport {
+    pub substeps: u32,
+    /// [s]
+    pub smallest_dt: f32,
+    /// What chose the smallest step.
+    pub bound: Bound,
+}
+
+/// The rule of the ground truth: taichi_elements' default_dt of 0.02 dx.
+pub fn reference_substeps(frame_dt: f32, dx: f32) -> u32 {
+    // The quotient is an integer on the usual grids; keep rounding from dropping below it.
+    (f64::from(frame_dt) / (0.02 * f64::from(dx)) + 1.0e-4).floor() as u32 + 1
+}
+
+/// Chooses the substeps of one scene.
+#[derive(Debug, Clone, Copy)]
+pub struct StepChooser {
+    pub substeps: Substeps,
+    pub frame_dt: f32,
+    pub dx: f32,
+    /// Of the stiffest material present [m/s].
+    pub signal_speed: f32,
+}
+
+impl StepChooser {
+    pub fn new(
+        substeps: Substeps,
+        frame_dt: f32,
+        dx: f32,
+        dim: usize,
+        materials: &[Material],
+    ) -> Result<Self, MpmError> {
+        match substeps {
+            Substeps::Cfl(cfl) if !(cfl > 0.0 && cfl <= 1.0) => {
+                return Err(MpmError::parameter("cfl", "in (0, 1]", cfl));
+            }
+            Substeps::Fixed { count: 0, .. } => {
+                return Err(MpmError::parameter("substeps", "at least 1", 0));
+            }
+            _ => {}
+        }
+        let signal_speed = materials.iter().map(|m| m.signal_speed(dim)).fold(0.0, f32::max);
+        Ok(Self { substeps, frame_dt, dx, signal_speed })
+    }
+
+    /// The next step and what chose it. `speed` bounds the particle speeds during it [m/s].
+    pub fn next(&self, remaining: f32, speed: f32) -> Result<(f32, Bound), MpmError> {
+        let count = match self.substeps {
+            Substeps::Cfl(cfl) => return self.under_cfl(cfl, remaining, speed),
+            Substeps::Reference => reference_substeps(self.frame_dt, self.dx),
+            Substeps::Fixed { count, .. } => count,
+        };
+        let dt = self.frame_dt / count as f32;
+        let limit = CFL_LIMIT * self.dx / self.signal_speed.max(speed);
+        if dt > limit && !matches!(self.substeps, Substeps::Fixed { allow_unstable: true, .. }) {
+            return Err(MpmError::UnstableStep {
+                dt,
+                limit,
+                bound: self.signal(speed).name(),
+                substeps: (self.frame_dt / limit).ceil() as u32,
+            });
+        }
+        let bound =
+            if self.substeps == Substeps::Reference { Bound::Reference } else { Bound::Fixed };
+        Ok((dt, bound))
+    }
+
+    fn under_cfl(&self, cfl: f32, remaining: f32, speed: f32) -> Result<(f32, Bound), MpmError> {
+        let limit = cfl * self.dx / self.signal_speed.max(speed);
+        let count = (remaining / limit).ceil().max(1.0);
+        if count > MOST_SUBSTEPS || !count.is_finite() {
+            return Err(MpmError::TooFast { speed, substeps: count, most: MOST_SUBSTEPS });
+        }
+        let bound = if limit >= self.frame_dt { Bound::Frame } else { self.signal(speed) };
+        Ok((remaining / count, bound))
+    }
+
+    fn signal(&self, speed: f32) -> Bound {
+        if speed > self.signal_speed { Bound::Speed } else { Bound::Sound }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chooser(substeps: Substeps) -> StepChooser {
+        let water = Material::water(1000.0, 277_778.0, 0.25, 0.0).unwrap();
+        StepChooser::new(substeps, 0.0025, 1.0 / 128.0, 2, &[water]).unwrap()
+    }
+
+    #[test]
+    fn reference_counts_are_those_of_the_ground_truth() {
+        assert_eq!(reference_substeps(0.0025, 1.0 / 128.0), 17);
+        assert_eq!(reference_substeps(0.0025, 1.0 / 64.0), 9);
+    }
+
+    #[test]
+    fn the_bound_that_is_active_is_named() {
+        let cfl = chooser(Substeps::Cfl(0.5));
+        let (dt, bound) = cfl.next(0.0025, 1.0).unwrap();
+        assert_eq!(bound, Bound::Sound);
+        // sqrt(2 * 277 778 / 1000) m/s in two dimensions.
+        assert!(dt <= 0.5 / 128.0 / 23.57 && dt > 0.45 / 128.0 / 23.57);
+        assert_eq!(cfl.next(0.0025, 40.0).unwrap().1, Bound::Speed);
+        assert_eq!(chooser(Substeps::Reference).next(0.0025, 1.0).unwrap().1, Bound::Reference);
+    }
+
+    #[test]
+    fn unstable_steps_need_a_name() {
+        let refused = chooser(Substeps::Fixed { count: 4, allow_unstable: false });
+        let error = refused.next(0.0025, 0.0).unwrap_err();
+        assert!(matches!(error, MpmError::UnstableStep { substeps: 10, .. }), "{error}");
+        assert!(chooser(Substeps::Fixed { count: 4, allow_unstable: true }).next(0.0025, 0.0).is_ok());
+        assert!(matches!(
+            chooser(Substeps::Cfl(0.5)).next(0.0025, 1.0e9),
+            Err(MpmError::TooFast { .. })
+        ));
+    }
+}

@@ -1,0 +1,109 @@
+//! Scenes for the tests: lattices of particles in the default box.
+
+use mpm::{
+    Contact, ContactKind, Force, Material, Obstacle, Particles, Settings, Solver, Substeps, Vector, Walls,
+};
+
+pub const FRAME: f32 = 0.0025;
+pub const GRAVITY: f32 = 9.81;
+pub const BULK_MODULUS: f32 = 277_778.0;
+
+pub fn water() -> Material {
+    Material::water(1000.0, BULK_MODULUS, 0.25, 0.0).unwrap()
+}
+
+pub fn sand() -> Material {
+    Material::sand(1000.0, 1.0e6, 0.2, 45.0, 0.5, true).unwrap()
+}
+
+pub fn elastic() -> Material {
+    Material::elastic(1000.0, 1.0e6, 0.2, 0.5).unwrap()
+}
+
+/// Settings of the default box: walls at 0.1 and 0.9, gravity along the second axis.
+pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> Settings<D> {
+    let contact = Contact { kind: ContactKind::Separating, friction: None };
+    let walls = Walls { lower: Vector::from_element(0.1), upper: Vector::from_element(0.9), contact };
+    Settings {
+        resolution,
+        frame_dt: FRAME,
+        gravity: Vector::from_fn(|axis, _| if axis == 1 { -GRAVITY } else { 0.0 }),
+        walls,
+        materials,
+        obstacles: Vec::<Obstacle<D>>::new(),
+        substeps: Substeps::Cfl(mpm::DEFAULT_CFL),
+        threads: 1,
+    }
+}
+
+/// Positions, velocities and materials of bodies, to be handed to a solver.
+#[derive(Clone, Default)]
+pub struct Bodies {
+    pub x: Vec<f32>,
+    pub v: Vec<f32>,
+    pub material: Vec<u8>,
+    pub volume: Vec<f32>,
+    pub volume_ratio: Vec<f32>,
+}
+
+impl Bodies {
+    /// A block of two particles per cell and axis that fills its box exactly.
+    pub fn block<const D: usize>(
+        mut self,
+        resolution: usize,
+        lower: [f32; D],
+        upper: [f32; D],
+        velocity: [f32; D],
+        material: u8,
+    ) -> Self {
+        let per_axis: [usize; D] = std::array::from_fn(|axis| {
+            ((upper[axis] - lower[axis]) * 2.0 * resolution as f32).round() as usize
+        });
+        let spacing: [f32; D] =
+            std::array::from_fn(|axis| (upper[axis] - lower[axis]) / per_axis[axis] as f32);
+        for flat in 0..per_axis.iter().product() {
+            let mut rest: usize = flat;
+            for axis in 0..D {
+                let site = rest % per_axis[axis];
+                rest /= per_axis[axis];
+                self.x.push(lower[axis] + (site as f32 + 0.5) * spacing[axis]);
+            }
+            self.v.extend(velocity);
+            self.material.push(material);
+            self.volume.push(spacing.iter().product());
+            self.volume_ratio.push(1.0);
+        }
+        self
+    }
+
+    pub fn solver<const D: usize>(&self, settings: Settings<D>) -> Solver<D> {
+        let mass: Vec<f32> = (self.volume.iter().zip(&self.material))
+            .map(|(volume, &material)| volume * settings.materials[usize::from(material)].density)
+            .collect();
+        let particles = Particles {
+            x: &self.x,
+            v: &self.v,
+            material: &self.material,
+            mass: &mass,
+            volume: &self.volume,
+            volume_ratio: Some(&self.volume_ratio),
+        };
+        Solver::new(settings, particles).unwrap()
+    }
+}
+
+pub fn run<const D: usize>(solver: &mut Solver<D>, frames: usize) {
+    solver.advance(frames, Force::None, |_, _| ()).unwrap();
+}
+
+pub fn positions<const D: usize>(solver: &Solver<D>) -> Vec<f32> {
+    let mut x = vec![0.0; solver.count() * D];
+    solver.write_positions(&mut x);
+    x
+}
+
+pub fn velocities<const D: usize>(solver: &Solver<D>) -> Vec<f32> {
+    let mut v = vec![0.0; solver.count() * D];
+    solver.write_velocities(&mut v);
+    v
+}

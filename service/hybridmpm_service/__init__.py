@@ -1,0 +1,10 @@
+"""HTTP and WebSocket service of hybridmpm: it owns running simulations and serves the page.
+
+`serve()` runs it, `create_app(settings)` builds the application for another server or a test.
+"""
+
+from hybridmpm_service.app import create_app
+from hybridmpm_service.server import ServeError, serve
+from hybridmpm_service.settings import Settings
+
+__all__ = ["ServeError", "Settings", "create_app", "serve"]

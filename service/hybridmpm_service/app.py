@@ -1,0 +1,120 @@
+"""Puts the application together; nothing exists before `create_app` is called."""
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
+
+import hybridmpm
+from hybridmpm_service import problems
+from hybridmpm_service.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
+from hybridmpm_service.requests import SteerSession
+from hybridmpm_service.routes import health, scenarios, sessions, sketches, stream
+from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.settings import Settings
+from hybridmpm_service.simulation import Clock
+
+PAGE = Path(__file__).parent / "page"
+_SWEEP_SECONDS = 30.0
+
+_log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_counter) -> FastAPI:
+    """Return the application: API, stream and page.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        Read from the environment if absent.
+    clock : Clock
+        For idle times and the pace of the players.
+    """
+    settings = settings or Settings.load()
+    app = FastAPI(
+        title="hybridmpm",
+        version=hybridmpm.__version__,
+        description="Interactive particle fluids: sessions, live frames, sketches that steer.",
+        # The usual documentation pages load scripts from other servers, which our policy forbids.
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        lifespan=_lifespan,
+    )
+    app.state.settings = settings
+    app.state.sessions = SessionManager(settings, clock)
+    problems.install(app)
+    for module in (health, scenarios, sessions, sketches, stream):
+        app.include_router(module.router)
+    app.frontend("/", directory=PAGE, fallback=None)
+    # The last one added is the outermost.
+    app.add_middleware(BodyLimitMiddleware, max_bytes=settings.max_body_bytes)
+    if settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=settings.cors_origins,
+            allow_methods=["GET", "POST", "DELETE"],
+            allow_headers=["Content-Type"],
+            expose_headers=["Location", "Retry-After"],
+        )
+    app.add_middleware(AccessMiddleware, hosts=settings.hosts, origins=settings.cors_origins)
+    app.add_middleware(AnswerMiddleware)
+    _document(app)
+    return app
+
+
+@contextlib.asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    manager: SessionManager = app.state.sessions
+    settings: Settings = app.state.settings
+    sweeping = asyncio.create_task(_sweep(manager, min(_SWEEP_SECONDS, settings.idle_seconds / 4)))
+    try:
+        yield
+    finally:
+        sweeping.cancel()
+        await manager.close()
+
+
+async def _sweep(manager: SessionManager, seconds: float) -> None:
+    while True:
+        await asyncio.sleep(seconds)
+        try:
+            await manager.expire()
+        except Exception:  # noqa: BLE001 - the next sweep may succeed, and must come
+            _log.exception("ending idle sessions failed; trying again")
+
+
+def _document(app: FastAPI) -> None:
+    """Complete the OpenAPI document with the schemas that routes refer to by name."""
+    generate = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            document = generate()
+            schemas = document["components"]["schemas"]
+            for model in (problems.Problem, SteerSession):
+                schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+                schemas.update(schema.pop("$defs", {}))
+                schemas[model.__name__] = schema
+            _without_foreign_errors(document)
+        return app.openapi_schema or {}
+
+    # The way that FastAPI documents; mypy takes a method for a constant.
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _without_foreign_errors(document: dict[str, Any]) -> None:
+    """Remove FastAPI's own description of a 422, which it adds wherever a path has a parameter."""
+    for item in document["paths"].values():
+        for operation in item.values():
+            answers = operation["responses"]
+            if problems.MEDIA_TYPE not in answers.get("422", {}).get("content", {}):
+                answers.pop("422", None)
+    for name in ("HTTPValidationError", "ValidationError"):
+        document["components"]["schemas"].pop(name, None)

@@ -1,0 +1,59 @@
+// HTTP calls to the service. Failures become one kind of error that says what the user can do.
+
+const ADVICE = {
+  404: "Start a new simulation from the scene panel.",
+  413: "Draw a shorter stroke.",
+  422: "Draw the stroke again, inside the box.",
+  429: "Wait a moment and try again.",
+  503: "Close a simulation in another tab, or wait a minute, then try again.",
+};
+
+/** A request that the server refused or that never reached it. */
+export class Problem extends Error {
+  /**
+   * @param {string} title   what went wrong, in a few words
+   * @param {string} detail  what exactly, with the field and its range where the server names them
+   * @param {number} status  HTTP status, 0 when there was no answer
+   */
+  constructor(title, detail, status) {
+    super(detail ? `${title}: ${detail}` : title);
+    this.title = title;
+    this.detail = detail;
+    this.status = status;
+    this.advice = ADVICE[status] ?? "";
+  }
+}
+
+async function problemOf(response) {
+  try {
+    const body = await response.json();
+    const fields = (body.errors ?? []).map((error) => `${error.field}: ${error.message}`);
+    const detail = fields.length > 0 ? fields.join("; ") : body.detail;
+    return new Problem(body.title ?? response.statusText, detail ?? "", response.status);
+  } catch {
+    return new Problem("The server answered with an error", `status ${response.status}`, response.status);
+  }
+}
+
+/** Fetch JSON (or nothing, for 204). Throws Problem for every answer that is not a success. */
+export async function request(method, path, body) {
+  let response;
+  try {
+    response = await fetch(path, {
+      method,
+      headers: body === undefined ? {} : { "Content-Type": "application/json" },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+  } catch {
+    throw new Problem("The server does not answer", "Check that it is still running.", 0);
+  }
+  if (!response.ok) throw await problemOf(response);
+  return response.status === 204 ? null : response.json();
+}
+
+/** Delete a session while the page goes away; nobody waits for the answer. */
+export function abandon(path) {
+  fetch(path, { method: "DELETE", keepalive: true }).catch(() => {
+    // The session expires by itself when the server cannot be reached.
+  });
+}

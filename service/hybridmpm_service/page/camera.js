@@ -1,0 +1,145 @@
+// Where world points appear on the square stage. Both views answer the same questions:
+// matrix (world -> clip space, column-major), project, unproject, pixelsPerMetre.
+
+const MARGIN = 0.035; // room around the walls, as part of a metre
+export const DEPTH_SCALE = 0.6; // keeps every corner of [0, 1]^3 inside the clip volume, see OrbitView.matrix
+const GLIDE_MS = 520;
+
+const FRONT = { yaw: 0, pitch: 0, perspective: 0, zoom: 1 };
+const CORNER = { yaw: -0.6, pitch: 0.34, perspective: 0.3, zoom: 0.66 };
+
+function frameOf(walls) {
+  const size = Math.max(...walls.upper.map((upper, axis) => upper - walls.lower[axis]));
+  return {
+    center: walls.upper.map((upper, axis) => (upper + walls.lower[axis]) / 2),
+    extent: size + 2 * MARGIN,
+  };
+}
+
+/** A 2D scene, y up, the walls filling the stage. */
+export class FlatView {
+  constructor(walls) {
+    Object.assign(this, frameOf(walls));
+    this.size = 1;
+  }
+
+  get pixelsPerMetre() {
+    return this.size / this.extent;
+  }
+
+  matrix() {
+    const k = 2 / this.extent;
+    const [cx, cy] = this.center;
+    return new Float32Array([k, 0, 0, 0, 0, k, 0, 0, 0, 0, 1, 0, -k * cx, -k * cy, 0, 1]);
+  }
+
+  project([x, y]) {
+    const scale = this.pixelsPerMetre;
+    return [this.size / 2 + (x - this.center[0]) * scale, this.size / 2 - (y - this.center[1]) * scale, 0];
+  }
+
+  unproject(px, py) {
+    const scale = this.pixelsPerMetre;
+    return [this.center[0] + (px - this.size / 2) / scale, this.center[1] - (py - this.size / 2) / scale];
+  }
+
+  /** Nothing moves by itself in a flat view. */
+  settle() {
+    return false;
+  }
+}
+
+/**
+ * A 3D scene on an orbit around its middle.
+ *
+ * The front view is orthographic (perspective 0), so that a stroke has the same world position at every depth.
+ */
+export class OrbitView {
+  #glide = null;
+
+  constructor(walls) {
+    Object.assign(this, frameOf(walls), CORNER);
+    this.size = 1;
+    this.home = { ...CORNER };
+  }
+
+  get pixelsPerMetre() {
+    return (this.size * this.zoom) / this.extent;
+  }
+
+  /** Rows of the rotation: right, up, towards the viewer. */
+  axes() {
+    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    return [
+      [cy, 0, -sy],
+      [-sp * sy, cp, -sp * cy],
+      [cp * sy, sp, cp * cy],
+    ];
+  }
+
+  matrix() {
+    const [right, up, near] = this.axes();
+    const k = (2 * this.zoom) / this.extent;
+    const dot = (row) => row.reduce((sum, value, axis) => sum + value * this.center[axis], 0);
+    const columns = [0, 1, 2].flatMap((axis) => [
+      k * right[axis],
+      k * up[axis],
+      -DEPTH_SCALE * near[axis],
+      -this.perspective * near[axis],
+    ]);
+    const last = [-k * dot(right), -k * dot(up), DEPTH_SCALE * dot(near), 1 + this.perspective * dot(near)];
+    return new Float32Array([...columns, ...last]);
+  }
+
+  /** Pixels and, third, the depth: larger is nearer to the viewer. */
+  project(point) {
+    const [right, up, near] = this.axes();
+    const offset = point.map((value, axis) => value - this.center[axis]);
+    const along = (row) => row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2];
+    const depth = along(near);
+    const scale = this.pixelsPerMetre / (1 - this.perspective * depth);
+    return [this.size / 2 + along(right) * scale, this.size / 2 - along(up) * scale, depth];
+  }
+
+  /** World (x, y) under a pixel of the front view. */
+  unproject(px, py) {
+    const scale = this.pixelsPerMetre;
+    return [this.center[0] + (px - this.size / 2) / scale, this.center[1] - (py - this.size / 2) / scale];
+  }
+
+  orbit(dx, dy) {
+    this.#glide = null;
+    this.yaw -= dx * 0.008;
+    this.pitch = Math.min(1.45, Math.max(-0.35, this.pitch + dy * 0.008));
+    this.#remember();
+  }
+
+  zoomBy(factor) {
+    this.#glide = null;
+    this.zoom = Math.min(2.5, Math.max(0.45, this.zoom * factor));
+    this.#remember();
+  }
+
+  #remember() {
+    this.home = { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
+  }
+
+  /** Go to the front view, where strokes are taken, or back to where the viewer was. */
+  glideTo(front, now, animated) {
+    // Whole turns are left out of the way back to the front.
+    this.yaw = Math.atan2(Math.sin(this.yaw), Math.cos(this.yaw));
+    const from = { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
+    this.#glide = { from, to: front ? FRONT : this.home, start: animated ? now : now - GLIDE_MS };
+  }
+
+  /** Move on with a glide (to its end, if `now` is Infinity); true while the picture changes. */
+  settle(now) {
+    if (this.#glide === null) return false;
+    const { from, to, start } = this.#glide;
+    const t = Math.min(1, Math.max(0, (now - start) / GLIDE_MS));
+    const eased = t * t * (3 - 2 * t);
+    for (const key of Object.keys(to)) this[key] = from[key] + (to[key] - from[key]) * eased;
+    if (t === 1) this.#glide = null;
+    return true;
+  }
+}

@@ -1,0 +1,248 @@
+// Puts the parts together: session -> stage, pointer -> steering -> session, everything -> ui.
+
+import { request } from "./api.js";
+import { StagePointer } from "./pointer.js";
+import { decodeFrame, decodeTypes, ProtocolError } from "./protocol.js";
+import { SessionClient } from "./session.js";
+import { Stage } from "./stage.js";
+import { showSteering } from "./steering-panel.js";
+import { Steering } from "./steering.js";
+import * as ui from "./ui.js";
+
+const query = new URLSearchParams(window.location.search);
+const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+const overlay = document.getElementById("overlay");
+const asSeed = (text) => (/^\d{1,9}$/.test(text ?? "") ? Number(text) : 0);
+let chosen = { scenario: query.get("scenario") ?? "water_2d", seed: asSeed(query.get("seed")) };
+
+let scene = null; // of the hello message
+let shownId = null; // the session that the stage shows
+let playing = null; // not known yet
+let tool = "arrow";
+let fresh = false; // a session of ours that has not been started yet
+let speedTimer = 0;
+let newest = null; // ArrayBuffer not yet shown
+let drawnTimes = [];
+
+const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
+const steering = new Steering({
+  plan: (stroke, frames) => session.steer(stroke, frames),
+  dim: () => scene.dim,
+  widths: ui.depthWidths,
+  changed: refreshSteering,
+  refused: ui.toast,
+  tooSmall: () => ui.toast({ title: "That stroke is very short", advice: "Press, drag a few centimetres, release.", hint: true }),
+});
+const stage = new Stage(document.getElementById("view"), steering, query.get("renderer"));
+
+function refreshSteering() {
+  showSteering(steering, { live: session.state === "live", playing, dim: scene?.dim ?? 2, tool });
+  stage.invalidate();
+}
+
+// ---- from the server ------------------------------------------------------------------------------------
+
+function onState(state, { seconds, problem }) {
+  ui.showState(state);
+  ui.showBanner(bannerOf(state, seconds, problem));
+  refreshSteering();
+  if (state === "connecting") ui.showSkeleton("Connecting to the simulation");
+  if (state === "failed") {
+    ui.showSkeleton("No simulation");
+    ui.toast(problem);
+  }
+}
+
+function bannerOf(state, seconds, problem) {
+  const again = () => startScene(chosen);
+  switch (state) {
+    case "reconnecting":
+      return {
+        text: `The server does not answer. Trying again in ${seconds} s; the simulation resumes by itself.`,
+        label: "Try now",
+        action: () => session.retry(),
+      };
+    case "lost":
+      return { text: "The server no longer has this simulation.", label: "Start a new one", action: again };
+    case "failed":
+      return { text: `The simulation could not be started. ${problem.title}.`, label: "Try again", action: again };
+    default:
+      return null;
+  }
+}
+
+function onHello(hello) {
+  if (hello.session.id !== shownId) showSession(hello);
+  ui.showSpeed(hello.session.speed);
+  ui.showStatus({ session: hello.session });
+  setPlaying(hello.session.playing);
+  if (fresh) session.send({ type: "play" });
+  fresh = false;
+}
+
+/** Another session than before; one that was only interrupted keeps its camera, tool and sketch. */
+function showSession(hello) {
+  shownId = hello.session.id;
+  ui.showSession(shownId);
+  scene = { ...hello.scene, obstacles: hello.scene.obstacles ?? [] };
+  stage.setScene(scene, decodeTypes(hello.types));
+  steering.clear();
+  ui.showTools(scene.dim);
+  chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);
+  if (!hello.session.scenario) return;
+  chosen = { scenario: hello.session.scenario, seed: hello.session.seed };
+  ui.chooseScene(chosen);
+}
+
+function onStatus(status) {
+  ui.showStatus(status);
+  setPlaying(status.session.playing);
+}
+
+function setPlaying(value) {
+  if (value === playing) return; // most status messages change nothing: no reason to draw again
+  drawnTimes = [];
+  playing = value;
+  ui.showPlaying(value);
+  refreshSteering();
+}
+
+function onProblem(problem) {
+  ui.toast(problem);
+}
+
+function onFrame(buffer) {
+  newest = buffer; // older ones that were not drawn in time are skipped
+}
+
+function showNewest() {
+  if (newest === null || scene === null) return;
+  try {
+    const frame = decodeFrame(newest);
+    stage.show(frame);
+    ui.showFrame(frame);
+    ui.hideSkeleton();
+    steering.watch(frame.frame);
+    if (steering.phase === "following") refreshSteering();
+  } catch (error) {
+    if (!(error instanceof ProtocolError)) throw error;
+    ui.toast({ title: "This page and the server do not match", detail: error.message, advice: "Reload the page." });
+  } finally {
+    newest = null;
+  }
+}
+
+function animate(now) {
+  requestAnimationFrame(animate);
+  showNewest();
+  if (stage.draw(now)) drawnTimes.push(now);
+}
+
+/** Drawings in the last second, twice a second. */
+function measureDrawing() {
+  const now = performance.now();
+  drawnTimes = drawnTimes.filter((time) => now - time < 1000);
+  ui.showDrawing(drawnTimes.length > 1 ? drawnTimes.length : null);
+}
+
+// ---- from the user --------------------------------------------------------------------------------------
+
+function startScene(wanted) {
+  if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
+    ui.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
+    return;
+  }
+  chosen = wanted;
+  const address = new URL(window.location.href);
+  address.searchParams.set("scenario", wanted.scenario);
+  address.searchParams.set("seed", String(wanted.seed));
+  address.searchParams.delete("session");
+  window.history.replaceState(null, "", address);
+  steering.clear();
+  newest = null;
+  fresh = true;
+  session.start(wanted);
+}
+
+function chooseTool(name) {
+  if (name === "orbit" && scene?.dim !== 3) return;
+  const switched = name !== tool;
+  tool = name;
+  ui.showTool(name);
+  if (scene?.dim === 3 && switched) {
+    stage.view.glideTo(name !== "orbit", performance.now(), !calm.matches);
+  }
+  refreshSteering();
+}
+
+/** Where a pointer is in the world, kept inside the world box. */
+function sampleOf({ at, time }) {
+  const clamp = (value) => Math.min(1, Math.max(0, value));
+  return { point: stage.view.unproject(...at).map(clamp), time };
+}
+
+const pointer = new StagePointer(overlay, {
+  mode: () => (scene?.dim === 3 && tool === "orbit" ? "orbit" : "stroke"),
+  begin: (sample) => {
+    if (session.state !== "live") return;
+    // Strokes are taken in the front view: whoever draws does not want to wait for the camera.
+    if (stage.view.settle(Infinity)) stage.invalidateView();
+    steering.begin(tool, sampleOf(sample));
+  },
+  extend: (samples) => steering.extend(samples.map(sampleOf)),
+  finish: () => steering.finish(),
+  cancel: () => steering.clear(),
+  orbit: (dx, dy) => {
+    stage.view.orbit(dx, dy);
+    stage.invalidateView();
+  },
+  zoom: (factor) => {
+    stage.view.zoomBy(factor);
+    stage.invalidateView();
+  },
+});
+
+ui.bind({
+  play: () => session.send({ type: playing ? "pause" : "play" }),
+  step: () => {
+    if (playing) session.send({ type: "pause" });
+    session.send({ type: "step", frames: 1 });
+  },
+  reset: () => {
+    if (session.send({ type: "reset" })) steering.clear();
+  },
+  speed: (value) => {
+    const wanted = Math.min(1, Math.max(0.01, value));
+    ui.showSpeed(wanted);
+    // A dragged slider reports every pixel; the server only needs where it rests.
+    clearTimeout(speedTimer);
+    speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
+  },
+  newScene: startScene,
+  tool: chooseTool,
+  undo: () => steering.clear(),
+  switchKind: () => steering.switchKind(),
+  escape: () => {
+    if (steering.phase === "drawing") pointer.abort();
+    else if (steering.phase !== "planning") steering.clear();
+  },
+});
+
+// ---- start ----------------------------------------------------------------------------------------------
+
+ui.showRenderer(stage.rendererKind);
+ui.showTool(tool);
+refreshSteering();
+if (query.has("session")) session.attach(query.get("session"));
+else startScene(chosen);
+request("GET", "/v1/scenarios").then(
+  (answer) => ui.showScenarios(answer.scenarios ?? answer, chosen),
+  () => {
+    // The session's own attempt to connect already tells the user that the server is away.
+  },
+);
+requestAnimationFrame(animate);
+setInterval(measureDrawing, 500);
+window.addEventListener("pagehide", (event) => {
+  if (!event.persisted) session.dispose();
+});

@@ -1,0 +1,55 @@
+// The wire format of docs/http-api.md, decoded. Pure functions: bytes in, plain values out.
+
+const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
+const VERSION = 1;
+const KIND_POSITIONS = 1;
+const NUMBERS_U16 = 1;
+const HEADER_BYTES = 32;
+const FLAG_STEERED = 1;
+
+/** Types of particles, DeepMind's numbering. */
+export const WATER = 5;
+export const SAND = 6;
+export const GOOP = 7;
+
+/** A message that this page cannot read, most likely because server and page differ in version. */
+export class ProtocolError extends Error {}
+
+/**
+ * Decode one binary frame of the stream.
+ *
+ * `positions` is a view into `buffer` (no copy): count x dim numbers, 0 .. 65535 for 0 .. 1 m.
+ */
+export function decodeFrame(buffer) {
+  if (buffer.byteLength < HEADER_BYTES) {
+    throw new ProtocolError(`a frame needs ${HEADER_BYTES} bytes of header, got ${buffer.byteLength}`);
+  }
+  const view = new DataView(buffer);
+  const version = view.getUint8(4);
+  const kind = view.getUint8(5);
+  const numbers = view.getUint8(29);
+  if (view.getUint32(0, true) !== MAGIC || version !== VERSION || kind !== KIND_POSITIONS || numbers !== NUMBERS_U16) {
+    throw new ProtocolError(`unknown frame: version ${version}, kind ${kind}, numbers ${numbers}`);
+  }
+  const count = view.getUint32(24, true);
+  const dim = view.getUint8(28);
+  const expected = HEADER_BYTES + 2 * count * dim;
+  if ((dim !== 2 && dim !== 3) || buffer.byteLength !== expected) {
+    throw new ProtocolError(`${count} particles in ${dim}D need ${expected} bytes, got ${buffer.byteLength}`);
+  }
+  return {
+    frame: Number(view.getBigUint64(8, true)),
+    time: view.getFloat64(16, true),
+    steered: (view.getUint16(6, true) & FLAG_STEERED) !== 0,
+    solverMs: view.getUint16(30, true) / 100,
+    count,
+    dim,
+    // Typed arrays use the byte order of the machine; every browser in use is little-endian.
+    positions: new Uint16Array(buffer, HEADER_BYTES, count * dim),
+  };
+}
+
+/** The particle types of the hello message, one byte each. */
+export function decodeTypes(base64) {
+  return Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
+}

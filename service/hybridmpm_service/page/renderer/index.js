@@ -1,0 +1,20 @@
+// Which renderer draws: WebGL2 where a graphics card runs it, Canvas2D elsewhere; or the one that is asked for.
+
+import { CanvasRenderer } from "./canvas2d.js";
+import { WebglRenderer } from "./webgl2.js";
+
+/**
+ * Make a renderer for the canvas: {renderer, canvas}. A canvas that once had a WebGL context cannot get
+ * another kind, so the fallback comes with a fresh element in its place.
+ *
+ * @param wanted "webgl2" or "canvas2d"; anything else leaves the choice to the machine
+ */
+export function createRenderer(canvas, wanted) {
+  if (wanted !== "canvas2d") {
+    const renderer = WebglRenderer.create(canvas, wanted === "webgl2");
+    if (renderer !== null) return { renderer, canvas };
+  }
+  const fresh = canvas.cloneNode();
+  canvas.replaceWith(fresh);
+  return { renderer: CanvasRenderer.create(fresh), canvas: fresh };
+}

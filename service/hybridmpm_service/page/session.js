@@ -1,0 +1,151 @@
+// One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
+
+import { abandon, Problem, request } from "./api.js";
+
+const LOST_CODE = 4404; // the server does not know the session (any more)
+const RETRY_SECONDS = [0.5, 1, 2, 4, 5];
+
+/**
+ * States: "connecting" (first contact), "live", "reconnecting" (server away, we keep trying),
+ * "lost" (server is there, the session is not), "failed" (could not be created).
+ */
+export class SessionClient {
+  #handlers;
+  #socket = null;
+  #retryTimer = 0;
+  #attempt = 0;
+  #generation = 0; // grows with every start or attach, so that late answers are recognised
+  #owned = false;
+  #state = "connecting";
+  path = null;
+
+  /** @param handlers {onState(state, info), onHello, onStatus, onProblem, onFrame(ArrayBuffer)} */
+  constructor(handlers) {
+    this.#handlers = handlers;
+  }
+
+  get state() {
+    return this.#state;
+  }
+
+  /** Leave the present session and create another one. */
+  async start({ scenario, seed }) {
+    const generation = this.#leave();
+    this.#enter("connecting");
+    try {
+      const session = await request("POST", "/v1/sessions", { scenario, seed });
+      const path = `/v1/sessions/${session.id}`;
+      if (generation !== this.#generation) {
+        abandon(path);
+        return;
+      }
+      this.path = path;
+      this.#owned = true;
+      this.#connect(generation);
+    } catch (problem) {
+      if (generation === this.#generation) this.#enter("failed", { problem });
+    }
+  }
+
+  /** Watch a session that somebody else created. It is left alone when the page closes. */
+  attach(id) {
+    const generation = this.#leave();
+    this.path = `/v1/sessions/${encodeURIComponent(id)}`;
+    this.#owned = false;
+    this.#enter("connecting");
+    return this.#resume(generation);
+  }
+
+  /** Send a control message; returns false (and sends nothing) while there is no connection. */
+  send(message) {
+    if (this.#state !== "live") return false;
+    this.#socket.send(JSON.stringify(message));
+    return true;
+  }
+
+  /** Ask the server to follow a stroke for `frames` frames. Resolves to its plan without the particles. */
+  steer(stroke, frames) {
+    // The page draws the particles of the stream, so only the two frames that are always sent come back.
+    return request("POST", `${this.path}/sketches?stride=${frames}`, { strokes: [stroke], frames });
+  }
+
+  /** Try again at once instead of waiting for the next attempt. */
+  retry() {
+    if (this.#state !== "reconnecting") return;
+    clearTimeout(this.#retryTimer);
+    this.#resume(this.#generation);
+  }
+
+  /** The page goes away: give the session's place on the server back. */
+  dispose() {
+    this.#leave();
+  }
+
+  #leave() {
+    this.#generation += 1;
+    clearTimeout(this.#retryTimer);
+    this.#attempt = 0;
+    this.#socket?.close();
+    this.#socket = null;
+    if (this.#owned && this.path !== null) abandon(this.path);
+    this.path = null;
+    this.#owned = false;
+    return this.#generation;
+  }
+
+  #enter(state, info = {}) {
+    this.#state = state;
+    this.#handlers.onState(state, info);
+  }
+
+  /** Ask over HTTP first: it tells "server away" from "session gone", which a failed WebSocket does not. */
+  async #resume(generation) {
+    try {
+      await request("GET", this.path);
+    } catch (problem) {
+      if (generation !== this.#generation) return;
+      if (problem instanceof Problem && problem.status === 404) this.#enter("lost");
+      else this.#retryLater(generation);
+      return;
+    }
+    if (generation === this.#generation) this.#connect(generation);
+  }
+
+  #retryLater(generation) {
+    const seconds = RETRY_SECONDS[Math.min(this.#attempt, RETRY_SECONDS.length - 1)];
+    this.#attempt += 1;
+    this.#enter("reconnecting", { seconds });
+    this.#retryTimer = setTimeout(() => this.#resume(generation), 1000 * seconds);
+  }
+
+  #connect(generation) {
+    const address = new URL(`${this.path}/stream`, window.location.href);
+    address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    socket.addEventListener("message", ({ data }) => {
+      if (generation !== this.#generation) return;
+      if (typeof data === "string") this.#receive(JSON.parse(data));
+      else this.#handlers.onFrame(data);
+    });
+    socket.addEventListener("close", ({ code }) => {
+      if (generation !== this.#generation) return;
+      this.#socket = null;
+      if (code === LOST_CODE) this.#enter("lost");
+      else this.#retryLater(generation);
+    });
+  }
+
+  #receive(message) {
+    if (message.type === "hello") {
+      this.#attempt = 0;
+      this.#enter("live");
+      this.#handlers.onHello(message);
+    } else if (message.type === "status") {
+      this.#handlers.onStatus(message);
+    } else if (message.type === "problem") {
+      this.#handlers.onProblem(new Problem(message.title, message.detail, message.status ?? 0));
+    }
+  }
+}

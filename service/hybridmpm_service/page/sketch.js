@@ -1,0 +1,136 @@
+// Geometry of strokes. Pure functions on lists of [x, y] in world units (metres).
+
+const MAX_POINTS = 96; // enough for any freehand curve, far below the server's limit
+
+/** Width, in pixels of a 512-pixel raster, that means the back wall and the front of a 3D box. */
+export const WIDTH_RANGE = [2, 20];
+
+export const distance = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]);
+
+/** Length of the way along the points. */
+export function pathLength(points) {
+  let total = 0;
+  for (let i = 1; i < points.length; i += 1) total += distance(points[i - 1], points[i]);
+  return total;
+}
+
+/** The same way with `count` points at equal distances; both ends stay where they are. */
+export function resample(points, count) {
+  const step = pathLength(points) / (count - 1);
+  const result = [points[0]];
+  let walked = 0;
+  for (let i = 1; i < points.length; i += 1) {
+    const [a, b] = [points[i - 1], points[i]];
+    const piece = distance(a, b);
+    while (result.length < count - 1 && walked + piece >= step * result.length) {
+      const t = piece > 0 ? (step * result.length - walked) / piece : 0;
+      result.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+    }
+    walked += piece;
+  }
+  while (result.length < count) result.push(points.at(-1));
+  return result;
+}
+
+/** Area, centre and second moments of the closed polygon (Green's theorem; signs removed). */
+function moments(points) {
+  // Taken about the first point: the formulas cancel badly far from the origin.
+  const [ox, oy] = points[0];
+  let [area, mx, my, xx, yy, xy] = [0, 0, 0, 0, 0, 0];
+  points.forEach(([px, py], i) => {
+    const [qx, qy] = points[(i + 1) % points.length];
+    const [ax, ay, bx, by] = [px - ox, py - oy, qx - ox, qy - oy];
+    const cross = ax * by - bx * ay;
+    area += cross / 2;
+    mx += ((ax + bx) * cross) / 6;
+    my += ((ay + by) * cross) / 6;
+    xx += ((ax * ax + ax * bx + bx * bx) * cross) / 12;
+    yy += ((ay * ay + ay * by + by * by) * cross) / 12;
+    xy += ((2 * ax * ay + ax * by + bx * ay + 2 * bx * by) * cross) / 24;
+  });
+  if (area === 0) return null;
+  const [cx, cy] = [mx / area, my / area];
+  return {
+    area: Math.abs(area),
+    center: [ox + cx, oy + cy],
+    xx: xx / area - cx * cx,
+    yy: yy / area - cy * cy,
+    xy: xy / area - cx * cy,
+  };
+}
+
+/**
+ * What a freehand stroke means: "ellipse" when it comes back to its start around some area, else "arrow".
+ *
+ * A circle encloses 0.08 of its squared length, a straight line nothing.
+ */
+export function classify(points) {
+  if (points.length < 3) return "arrow";
+  const way = pathLength(points);
+  const gap = distance(points[0], points.at(-1));
+  const enclosed = (moments(points)?.area ?? 0) / way ** 2;
+  return gap < 0.25 * way && enclosed > 0.015 ? "ellipse" : "arrow";
+}
+
+/** The ellipse with the area moments of an outline; null for an outline without area. */
+export function ellipseOf(points) {
+  const shape = moments(points);
+  if (shape === null) return null;
+  const mean = (shape.xx + shape.yy) / 2;
+  const spread = Math.hypot((shape.xx - shape.yy) / 2, shape.xy);
+  return {
+    center: shape.center,
+    // A filled ellipse has variance a^2 / 4 along its half axis a.
+    axes: [2 * Math.sqrt(mean + spread), 2 * Math.sqrt(Math.max(mean - spread, 0))],
+    angle: Math.atan2(2 * shape.xy, shape.xx - shape.yy) / 2,
+  };
+}
+
+/** Outline of the oval inside the rectangle with opposite corners a and b; the first point is repeated. */
+export function ovalBetween(a, b, count = 49) {
+  const [cx, cy] = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+  const [rx, ry] = [Math.abs(b[0] - a[0]) / 2, Math.abs(b[1] - a[1]) / 2];
+  return Array.from({ length: count }, (_, i) => {
+    const angle = (2 * Math.PI * i) / (count - 1);
+    return [cx + rx * Math.cos(angle), cy + ry * Math.sin(angle)];
+  });
+}
+
+/** Both barbs and the tip of an arrow's head: [left, tip, right]. `size` is the length of the head. */
+export function arrowHead(points, size) {
+  const tip = points.at(-1);
+  // The direction over one head length, not the last segment: hands tremble at the end of a stroke.
+  let back = points[0];
+  for (let i = points.length - 2; i >= 0; i -= 1) {
+    back = points[i];
+    if (distance(back, tip) >= size) break;
+  }
+  const angle = Math.atan2(tip[1] - back[1], tip[0] - back[0]);
+  const barb = (turn) => [tip[0] - size * Math.cos(angle + turn), tip[1] - size * Math.sin(angle + turn)];
+  return [barb(0.45), tip, barb(-0.45)];
+}
+
+/** Whether the stroke is long enough to mean something; a click is not a sketch. */
+export function isDrawable({ kind, points }) {
+  if (points.length < 2) return false;
+  if (kind === "arrow") return distance(points[0], points.at(-1)) >= 0.02;
+  const shape = ellipseOf(points);
+  return shape !== null && shape.axes[1] >= 0.015;
+}
+
+/** Depth in [0, 1], back wall to front, of a stroke width. */
+export const depthOfWidth = (width) => (width - WIDTH_RANGE[0]) / (WIDTH_RANGE[1] - WIDTH_RANGE[0]);
+
+/** Stroke widths along the points: from the first to the second for arrows, the second alone for ovals. */
+export function widthsAlong({ kind, points }, [start, end]) {
+  if (kind === "ellipse") return points.map(() => end);
+  return points.map((_, i) => start + ((end - start) * i) / Math.max(points.length - 1, 1));
+}
+
+/** The stroke as the service takes it; `widths` for 3D, null otherwise. */
+export function strokeOf(sketch, widths) {
+  const points = sketch.points.length > MAX_POINTS ? resample(sketch.points, MAX_POINTS) : sketch.points;
+  const stroke = { kind: sketch.kind, points };
+  if (widths !== null) stroke.widths = widthsAlong({ kind: sketch.kind, points }, widths);
+  return stroke;
+}

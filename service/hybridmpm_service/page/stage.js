@@ -1,0 +1,119 @@
+// The picture: three canvases on top of each other, redrawn when something has changed.
+
+import { FlatView, OrbitView } from "./camera.js";
+import { drawFittedEllipse, drawGuess, drawPlan, drawSketch } from "./drawing.js";
+import { SpeedEstimate, spacingOf } from "./particles.js";
+import { createRenderer } from "./renderer/index.js";
+import { drawBackdrop, drawForeground } from "./scenery.js";
+
+const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get warm
+
+export class Stage {
+  view = new FlatView({ lower: [0.1, 0.1], upper: [0.9, 0.9] });
+  #scene = { dim: 2, walls: { lower: [0.1, 0.1], upper: [0.9, 0.9] }, obstacles: [] };
+  #types = new Uint8Array(0);
+  #element;
+  #canvases;
+  #renderer;
+  #speeds = null;
+  #steering;
+  #still = true; // nothing has changed since the last drawing
+  #backdropStale = true;
+
+  constructor(element, steering, wantedRenderer) {
+    this.#element = element;
+    this.#steering = steering;
+    const { renderer, canvas } = createRenderer(element.querySelector("#particles"), wantedRenderer);
+    this.#renderer = renderer;
+    this.#canvases = {
+      backdrop: element.querySelector("#backdrop"),
+      particles: canvas,
+      overlay: element.querySelector("#overlay"),
+    };
+    new ResizeObserver(() => this.#resize()).observe(element);
+    this.#resize();
+  }
+
+  get rendererKind() {
+    return this.#renderer.kind;
+  }
+
+  setScene(scene, types) {
+    this.#scene = scene;
+    this.#types = types;
+    this.#speeds = null;
+    this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
+    this.#resize();
+  }
+
+  /** A decoded frame to show from now on. */
+  show(frame) {
+    if (frame.count !== this.#types.length || frame.dim !== this.#scene.dim) return;
+    if (this.#speeds === null) {
+      this.#speeds = new SpeedEstimate(frame.count);
+      const spacing = spacingOf(frame.positions, frame.dim);
+      this.#renderer.setScene({ dim: frame.dim, types: this.#types, spacing, floor: this.#scene.walls.lower[1] });
+    }
+    this.#speeds.update(frame);
+    this.#renderer.update(frame.positions, this.#speeds.bytes);
+    this.invalidate();
+  }
+
+  invalidate() {
+    this.#still = false;
+  }
+
+  /** The camera moved: everything behind the particles has to be drawn again as well. */
+  invalidateView() {
+    this.#backdropStale = true;
+    this.invalidate();
+  }
+
+  #resize() {
+    const size = this.#element.clientWidth;
+    if (size === 0) return;
+    this.view.size = size;
+    const pixels = Math.round(size * Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
+    for (const canvas of Object.values(this.#canvases)) {
+      if (canvas.width === pixels) continue;
+      canvas.width = pixels;
+      canvas.height = pixels;
+    }
+    this.invalidateView();
+  }
+
+  /** Draw if something has changed; true if it did. */
+  draw(now) {
+    if (this.view.settle(now)) this.invalidateView();
+    if (this.#still) return false;
+    this.#still = true;
+    if (this.#backdropStale) {
+      this.#backdropStale = false;
+      drawBackdrop(this.#clear(this.#canvases.backdrop), this.view, this.#scene);
+    }
+    this.#renderer.draw(this.view);
+    this.#drawOverlay();
+    return true;
+  }
+
+  #clear(canvas) {
+    const context = canvas.getContext("2d");
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.scale(canvas.width / this.view.size, canvas.height / this.view.size);
+    return context;
+  }
+
+  #drawOverlay() {
+    const context = this.#clear(this.#canvases.overlay);
+    const { sketch, plan, phase, done } = this.#steering;
+    drawForeground(context, this.view, this.#scene);
+    if (sketch !== null) {
+      const faded = phase === "following" || phase === "done";
+      drawSketch(context, this.view, this.#scene, sketch, faded ? 0.55 : 1);
+      if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
+      if (phase === "drawing" || phase === "staged") drawGuess(context, this.view, this.#scene, sketch);
+    }
+    if (plan !== null) drawPlan(context, this.view, plan, done);
+  }
+}

@@ -1,0 +1,166 @@
+"""Every answer that is not a success, as `application/problem+json` (RFC 9457)."""
+
+import json
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Any, NamedTuple
+
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+
+from hybridmpm.errors import SceneError, SimulationError, SketchError
+from hybridmpm_service.errors import (
+    FieldError,
+    ScenarioNotFoundError,
+    ServiceError,
+    SessionBusyError,
+    SessionNotFoundError,
+    TooManySessionsError,
+    UnavailableError,
+    UnsupportedFormatError,
+    UploadTooLargeError,
+)
+
+MEDIA_TYPE = "application/problem+json"
+RETRY_AFTER_SECONDS = 10
+
+
+class FieldProblem(BaseModel):
+    """One wrong field."""
+
+    field: str = Field(examples=["body.seed"])
+    message: str = Field(examples=["Input should be greater than or equal to 0"])
+
+
+class Problem(BaseModel):
+    """An error by RFC 9457."""
+
+    type: str = Field(examples=["urn:hybridmpm:problem:session-not-found"])
+    title: str = Field(examples=["Unknown session"])
+    status: int = Field(examples=[404])
+    detail: str = Field(examples=["there is no session 'abc'; it may have been deleted or have expired"])
+    instance: str = Field(examples=["/v1/sessions/abc"])
+    errors: list[FieldProblem] | None = None
+
+
+class Row(NamedTuple):
+    """How a class of exceptions looks in HTTP."""
+
+    status: int
+    slug: str
+    title: str
+
+
+TABLE: dict[type[Exception], Row] = {
+    SessionNotFoundError: Row(404, "session-not-found", "Unknown session"),
+    ScenarioNotFoundError: Row(404, "scenario-not-found", "Unknown scenario"),
+    UploadTooLargeError: Row(413, "upload-too-large", "The file is too large"),
+    UnsupportedFormatError: Row(415, "unsupported-format", "The format of the body is not supported"),
+    FieldError: Row(422, "bad-field", "A field is out of range"),
+    SceneError: Row(422, "bad-scene", "The scene is not valid"),
+    SketchError: Row(422, "bad-sketch", "The sketch cannot be read"),
+    SimulationError: Row(422, "simulation-failed", "The simulation cannot go on"),
+    TooManySessionsError: Row(503, "too-many-sessions", "No room for another session"),
+    SessionBusyError: Row(503, "session-busy", "The session is busy"),
+    UnavailableError: Row(503, "unavailable", "The service is not available now"),
+    ServiceError: Row(400, "refused", "The request is refused"),
+}
+"""A class that is not listed has the row of its nearest parent."""
+
+
+def row_of(error: Exception) -> Row:
+    """Return the table's row for an exception, or for its nearest parent that has one."""
+    return next(
+        (TABLE[kind] for kind in type(error).__mro__ if kind in TABLE), Row(500, "internal", "Server error")
+    )
+
+
+def problem_response(
+    instance: str,
+    row: Row,
+    detail: str,
+    errors: Sequence[tuple[str, str]] = (),
+    headers: dict[str, str] | None = None,
+) -> Response:
+    """Return the answer for one problem; `errors` are (field, message)."""
+    body: dict[str, Any] = {
+        "type": f"urn:hybridmpm:problem:{row.slug}",
+        "title": row.title,
+        "status": row.status,
+        "detail": detail,
+        "instance": instance,
+    }
+    if errors:
+        body["errors"] = [{"field": field, "message": message} for field, message in errors]
+    # ASCII, because messages quote the client's text, which may hold half a surrogate pair.
+    return Response(json.dumps(body), row.status, headers, media_type=MEDIA_TYPE)
+
+
+def install(app: FastAPI) -> None:
+    """Answer every exception of the application with a problem."""
+    app.add_exception_handler(HTTPException, _on_http_exception)
+    app.add_exception_handler(RequestValidationError, _on_invalid_request)
+    app.add_exception_handler(SimulationError, _on_known_error)
+    app.add_exception_handler(ServiceError, _on_known_error)
+
+
+def of_status(instance: str, status: int, detail: str, headers: dict[str, str] | None = None) -> Response:
+    """Return the problem for a bare HTTP status."""
+    phrase = HTTPStatus(status).phrase
+    row = Row(status, phrase.lower().replace(" ", "-"), phrase)
+    return problem_response(instance, row, detail, headers=headers)
+
+
+def fields_of(error: Exception) -> list[tuple[str, str]]:
+    """Return the (field, message) pairs of an exception that names fields."""
+    if isinstance(error, FieldError):
+        return [(error.field, error.message)]
+    if isinstance(error, SceneError):
+        return [(f"body.scene.{field}" if field else "body.scene", text) for field, text in error.problems]
+    return []
+
+
+async def _on_known_error(request: Request, error: Exception) -> Response:
+    row = row_of(error)
+    headers = {"Retry-After": str(RETRY_AFTER_SECONDS)} if row.status == 503 else None
+    return problem_response(request.url.path, row, str(error), fields_of(error), headers)
+
+
+async def _on_http_exception(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)  # noqa: S101 - registered for this class only
+    detail = str(error.detail)
+    if detail == HTTPStatus(error.status_code).phrase:
+        detail = f"{detail}: {request.method} {request.url.path}"
+    return of_status(request.url.path, error.status_code, detail, dict(error.headers or {}))
+
+
+async def _on_invalid_request(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this class only
+    problems = error.errors()
+    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    whole_body = any(problem["loc"] == ("body",) for problem in problems)
+    if whole_body and media_type != "application/json" and await request.body():
+        row = TABLE[UnsupportedFormatError]
+        given = f"got {media_type!r}" if media_type else "got no Content-Type"
+        return problem_response(request.url.path, row, f"the body must be application/json, {given}")
+    errors = [_field_problem(problem) for problem in problems]
+    detail = "; ".join(f"{field}: {message}" for field, message in errors)
+    row = Row(422, "bad-request", "The request is not valid")
+    return problem_response(request.url.path, row, detail, errors)
+
+
+def _field_problem(problem: dict[str, Any]) -> tuple[str, str]:
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "json_invalid":
+        return "body", f"is not JSON: {problem['ctx']['error']} at character {problem['loc'][1]}"
+    return field_path(problem["loc"]), message
+
+
+def field_path(location: Sequence[int | str]) -> str:
+    """Return a location of pydantic's as text, e.g. body.strokes[0].points."""
+    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return path.removeprefix(".")

@@ -1,0 +1,1 @@
+"""The addresses: each parses, calls once, and shapes the answer."""

@@ -1,0 +1,36 @@
+"""What routes share: the manager, the settings, and the documentation of problems."""
+
+from typing import Annotated, Any
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from hybridmpm_service.problems import MEDIA_TYPE, TABLE
+from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.settings import Settings
+
+
+def _sessions(connection: HTTPConnection) -> SessionManager:
+    manager: SessionManager = connection.app.state.sessions
+    return manager
+
+
+def _settings(connection: HTTPConnection) -> Settings:
+    settings: Settings = connection.app.state.settings
+    return settings
+
+
+Sessions = Annotated[SessionManager, Depends(_sessions)]
+Limits = Annotated[Settings, Depends(_settings)]
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the OpenAPI description of the problems that a route may answer with."""
+    texts: dict[int, list[str]] = {422: ["The request is not valid"], 413: ["The body is too large"]}
+    for row in TABLE.values():
+        texts.setdefault(row.status, []).append(row.title)
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        status: {"description": "; ".join(dict.fromkeys(texts[status])), "content": content}
+        for status in statuses
+    }

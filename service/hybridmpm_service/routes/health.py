@@ -1,0 +1,31 @@
+"""Whether the process is alive, and whether it can take another session."""
+
+from fastapi import APIRouter
+from pydantic import BaseModel
+
+from hybridmpm_service.errors import UnavailableError
+from hybridmpm_service.routes.dependencies import Sessions, problems
+
+router = APIRouter(tags=["health"])
+
+
+class Health(BaseModel):
+    """A good sign."""
+
+    status: str
+
+
+@router.get("/livez")
+async def livez() -> Health:
+    """Tell that the process answers."""
+    return Health(status="alive")
+
+
+@router.get("/readyz", responses=problems(503))
+async def readyz(sessions: Sessions) -> Health:
+    """Tell whether a session can be created now."""
+    await sessions.expire()
+    reason = sessions.why_full()
+    if reason is not None:
+        raise UnavailableError(reason)
+    return Health(status="ready")

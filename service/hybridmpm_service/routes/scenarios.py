@@ -1,0 +1,27 @@
+"""The scenarios and the scenes that they give."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from hybridmpm import scenarios
+from hybridmpm_service.answers import ScenarioBody, ScenarioList
+from hybridmpm_service.errors import ScenarioNotFoundError
+from hybridmpm_service.routes.dependencies import problems
+
+router = APIRouter(prefix="/v1/scenarios", tags=["scenarios"])
+
+
+@router.get("")
+async def list_scenarios() -> ScenarioList:
+    """List the scenarios."""
+    return ScenarioList(scenarios=[ScenarioBody.of(scenarios.describe(name)) for name in scenarios.NAMES])
+
+
+@router.get("/{name}", responses=problems(404, 422))
+def get_scene(name: str, seed: Annotated[int, Query(ge=0, lt=2**53)] = 0) -> dict[str, Any]:
+    """Draw the scene that this seed gives; it can be edited and sent to `POST /v1/sessions`."""
+    if name not in scenarios.NAMES:
+        known = ", ".join(scenarios.NAMES)
+        raise ScenarioNotFoundError(f"there is no scenario {name[:64]!r}; there are {known}")
+    return scenarios.get(name, seed).model_dump(mode="json", exclude_none=True)

@@ -1,0 +1,84 @@
+"""Creating, reading, advancing and ending sessions."""
+
+from fastapi import APIRouter, Request, Response
+
+from hybridmpm import Scene, UnknownScenarioError, scenarios
+from hybridmpm_service.answers import ParticlesBody, SessionBody, SessionList
+from hybridmpm_service.errors import FieldError
+from hybridmpm_service.replies import NPZ, json_response, npz_response, wants_npz
+from hybridmpm_service.requests import AdvanceSession, CreateSession
+from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
+from hybridmpm_service.session import Session
+
+router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
+
+_NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
+
+
+@router.post("", status_code=201, responses=problems(413, 415, 422, 503))
+async def create_session(body: CreateSession, sessions: Sessions, response: Response) -> SessionBody:
+    """Start a session from a scenario or a scene."""
+
+    def make_scene() -> Scene:
+        if body.scenario is None:
+            return Scene.parse(body.scene)
+        try:
+            return scenarios.get(body.scenario, body.seed or 0)
+        except UnknownScenarioError as err:
+            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+
+    seed = None if body.scenario is None else body.seed or 0
+    session = await sessions.create(make_scene, scenario=body.scenario, seed=seed)
+    answer = SessionBody.of(session)
+    response.headers["Location"] = answer.links["self"]
+    return answer
+
+
+@router.get("")
+async def list_sessions(sessions: Sessions) -> SessionList:
+    """List the sessions, oldest first."""
+    return SessionList(sessions=[SessionBody.of(session) for session in sessions.all()])
+
+
+@router.get("/{session_id}", responses=problems(404))
+async def get_session(session_id: str, sessions: Sessions) -> SessionBody:
+    """Describe a session."""
+    return SessionBody.of(sessions.get(session_id))
+
+
+@router.delete("/{session_id}", status_code=204, responses=problems(404))
+async def delete_session(session_id: str, sessions: Sessions) -> None:
+    """End a session; its streams close with code 4404."""
+    await sessions.delete(session_id)
+
+
+@router.post(
+    "/{session_id}/advance",
+    response_model=SessionBody,
+    responses={200: {"content": _NPZ_CONTENT}, **problems(404, 413, 415, 422, 503)},
+)
+async def advance_session(
+    session_id: str, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
+) -> SessionBody | Response:
+    """Compute frames and answer when they are done: the session, or the particles as npz."""
+    session = sessions.get(session_id)
+    if body.frames > limits.max_advance_frames:
+        text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"
+        raise FieldError("body.frames", text)
+    await session.advance(body.frames)
+    return await _particles(session, as_npz=True) if wants_npz(request) else SessionBody.of(session)
+
+
+@router.get(
+    "/{session_id}/particles",
+    response_model=ParticlesBody,
+    responses={200: {"content": _NPZ_CONTENT}, **problems(404, 503)},
+)
+async def get_particles(session_id: str, sessions: Sessions, request: Request) -> Response:
+    """Return the state of all particles as JSON or npz."""
+    return await _particles(sessions.get(session_id), as_npz=wants_npz(request))
+
+
+async def _particles(session: Session, *, as_npz: bool) -> Response:
+    arrays = vars(await session.particles())
+    return await (npz_response(arrays) if as_npz else json_response(arrays))

@@ -1,0 +1,125 @@
+"""Running the application: address, signals, an orderly end."""
+
+import argparse
+import asyncio
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm_service.app import create_app
+from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.settings import Settings
+
+WS_MAX_BYTES = 64 * 1024
+"""Largest message of a client; commands have some fifty bytes."""
+_FAREWELL_SECONDS = 2.0
+_GRACE_SECONDS = 10
+
+
+class ServeError(SimulationError):
+    """The service cannot start; the message says what to change."""
+
+
+def serve(host: str | None = None, port: int | None = None, **flags: Any) -> None:
+    """Run the service until it is interrupted.
+
+    Parameters
+    ----------
+    host, port : optional
+        Default: the environment's HYBRIDMPM_HOST and HYBRIDMPM_PORT, else 127.0.0.1 and 8000.
+    **flags
+        Any other field of `Settings`; None counts as absent.
+
+    Raises
+    ------
+    ConfigError
+        A setting is out of range.
+    ServeError
+        The address cannot be used.
+    """
+    settings = Settings.load(host=host, port=port, **flags)
+    listener = _listen(settings)
+    shown = f"[{settings.host}]" if ":" in settings.host else settings.host
+    sys.stdout.write(f"hybridmpm listens on http://{shown}:{listener.getsockname()[1]} (Ctrl+C ends it)\n")
+    sys.stdout.flush()
+    with listener:
+        make_server(create_app(settings)).run(sockets=[listener])
+
+
+def make_server(app: FastAPI) -> uvicorn.Server:
+    """Return a server for an application of `create_app`, with our limits."""
+    config = uvicorn.Config(
+        app,
+        log_level=app.state.settings.log_level,
+        access_log=False,
+        server_header=False,
+        # Frames are noise to a compressor, and commands are short.
+        ws_per_message_deflate=False,
+        ws_max_size=WS_MAX_BYTES,
+        ws="websockets-sansio",
+        # Sessions live in this process: there can only be one.
+        workers=1,
+        timeout_graceful_shutdown=_GRACE_SECONDS,
+    )
+    return _Server(config, app.state.sessions)
+
+
+class _Server(uvicorn.Server):
+    """Ends streams with 1001 (going away) before uvicorn would end them with 1012."""
+
+    def __init__(self, config: uvicorn.Config, sessions: SessionManager) -> None:
+        super().__init__(config)
+        self._sessions = sessions
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._sessions.drain()
+        deadline = time.monotonic() + _FAREWELL_SECONDS
+        # Many streams end one by one; nothing else waits for it, so an event would be no clearer.
+        while self._sessions.watched and time.monotonic() < deadline:  # noqa: ASYNC110
+            await asyncio.sleep(0.01)
+        await super().shutdown(sockets)
+
+
+def _listen(settings: Settings) -> socket.socket:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    listener = socket.socket(family)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((settings.host, settings.port))
+        listener.listen(1024)
+    except OSError as err:
+        listener.close()
+        raise ServeError(
+            f"cannot listen on {settings.host} port {settings.port}: {err.strerror or err}; "
+            "choose another with --port or HYBRIDMPM_PORT"
+        ) from None
+    return listener
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run from the command line; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m hybridmpm_service",
+        description="Serve hybridmpm over HTTP. Each flag has an environment variable, e.g. HYBRIDMPM_PORT.",
+    )
+    for name, field in Settings.model_fields.items():
+        default = ",".join(field.default) if isinstance(field.default, tuple) else field.default
+        text = f"{field.description or ''} Default: {default or 'none'}."
+        parser.add_argument(f"--{name.replace('_', '-')}", help=text.replace("%", "%%"))
+    try:
+        serve(**vars(parser.parse_args(arguments)))
+    except ConfigError as err:
+        sys.stderr.write(f"Error: {err}\n")
+        return 2
+    except SimulationError as err:
+        sys.stderr.write(f"Error: {err}\n")
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0

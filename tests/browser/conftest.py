@@ -1,0 +1,219 @@
+"""The real service in a process of its own, and a real Chromium to look at its page."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+
+CHROMIUM_FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",  # WebGL2 without a graphics card
+    "--disable-background-networking",
+]
+PATIENCE_MS = 60_000
+"""How long a test waits for something that has to happen; a loaded machine may draw one picture a second."""
+
+
+def find_chromium() -> str | None:
+    """Return the path of the system's Chromium, or None."""
+    candidates = [os.environ.get("HYBRIDMPM_CHROMIUM", ""), "chromium", "chromium-browser"]
+    return next((path for name in candidates if name and (path := shutil.which(name))), None)
+
+
+def free_port() -> int:
+    """Return a TCP port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+class LiveService:
+    """`python -m hybridmpm_service` on a port of its own; may be stopped and started again."""
+
+    def __init__(self) -> None:
+        self.port = free_port()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        """Start and wait until a session can be created.
+
+        Raises
+        ------
+        RuntimeError
+            If the process ends early or is not ready after a minute; carries what it printed.
+        """
+        environment = os.environ | {"HYBRIDMPM_PORT": str(self.port), "HYBRIDMPM_HOST": "127.0.0.1"}
+        with tempfile.TemporaryFile() as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "hybridmpm_service"],
+                env=environment,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+            deadline = time.monotonic() + 60
+            while time.monotonic() < deadline and self._process.poll() is None:
+                if self._is_ready():
+                    return
+                time.sleep(0.1)
+            self.stop()
+            log.seek(0)
+            raise RuntimeError(f"the service did not start: {log.read().decode(errors='replace')}")
+
+    def stop(self) -> None:
+        """End the process; sessions in it are gone."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process = None
+
+    def get(self, path: str) -> Any:
+        """Return the JSON of a path."""
+        return httpx.get(self.url + path, timeout=60).raise_for_status().json()
+
+    def advance(self, session: str, frames: int) -> Any:
+        """Advance a session and return its description."""
+        answer = httpx.post(f"{self.url}/v1/sessions/{session}/advance", json={"frames": frames}, timeout=120)
+        return answer.raise_for_status().json()
+
+    def _is_ready(self) -> bool:
+        try:
+            return httpx.get(self.url + "/readyz", timeout=2).status_code == httpx.codes.OK
+        except httpx.TransportError:
+            return False
+
+
+@dataclass
+class Visit:
+    """One open page: what the browser shows, and what went wrong in it."""
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+
+    def value(self, name: str) -> str | None:
+        """Return the data attribute `name` of the body."""
+        return self.page.locator("body").get_attribute(f"data-{name}")
+
+    def wait_for(self, condition: str) -> None:
+        """Wait until a JavaScript expression over `body` (the data attributes) holds."""
+        self.page.wait_for_function(f"() => {{ const body = document.body.dataset; return {condition}; }}")
+
+    def pause_at(self, frame: int) -> None:
+        """Let the simulation run past a frame, then pause it."""
+        self.wait_for(f"body.state === 'live' && Number(body.frame) >= {frame}")
+        self.press_until("Space", "body.playing === 'false'")
+
+    @property
+    def frame(self) -> int:
+        """Frame of the simulation that is shown."""
+        return int(self.value("frame") or -1)
+
+    @property
+    def session(self) -> str:
+        """Identifier of the session that is shown."""
+        return self.value("session") or ""
+
+    def press_until(self, key: str, condition: str) -> None:
+        """Press a key and wait for what it does."""
+        self.page.keyboard.press(key)
+        self.wait_for(condition)
+
+    def eventually(self, condition: Callable[[], bool]) -> None:
+        """Wait, with the page going on, until a condition outside of the page holds."""
+        for _ in range(PATIENCE_MS // 100):
+            if condition():
+                return
+            self.page.wait_for_timeout(100)
+        raise AssertionError(f"not true within {PATIENCE_MS // 1000} seconds")
+
+    def pixel(self, x: float, y: float) -> tuple[float, float]:
+        """Return where a world point of the flat (or front) view lies on the screen."""
+        box = self.page.locator("#overlay").bounding_box()
+        assert box is not None
+        scale = box["width"] / (0.8 + 2 * 0.035)  # walls at 0.1 and 0.9, and the margin of camera.js
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        return middle[0] + (x - 0.5) * scale, middle[1] - (y - 0.5) * scale
+
+    def drag(self, points: list[tuple[float, float]], *, release: bool = True) -> None:
+        """Draw through world points with the mouse."""
+        self.page.mouse.move(*self.pixel(*points[0]))
+        self.page.mouse.down()
+        for point in points[1:]:
+            self.page.mouse.move(*self.pixel(*point), steps=2)
+        if release:
+            self.page.mouse.up()
+
+
+Open = Callable[..., Visit]
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[LiveService]:
+    with LiveService() as live:
+        yield live
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    # Per module: Playwright's own event loop would disturb asyncio in the tests of other modules.
+    chromium = find_chromium()
+    if chromium is None:
+        missing = "no Chromium found: install Debian's package `chromium` or set HYBRIDMPM_CHROMIUM"
+        if os.environ.get("CI") == "true":
+            pytest.fail(missing)
+        pytest.skip(missing)
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def open_page(browser: Browser, service: LiveService) -> Iterator[Open]:
+    """Open the page of the service, and find at the end that no page complained in its console."""
+    visits: list[Visit] = []
+
+    def open_one(
+        query: str = "renderer=canvas2d",
+        viewport: ViewportSize | None = None,
+        prepare: Callable[[Page], None] | None = None,
+    ) -> Visit:
+        page = browser.new_page(viewport=viewport or {"width": 1280, "height": 860})
+        if prepare is not None:
+            prepare(page)
+        page.set_default_timeout(PATIENCE_MS)
+        visit = Visit(page)
+        page.on("pageerror", lambda error: visit.errors.append(str(error)))
+        page.on("console", lambda line: visit.errors.append(line.text) if line.type == "error" else None)
+        page.goto(f"{service.url}/?{query}")
+        visits.append(visit)
+        return visit
+
+    yield open_one
+    for visit in visits:
+        visit.page.close()
+    assert [visit.errors for visit in visits] == [[] for _ in visits]

@@ -1,0 +1,69 @@
+"""Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`."""
+
+import sys
+from pathlib import Path
+
+from conftest import CHROMIUM_FLAGS, PATIENCE_MS, LiveService, Visit, find_chromium
+from playwright.sync_api import Browser, ViewportSize, sync_playwright
+
+IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+MAX_BYTES = 400_000
+
+
+def _open(browser: Browser, service: LiveService, query: str, viewport: ViewportSize, scale: float) -> Visit:
+    page = browser.new_page(viewport=viewport, device_scale_factor=scale)
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(f"{service.url}/?renderer=webgl2&{query}")
+    visit = Visit(page)
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit.press_until("Space", "body.playing === 'false'")
+    visit.press_until("r", "body.frame === '0'")
+    return visit
+
+
+def _go_to(visit: Visit, service: LiveService, frames: int) -> None:
+    """Advance by a number of frames in two steps: the last frames tell the page how fast the fluid is."""
+    service.advance(visit.session, frames - 4)
+    frame = service.advance(visit.session, 4)["frame"]
+    visit.wait_for(f"body.frame === '{frame}'")
+    visit.page.wait_for_timeout(1500)
+
+
+def _save(visit: Visit, name: str) -> None:
+    path = IMAGES / name
+    visit.page.screenshot(path=path)
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise RuntimeError(f"{name} has {size} bytes, more than the {MAX_BYTES} that the repository takes")
+    sys.stdout.write(f"{name}: {size} bytes\n")
+    visit.page.close()
+
+
+def main() -> None:
+    """Draw both pictures."""
+    chromium = find_chromium()
+    if chromium is None:
+        raise SystemExit("no Chromium found: install Debian's package `chromium` or set HYBRIDMPM_CHROMIUM")
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    with LiveService() as service, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=CHROMIUM_FLAGS)
+
+        desktop = _open(browser, service, "scenario=water_2d&seed=0", {"width": 1440, "height": 900}, 1)
+        _go_to(desktop, service, 150)
+        desktop.drag([(0.36, 0.42), (0.52, 0.72)])
+        desktop.wait_for("body.control === 'following'")
+        _go_to(desktop, service, 62)
+        _save(desktop, "page-desktop.png")
+
+        phone = _open(browser, service, "scenario=water_sand_2d&seed=0", {"width": 390, "height": 844}, 2)
+        _go_to(phone, service, 130)
+        phone.press_until("o", "body.tool === 'oval'")
+        phone.drag([(0.34, 0.42), (0.66, 0.68)])
+        phone.wait_for("body.control === 'following'")
+        _go_to(phone, service, 70)
+        _save(phone, "page-phone.png")
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

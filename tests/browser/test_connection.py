@@ -1,0 +1,75 @@
+"""What the page does when the server, the session or the connection goes away."""
+
+import httpx
+import pytest
+from playwright.sync_api import WebSocketRoute
+
+from .conftest import LiveService, Open
+
+pytestmark = pytest.mark.browser
+
+LIVE = "body.state === 'live' && Number(body.frame) > 0"
+
+
+def test_restarted_server_is_announced(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    first = visit.session
+    service.stop()
+    visit.wait_for("body.state === 'reconnecting'")
+    banner = visit.page.get_by_role("alert")
+    assert "does not answer" in (banner.text_content() or "")
+    service.start()
+    visit.wait_for("body.state === 'lost'")
+    assert "no longer has this simulation" in (banner.text_content() or "")
+    visit.page.get_by_role("button", name="Start a new one").click()
+    visit.wait_for(f"body.session !== '{first}' && {LIVE}")
+    assert banner.is_hidden()
+    visit.errors.clear()  # the browser itself reports the connections that failed
+
+
+def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:
+    sockets: list[WebSocketRoute] = []
+
+    def relay(socket: WebSocketRoute) -> None:
+        sockets.append(socket)
+        socket.connect_to_server()
+
+    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream", relay))
+    visit.wait_for(LIVE)
+    first, frame = visit.session, visit.frame
+    sockets[0].close(code=1011, reason="cut by the test")
+    visit.eventually(lambda: len(sockets) == 2)
+    visit.wait_for(f"body.state === 'live' && body.session === '{first}' && Number(body.frame) > {frame + 5}")
+    assert visit.page.locator("#banner").is_hidden()
+
+
+def test_deleted_session_is_reported_as_gone(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    httpx.delete(f"{service.url}/v1/sessions/{visit.session}").raise_for_status()
+    visit.wait_for("body.state === 'lost'")
+    assert visit.page.get_by_role("button", name="Start a new one").is_visible()
+
+
+def test_joined_session_stays_when_the_page_leaves(open_page: Open, service: LiveService) -> None:
+    made = httpx.post(f"{service.url}/v1/sessions", json={"scenario": "sand_2d", "seed": 3}, timeout=60)
+    session = made.raise_for_status().json()["id"]
+    service.advance(session, 4)
+    visit = open_page(f"renderer=canvas2d&session={session}")
+    visit.wait_for(f"body.state === 'live' && body.session === '{session}' && body.frame === '4'")
+    assert visit.value("playing") == "false"
+    assert visit.page.locator("#scenario").input_value() == "sand_2d"
+    visit.page.goto("about:blank")
+    visit.page.wait_for_timeout(500)
+    assert service.get(f"/v1/sessions/{session}")["frame"] == 4
+
+
+def test_unknown_scenario_is_explained(open_page: Open) -> None:
+    visit = open_page("scenario=lava_9d&renderer=canvas2d")
+    visit.wait_for("body.state === 'failed'")
+    assert "could not be started" in (visit.page.get_by_role("alert").text_content() or "")
+    assert "lava_9d" in (visit.page.locator(".toast").text_content() or "")
+    visit.page.locator("#scenario").select_option("water_2d")
+    visit.wait_for(LIVE)
+    visit.errors.clear()  # the browser itself reports the status of the refusal

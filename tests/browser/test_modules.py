@@ -1,0 +1,171 @@
+"""The page's pure modules, run in the browser that will run them."""
+
+import base64
+import math
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Error, Page
+
+from .conftest import LiveService
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, service: LiveService) -> Iterator[Page]:
+    """Open a page of the service's origin, whose modules may be imported."""
+    opened = browser.new_page()
+    opened.goto(service.url + "/icon.svg")
+    yield opened
+    opened.close()
+
+
+def _call(page: Page, module: str, function: str, *arguments: Any) -> Any:
+    script = "async ([m, f, a]) => (await import(m))[f](...a)"
+    return page.evaluate(script, [f"/{module}", function, list(arguments)])
+
+
+def _decode(page: Page, message: bytes) -> Any:
+    script = """async (text) => {
+      const { decodeFrame } = await import("/protocol.js");
+      const frame = decodeFrame(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+      return { ...frame, positions: [...frame.positions] };
+    }"""
+    return page.evaluate(script, base64.b64encode(message).decode())
+
+
+def _frame(magic: bytes = b"HMPM", version: int = 1, count: int = 2, dim: int = 3) -> bytes:
+    header = struct.pack("<4sBBHQdIBBH", magic, version, 1, 1, 2**40 + 7, 0.125, count, dim, 1, 250)
+    return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
+
+
+def test_frame_is_decoded_as_documented(page: Page) -> None:
+    frame = _decode(page, _frame())
+    assert frame == {
+        "frame": 2**40 + 7,
+        "time": 0.125,
+        "steered": True,
+        "solverMs": 2.5,
+        "count": 2,
+        "dim": 3,
+        "positions": [0, 1, 2, 65533, 65534, 65535],
+    }
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        b"",
+        _frame()[:31],
+        _frame()[:-1],
+        _frame(magic=b"HTTP"),
+        _frame(version=2),
+        _frame(count=3),
+        _frame(dim=4),
+    ],
+)
+def test_foreign_frame_is_refused(page: Page, message: bytes) -> None:
+    with pytest.raises(Error, match=r"frame|bytes"):
+        _decode(page, message)
+
+
+def test_types_are_decoded(page: Page) -> None:
+    assert list(_call(page, "protocol.js", "decodeTypes", "BQYH")) == [5, 6, 7]
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 4.0])
+def test_closed_strokes_are_ellipses_and_open_ones_arrows(page: Page, turn: float) -> None:
+    def arc(part: float, flat: float = 1.0) -> list[list[float]]:
+        angles = turn + np.linspace(0, part * 2 * math.pi, 40)
+        return [[0.5 + 0.1 * math.cos(a), 0.5 + flat * 0.1 * math.sin(a)] for a in angles]
+
+    assert _call(page, "sketch.js", "classify", arc(1.0)) == "ellipse"
+    assert _call(page, "sketch.js", "classify", arc(0.9)) == "ellipse"
+    assert _call(page, "sketch.js", "classify", arc(0.5)) == "arrow"
+    line = [[0.2 + 0.01 * i * math.cos(turn), 0.3 + 0.01 * i * math.sin(turn)] for i in range(30)]
+    assert _call(page, "sketch.js", "classify", line) == "arrow"
+    assert _call(page, "sketch.js", "classify", line + line[::-1]) == "arrow"
+
+
+def test_resampling_keeps_ends_and_length(page: Page) -> None:
+    points = [[0.1, 0.1], [0.1, 0.1], [0.4, 0.1], [0.4, 0.5]]
+    resampled = np.array(_call(page, "sketch.js", "resample", points, 15))
+    assert resampled.shape == (15, 2)
+    assert resampled[0] == pytest.approx(points[0])
+    assert resampled[-1] == pytest.approx(points[-1])
+    steps = np.linalg.norm(np.diff(resampled, axis=0), axis=1)
+    assert steps == pytest.approx(np.full(14, 0.05))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, -1.2])
+def test_ellipse_is_found_from_its_outline(page: Page, angle: float) -> None:
+    t = np.linspace(0, 2 * math.pi, 120, endpoint=False)
+    x, y = 0.2 * np.cos(t), 0.08 * np.sin(t)
+    c, s = math.cos(angle), math.sin(angle)
+    outline = np.stack([0.6 + x * c - y * s, 0.4 + x * s + y * c], 1)
+    shape = _call(page, "sketch.js", "ellipseOf", outline.tolist())
+    assert shape["center"] == pytest.approx([0.6, 0.4], abs=1e-3)
+    assert shape["axes"] == pytest.approx([0.2, 0.08], rel=0.01)
+    assert shape["angle"] == pytest.approx(angle, abs=0.01)
+
+
+def test_arrow_head_is_symmetric_about_the_shaft(page: Page) -> None:
+    left, tip, right = np.array(_call(page, "sketch.js", "arrowHead", [[0.0, 0.0], [0.3, 0.4]], 0.1))
+    assert tip == pytest.approx([0.3, 0.4])
+    shaft = np.array([0.6, 0.8])
+    assert (left - tip) @ shaft == pytest.approx((right - tip) @ shaft)
+    assert (left + right - 2 * tip) @ [0.8, -0.6] == pytest.approx(0, abs=1e-12)
+
+
+def test_stroke_widths_run_from_start_to_end(page: Page) -> None:
+    arrow = {"kind": "arrow", "points": [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]}
+    assert _call(page, "sketch.js", "strokeOf", arrow, [2, 20]) == arrow | {"widths": [2, 11, 20]}
+    assert _call(page, "sketch.js", "strokeOf", arrow, None) == arrow
+    oval = arrow | {"kind": "ellipse"}
+    assert _call(page, "sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
+
+
+def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
+    script = """async (point) => {
+      const { OrbitView } = await import("/camera.js");
+      const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
+      view.size = 500;
+      view.orbit(40, -25);
+      const m = view.matrix();
+      const clip = [0, 1, 2, 3].map(
+        (row) => m[row] * point[0] + m[4 + row] * point[1] + m[8 + row] * point[2] + m[12 + row],
+      );
+      const [x, y, z] = [clip[0] / clip[3], clip[1] / clip[3], clip[2] / clip[3]];
+      return { screen: [250 + 250 * x, 250 - 250 * y], depth: z, projected: view.project(point) };
+    }"""
+    for point in ([0.1, 0.1, 0.9], [0.9, 0.9, 0.1], [0.5, 0.3, 0.7], [0.0, 1.0, 1.0]):
+        seen = page.evaluate(script, point)
+        assert seen["projected"][:2] == pytest.approx(seen["screen"], abs=0.01)
+        assert -1 < seen["depth"] < 1
+
+
+def test_front_view_gives_back_the_world_position(page: Page) -> None:
+    script = """async () => {
+      const { OrbitView } = await import("/camera.js");
+      const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
+      view.size = 500;
+      view.glideTo(true, 0, true);
+      view.settle(Infinity);
+      const [px, py] = view.project([0.3, 0.8, 0.15]);
+      return view.unproject(px, py);
+    }"""
+    assert page.evaluate(script) == pytest.approx([0.3, 0.8])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_spacing_is_found_whatever_the_jitter(page: Page, dim: int) -> None:
+    per_axis = 60 if dim == 2 else 16
+    axes = np.meshgrid(*[(np.arange(per_axis) + 0.5) * 0.005] * dim)
+    jitter = np.random.default_rng(4).uniform(-0.002, 0.002, (per_axis**dim, dim))
+    positions = np.stack(axes, -1).reshape(-1, dim) + 0.3 + jitter
+    numbers = np.round(positions * 65535).astype(int).ravel().tolist()
+    assert _call(page, "particles.js", "spacingOf", numbers, dim) == pytest.approx(0.005, rel=0.2)

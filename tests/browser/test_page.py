@@ -1,0 +1,148 @@
+"""The page in a real browser, on the real service: it moves, and its controls do what they say."""
+
+import io
+import math
+import re
+from pathlib import Path
+
+import httpx
+import hybridmpm_service
+import numpy as np
+import pytest
+from PIL import Image
+
+from .conftest import LiveService, Open
+
+pytestmark = pytest.mark.browser
+
+LIVE = "body.state === 'live' && Number(body.frame) > 0"
+
+
+@pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
+def test_water_moves_after_loading(open_page: Open, renderer: str) -> None:
+    visit = open_page(f"renderer={renderer}")
+    visit.wait_for(LIVE)
+    assert visit.value("renderer") == renderer
+    before, picture = visit.frame, visit.page.locator("#view").screenshot()
+    visit.wait_for(f"Number(body.frame) > {before + 10}")
+    assert visit.page.locator("#view").screenshot() != picture
+    assert visit.page.locator("#scenario").input_value() == "water_2d"
+    assert re.fullmatch(r"[\d,]+", visit.page.locator("#count").text_content() or "")
+
+
+def test_empty_page_says_that_it_connects(open_page: Open) -> None:
+    visit = open_page()
+    assert visit.page.locator("#skeleton-text").text_content() == "Connecting to the simulation"
+    visit.wait_for(LIVE)
+    assert "gone" in (visit.page.locator("#skeleton").get_attribute("class") or "")
+
+
+def test_pause_step_and_reset(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    visit.page.get_by_role("button", name="Pause").click()
+    visit.wait_for("body.playing === 'false'")
+    paused = service.get(f"/v1/sessions/{visit.session}")
+    assert paused["playing"] is False
+    visit.wait_for(f"body.frame === '{paused['frame']}'")
+
+    visit.page.get_by_role("button", name="One frame").click()
+    visit.wait_for(f"body.frame === '{paused['frame'] + 1}'")
+    assert service.get(f"/v1/sessions/{visit.session}")["frame"] == paused["frame"] + 1
+
+    visit.page.get_by_role("button", name="Reset").click()
+    visit.wait_for("body.frame === '0'")
+    assert service.get(f"/v1/sessions/{visit.session}")["frame"] == 0
+
+
+def test_keyboard_plays_pauses_steps_and_resets(open_page: Open) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    visit.press_until("Space", "body.playing === 'false'")
+    visit.press_until("r", "body.frame === '0'")
+    visit.press_until(".", "body.frame === '1'")
+    visit.press_until("Space", "body.playing === 'true' && Number(body.frame) > 1")
+    visit.page.keyboard.press("?")
+    assert visit.page.get_by_role("dialog").is_visible()
+    visit.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+    assert visit.page.get_by_role("dialog").is_hidden()
+
+
+def test_speed_slider_reaches_the_session(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    visit.page.locator("#speed").fill("-1")
+    assert visit.page.locator("#speed-out").text_content() == "0.10\N{MULTIPLICATION SIGN} real time"
+    visit.eventually(lambda: math.isclose(service.get(f"/v1/sessions/{visit.session}")["speed"], 0.1))
+
+
+def test_another_scenario_replaces_the_session(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    first = visit.session
+    visit.page.locator("#seed").fill("7")
+    visit.page.locator("#scenario").select_option("water_sand_2d")
+    visit.wait_for(f"body.session !== '{first}' && {LIVE}")
+    now = service.get(f"/v1/sessions/{visit.session}")
+    assert (now["scenario"], now["seed"]) == ("water_sand_2d", 7)
+    assert "scenario=water_sand_2d&seed=7" in visit.page.url
+    visit.eventually(lambda: _is_gone(service, first))
+
+
+def test_leaving_the_page_gives_the_session_back(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.wait_for(LIVE)
+    session = visit.session
+    visit.page.goto("about:blank")
+    visit.eventually(lambda: _is_gone(service, session))
+
+
+@pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
+def test_3d_scene_is_drawn_and_turns_under_the_mouse(open_page: Open, renderer: str) -> None:
+    visit = open_page(f"scenario=water_3d&seed=1&renderer={renderer}")
+    visit.wait_for(LIVE)
+    visit.press_until("Space", "body.playing === 'false'")
+    assert visit.value("tool") == "orbit"
+    before = visit.page.locator("#view").screenshot()
+    visit.drag([(0.4, 0.5), (0.7, 0.6)])
+    visit.eventually(lambda: visit.page.locator("#view").screenshot() != before)
+    assert visit.value("control") == "idle"
+
+
+def test_sand_and_water_are_both_drawn(open_page: Open) -> None:
+    visit = open_page("scenario=water_sand_2d&seed=0&renderer=webgl2")
+    visit.wait_for(LIVE)
+    visit.press_until("Space", "body.playing === 'false'")
+    picture = Image.open(io.BytesIO(visit.page.locator("#view").screenshot())).convert("RGB")
+    red, _, blue = np.moveaxis(np.asarray(picture, dtype=int), -1, 0)
+    assert np.count_nonzero(blue > red + 100) > 500
+    assert np.count_nonzero(red > blue + 50) > 500
+
+
+def test_phone_needs_no_horizontal_scrolling(open_page: Open) -> None:
+    visit = open_page(viewport={"width": 390, "height": 844})
+    visit.wait_for(LIVE)
+    width = visit.page.evaluate("document.documentElement.scrollWidth")
+    assert width == 390
+    view = visit.page.locator("#view").bounding_box()
+    assert view is not None
+    assert (view["width"], view["height"]) == (390, 390)
+    for button in visit.page.locator(".toolbar button:visible").all():
+        box = button.bounding_box()
+        assert box is not None
+        assert box["width"] >= 40
+        assert box["height"] >= 44
+        assert box["y"] + box["height"] <= 844
+
+
+def test_every_module_is_loaded_at_once_and_the_page_stays_small() -> None:
+    folder = Path(hybridmpm_service.__file__).parent / "page"
+    modules = {path.relative_to(folder).as_posix() for path in folder.rglob("*.js")}
+    html = (folder / "index.html").read_text(encoding="utf-8")
+    preloaded = set(re.findall(r'rel="modulepreload" href="([^"]+)"', html))
+    assert preloaded == modules - {"main.js"}
+    assert sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) < 150_000
+
+
+def _is_gone(service: LiveService, session: str) -> bool:
+    return httpx.get(f"{service.url}/v1/sessions/{session}").status_code == httpx.codes.NOT_FOUND

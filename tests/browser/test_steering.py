@@ -1,0 +1,158 @@
+"""Sketches drawn in the page: the fluid follows, and the service's own numbers agree."""
+
+import json
+import math
+from typing import Any
+
+import pytest
+from playwright.sync_api import Route
+
+from .conftest import LiveService, Open, Visit
+
+pytestmark = pytest.mark.browser
+
+FRAMES = 100
+
+
+def _draw(visit: Visit, points: list[tuple[float, float]]) -> dict[str, Any]:
+    """Draw a stroke and return the service's plan for it."""
+    with visit.page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
+        visit.drag(points)
+    assert answer.value.status == 200
+    plan: dict[str, Any] = answer.value.json()
+    return plan
+
+
+def _circle(center: tuple[float, float], radius: float) -> list[tuple[float, float]]:
+    angles = [2 * math.pi * i / 16 for i in range(17)]
+    return [(center[0] + radius * math.cos(angle), center[1] + radius * math.sin(angle)) for angle in angles]
+
+
+def _angle(a: list[float], b: list[float]) -> float:
+    """Angle between two vectors in degrees."""
+    cosine = sum(x * y for x, y in zip(a, b, strict=True)) / (math.hypot(*a) * math.hypot(*b))
+    return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+
+
+@pytest.mark.parametrize("arrow", [(0.14, 0.16), (-0.12, 0.2)])
+def test_fluid_follows_an_arrow(open_page: Open, service: LiveService, arrow: tuple[float, float]) -> None:
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
+    visit.pause_at(5)
+    start = service.get(f"/v1/sessions/{visit.session}")
+    _draw(visit, [(0.5, 0.4), (0.5 + arrow[0], 0.4 + arrow[1])])
+    visit.wait_for("body.control === 'following'")
+    control = service.get(f"/v1/sessions/{visit.session}")["control"]
+    assert (control["kind"], control["frames"], control["first_frame"]) == ("arrow", FRAMES, start["frame"])
+
+    end = service.advance(visit.session, FRAMES)
+    assert end["frame"] == start["frame"] + FRAMES
+    displacement = [after - before for before, after in zip(start["centroid"], end["centroid"], strict=True)]
+    assert _angle(displacement, list(arrow)) < 20
+    assert math.dist(displacement, arrow) < 0.5 * math.hypot(*arrow)
+    visit.wait_for(f"body.control === 'done' && body.frame === '{end['frame']}'")
+    assert "from the target" in (visit.page.locator("#steer-text").text_content() or "")
+
+
+def test_playing_fluid_is_steered_to_the_end(open_page: Open, service: LiveService) -> None:
+    visit = open_page("scenario=water_2d&seed=1&renderer=canvas2d")
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
+    plan = _draw(visit, [(0.4, 0.4), (0.5, 0.6)])
+    visit.wait_for("body.control === 'done'")
+    assert visit.frame >= plan["first_frame"] + FRAMES
+    assert visit.page.locator("#plan-card").is_visible()
+    visit.page.get_by_role("button", name="Clear").click()
+    visit.wait_for("body.control === 'idle'")
+    visit.eventually(lambda: service.get(f"/v1/sessions/{visit.session}")["control"] is None)
+
+
+def test_fluid_gathers_in_an_oval(open_page: Open, service: LiveService) -> None:
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
+    visit.pause_at(5)
+    visit.press_until("o", "body.tool === 'oval'")
+    plan = _draw(visit, [(0.42, 0.42), (0.68, 0.62)])
+    assert plan["sketch"]["kind"] == "ellipse"
+    end = service.advance(visit.session, FRAMES)
+    assert math.dist(end["centroid"], (0.55, 0.52)) < 0.05
+    visit.wait_for("body.control === 'done'")
+
+
+def test_free_stroke_shows_its_guess_and_can_be_taken_back(open_page: Open, service: LiveService) -> None:
+    visit = open_page()
+    visit.pause_at(3)
+    visit.press_until("f", "body.tool === 'free'")
+    requests: list[str] = []
+    visit.page.on("request", lambda sent: requests.append(sent.url))
+    visit.drag(_circle((0.5, 0.5), 0.1), release=False)
+    visit.wait_for("body.control === 'drawing'")
+    assert "Oval" in (visit.page.locator("#steer-text").text_content() or "")
+    visit.page.mouse.up()
+    visit.page.locator("#undo").click()
+    visit.wait_for("body.control === 'idle'")
+
+    visit.drag(_circle((0.5, 0.5), 0.1), release=False)
+    visit.page.keyboard.press("Escape")
+    visit.page.mouse.up()
+    visit.wait_for("body.control === 'idle'")
+    assert not [url for url in requests if "/sketches" in url]
+    assert service.get(f"/v1/sessions/{visit.session}")["control"] is None
+
+
+def test_free_stroke_is_sent_as_what_it_looks_like(open_page: Open) -> None:
+    visit = open_page()
+    visit.pause_at(3)
+    visit.press_until("f", "body.tool === 'free'")
+    assert _draw(visit, _circle((0.5, 0.5), 0.12))["sketch"]["kind"] == "ellipse"
+    visit.wait_for("body.control === 'following'")
+    assert _draw(visit, [(0.4, 0.4), (0.45, 0.5), (0.55, 0.55)])["sketch"]["kind"] == "arrow"
+
+
+def test_wrong_guess_can_be_switched(open_page: Open) -> None:
+    visit = open_page()
+    visit.pause_at(3)
+    visit.press_until("f", "body.tool === 'free'")
+    almost_closed = _circle((0.5, 0.5), 0.12)[:15]
+    with visit.page.expect_response(lambda answer: "/sketches" in answer.url) as answer:
+        visit.drag(almost_closed)
+        visit.page.get_by_role("button", name="Make it an arrow").click()
+    assert answer.value.json()["sketch"]["kind"] == "arrow"
+
+
+def test_click_is_not_a_sketch(open_page: Open) -> None:
+    visit = open_page()
+    visit.pause_at(3)
+    visit.drag([(0.5, 0.5), (0.503, 0.5)])
+    visit.wait_for("body.control === 'idle'")
+    assert "very short" in (visit.page.locator(".toast").text_content() or "")
+
+
+def test_stroke_widths_mean_depth_in_3d(open_page: Open) -> None:
+    visit = open_page("scenario=water_3d&seed=1&renderer=canvas2d")
+    visit.pause_at(3)
+    visit.page.locator("#depth-start").fill("6")
+    visit.page.locator("#depth-end").fill("14")
+    visit.press_until("a", "body.tool === 'arrow'")
+    visit.page.wait_for_timeout(1000)  # the camera glides to the front, where a pixel is a world position
+    plan = _draw(visit, [(0.4, 0.4), (0.5, 0.5)])
+    # From 2 px at the back wall to 20 px at the front, over walls 0.8 m apart.
+    assert plan["target_displacement"] == pytest.approx([0.1, 0.1, 0.8 * (14 - 6) / 18], abs=0.005)
+
+
+def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: Open) -> None:
+    visit = open_page()
+    visit.pause_at(3)
+    problem = {
+        "title": "The sketch is refused",
+        "status": 422,
+        "detail": "strokes.0.points: at least 2 points",
+    }
+
+    def refuse(route: Route) -> None:
+        route.fulfill(status=422, content_type="application/problem+json", body=json.dumps(problem))
+
+    visit.page.route("**/sketches*", refuse)
+    visit.drag([(0.4, 0.4), (0.5, 0.6)])
+    toast = visit.page.locator(".toast").text_content() or ""
+    assert "at least 2 points" in toast
+    assert "Draw the stroke again" in toast
+    visit.wait_for("body.control === 'idle' && body.state === 'live'")
+    visit.errors.clear()  # the browser itself reports the status 422

@@ -1,0 +1,97 @@
+"""Files that are no sketch, from careless to hostile: each is refused, and says what is allowed."""
+
+import io
+import struct
+import zlib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from hybridmpm.control import Arrow, parse_png, render_png
+from hybridmpm.control.png import MAX_BYTES
+from hybridmpm.errors import SketchError
+
+GOOD = render_png(Arrow([[0.2, 0.3], [0.6, 0.7]]))  # type: ignore[arg-type]
+
+
+def _png(image: Image.Image, **options: object) -> bytes:
+    data = io.BytesIO()
+    image.save(data, "PNG", **options)
+    return data.getvalue()
+
+
+def _blank(width: int = 512, height: int = 512) -> Image.Image:
+    return Image.new("RGB", (width, height), "white")
+
+
+def _one_pixel_mark() -> bytes:
+    image = _blank()
+    image.putpixel((200, 200), (255, 0, 0))
+    return _png(image)
+
+
+def _jpeg() -> bytes:
+    data = io.BytesIO()
+    _blank().save(data, "JPEG")
+    return data.getvalue()
+
+
+def _bomb_header() -> bytes:
+    """Return a file that says it is 60000 x 60000 and has nothing to show for it."""
+    header = struct.pack(">IIBBBBB", 60000, 60000, 8, 6, 0, 0, 0)
+    chunk = b"IHDR" + header
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+
+
+def _text_bomb() -> bytes:
+    """Return a small PNG whose compressed text chunk unpacks to 64 MiB."""
+    text = b"zTXtnote\0\0" + zlib.compress(bytes(1 << 26))
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    return GOOD[:33] + chunk + GOOD[33:]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "not a PNG"),
+        (b"GIF89a" + bytes(100), "not a PNG"),
+        (_jpeg(), "not a PNG"),
+        (GOOD[:20], "truncated"),
+        (GOOD[:400], "truncated or damaged"),
+        (GOOD[:100] + bytes(200) + GOOD[300:], "truncated or damaged"),
+        (GOOD + bytes(MAX_BYTES), f"at most {MAX_BYTES}"),
+        (_bomb_header(), "16 to 2048"),
+        (_text_bomb(), "truncated or damaged"),
+        (_png(_blank(1, 1)), "16 to 2048"),
+        (_png(_blank(4000, 100)), "16 to 2048"),
+        (_png(_blank(512, 256)), "square"),
+        (_png(_blank()), "blank"),
+        (_one_pixel_mark(), "1 drawn pixels.*at least 40"),
+        (_png(Image.new("RGB", (512, 512), "red")), "30%"),
+        (_png(Image.new("RGB", (512, 512), "black")), "30%"),
+        (_png(_blank(), save_all=True, append_images=[Image.new("RGB", (512, 512), "red")]), "animated"),
+    ],
+)
+def test_what_is_no_sketch_is_refused(data: bytes, message: str) -> None:
+    with pytest.raises(SketchError, match=message):
+        parse_png(data)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "P", "1", "I;16", "RGB", "RGBA"])
+def test_every_kind_of_png_is_read_or_refused(mode: str) -> None:
+    image = Image.new("RGB", (64, 64), "white")
+    with pytest.raises(SketchError, match=r"blank|ink"):
+        parse_png(_png(image.convert("L").convert(mode) if mode == "I;16" else image.convert(mode)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(8, len(GOOD) - 1), st.binary(min_size=1, max_size=8))
+def test_damaged_files_never_raise_anything_else(where: int, noise: bytes) -> None:
+    damaged = GOOD[:where] + noise + GOOD[where + len(noise) :]
+    try:
+        sketch = parse_png(damaged)
+    except SketchError:
+        return
+    assert isinstance(sketch, Arrow)

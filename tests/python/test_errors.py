@@ -1,0 +1,75 @@
+"""Each exception class can be raised by a user, and carries what its reader needs."""
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridmpm import Ball, Box, MpmSolver, Scene, errors, export, metrics, scenarios
+from hybridmpm.control import parse_png
+
+DROP = Scene(dim=2, resolution=64, bodies=(Ball(material="water", center=(0.5, 0.6), radius=0.06),))
+
+
+def push(acceleration: float) -> None:
+    """Throw the particles of DROP aside in one substep of a whole frame."""
+    solver = MpmSolver(DROP, substeps=1, allow_unstable=True)
+    solver.advance(1, np.tile([acceleration, 0.0], (solver.particle_count, 1)))
+
+
+def tear_apart() -> None:
+    """Push each quarter of a drop outwards, as hard as float32 can say, in one step of 0.1 s."""
+    scene = DROP.model_copy(update={"frame_dt": 0.1})
+    solver = MpmSolver(scene, substeps=1, allow_unstable=True)
+    solver.advance(1, np.where(solver.positions > (0.5, 0.6), 3e38, -3e38))
+
+
+def collide() -> None:
+    """Drive two blocks into each other, compressing them in one step to less than nothing."""
+    left = Box(material="water", lower=(0.3, 0.3), upper=(0.5, 0.5), velocity=(45.0, 0.0))
+    right = Box(material="water", lower=(0.52, 0.3), upper=(0.7, 0.5), velocity=(-45.0, 0.0))
+    MpmSolver(Scene(dim=2, resolution=64, bodies=(left, right)), substeps=1, allow_unstable=True).advance(3)
+
+
+PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
+    "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
+    "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
+    "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
+    "InvertedError": (collide, r"particle \d+ reached volume ratio J = -.* in frame 0"),
+    "NonFiniteError": (tear_apart, r"particle \d+ .*frame 0"),
+    "SceneError": (lambda: Scene.parse({}), "dim: is required; bodies: is required"),
+    "SimulationError": (lambda: MpmSolver(DROP, substeps=1).advance(), "stability limit"),
+    "SketchError": (lambda: parse_png(b"GIF89a"), "PNG"),
+    "SnapshotError": (lambda: MpmSolver(DROP).restore(b""), "snapshot"),
+    "StepSizeError": (lambda: MpmSolver(DROP, substeps=1).advance(), "at least 3 substeps"),
+    "UnknownScenarioError": (lambda: scenarios.get("lava_2d"), "water_2d, .*got 'lava_2d'"),
+}
+
+
+def test_each_class_is_provoked() -> None:
+    assert sorted(PROVOKED) == errors.__all__
+
+
+@pytest.mark.parametrize("name", PROVOKED)
+def test_provoked(name: str) -> None:
+    provoke, message = PROVOKED[name]
+    kind = getattr(errors, name)
+    with pytest.raises(kind, match=message) as caught:
+        provoke()
+    assert isinstance(caught.value, errors.SimulationError)
+    # Every class has a case of its own; the parent is provoked through one of its children.
+    assert type(caught.value) is kind or name == "SimulationError"
+
+
+def test_bad_input_is_a_value_error() -> None:
+    for name in ("ConfigError", "SceneError", "SketchError", "SnapshotError", "UnknownScenarioError"):
+        assert issubclass(getattr(errors, name), ValueError)
+
+
+def test_scene_errors_survive_pickling() -> None:
+    error = errors.SceneError.of([("dim", "is required"), ("", "odd")])
+    again = pickle.loads(pickle.dumps(error))  # noqa: S301 - bytes of our own
+    assert str(again) == "dim: is required; odd"
+    assert again.problems == [("dim", "is required"), ("", "odd")]

@@ -1,0 +1,157 @@
+"""A real server on a free port, in a thread of the test process, and the means to talk to it."""
+
+import contextlib
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import pytest
+import uvicorn
+from fastapi import FastAPI
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from hybridmpm_service import Settings, create_app
+from hybridmpm_service.server import make_server
+from hybridmpm_service.session import Session
+
+WAIT_SECONDS = 60
+"""Far above anything that happens; a test that waits this long has failed."""
+
+SMALL_SCENE: dict[str, Any] = {
+    "name": "small",
+    "dim": 2,
+    "resolution": 32,
+    "bodies": [{"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}],
+}
+
+
+class Stream:
+    """One WebSocket of a session."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+
+    def send(self, **command: Any) -> None:
+        """Send a command."""
+        self.connection.send(json.dumps(command))
+
+    def receive(self) -> bytes | dict[str, Any]:
+        """Return the next message, a frame or a parsed text."""
+        message = self.connection.recv(timeout=WAIT_SECONDS)
+        return message if isinstance(message, bytes) else json.loads(message)
+
+    def text(self, kind: str) -> dict[str, Any]:
+        """Return the next text message of a type."""
+        while True:
+            message = self.receive()
+            if isinstance(message, dict) and message["type"] == kind:
+                return message
+
+    def frame(self) -> bytes:
+        """Return the next binary message."""
+        while True:
+            message = self.receive()
+            if isinstance(message, bytes):
+                return message
+
+    def end(self) -> int:
+        """Read until the server closes the stream, and return the close code."""
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                self.receive()
+        code = self.connection.protocol.close_code
+        assert code is not None
+        return code
+
+
+class Service:
+    """A running server."""
+
+    def __init__(self, app: FastAPI, server: uvicorn.Server, listener: socket.socket) -> None:
+        self.app = app
+        self.address = f"127.0.0.1:{listener.getsockname()[1]}"
+        self.http = httpx.Client(base_url=f"http://{self.address}", timeout=WAIT_SECONDS)
+        self._server = server
+        self._thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+        self._thread.start()
+
+    def create(self, scene: dict[str, Any] | None = None) -> str:
+        """Create a session and return its path."""
+        answer = self.http.post("/v1/sessions", json={"scene": scene or SMALL_SCENE})
+        assert answer.status_code == 201, answer.text
+        path: str = answer.json()["links"]["self"]
+        return path
+
+    def session(self, path: str) -> Session:
+        """Return the session's object, to put a fault into it."""
+        found: Session = self.app.state.sessions.get(path.rpartition("/")[2])
+        return found
+
+    @contextlib.contextmanager
+    def stream(self, path: str, **options: Any) -> Iterator[Stream]:
+        """Open a WebSocket."""
+        with connect(f"ws://{self.address}{path}/stream", compression=None, **options) as connection:
+            yield Stream(connection)
+
+    def stop(self) -> None:
+        """Shut down as a signal would."""
+        self._server.should_exit = True
+        self._thread.join(WAIT_SECONDS)
+        assert not self._thread.is_alive()
+        self.http.close()
+
+
+@contextlib.contextmanager
+def running(settings: Settings) -> Iterator[Service]:
+    """Run a server with these settings."""
+    app = create_app(settings)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        service = Service(app, make_server(app), listener)
+        try:
+            yield service
+        finally:
+            service.stop()
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    """Return a server with the default settings but few sessions, shared by a module."""
+    with running(Settings(max_sessions=40)) as started:
+        yield started
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Service]]:
+    """Return a function that starts a server with given settings."""
+    with contextlib.ExitStack() as stack:
+        yield lambda **settings: stack.enter_context(running(Settings(**settings)))
+
+
+@pytest.fixture
+def path(service: Service) -> Iterator[str]:
+    """Return the path of a fresh session."""
+    made = service.create()
+    yield made
+    service.http.delete(made)
+
+
+@pytest.fixture
+def problem() -> Callable[..., dict[str, Any]]:
+    """Return a check that an answer is a problem with a status; it returns the problem."""
+
+    def check(answer: httpx.Response, status: int) -> dict[str, Any]:
+        assert answer.status_code == status, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"
+        body: dict[str, Any] = answer.json()
+        assert body["status"] == status
+        assert body["type"].startswith("urn:hybridmpm:problem:")
+        assert body["title"]
+        assert body["detail"]
+        assert body["instance"] == answer.request.url.path
+        return body
+
+    return check

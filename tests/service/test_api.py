@@ -1,0 +1,131 @@
+"""Each row of the table in docs/http-api.md, on a real server."""
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import MpmSolver, Scene, scenarios
+
+NPZ = {"Accept": "application/x-npz"}
+
+
+def _arrays(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        return dict(file)
+
+
+def test_health(service: Any) -> None:
+    assert service.http.get("/livez").json() == {"status": "alive"}
+    assert service.http.get("/readyz").json() == {"status": "ready"}
+
+
+def test_scenarios_are_listed_with_what_a_chooser_needs(service: Any) -> None:
+    listed = service.http.get("/v1/scenarios").json()["scenarios"]
+    assert [scenario["name"] for scenario in listed] == list(scenarios.NAMES)
+    assert listed[0]["dim"] == 2
+    assert listed[0]["frames"] == 1000
+    assert listed[0]["max_particles"] == 4000
+    assert all(scenario["text"] for scenario in listed)
+
+
+@pytest.mark.parametrize("name", scenarios.NAMES)
+def test_the_scene_of_a_seed_is_that_of_the_library_and_can_be_sent_back(service: Any, name: str) -> None:
+    answer = service.http.get(f"/v1/scenarios/{name}", params={"seed": 5})
+    assert Scene.parse(answer.json()) == scenarios.get(name, 5)
+    created = service.http.post("/v1/sessions", json={"scene": answer.json()})
+    assert created.status_code == 201
+    service.http.delete(created.json()["links"]["self"])
+
+
+def test_a_session_lives_from_post_to_delete(service: Any) -> None:
+    created = service.http.post("/v1/sessions", json={"scenario": "water_2d", "seed": 3})
+    assert created.status_code == 201
+    body = created.json()
+    path = f"/v1/sessions/{body['id']}"
+    assert created.headers["location"] == path == body["links"]["self"]
+    solver = MpmSolver(scenarios.get("water_2d", 3))
+    expected = {
+        "scenario": "water_2d",
+        "seed": 3,
+        "dim": 2,
+        "particles": solver.particle_count,
+        "frame": 0,
+        "time": 0.0,
+        "frame_dt": 0.0025,
+        "playing": False,
+        "speed": 0.25,
+        "control": None,
+        "last_frame": None,
+    }
+    assert expected.items() <= body.items()
+    assert body["centroid"] == pytest.approx(solver.diagnostics().centroid)
+    assert service.http.get(path).json() == body
+    assert body in service.http.get("/v1/sessions").json()["sessions"]
+    deleted = service.http.delete(path)
+    assert (deleted.status_code, deleted.content) == (204, b"")
+    assert service.http.get(path).status_code == 404
+
+
+def test_a_scenario_without_seed_has_seed_zero(service: Any) -> None:
+    body = service.http.post("/v1/sessions", json={"scenario": "sand_2d"}).json()
+    assert body["seed"] == 0
+    service.http.delete(body["links"]["self"])
+
+
+def test_advancing_gives_the_librarys_bits(service: Any, path: str) -> None:
+    answer = service.http.post(f"{path}/advance", json={"frames": 12})
+    assert answer.status_code == 200
+    body = answer.json()
+    assert (body["frame"], body["time"]) == (12, pytest.approx(0.03))
+    assert body["last_frame"]["substeps"] >= 1
+    assert body["last_frame"]["bound"] in {"sound", "speed", "frame"}
+    solver = MpmSolver(service.session(path).scene)
+    solver.advance(12)
+    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    assert arrays["positions"].dtype == np.float32
+    assert np.array_equal(arrays["positions"], solver.positions)
+    assert np.array_equal(arrays["velocities"], solver.velocities)
+    assert np.array_equal(arrays["types"], solver.materials)
+    assert arrays["frame"] == 12
+
+
+def test_advance_can_answer_with_the_particles(service: Any, path: str) -> None:
+    answer = service.http.post(f"{path}/advance", json={}, headers=NPZ)
+    assert answer.headers["content-type"] == "application/x-npz"
+    assert _arrays(answer.content)["frame"] == 1
+
+
+def test_particles_as_json_are_those_of_the_npz(service: Any, path: str) -> None:
+    body = service.http.get(f"{path}/particles").json()
+    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    np.testing.assert_array_equal(np.array(body["positions"], dtype=np.float32), arrays["positions"])
+    assert body["types"] == [5] * len(body["positions"])
+    assert (body["frame"], body["time"]) == (0, 0.0)
+
+
+def test_the_page_is_served_with_a_strict_policy(service: Any) -> None:
+    answer = service.http.get("/")
+    assert answer.headers["content-type"].startswith("text/html")
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'self'" in policy
+    assert "unsafe" not in policy
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    script = service.http.get("/main.js")
+    assert "javascript" in script.headers["content-type"]
+
+
+def test_files_outside_the_page_are_not_served(service: Any, problem: Any) -> None:
+    for address in ("/../app.py", "/%2e%2e/app.py", "/..%2fapp.py"):
+        problem(service.http.get(address), 404)
+
+
+def test_two_sessions_do_not_disturb_each_other(service: Any, path: str) -> None:
+    other = service.create()
+    service.http.post(f"{path}/advance", json={"frames": 5})
+    service.http.post(f"{other}/advance", json={"frames": 9})
+    assert service.http.get(path).json()["frame"] == 5
+    assert service.http.get(other).json()["frame"] == 9
+    service.http.delete(other)
+    assert service.http.get(path).json()["frame"] == 5

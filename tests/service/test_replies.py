@@ -1,0 +1,28 @@
+"""Large answers: complete JSON, though it is made in pieces."""
+
+import asyncio
+import json
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from hybridmpm_service.replies import json_response
+
+
+def _round_trip(value: Any) -> Any:
+    return json.loads(bytes(asyncio.run(json_response({"value": value, "name": "x"})).body))["value"]
+
+
+@pytest.mark.parametrize(
+    "shape", [(0,), (3,), (5000,), (0, 2), (7, 2), (9000, 3), (3, 5000, 2), (2, 3, 2), (3, 0, 2)]
+)
+def test_an_array_of_any_shape_comes_back(shape: tuple[int, ...]) -> None:
+    array: npt.NDArray[np.float32] = np.random.default_rng(0).random(shape, dtype=np.float32)
+    assert _round_trip(array) == array.tolist()
+
+
+def test_numbers_that_json_cannot_hold_are_not_sent() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        _round_trip(np.array([np.nan]))

@@ -1,0 +1,99 @@
+"""Starting and stopping, as an operator sees it."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from hybridmpm_service import ServeError, serve
+
+WAIT_SECONDS = 60
+
+
+@pytest.fixture
+def occupied() -> Iterator[int]:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield listener.getsockname()[1]
+
+
+def _run(*flags: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hybridmpm_service", *flags],
+        capture_output=True,
+        text=True,
+        timeout=WAIT_SECONDS,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+def test_a_port_in_use_is_one_line_that_says_what_to_do(occupied: int) -> None:
+    with pytest.raises(ServeError, match=f"127.0.0.1 port {occupied}.*in use.*--port"):
+        serve(port=occupied)
+    done = _run("--port", str(occupied))
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_bad_setting_is_one_line_and_status_2() -> None:
+    done = _run(HYBRIDMPM_MAX_SESSIONS="none")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "HYBRIDMPM_MAX_SESSIONS" in done.stderr
+
+
+def test_help_names_every_setting() -> None:
+    done = _run("--help")
+    assert done.returncode == 0
+    for flag in ("--host", "--port", "--max-sessions", "--idle-seconds", "--cors-origins"):
+        assert flag in done.stdout
+
+
+def test_a_signal_ends_the_process_in_order() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "hybridmpm_service", "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            address = re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())
+            assert address is not None
+            with httpx.Client(base_url=address.group(), timeout=WAIT_SECONDS) as client:
+                assert client.post("/v1/sessions", json={"scenario": "water_2d"}).status_code == 201
+            process.send_signal(signal.SIGTERM)
+            _, errors = process.communicate(timeout=WAIT_SECONDS)
+        finally:
+            process.kill()
+    assert "Traceback" not in errors
+
+
+def test_a_stopping_server_says_goodbye_with_1001(start: Callable[..., Any]) -> None:
+    service = start()
+    path = service.create()
+    with service.stream(path) as stream, service.stream(path) as other:
+        stream.send(type="play")
+        stream.frame()
+        service._server.should_exit = True
+        assert stream.end() == 1001
+        assert other.end() == 1001
+
+
+def test_importing_the_package_starts_nothing_and_reads_no_environment() -> None:
+    code = "import hybridmpm_service, threading; print(threading.active_count())"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"HYBRIDMPM_PORT": "nonsense"},
+    )
+    assert done.stdout.strip() == "1"
