@@ -4,7 +4,7 @@ The names in `__all__` are public, and so are the modules among them; the rest m
 """
 
 from hybridmpm import control, metrics, scenarios
-from hybridmpm._native import Diagnostics, FrameReport, __version__
+from hybridmpm._native import Diagnostics, FrameReport, RadiusGraph, __version__, radius_graph
 from hybridmpm.errors import (
     ConfigError,
     DomainError,
@@ -49,6 +49,7 @@ __all__ = [
     "NonFiniteError",
     "Particles",
     "Polygon",
+    "RadiusGraph",
     "Sand",
     "Scene",
     "SceneError",
@@ -63,5 +64,6 @@ __all__ = [
     "__version__",
     "control",
     "metrics",
+    "radius_graph",
     "scenarios",
 ]

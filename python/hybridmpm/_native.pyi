@@ -10,6 +10,28 @@ from typing import final
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "CFL_LIMIT",
+    "DEFAULT_CFL",
+    "ConfigError",
+    "Diagnostics",
+    "DomainError",
+    "FrameReport",
+    "InvertedError",
+    "Material",
+    "NonFiniteError",
+    "Obstacle",
+    "RadiusGraph",
+    "SimulationError",
+    "SnapshotError",
+    "Solver",
+    "StepSizeError",
+    "__version__",
+    "cpu_features",
+    "grid_mass",
+    "radius_graph",
+]
+
 __version__: str
 
 class SimulationError(Exception):
@@ -203,8 +225,8 @@ class Solver:
     Thread safe: calls on one solver wait for each other, with the GIL released.
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         *,
         resolution: int,
         frame_dt: float,
@@ -225,7 +247,7 @@ class Solver:
         cfl: float | None = None,
         allow_unstable: bool = False,
         threads: int = 1,
-    ) -> None:
+    ) -> Solver:
         """Create a solver; the dimension is `len(gravity)`.
 
         Parameters
@@ -348,6 +370,42 @@ def grid_mass(
     float32, (resolution + 1,) * D
         [kg]. Mass that the stencil carries outside the box goes to the nearest node, so the sum is
         that of `mass`.
+    """
+
+@final
+class RadiusGraph:
+    """Edges between points at most a radius apart, in both directions, without self-edges.
+
+    Ordered by receiver, then by sender. E is the number of edges.
+    """
+
+    @property
+    def senders(self) -> npt.NDArray[np.uint32]:
+        """Shape (E,)."""
+    @property
+    def receivers(self) -> npt.NDArray[np.uint32]:
+        """Shape (E,), ascending."""
+    @property
+    def starts(self) -> npt.NDArray[np.uint32]:
+        """Shape (N + 1,): the edges into point i are `starts[i]` to `starts[i + 1]`."""
+    @property
+    def radius(self) -> float:
+        """[m]"""
+
+def radius_graph(x: npt.NDArray[np.float32], radius: float) -> RadiusGraph:
+    """Join all pairs of points with a distance of at most `radius` (`<=`); exact, without a cap.
+
+    Parameters
+    ----------
+    x : float32 (N, 2) or (N, 3)
+        Points [m], anywhere.
+    radius : float > 0
+        [m]
+
+    Raises
+    ------
+    ConfigError
+        A radius or a coordinate that is not finite, or an array of another kind.
     """
 
 def cpu_features() -> list[str]:

@@ -6,10 +6,11 @@ import re
 from pathlib import Path
 
 import httpx
-import hybridmpm_service
 import numpy as np
 import pytest
 from PIL import Image
+
+import hybridmpm_service
 
 from .conftest import LiveService, Open
 

@@ -1,7 +1,7 @@
 //! Checks of arrays and names, done once for all entry points.
 
 use mpm::{Contact, ContactKind, Vector};
-use numpy::{Element, PyReadonlyArray, PyUntypedArrayMethods, ndarray::Dimension};
+use numpy::{Element, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods, ndarray::Dimension};
 use pyo3::prelude::*;
 
 use crate::error::config_error;
@@ -12,14 +12,45 @@ pub fn slice_of<'a, T: Element, D: Dimension>(
     array: &'a PyReadonlyArray<'_, T, D>,
 ) -> PyResult<&'a [T]> {
     array.as_slice().map_err(|_| {
-        config_error(format!("{name} must be C-contiguous, got strides {:?}", array.strides()))
+        config_error(format!(
+            "{name} must be C-contiguous, got strides {:?}",
+            array.strides()
+        ))
     })
+}
+
+/// An array of the expected type and number of axes; `expected` names both, as "float32 of shape (N,)".
+pub fn array<'py, T: Element, D: Dimension>(
+    name: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<PyReadonlyArray<'py, T, D>> {
+    value.extract().map_err(|_| {
+        config_error(format!(
+            "{name} must be {expected}, got {}",
+            describe(value)
+        ))
+    })
+}
+
+/// What an object is, as a user would say it.
+pub fn describe(value: &Bound<'_, PyAny>) -> String {
+    match value.cast::<PyUntypedArray>() {
+        Ok(array) => format!("{} of shape {:?}", array.dtype(), array.shape()),
+        Err(_) => match value.repr() {
+            Ok(text) => text.to_string(),
+            Err(_) => value.get_type().to_string(),
+        },
+    }
 }
 
 /// D floats.
 pub fn vector<const D: usize>(name: &str, values: &[f64]) -> PyResult<Vector<D>> {
     if values.len() != D {
-        return Err(config_error(format!("{name} must have {D} components, got {}", values.len())));
+        return Err(config_error(format!(
+            "{name} must have {D} components, got {}",
+            values.len()
+        )));
     }
     Ok(Vector::from_fn(|axis, _| values[axis] as f32))
 }

@@ -6,15 +6,46 @@ use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-create_exception!(hybridmpm._native, SimulationError, PyException, "Parent of every error of hybridmpm.");
-create_exception!(hybridmpm._native, DomainError, SimulationError, "A particle left the domain.");
-create_exception!(hybridmpm._native, NonFiniteError, SimulationError, "A particle became NaN or infinite.");
-create_exception!(hybridmpm._native, InvertedError, SimulationError, "A particle reached J <= 0.");
-create_exception!(hybridmpm._native, StepSizeError, SimulationError, "A substep above the stability limit.");
+create_exception!(
+    hybridmpm._native,
+    SimulationError,
+    PyException,
+    "Parent of every error of hybridmpm."
+);
+create_exception!(
+    hybridmpm._native,
+    DomainError,
+    SimulationError,
+    "A particle left the domain."
+);
+create_exception!(
+    hybridmpm._native,
+    NonFiniteError,
+    SimulationError,
+    "A particle became NaN or infinite."
+);
+create_exception!(
+    hybridmpm._native,
+    InvertedError,
+    SimulationError,
+    "A particle reached J <= 0."
+);
+create_exception!(
+    hybridmpm._native,
+    StepSizeError,
+    SimulationError,
+    "A substep above the stability limit."
+);
 
 /// Parents (SimulationError, ValueError): `create_exception!` takes one only.
 fn value_error(py: Python<'_>, name: &str, doc: &str) -> PyResult<Py<PyAny>> {
-    let bases = PyTuple::new(py, [py.get_type::<SimulationError>(), py.get_type::<PyValueError>()])?;
+    let bases = PyTuple::new(
+        py,
+        [
+            py.get_type::<SimulationError>(),
+            py.get_type::<PyValueError>(),
+        ],
+    )?;
     let namespace = PyDict::new(py);
     namespace.set_item("__module__", "hybridmpm._native")?;
     namespace.set_item("__doc__", doc)?;
@@ -28,7 +59,11 @@ static SNAPSHOT_ERROR: std::sync::OnceLock<Py<PyAny>> = std::sync::OnceLock::new
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     let config = value_error(py, "ConfigError", "A parameter is outside its range.")?;
-    let snapshot = value_error(py, "SnapshotError", "Bytes that are no snapshot of this scene.")?;
+    let snapshot = value_error(
+        py,
+        "SnapshotError",
+        "Bytes that are no snapshot of this scene.",
+    )?;
     module.add("ConfigError", CONFIG_ERROR.get_or_init(|| config))?;
     module.add("SnapshotError", SNAPSHOT_ERROR.get_or_init(|| snapshot))?;
     module.add("SimulationError", py.get_type::<SimulationError>())?;
@@ -40,7 +75,9 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 fn raise(class: &std::sync::OnceLock<Py<PyAny>>, message: String) -> PyErr {
     Python::attach(|py| {
-        let class = class.get().expect("classes exist once the module is loaded");
+        let class = class
+            .get()
+            .expect("classes exist once the module is loaded");
         match class.call1(py, (message,)) {
             Ok(error) => PyErr::from_value(error.into_bound(py)),
             Err(error) => error,
@@ -65,7 +102,9 @@ impl From<NativeError> for PyErr {
             MpmError::NonFinite { .. } => NonFiniteError::new_err(message),
             MpmError::LeftDomain { .. } => DomainError::new_err(message),
             MpmError::Inverted { .. } => InvertedError::new_err(message),
-            MpmError::UnstableStep { .. } | MpmError::TooFast { .. } => StepSizeError::new_err(message),
+            MpmError::UnstableStep { .. } | MpmError::TooFast { .. } => {
+                StepSizeError::new_err(message)
+            }
             MpmError::Snapshot { .. } => raise(&SNAPSHOT_ERROR, message),
         }
     }

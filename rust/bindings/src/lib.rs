@@ -1,33 +1,41 @@
 //! `hybridmpm._native`: converts, calls, converts back. No physics here.
+#![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
 
 mod convert;
 mod error;
+mod graph;
 mod material;
 mod obstacle;
 mod report;
 mod solver;
 
-use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, Ix1, Ix2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use convert::slice_of;
+use convert::{array, slice_of};
 use error::NativeError;
 
 /// Mass of the nodes of a grid over [0, 1]^D.
 #[pyfunction]
 fn grid_mass<'py>(
     py: Python<'py>,
-    x: PyReadonlyArray2<'py, f32>,
-    mass: PyReadonlyArray1<'py, f32>,
+    x: &Bound<'py, PyAny>,
+    mass: &Bound<'py, PyAny>,
     resolution: usize,
 ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let x = array::<f32, Ix2>("x", "float32 of shape (N, D)", x)?;
+    let mass = array::<f32, Ix1>("mass", "float32 of shape (N,)", mass)?;
     let dim = x.shape()[1];
     let (x, mass) = (slice_of("x", &x)?, slice_of("mass", &mass)?);
     let nodes = py
         .detach(|| match dim {
             2 => mpm::grid_mass::<2>(x, mass, resolution),
             3 => mpm::grid_mass::<3>(x, mass, resolution),
-            _ => Err(mpm::MpmError::parameter("x", "of shape (N, 2) or (N, 3)", dim)),
+            _ => Err(mpm::MpmError::parameter(
+                "x",
+                "of shape (N, 2) or (N, 3)",
+                dim,
+            )),
         })
         .map_err(NativeError)?;
     nodes.into_pyarray(py).reshape(vec![resolution + 1; dim])
@@ -48,7 +56,11 @@ fn cpu_features() -> Vec<&'static str> {
     let features = vec![("neon", std::arch::is_aarch64_feature_detected!("neon"))];
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     let features: Vec<(&'static str, bool)> = Vec::new();
-    features.into_iter().filter(|(_, present)| *present).map(|(name, _)| name).collect()
+    features
+        .into_iter()
+        .filter(|(_, present)| *present)
+        .map(|(name, _)| name)
+        .collect()
 }
 
 #[pymodule]
@@ -62,6 +74,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<report::PyDiagnostics>()?;
     module.add_class::<report::PyFrameReport>()?;
     module.add_class::<solver::PySolver>()?;
+    module.add_class::<graph::PyRadiusGraph>()?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
+    module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

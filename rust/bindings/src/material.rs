@@ -14,7 +14,10 @@ pub struct PyMaterial {
 
 impl PyMaterial {
     fn new(material: Result<Material, mpm::MpmError>, kind: &'static str) -> PyResult<Self> {
-        Ok(Self { inner: material.map_err(NativeError)?, kind })
+        Ok(Self {
+            inner: material.map_err(NativeError)?,
+            kind,
+        })
     }
 }
 
@@ -23,7 +26,10 @@ impl PyMaterial {
     #[staticmethod]
     #[pyo3(signature = (*, density, bulk_modulus, tension=0.25, wall_friction=0.0))]
     fn water(density: f32, bulk_modulus: f32, tension: f32, wall_friction: f32) -> PyResult<Self> {
-        Self::new(Material::water(density, bulk_modulus, tension, wall_friction), "water")
+        Self::new(
+            Material::water(density, bulk_modulus, tension, wall_friction),
+            "water",
+        )
     }
 
     #[staticmethod]
@@ -55,7 +61,10 @@ impl PyMaterial {
         poisson_ratio: f32,
         wall_friction: f32,
     ) -> PyResult<Self> {
-        Self::new(Material::elastic(density, youngs_modulus, poisson_ratio, wall_friction), "elastic")
+        Self::new(
+            Material::elastic(density, youngs_modulus, poisson_ratio, wall_friction),
+            "elastic",
+        )
     }
 
     #[getter]

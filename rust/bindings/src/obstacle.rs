@@ -1,10 +1,10 @@
 //! `Obstacle`. Its dimension is that of the vectors it was built from.
 
 use mpm::{Obstacle, Shape, Vector};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, Ix2, PyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::convert::{contact, slice_of, vector};
+use crate::convert::{array, contact, slice_of, vector};
 use crate::error::{NativeError, config_error};
 
 #[derive(Clone, Copy)]
@@ -33,7 +33,9 @@ macro_rules! build {
                 AnyObstacle::Space(Obstacle::new($shape, surface).map_err(NativeError)?)
             }
             other => {
-                return Err(config_error(format!("an obstacle has 2 or 3 coordinates, got {other}")));
+                return Err(config_error(format!(
+                    "an obstacle has 2 or 3 coordinates, got {other}"
+                )));
             }
         };
         Ok(Self { inner })
@@ -53,7 +55,12 @@ impl PyObstacle {
 
     #[staticmethod]
     #[pyo3(name = "box", signature = (lower, upper, *, contact="separating", friction=None))]
-    fn box_(lower: Vec<f64>, upper: Vec<f64>, contact: &str, friction: Option<f32>) -> PyResult<Self> {
+    fn box_(
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+        contact: &str,
+        friction: Option<f32>,
+    ) -> PyResult<Self> {
         build!(lower.len(), contact, friction, D => Shape::Box {
             lower: vector::<D>("lower", &lower)?,
             upper: vector::<D>("upper", &upper)?,
@@ -97,23 +104,27 @@ impl PyObstacle {
     fn signed_distance<'py>(
         &self,
         py: Python<'py>,
-        x: PyReadonlyArray2<'py, f32>,
+        x: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let dim = match self.inner {
             AnyObstacle::Plane(_) => 2,
             AnyObstacle::Space(_) => 3,
         };
+        let x = array::<f32, Ix2>("x", &format!("float32 of shape (N, {dim})"), x)?;
         if x.shape()[1] != dim {
-            return Err(config_error(format!("x must be of shape (N, {dim}), got {:?}", x.shape())));
+            return Err(config_error(format!(
+                "x must be of shape (N, {dim}), got {:?}",
+                x.shape()
+            )));
         }
         let points = slice_of("x", &x)?.chunks_exact(dim);
         let distances: Vec<f32> = match &self.inner {
-            AnyObstacle::Plane(o) => {
-                points.map(|x| o.shape.distance(&Vector::from_column_slice(x)).0).collect()
-            }
-            AnyObstacle::Space(o) => {
-                points.map(|x| o.shape.distance(&Vector::from_column_slice(x)).0).collect()
-            }
+            AnyObstacle::Plane(o) => points
+                .map(|x| o.shape.distance(&Vector::from_column_slice(x)).0)
+                .collect(),
+            AnyObstacle::Space(o) => points
+                .map(|x| o.shape.distance(&Vector::from_column_slice(x)).0)
+                .collect(),
         };
         Ok(distances.into_pyarray(py))
     }

@@ -4,13 +4,13 @@ use std::sync::{Mutex, MutexGuard};
 
 use mpm::{Force, MpmError, Obstacle, Particles, Settings, Substeps, Walls};
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArrayDyn, PyReadwriteArray3, PyUntypedArrayMethods,
+    IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadwriteArray3,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use crate::convert::{contact, slice_of, vector};
+use crate::convert::{array, contact, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
 use crate::material::PyMaterial;
 use crate::obstacle::{AnyObstacle, PyObstacle};
@@ -42,22 +42,28 @@ pub struct PySolver {
     frame_dt: f64,
 }
 
-/// Substeps as the caller names them.
-#[derive(FromPyObject)]
-enum SubstepsArgument {
-    Count(u32),
-    Rule(String),
-}
-
-fn substeps(argument: &SubstepsArgument, cfl: Option<f32>, allow_unstable: bool) -> PyResult<Substeps> {
-    match argument {
-        SubstepsArgument::Count(count) => Ok(Substeps::Fixed { count: *count, allow_unstable }),
-        SubstepsArgument::Rule(rule) if rule == "cfl" => {
-            Ok(Substeps::Cfl(cfl.unwrap_or(mpm::DEFAULT_CFL)))
-        }
-        SubstepsArgument::Rule(rule) if rule == "reference" => Ok(Substeps::Reference),
-        SubstepsArgument::Rule(rule) => Err(config_error(format!(
-            "substeps must be \"cfl\", \"reference\" or an integer >= 1, got {rule:?}"
+/// "cfl", "reference" or a count.
+fn substeps(
+    argument: Option<&Bound<'_, PyAny>>,
+    cfl: Option<f32>,
+    allow_unstable: bool,
+) -> PyResult<Substeps> {
+    let by_cfl = Substeps::Cfl(cfl.unwrap_or(mpm::DEFAULT_CFL));
+    let Some(argument) = argument else {
+        return Ok(by_cfl);
+    };
+    if let Ok(count) = argument.extract::<u32>() {
+        return Ok(Substeps::Fixed {
+            count,
+            allow_unstable,
+        });
+    }
+    match argument.extract::<&str>() {
+        Ok("cfl") => Ok(by_cfl),
+        Ok("reference") => Ok(Substeps::Reference),
+        _ => Err(config_error(format!(
+            "substeps must be \"cfl\", \"reference\" or an integer >= 1, got {}",
+            describe(argument)
         ))),
     }
 }
@@ -69,8 +75,9 @@ fn obstacles<const D: usize>(
     list.iter()
         .enumerate()
         .map(|(index, obstacle)| {
-            pick(&obstacle.inner)
-                .ok_or_else(|| config_error(format!("obstacles[{index}] must have {D} coordinates")))
+            pick(&obstacle.inner).ok_or_else(|| {
+                config_error(format!("obstacles[{index}] must have {D} coordinates"))
+            })
         })
         .collect()
 }
@@ -118,11 +125,20 @@ impl PySolver {
     }
 
     /// Takes the lock with the GIL released, so that a thread that waits for a solver stops no other.
-    fn detached<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut AnySolver) -> T + Send) -> T {
+    fn detached<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut AnySolver) -> T + Send,
+    ) -> T {
         py.detach(|| work(&mut self.locked()))
     }
 
-    fn read(&self, py: Python<'_>, width: usize, write: impl Fn(&AnySolver, &mut [f32]) + Sync) -> Vec<f32> {
+    fn read(
+        &self,
+        py: Python<'_>,
+        width: usize,
+        write: impl Fn(&AnySolver, &mut [f32]) + Sync,
+    ) -> Vec<f32> {
         self.detached(py, |any| {
             let mut out = vec![0.0; self.count * width];
             write(any, &mut out);
@@ -136,12 +152,15 @@ impl PySolver {
     #[new]
     #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
         wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), x, v, material, mass,
-        volume, volume_ratio=None, substeps=SubstepsArgument::Rule("cfl".into()), cfl=None,
+        volume, volume_ratio=None, substeps=None, cfl=None,
         allow_unstable=false, threads=1),
         text_signature = "(*, resolution, frame_dt, gravity, wall_lower, wall_upper, \
         wall_contact='separating', wall_friction=None, materials, obstacles=(), x, v, material, mass, \
         volume, volume_ratio=None, substeps='cfl', cfl=None, allow_unstable=False, threads=1)")]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of a Python constructor")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python constructor"
+    )]
     fn new(
         py: Python<'_>,
         resolution: usize,
@@ -153,21 +172,33 @@ impl PySolver {
         wall_friction: Option<f32>,
         materials: Vec<PyRef<'_, PyMaterial>>,
         obstacles: Vec<PyRef<'_, PyObstacle>>,
-        x: PyReadonlyArray2<'_, f32>,
-        v: PyReadonlyArray2<'_, f32>,
-        material: PyReadonlyArray1<'_, u8>,
-        mass: PyReadonlyArray1<'_, f32>,
-        volume: PyReadonlyArray1<'_, f32>,
-        volume_ratio: Option<PyReadonlyArray1<'_, f32>>,
-        substeps: SubstepsArgument,
+        x: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        material: &Bound<'_, PyAny>,
+        mass: &Bound<'_, PyAny>,
+        volume: &Bound<'_, PyAny>,
+        volume_ratio: Option<&Bound<'_, PyAny>>,
+        substeps: Option<Bound<'_, PyAny>>,
         cfl: Option<f32>,
         allow_unstable: bool,
         threads: usize,
     ) -> PyResult<Self> {
         let dim = gravity.len();
+        let vectors = format!("float32 of shape (N, {dim})");
+        let scalars = "float32 of shape (N,)";
+        let x = array::<f32, Ix2>("x", &vectors, x)?;
+        let v = array::<f32, Ix2>("v", &vectors, v)?;
+        let material = array::<u8, Ix1>("material", "uint8 of shape (N,)", material)?;
+        let mass = array::<f32, Ix1>("mass", scalars, mass)?;
+        let volume = array::<f32, Ix1>("volume", scalars, volume)?;
+        let volume_ratio = volume_ratio
+            .map(|ratio| array::<f32, Ix1>("volume_ratio", scalars, ratio))
+            .transpose()?;
         for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
             if shape[1] != dim {
-                return Err(config_error(format!("{name} must be of shape (N, {dim}), got {shape:?}")));
+                return Err(config_error(format!(
+                    "{name} must be {vectors}, got shape {shape:?}"
+                )));
             }
         }
         let arguments = Arguments {
@@ -178,7 +209,7 @@ impl PySolver {
             wall_upper: &wall_upper,
             wall_contact: contact(wall_contact, wall_friction)?,
             materials: materials.iter().map(|m| m.inner).collect(),
-            substeps: self::substeps(&substeps, cfl, allow_unstable)?,
+            substeps: self::substeps(substeps.as_ref(), cfl, allow_unstable)?,
             threads,
         };
         let particles = Particles {
@@ -187,7 +218,10 @@ impl PySolver {
             material: slice_of("material", &material)?,
             mass: slice_of("mass", &mass)?,
             volume: slice_of("volume", &volume)?,
-            volume_ratio: volume_ratio.as_ref().map(|r| slice_of("volume_ratio", r)).transpose()?,
+            volume_ratio: volume_ratio
+                .as_ref()
+                .map(|r| slice_of("volume_ratio", r))
+                .transpose()?,
         };
         let inner = match dim {
             2 => {
@@ -204,10 +238,20 @@ impl PySolver {
                 })?;
                 AnySolver::Space(py.detach(|| arguments.build(list, particles))?)
             }
-            _ => return Err(config_error(format!("gravity must have 2 or 3 components, got {dim}"))),
+            _ => {
+                return Err(config_error(format!(
+                    "gravity must have 2 or 3 components, got {dim}"
+                )));
+            }
         };
         let count = with_solver!(&inner, solver => solver.count());
-        Ok(Self { inner: Mutex::new(inner), dim, count, resolution, frame_dt })
+        Ok(Self {
+            inner: Mutex::new(inner),
+            dim,
+            count,
+            resolution,
+            frame_dt,
+        })
     }
 
     #[pyo3(signature = (frames=1, force=None, out=None))]
@@ -215,10 +259,16 @@ impl PySolver {
         &self,
         py: Python<'_>,
         frames: usize,
-        force: Option<PyReadonlyArrayDyn<'_, f32>>,
+        force: Option<&Bound<'_, PyAny>>,
         out: Option<PyReadwriteArray3<'_, f32>>,
     ) -> PyResult<()> {
-        let (held, per_frame) = (vec![self.count, self.dim], vec![frames, self.count, self.dim]);
+        let (held, per_frame) = (
+            vec![self.count, self.dim],
+            vec![frames, self.count, self.dim],
+        );
+        let force = force
+            .map(|force| array::<f32, IxDyn>("force", "float32", force))
+            .transpose()?;
         let force = match &force {
             None => Force::None,
             Some(array) if array.shape() == held => Force::Held(slice_of("force", array)?),
@@ -281,34 +331,50 @@ impl PySolver {
 
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let out =
-            self.read(py, self.dim, |any, out| with_solver!(any, s => s.write_positions(out)));
+        let out = self.read(
+            py,
+            self.dim,
+            |any, out| with_solver!(any, s => s.write_positions(out)),
+        );
         out.into_pyarray(py).reshape([self.count, self.dim])
     }
 
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let out =
-            self.read(py, self.dim, |any, out| with_solver!(any, s => s.write_velocities(out)));
+        let out = self.read(
+            py,
+            self.dim,
+            |any, out| with_solver!(any, s => s.write_velocities(out)),
+        );
         out.into_pyarray(py).reshape([self.count, self.dim])
     }
 
     #[getter]
     fn affine<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let width = self.dim * self.dim;
-        let out = self.read(py, width, |any, out| with_solver!(any, s => s.write_affine(out)));
-        out.into_pyarray(py).reshape([self.count, self.dim, self.dim])
+        let out = self.read(
+            py,
+            width,
+            |any, out| with_solver!(any, s => s.write_affine(out)),
+        );
+        out.into_pyarray(py)
+            .reshape([self.count, self.dim, self.dim])
     }
 
     #[getter]
     fn volume_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        let out = self.read(py, 1, |any, out| with_solver!(any, s => s.write_volume_ratios(out)));
+        let out = self.read(
+            py,
+            1,
+            |any, out| with_solver!(any, s => s.write_volume_ratios(out)),
+        );
         out.into_pyarray(py)
     }
 
     #[getter]
     fn last_frame(&self, py: Python<'_>) -> Option<PyFrameReport> {
-        self.detached(py, |any| with_solver!(any, solver => solver.last_frame())).map(PyFrameReport)
+        self.detached(py, |any| with_solver!(any, solver => solver.last_frame()))
+            .map(PyFrameReport)
     }
 
     fn diagnostics(&self, py: Python<'_>) -> PyDiagnostics {

@@ -47,7 +47,11 @@ impl Contact {
 /// Factor on a slip speed after Coulomb friction that can take away at most `capacity` of it.
 #[inline(always)]
 pub fn remaining_slip(slip: f32, capacity: f32) -> f32 {
-    if slip <= capacity || slip == 0.0 { 0.0 } else { 1.0 - capacity / slip }
+    if slip <= capacity || slip == 0.0 {
+        0.0
+    } else {
+        1.0 - capacity / slip
+    }
 }
 
 #[cfg(test)]
@@ -65,12 +69,27 @@ mod tests {
         let (into, away) = (Vector::<2>::new(3.0, -1.0), Vector::<2>::new(3.0, 1.0));
         let after = |kind, friction, v| contact(kind, friction).resolve(&v, &UP, 0.25);
         assert_eq!(after(ContactKind::Sticky, None, away), Vector::<2>::zeros());
-        assert_eq!(after(ContactKind::Slip, None, away), Vector::<2>::new(3.0, 0.0));
+        assert_eq!(
+            after(ContactKind::Slip, None, away),
+            Vector::<2>::new(3.0, 0.0)
+        );
         assert_eq!(after(ContactKind::Separating, None, away), away);
-        assert_eq!(after(ContactKind::Separating, Some(0.0), into), Vector::<2>::new(3.0, 0.0));
+        assert_eq!(
+            after(ContactKind::Separating, Some(0.0), into),
+            Vector::<2>::new(3.0, 0.0)
+        );
         // Coulomb: the normal impulse of 1 takes mu of the slip; the material's mu where none is named.
-        assert_eq!(after(ContactKind::Separating, Some(0.5), into), Vector::<2>::new(2.5, 0.0));
-        assert_eq!(after(ContactKind::Separating, None, into), Vector::<2>::new(2.75, 0.0));
-        assert_eq!(after(ContactKind::Separating, Some(4.0), into), Vector::<2>::zeros());
+        assert_eq!(
+            after(ContactKind::Separating, Some(0.5), into),
+            Vector::<2>::new(2.5, 0.0)
+        );
+        assert_eq!(
+            after(ContactKind::Separating, None, into),
+            Vector::<2>::new(2.75, 0.0)
+        );
+        assert_eq!(
+            after(ContactKind::Separating, Some(4.0), into),
+            Vector::<2>::zeros()
+        );
     }
 }

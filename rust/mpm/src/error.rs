@@ -7,10 +7,18 @@ use thiserror::Error;
 pub enum MpmError {
     /// A parameter is outside its range.
     #[error("{name} must be {allowed}, got {value}")]
-    Parameter { name: String, allowed: &'static str, value: String },
+    Parameter {
+        name: String,
+        allowed: &'static str,
+        value: String,
+    },
     /// Arrays of particles disagree.
     #[error("{name} must have {expected} entries, one a particle, got {got}")]
-    Length { name: &'static str, expected: usize, got: usize },
+    Length {
+        name: &'static str,
+        expected: usize,
+        got: usize,
+    },
     /// A position, velocity or volume ratio became NaN or infinite.
     #[error(
         "particle {particle} became non-finite in frame {frame}: shorten the substeps, or look for \
@@ -22,25 +30,43 @@ pub enum MpmError {
         "particle {particle} left the domain in frame {frame} at {position:?} m; allowed is up to \
          {margin:.2e} m past a wall and [0, 1] on each axis"
     )]
-    LeftDomain { particle: u32, frame: u64, position: Vec<f32>, margin: f32 },
+    LeftDomain {
+        particle: u32,
+        frame: u64,
+        position: Vec<f32>,
+        margin: f32,
+    },
     /// A particle was compressed to nothing.
     #[error(
         "particle {particle} reached volume ratio J = {volume_ratio:.3e} in frame {frame}, it must \
          stay above 0: shorten the substeps, stiffen the material or lower the speeds"
     )]
-    Inverted { particle: u32, frame: u64, volume_ratio: f32 },
+    Inverted {
+        particle: u32,
+        frame: u64,
+        volume_ratio: f32,
+    },
     /// A fixed substep above the stability limit.
     #[error(
         "a substep of {dt:.3e} s is above the stability limit of {limit:.3e} s ({bound}): use at \
          least {substeps} substeps a frame, or allow unstable steps by name"
     )]
-    UnstableStep { dt: f32, limit: f32, bound: &'static str, substeps: u32 },
+    UnstableStep {
+        dt: f32,
+        limit: f32,
+        bound: &'static str,
+        substeps: u32,
+    },
     /// Speeds that no sensible number of substeps can follow.
     #[error(
         "speeds of {speed:.3e} m/s would need {substeps:.0} substeps in a frame, at most {most:.0} are \
          made: lower the velocities or the external force"
     )]
-    TooFast { speed: f32, substeps: f32, most: f32 },
+    TooFast {
+        speed: f32,
+        substeps: f32,
+        most: f32,
+    },
     /// Bytes that are no snapshot of this scene.
     #[error("snapshot refused: {reason}")]
     Snapshot { reason: String },
@@ -53,6 +79,10 @@ impl MpmError {
         allowed: &'static str,
         value: impl std::fmt::Debug,
     ) -> Self {
-        Self::Parameter { name: name.into(), allowed, value: format!("{value:?}") }
+        Self::Parameter {
+            name: name.into(),
+            allowed,
+            value: format!("{value:?}"),
+        }
     }
 }

@@ -50,7 +50,10 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    const NOTHING: Self = Self { max_speed_squared: 0.0, sound: true };
+    const NOTHING: Self = Self {
+        max_speed_squared: 0.0,
+        sound: true,
+    };
 
     fn and(self, other: Self) -> Self {
         Self {
@@ -111,7 +114,9 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
         let mut moments = [f32x4::ZERO; D];
         for_each_row::<D>(|i, j| {
             let begin = start + layout.stencil_row([i, j]);
-            let row: &[f32x4; 3] = grid.nodes[begin..begin + 3].try_into().expect("three nodes");
+            let row: &[f32x4; 3] = grid.nodes[begin..begin + 3]
+                .try_into()
+                .expect("three nodes");
             let mut weight = stencil.weights[0][i];
             if D == 3 {
                 weight *= stencil.weights[1][j];

@@ -22,7 +22,10 @@ pub struct Layout<const D: usize> {
 
 impl<const D: usize> Layout<D> {
     pub fn new(resolution: usize) -> Self {
-        Self { resolution, extent: resolution + 1 + 2 * PADDING }
+        Self {
+            resolution,
+            extent: resolution + 1 + 2 * PADDING,
+        }
     }
 
     /// Cell size [m].
@@ -56,7 +59,9 @@ impl<const D: usize> Layout<D> {
     /// Row of a node.
     #[inline(always)]
     pub fn row(&self, node: [usize; D]) -> usize {
-        node[..D - 1].iter().fold(0, |row, &coordinate| row * self.extent + coordinate)
+        node[..D - 1]
+            .iter()
+            .fold(0, |row, &coordinate| row * self.extent + coordinate)
     }
 
     /// Coordinates of a row, the last axis left at 0.
@@ -116,7 +121,11 @@ impl<const D: usize> Grid<D> {
         Self {
             layout,
             nodes: vec![f32x4::ZERO; count],
-            friction_mass: if mixed_friction { vec![0.0; count] } else { Vec::new() },
+            friction_mass: if mixed_friction {
+                vec![0.0; count]
+            } else {
+                Vec::new()
+            },
             active: Vec::new(),
             bounds: vec![EMPTY; layout.row_count()],
         }
@@ -150,7 +159,11 @@ impl<const D: usize> Grid<D> {
             let second = if D == 3 { -down..=up } else { 0..=0 };
             for i in -down..=up {
                 for j in second.clone() {
-                    let stride = if D == 3 { self.layout.extent as isize } else { 1 };
+                    let stride = if D == 3 {
+                        self.layout.extent as isize
+                    } else {
+                        1
+                    };
                     let neighbour = (row as isize + i * stride + j) as usize;
                     let bound = &mut self.bounds[neighbour];
                     if *bound == EMPTY {
@@ -163,7 +176,11 @@ impl<const D: usize> Grid<D> {
         rows.sort_unstable();
         self.active.extend(rows.into_iter().map(|row| {
             let (lo, hi) = self.bounds[row];
-            Span { row, lo: lo as usize, hi: hi as usize }
+            Span {
+                row,
+                lo: lo as usize,
+                hi: hi as usize,
+            }
         }));
     }
 
@@ -193,7 +210,11 @@ mod tests {
                 for (dx, dy) in (-1isize..=3).flat_map(|dx| (-1..=3).map(move |dy| (dx, dy))) {
                     let near = |axis: usize, d: isize| (base[axis] as isize + d) as usize;
                     let row = grid.layout.row([near(0, dx), near(1, dy), 0]);
-                    let span = grid.active.iter().find(|s| s.row == row).expect("row is active");
+                    let span = grid
+                        .active
+                        .iter()
+                        .find(|s| s.row == row)
+                        .expect("row is active");
                     assert!(span.lo < base[2] && base[2] + 3 < span.hi);
                 }
             }

@@ -36,7 +36,9 @@ pub fn grid_update<const D: usize>(grid: &mut Grid<D>, forces: &GridForces<'_, D
                 f32x4::ZERO
             };
         }
-        forces.obstacles.apply(grid, span, &forces.material_friction);
+        forces
+            .obstacles
+            .apply(grid, span, &forces.material_friction);
     }
     forces.walls.apply(grid, &forces.material_friction);
 }

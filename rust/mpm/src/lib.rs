@@ -33,7 +33,5 @@ pub use measure::grid_mass;
 pub use obstacle::{Obstacle, Shape};
 pub use solver::{Force, Particles, Settings, Solver};
 pub use svd::{Svd, svd};
-pub use timestep::{
-    Bound, CFL_LIMIT, DEFAULT_CFL, FrameReport, Substeps, reference_substeps,
-};
+pub use timestep::{Bound, CFL_LIMIT, DEFAULT_CFL, FrameReport, Substeps, reference_substeps};
 pub use walls::Walls;

@@ -49,7 +49,11 @@ impl Words for f32 {
 impl Water {
     #[inline(always)]
     fn stiffness(&self, volume_ratio: f32) -> f32 {
-        if volume_ratio > 1.0 { self.tension * self.bulk_modulus } else { self.bulk_modulus }
+        if volume_ratio > 1.0 {
+            self.tension * self.bulk_modulus
+        } else {
+            self.bulk_modulus
+        }
     }
 }
 
@@ -94,7 +98,10 @@ impl Lame {
     /// From Young's modulus [Pa] and Poisson's ratio [-].
     pub fn new(youngs_modulus: f32, poisson_ratio: f32) -> Self {
         let (e, nu) = (youngs_modulus, poisson_ratio);
-        Self { mu: e / (2.0 * (1.0 + nu)), lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) }
+        Self {
+            mu: e / (2.0 * (1.0 + nu)),
+            lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)),
+        }
     }
 }
 
@@ -113,22 +120,25 @@ impl Sand {
     /// `friction_angle` in degrees.
     pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
         let sin = friction_angle.to_radians().sin();
-        Self { lame, alpha: (2.0f32 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin), volume_correction }
+        Self {
+            lame,
+            alpha: (2.0f32 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin),
+            volume_correction,
+        }
     }
 
     /// Hencky strains on or inside the yield surface, and the log of the volume gained.
     #[inline(always)]
-    fn return_mapping<const D: usize>(
-        &self,
-        trial: &Vector<D>,
-        gained: f32,
-    ) -> (Vector<D>, f32) {
+    fn return_mapping<const D: usize>(&self, trial: &Vector<D>, gained: f32) -> (Vector<D>, f32) {
         let Lame { mu, lambda } = self.lame;
         let strain = trial.add_scalar(gained / D as f32);
         let trace = strain.sum();
         if trace >= 0.0 {
             // Grains apart: no stress. Only the volume is remembered.
-            return (Vector::zeros(), if self.volume_correction { trace } else { 0.0 });
+            return (
+                Vector::zeros(),
+                if self.volume_correction { trace } else { 0.0 },
+            );
         }
         let deviator = strain.add_scalar(-trace / D as f32);
         let norm = deviator.norm();
@@ -194,7 +204,8 @@ impl<const D: usize> Constitutive<D> for Sand {
         let (strain, gained) = self.return_mapping(&trial, state.volume_gain);
         let Lame { mu, lambda } = self.lame;
         let principal = (strain * (2.0 * mu)).add_scalar(lambda * strain.sum());
-        state.deformation_gradient = scaled_columns(&parts.u, &strain.map(f32::exp)) * parts.v.transpose();
+        state.deformation_gradient =
+            scaled_columns(&parts.u, &strain.map(f32::exp)) * parts.v.transpose();
         state.kirchhoff_stress = scaled_columns(&parts.u, &principal) * parts.u.transpose();
         state.volume_gain = gained;
     }
@@ -204,7 +215,9 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     fn energy_density(&self, state: &SandState<D>) -> f32 {
-        let strain = svd(&state.deformation_gradient).sigma.map(|s| s.max(1.0e-4).ln());
+        let strain = svd(&state.deformation_gradient)
+            .sigma
+            .map(|s| s.max(1.0e-4).ln());
         self.lame.mu * strain.norm_squared() + 0.5 * self.lame.lambda * strain.sum().powi(2)
     }
 }
@@ -282,12 +295,24 @@ pub struct Material {
 
 impl Material {
     /// Water of bulk modulus lambda [Pa]; `tension` in [0, 1] weakens the stress where J > 1.
-    pub fn water(density: f32, bulk_modulus: f32, tension: f32, wall_friction: f32) -> Result<Self, MpmError> {
+    pub fn water(
+        density: f32,
+        bulk_modulus: f32,
+        tension: f32,
+        wall_friction: f32,
+    ) -> Result<Self, MpmError> {
         positive("bulk_modulus", bulk_modulus)?;
         if !(0.0..=1.0).contains(&tension) {
             return Err(MpmError::parameter("tension", "in [0, 1]", tension));
         }
-        Self::new(Model::Water(Water { bulk_modulus, tension }), density, wall_friction)
+        Self::new(
+            Model::Water(Water {
+                bulk_modulus,
+                tension,
+            }),
+            density,
+            wall_friction,
+        )
     }
 
     /// Sand; `friction_angle` in degrees.
@@ -301,7 +326,11 @@ impl Material {
     ) -> Result<Self, MpmError> {
         let lame = checked_lame(youngs_modulus, poisson_ratio)?;
         if !(friction_angle > 0.0 && friction_angle < 90.0) {
-            return Err(MpmError::parameter("friction_angle", "in (0, 90) degrees", friction_angle));
+            return Err(MpmError::parameter(
+                "friction_angle",
+                "in (0, 90) degrees",
+                friction_angle,
+            ));
         }
         let sand = Sand::new(lame, friction_angle, volume_correction);
         Self::new(Model::Sand(sand), density, wall_friction)
@@ -321,9 +350,17 @@ impl Material {
     fn new(model: Model, density: f32, wall_friction: f32) -> Result<Self, MpmError> {
         positive("density", density)?;
         if !(wall_friction >= 0.0 && wall_friction.is_finite()) {
-            return Err(MpmError::parameter("wall_friction", "finite and >= 0", wall_friction));
+            return Err(MpmError::parameter(
+                "wall_friction",
+                "finite and >= 0",
+                wall_friction,
+            ));
         }
-        Ok(Self { model, density, wall_friction })
+        Ok(Self {
+            model,
+            density,
+            wall_friction,
+        })
     }
 
     /// Speed of the fastest wave at rest, sqrt((lambda + 2 mu) / rho) [m/s].
@@ -341,7 +378,10 @@ impl Material {
 
     fn speed_of_modes(&self, dim: usize) -> f32 {
         let Lame { mu, lambda } = match &self.model {
-            Model::Water(water) => Lame { mu: 0.0, lambda: water.bulk_modulus },
+            Model::Water(water) => Lame {
+                mu: 0.0,
+                lambda: water.bulk_modulus,
+            },
             Model::Sand(sand) => sand.lame,
             Model::Elastic(elastic) => elastic.lame,
         };
@@ -359,7 +399,11 @@ fn positive(name: &str, value: f32) -> Result<(), MpmError> {
 fn checked_lame(youngs_modulus: f32, poisson_ratio: f32) -> Result<Lame, MpmError> {
     positive("youngs_modulus", youngs_modulus)?;
     if !(poisson_ratio > -1.0 && poisson_ratio < 0.5) {
-        return Err(MpmError::parameter("poisson_ratio", "in (-1, 0.5)", poisson_ratio));
+        return Err(MpmError::parameter(
+            "poisson_ratio",
+            "in (-1, 0.5)",
+            poisson_ratio,
+        ));
     }
     Ok(Lame::new(youngs_modulus, poisson_ratio))
 }

@@ -14,10 +14,18 @@ pub fn grid_mass<const D: usize>(
     resolution: usize,
 ) -> Result<Vec<f32>, MpmError> {
     if x.len() != mass.len() * D {
-        return Err(MpmError::Length { name: "x", expected: mass.len() * D, got: x.len() });
+        return Err(MpmError::Length {
+            name: "x",
+            expected: mass.len() * D,
+            got: x.len(),
+        });
     }
     if !(2..=1024).contains(&resolution) {
-        return Err(MpmError::parameter("resolution", "in [2, 1024]", resolution));
+        return Err(MpmError::parameter(
+            "resolution",
+            "in [2, 1024]",
+            resolution,
+        ));
     }
     let extent = resolution + 1;
     let mut nodes = vec![0.0f64; extent.pow(D as u32)];

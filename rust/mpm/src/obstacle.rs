@@ -10,12 +10,25 @@ use crate::math::Vector;
 /// Geometry of a solid [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape<const D: usize> {
-    Ball { center: Vector<D>, radius: f32 },
-    Box { lower: Vector<D>, upper: Vector<D> },
+    Ball {
+        center: Vector<D>,
+        radius: f32,
+    },
+    Box {
+        lower: Vector<D>,
+        upper: Vector<D>,
+    },
     /// All points within half the thickness of a segment.
-    Segment { start: Vector<D>, end: Vector<D>, thickness: f32 },
+    Segment {
+        start: Vector<D>,
+        end: Vector<D>,
+        thickness: f32,
+    },
     /// Solid on the side that the unit normal points away from.
-    HalfSpace { point: Vector<D>, normal: Vector<D> },
+    HalfSpace {
+        point: Vector<D>,
+        normal: Vector<D>,
+    },
 }
 
 impl<const D: usize> Shape<D> {
@@ -23,7 +36,11 @@ impl<const D: usize> Shape<D> {
     pub fn distance(&self, x: &Vector<D>) -> (f32, Vector<D>) {
         match self {
             Self::Ball { center, radius } => distance_to_point(x, center, *radius),
-            Self::Segment { start, end, thickness } => {
+            Self::Segment {
+                start,
+                end,
+                thickness,
+            } => {
                 let along = end - start;
                 let t = ((x - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
                 distance_to_point(x, &(start + along * t), 0.5 * thickness)
@@ -36,11 +53,14 @@ impl<const D: usize> Shape<D> {
                 if distance > 0.0 {
                     return (distance, outside / distance);
                 }
-                let faces = (0..D).flat_map(|axis| {
-                    [(lower[axis] - x[axis], axis, -1.0), (x[axis] - upper[axis], axis, 1.0)]
-                });
-                let (depth, axis, sign) =
-                    faces.max_by(|a, b| a.0.total_cmp(&b.0)).expect("a box has faces");
+                let (mut depth, mut axis, mut sign) = (f32::NEG_INFINITY, 0, 1.0);
+                for a in 0..D {
+                    for (face, side) in [(lower[a] - x[a], -1.0), (x[a] - upper[a], 1.0)] {
+                        if face > depth {
+                            (depth, axis, sign) = (face, a, side);
+                        }
+                    }
+                }
                 let mut normal = Vector::zeros();
                 normal[axis] = sign;
                 (depth, normal)
@@ -58,7 +78,10 @@ fn distance_to_point<const D: usize>(
     let distance = away.norm();
     let up = Vector::from_fn(|axis, _| if axis == 1 { 1.0 } else { 0.0 });
     // On the centre itself every direction is as good.
-    (distance - radius, if distance > 0.0 { away / distance } else { up })
+    (
+        distance - radius,
+        if distance > 0.0 { away / distance } else { up },
+    )
 }
 
 /// A fixed solid and its surface.
@@ -73,16 +96,26 @@ impl<const D: usize> Obstacle<D> {
     pub fn new(shape: Shape<D>, contact: Contact) -> Result<Self, MpmError> {
         let finite = |v: &Vector<D>| v.iter().all(|s| s.is_finite());
         let (sound, name, allowed) = match &shape {
-            Shape::Ball { center, radius } => {
-                (finite(center) && *radius > 0.0 && radius.is_finite(), "ball", "a finite centre with radius > 0")
-            }
+            Shape::Ball { center, radius } => (
+                finite(center) && *radius > 0.0 && radius.is_finite(),
+                "ball",
+                "a finite centre with radius > 0",
+            ),
             Shape::Box { lower, upper } => (
                 finite(lower) && finite(upper) && (0..D).all(|axis| lower[axis] < upper[axis]),
                 "box",
                 "finite with lower < upper on each axis",
             ),
-            Shape::Segment { start, end, thickness } => (
-                finite(start) && finite(end) && start != end && *thickness > 0.0 && thickness.is_finite(),
+            Shape::Segment {
+                start,
+                end,
+                thickness,
+            } => (
+                finite(start)
+                    && finite(end)
+                    && start != end
+                    && *thickness > 0.0
+                    && thickness.is_finite(),
                 "segment",
                 "finite with two different ends and thickness > 0",
             ),
@@ -93,10 +126,21 @@ impl<const D: usize> Obstacle<D> {
             ),
         };
         if !sound {
-            return Err(MpmError::parameter(format!("obstacle {name}"), allowed, shape));
+            return Err(MpmError::parameter(
+                format!("obstacle {name}"),
+                allowed,
+                shape,
+            ));
         }
-        if contact.friction.is_some_and(|mu| !(mu >= 0.0 && mu.is_finite())) {
-            return Err(MpmError::parameter("friction", "finite and >= 0", contact.friction));
+        if contact
+            .friction
+            .is_some_and(|mu| !(mu >= 0.0 && mu.is_finite()))
+        {
+            return Err(MpmError::parameter(
+                "friction",
+                "finite and >= 0",
+                contact.friction,
+            ));
         }
         Ok(Self { shape, contact })
     }
@@ -127,7 +171,12 @@ pub struct Obstacles<const D: usize> {
 
 impl<const D: usize> Obstacles<D> {
     pub fn new(list: Vec<Obstacle<D>>, layout: &Layout<D>) -> Self {
-        let mut prepared = Self { list, nodes: Vec::new(), row_starts: Vec::new(), near: Vec::new() };
+        let mut prepared = Self {
+            list,
+            nodes: Vec::new(),
+            row_starts: Vec::new(),
+            near: Vec::new(),
+        };
         if prepared.list.is_empty() {
             return prepared;
         }
@@ -236,8 +285,15 @@ mod tests {
         assert!((square.distance(&Vector::<2>::new(0.43, 0.54)).0 - 0.05).abs() < 1e-6);
         let (depth, normal) = square.distance(&Vector::<2>::new(0.39, 0.3));
         assert!((depth + 0.01).abs() < 1e-6 && normal == Vector::<2>::new(1.0, 0.0));
-        let (start, end) = (Vector::<3>::new(0.2, 0.2, 0.5), Vector::<3>::new(0.6, 0.2, 0.5));
-        let ramp = Shape::Segment { start, end, thickness: 0.1 };
+        let (start, end) = (
+            Vector::<3>::new(0.2, 0.2, 0.5),
+            Vector::<3>::new(0.6, 0.2, 0.5),
+        );
+        let ramp = Shape::Segment {
+            start,
+            end,
+            thickness: 0.1,
+        };
         let (distance, normal) = ramp.distance(&Vector::<3>::new(0.4, 0.3, 0.5));
         assert!((distance - 0.05).abs() < 1e-6 && (normal.y - 1.0).abs() < 1e-6);
         assert!((ramp.distance(&Vector::<3>::new(0.7, 0.2, 0.5)).0 - 0.05).abs() < 1e-6);

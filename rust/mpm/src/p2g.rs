@@ -84,7 +84,12 @@ fn windows<'a, const D: usize>(
         } else {
             std::mem::take(&mut friction)[first - cut..].split_at_mut(end - first)
         };
-        windows.push(Window { slab, first, nodes: mine, friction_mass: my_friction });
+        windows.push(Window {
+            slab,
+            first,
+            nodes: mine,
+            friction_mass: my_friction,
+        });
         (nodes, friction, cut) = (rest, friction_rest, end);
     }
     windows
@@ -127,8 +132,9 @@ fn scatter_group<const D: usize, M: Constitutive<D>>(
             }
             let weight = f32x4::splat(weight);
             let begin = start + layout.stencil_row([i, j]);
-            let row: &mut [f32x4; 3] =
-                (&mut window.nodes[begin..begin + 3]).try_into().expect("three nodes");
+            let row: &mut [f32x4; 3] = (&mut window.nodes[begin..begin + 3])
+                .try_into()
+                .expect("three nodes");
             let (value, slope) = (value * weight, per_step[D - 1] * weight);
             row[0] += value * last[0];
             row[1] += (value + slope) * last[1];

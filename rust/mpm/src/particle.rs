@@ -111,7 +111,10 @@ fn sort_by_row<const D: usize, S: Copy>(
     layout: &Layout<D>,
     per_plane: &mut [usize],
 ) {
-    let rows: Vec<usize> = particles.iter().map(|p| layout.row(base(&p.x, layout))).collect();
+    let rows: Vec<usize> = particles
+        .iter()
+        .map(|p| layout.row(base(&p.x, layout)))
+        .collect();
     let mut starts = vec![0u32; layout.row_count() + 1];
     for &row in &rows {
         starts[row + 1] += 1;

@@ -43,21 +43,31 @@ pub(crate) fn decode<const D: usize>(
 ) -> Result<State<D>, MpmError> {
     let refuse = |reason: String| MpmError::Snapshot { reason };
     if data.len() < HEADER + CHECKSUM || &data[..8] != MAGIC {
-        return Err(refuse("these bytes are no hybridmpm snapshot, or cut off".into()));
+        return Err(refuse(
+            "these bytes are no hybridmpm snapshot, or cut off".into(),
+        ));
     }
     let (body, checksum) = data.split_at(data.len() - CHECKSUM);
     let mut reader = Reader { rest: &body[8..] };
     let version = reader.u32();
     if version != VERSION {
-        return Err(refuse(format!("it has version {version}, this build reads version {VERSION}")));
+        return Err(refuse(format!(
+            "it has version {version}, this build reads version {VERSION}"
+        )));
     }
     if fnv1a(body).to_le_bytes() != checksum {
-        return Err(refuse("its checksum does not match: it is damaged or cut off".into()));
+        return Err(refuse(
+            "its checksum does not match: it is damaged or cut off".into(),
+        ));
     }
     if reader.u64() != fingerprint(settings) {
         return Err(refuse("it belongs to a scene with other settings".into()));
     }
-    let mut state = State { frame: reader.u64(), max_speed: reader.f32(), phases: present.phases.clone() };
+    let mut state = State {
+        frame: reader.u64(),
+        max_speed: reader.f32(),
+        phases: present.phases.clone(),
+    };
     for phase in &mut state.phases {
         with_group!(phase, group => read_group(group, &mut reader)
             .ok_or_else(|| refuse("it belongs to a scene with other particles".into()))?);
@@ -88,7 +98,10 @@ fn read_group<const D: usize, M: Constitutive<D>>(
 }
 
 fn write<const D: usize, S: Words>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
-    p.x.iter().chain(&p.v).chain(&p.affine).for_each(|&word| put(word));
+    p.x.iter()
+        .chain(&p.v)
+        .chain(&p.affine)
+        .for_each(|&word| put(word));
     put(p.mass);
     put(p.volume);
     p.state.write(put);
@@ -108,8 +121,17 @@ fn read<const D: usize, S: Words>(id: u32, take: &mut impl FnMut() -> f32) -> Pa
 
 /// Of all settings that shape the motion; substeps and threads may differ.
 fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
-    let Settings { resolution, frame_dt, gravity, walls, materials, obstacles, .. } = settings;
-    let text = format!("{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?}");
+    let Settings {
+        resolution,
+        frame_dt,
+        gravity,
+        walls,
+        materials,
+        obstacles,
+        ..
+    } = settings;
+    let text =
+        format!("{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?}");
     fnv1a(text.as_bytes())
 }
 

@@ -99,16 +99,28 @@ impl<const D: usize> Solver<D> {
     pub fn new(settings: Settings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
         check_settings(&settings)?;
         let dx = 1.0 / settings.resolution as f32;
-        let chooser =
-            StepChooser::new(settings.substeps, settings.frame_dt, dx, D, &settings.materials)?;
+        let chooser = StepChooser::new(
+            settings.substeps,
+            settings.frame_dt,
+            dx,
+            D,
+            &settings.materials,
+        )?;
         let phases = group(&settings, particles)?;
         let frictions = || settings.materials.iter().map(|m| m.wall_friction);
-        let uniform = frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
+        let uniform =
+            frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
         let grid = Grid::new(settings.resolution, !uniform);
         let pool = if settings.threads > 1 {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build();
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(settings.threads)
+                .build();
             Some(Arc::new(pool.map_err(|error| {
-                MpmError::parameter("threads", "a number that the system grants", error.to_string())
+                MpmError::parameter(
+                    "threads",
+                    "a number that the system grants",
+                    error.to_string(),
+                )
             })?))
         } else {
             None
@@ -128,7 +140,11 @@ impl<const D: usize> Solver<D> {
             grid,
             slabs: Vec::new(),
             before: Vec::new(),
-            state: State { phases, frame: 0, max_speed },
+            state: State {
+                phases,
+                frame: 0,
+                max_speed,
+            },
             last_frame: None,
             count: particles.mass.len(),
             settings,
@@ -151,7 +167,11 @@ impl<const D: usize> Solver<D> {
             Force::PerFrame(forces) => (forces, size * frames),
         };
         if forces.len() != expected {
-            return Err(MpmError::Length { name: "force", expected, got: forces.len() });
+            return Err(MpmError::Length {
+                name: "force",
+                expected,
+                got: forces.len(),
+            });
         }
         if let Some(bad) = forces.iter().find(|a| !a.is_finite()) {
             return Err(MpmError::parameter("force", "finite", bad));
@@ -192,9 +212,15 @@ impl<const D: usize> Solver<D> {
 
     fn substeps(&mut self, force: Option<&[f32]>, parallel: bool) -> Result<FrameReport, MpmError> {
         let dx = self.grid.layout.dx();
-        let mut report = FrameReport { substeps: 0, smallest_dt: f32::INFINITY, bound: Bound::Frame };
+        let mut report = FrameReport {
+            substeps: 0,
+            smallest_dt: f32::INFINITY,
+            bound: Bound::Frame,
+        };
         let pull = self.settings.gravity.norm()
-            + force.map_or(0.0, |force| force.chunks_exact(D).map(norm).fold(0.0, f32::max));
+            + force.map_or(0.0, |force| {
+                force.chunks_exact(D).map(norm).fold(0.0, f32::max)
+            });
         let mut remaining = self.settings.frame_dt;
         // Sorting at the start of a frame makes a frame a function of the state alone.
         let mut travelled = f32::INFINITY;
@@ -239,7 +265,13 @@ impl<const D: usize> Solver<D> {
     /// One substep; false when a particle is no longer sound.
     fn substep(&mut self, step: Step<'_, D>, parallel: bool) -> bool {
         self.grid.clear();
-        p2g(&self.state.phases, &self.slabs, &mut self.grid, step, parallel);
+        p2g(
+            &self.state.phases,
+            &self.slabs,
+            &mut self.grid,
+            step,
+            parallel,
+        );
         let forces = GridForces {
             gravity: self.settings.gravity,
             walls: &self.walls,
@@ -248,7 +280,14 @@ impl<const D: usize> Solver<D> {
         };
         grid_update(&mut self.grid, &forces, step.dt);
         let (phases, grid) = (&mut self.state.phases, &self.grid);
-        let outcome = g2p(phases, grid, &self.bounds, &self.obstacles, step.dt, parallel);
+        let outcome = g2p(
+            phases,
+            grid,
+            &self.bounds,
+            &self.obstacles,
+            step.dt,
+            parallel,
+        );
         self.state.max_speed = outcome.max_speed_squared.sqrt();
         outcome.sound
     }
@@ -279,7 +318,9 @@ impl<const D: usize> Solver<D> {
                 }
             });
         }
-        found.expect("diagnose is called only when a particle is unsound").1
+        found
+            .expect("diagnose is called only when a particle is unsound")
+            .1
     }
 
     pub fn settings(&self) -> &Settings<D> {
@@ -315,7 +356,10 @@ impl<const D: usize> Solver<D> {
     pub fn write_affine(&self, out: &mut [f32]) {
         self.scatter(out, D * D, |_, _, c, into| {
             for (row, values) in into.chunks_exact_mut(D).enumerate() {
-                values.iter_mut().enumerate().for_each(|(column, value)| *value = c[(row, column)]);
+                values
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(column, value)| *value = c[(row, column)]);
             }
         });
     }
@@ -366,16 +410,32 @@ fn norm(components: &[f32]) -> f32 {
 
 fn check_settings<const D: usize>(settings: &Settings<D>) -> Result<(), MpmError> {
     if !(8..=1024).contains(&settings.resolution) {
-        return Err(MpmError::parameter("resolution", "in [8, 1024]", settings.resolution));
+        return Err(MpmError::parameter(
+            "resolution",
+            "in [8, 1024]",
+            settings.resolution,
+        ));
     }
     if !(settings.frame_dt > 0.0 && settings.frame_dt.is_finite()) {
-        return Err(MpmError::parameter("frame_dt", "finite and > 0 s", settings.frame_dt));
+        return Err(MpmError::parameter(
+            "frame_dt",
+            "finite and > 0 s",
+            settings.frame_dt,
+        ));
     }
     if !settings.gravity.iter().all(|g| g.is_finite()) {
-        return Err(MpmError::parameter("gravity", "finite", settings.gravity.as_slice()));
+        return Err(MpmError::parameter(
+            "gravity",
+            "finite",
+            settings.gravity.as_slice(),
+        ));
     }
     if settings.materials.is_empty() || settings.materials.len() > 255 {
-        return Err(MpmError::parameter("materials", "1 to 255 materials", settings.materials.len()));
+        return Err(MpmError::parameter(
+            "materials",
+            "1 to 255 materials",
+            settings.materials.len(),
+        ));
     }
     if settings.threads == 0 {
         return Err(MpmError::parameter("threads", "at least 1", 0));
@@ -419,7 +479,12 @@ fn select<const D: usize, M: Constitutive<D>>(
             state: model.initial_state(input.volume_ratio.map_or(1.0, |ratios| ratios[i])),
         })
         .collect();
-    Group { material: model, wall_friction: material.wall_friction, particles, slab_starts: Vec::new() }
+    Group {
+        material: model,
+        wall_friction: material.wall_friction,
+        particles,
+        slab_starts: Vec::new(),
+    }
 }
 
 fn check_particles<const D: usize>(
@@ -432,16 +497,29 @@ fn check_particles<const D: usize>(
         ("v", particles.v.len(), n * D),
         ("material", particles.material.len(), n),
         ("volume", particles.volume.len(), n),
-        ("volume_ratio", particles.volume_ratio.map_or(n, <[f32]>::len), n),
+        (
+            "volume_ratio",
+            particles.volume_ratio.map_or(n, <[f32]>::len),
+            n,
+        ),
     ];
-    if let Some(&(name, got, expected)) = lengths.iter().find(|(_, got, expected)| got != expected) {
-        return Err(MpmError::Length { name, expected, got });
+    if let Some(&(name, got, expected)) = lengths.iter().find(|(_, got, expected)| got != expected)
+    {
+        return Err(MpmError::Length {
+            name,
+            expected,
+            got,
+        });
     }
     let walls = &settings.walls;
     for i in 0..n {
         let x = Vector::<D>::from_column_slice(&particles.x[i * D..][..D]);
         if !(0..D).all(|axis| x[axis] >= walls.lower[axis] && x[axis] <= walls.upper[axis]) {
-            return Err(MpmError::parameter(format!("x[{i}]"), "inside the walls", x.as_slice()));
+            return Err(MpmError::parameter(
+                format!("x[{i}]"),
+                "inside the walls",
+                x.as_slice(),
+            ));
         }
         let v = &particles.v[i * D..][..D];
         if !v.iter().all(|s| s.is_finite()) {
@@ -449,14 +527,24 @@ fn check_particles<const D: usize>(
         }
         if usize::from(particles.material[i]) >= settings.materials.len() {
             let value = particles.material[i];
-            return Err(MpmError::parameter(format!("material[{i}]"), "an index into materials", value));
+            return Err(MpmError::parameter(
+                format!("material[{i}]"),
+                "an index into materials",
+                value,
+            ));
         }
         let ratio = particles.volume_ratio.map_or(1.0, |ratios| ratios[i]);
-        for (name, value) in
-            [("mass", particles.mass[i]), ("volume", particles.volume[i]), ("volume_ratio", ratio)]
-        {
+        for (name, value) in [
+            ("mass", particles.mass[i]),
+            ("volume", particles.volume[i]),
+            ("volume_ratio", ratio),
+        ] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(MpmError::parameter(format!("{name}[{i}]"), "finite and > 0", value));
+                return Err(MpmError::parameter(
+                    format!("{name}[{i}]"),
+                    "finite and > 0",
+                    value,
+                ));
             }
         }
     }

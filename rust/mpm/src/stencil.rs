@@ -22,7 +22,11 @@ impl<const D: usize> Stencil<D> {
         let offset = Vector::from_fn(|axis, _| xi[axis] - lowest[axis] as f32);
         let base = lowest.map(|node| node as usize);
         let weights = std::array::from_fn(|axis| spline(offset[axis]));
-        Self { base, offset, weights }
+        Self {
+            base,
+            offset,
+            weights,
+        }
     }
 }
 

@@ -27,7 +27,11 @@ const ORTHOGONAL: f32 = 1.0e-7;
 pub fn svd<const D: usize>(a: &Matrix<D>) -> Svd<D> {
     let scale = a.amax();
     if !(scale > 0.0 && scale.is_finite()) {
-        return Svd { u: Matrix::identity(), sigma: Vector::zeros(), v: Matrix::identity() };
+        return Svd {
+            u: Matrix::identity(),
+            sigma: Vector::zeros(),
+            v: Matrix::identity(),
+        };
     }
     // Scaled to entries of at most one, squares neither overflow nor vanish beside each other.
     let mut columns = a.map(|entry| entry / scale);
@@ -39,7 +43,11 @@ pub fn svd<const D: usize>(a: &Matrix<D>) -> Svd<D> {
     }
     sort_columns(&mut columns, &mut v);
     let (u, sigma) = normalise(&columns);
-    Svd { u, sigma: sigma * scale, v }
+    Svd {
+        u,
+        sigma: sigma * scale,
+        v,
+    }
 }
 
 /// Rotates each pair of columns once; false when all were orthogonal already.
@@ -48,7 +56,10 @@ fn sweep<const D: usize>(columns: &mut Matrix<D>, v: &mut Matrix<D>) -> bool {
     let mut rotated = false;
     for p in 0..D {
         for q in p + 1..D {
-            let (alpha, beta) = (columns.column(p).norm_squared(), columns.column(q).norm_squared());
+            let (alpha, beta) = (
+                columns.column(p).norm_squared(),
+                columns.column(q).norm_squared(),
+            );
             let gamma = columns.column(p).dot(&columns.column(q));
             if gamma.abs() <= ORTHOGONAL * (alpha * beta).sqrt() || gamma == 0.0 {
                 continue;
@@ -144,18 +155,30 @@ mod tests {
         let scale = a.amax().max(f32::MIN_POSITIVE);
         for (name, q) in [("U", u), ("V", v)] {
             let defect = (q.transpose() * q - Matrix::identity()).amax();
-            assert!(defect < 2.0e-6, "{name} is not orthogonal by {defect:e} for {a}");
+            assert!(
+                defect < 2.0e-6,
+                "{name} is not orthogonal by {defect:e} for {a}"
+            );
         }
         for j in 0..D {
             assert!(sigma[j] >= 0.0);
-            assert!(j == 0 || sigma[j] <= sigma[j - 1], "{sigma} is not sorted for {a}");
+            assert!(
+                j == 0 || sigma[j] <= sigma[j - 1],
+                "{sigma} is not sorted for {a}"
+            );
         }
         let unit = a / scale;
         let scaled = sigma / scale;
         let defect = (u * Matrix::from_diagonal(&scaled) * v.transpose() - unit).amax();
-        assert!(defect < 4.0e-6, "U S V^T misses A by {defect:e} of its size for {a}");
+        assert!(
+            defect < 4.0e-6,
+            "U S V^T misses A by {defect:e} of its size for {a}"
+        );
         let (sum, norm) = (scaled.norm_squared(), unit.norm_squared());
-        assert!((sum - norm).abs() <= 4.0e-6 * norm, "sum sigma^2 = {sum}, |A|^2 = {norm}");
+        assert!(
+            (sum - norm).abs() <= 4.0e-6 * norm,
+            "sum sigma^2 = {sum}, |A|^2 = {norm}"
+        );
     }
 
     #[test]
@@ -173,8 +196,12 @@ mod tests {
         check(&(-Matrix::<3>::identity()));
         check(&Matrix::<3>::zeros());
         check(&Matrix::<3>::from_element(1.0));
-        check(&Matrix::<3>::from_diagonal(&Vector::<3>::new(2.0, 2.0, 1.0e-5)));
-        check(&Matrix::<3>::from_diagonal(&Vector::<3>::new(0.0, 3.0, 3.0)));
+        check(&Matrix::<3>::from_diagonal(&Vector::<3>::new(
+            2.0, 2.0, 1.0e-5,
+        )));
+        check(&Matrix::<3>::from_diagonal(&Vector::<3>::new(
+            0.0, 3.0, 3.0,
+        )));
     }
 
     fn entries<const D: usize>() -> impl Strategy<Value = Matrix<D>> {

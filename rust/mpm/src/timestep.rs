@@ -92,8 +92,16 @@ impl StepChooser {
             }
             _ => {}
         }
-        let signal_speed = materials.iter().map(|m| m.signal_speed(dim)).fold(0.0, f32::max);
-        Ok(Self { substeps, frame_dt, dx, signal_speed })
+        let signal_speed = materials
+            .iter()
+            .map(|m| m.signal_speed(dim))
+            .fold(0.0, f32::max);
+        Ok(Self {
+            substeps,
+            frame_dt,
+            dx,
+            signal_speed,
+        })
     }
 
     /// The next step and what chose it. `speed` bounds the particle speeds during it [m/s].
@@ -105,7 +113,15 @@ impl StepChooser {
         };
         let dt = self.frame_dt / count as f32;
         let limit = CFL_LIMIT * self.dx / self.signal_speed.max(speed);
-        if dt > limit && !matches!(self.substeps, Substeps::Fixed { allow_unstable: true, .. }) {
+        if dt > limit
+            && !matches!(
+                self.substeps,
+                Substeps::Fixed {
+                    allow_unstable: true,
+                    ..
+                }
+            )
+        {
             return Err(MpmError::UnstableStep {
                 dt,
                 limit,
@@ -113,8 +129,11 @@ impl StepChooser {
                 substeps: (self.frame_dt / limit).ceil() as u32,
             });
         }
-        let bound =
-            if self.substeps == Substeps::Reference { Bound::Reference } else { Bound::Fixed };
+        let bound = if self.substeps == Substeps::Reference {
+            Bound::Reference
+        } else {
+            Bound::Fixed
+        };
         Ok((dt, bound))
     }
 
@@ -122,14 +141,26 @@ impl StepChooser {
         let limit = cfl * self.dx / self.signal_speed.max(speed);
         let count = (remaining / limit).ceil().max(1.0);
         if count > MOST_SUBSTEPS || !count.is_finite() {
-            return Err(MpmError::TooFast { speed, substeps: count, most: MOST_SUBSTEPS });
+            return Err(MpmError::TooFast {
+                speed,
+                substeps: count,
+                most: MOST_SUBSTEPS,
+            });
         }
-        let bound = if limit >= self.frame_dt { Bound::Frame } else { self.signal(speed) };
+        let bound = if limit >= self.frame_dt {
+            Bound::Frame
+        } else {
+            self.signal(speed)
+        };
         Ok((remaining / count, bound))
     }
 
     fn signal(&self, speed: f32) -> Bound {
-        if speed > self.signal_speed { Bound::Speed } else { Bound::Sound }
+        if speed > self.signal_speed {
+            Bound::Speed
+        } else {
+            Bound::Sound
+        }
     }
 }
 
@@ -156,15 +187,31 @@ mod tests {
         // sqrt(2 * 277 778 / 1000) m/s in two dimensions.
         assert!(dt <= 0.5 / 128.0 / 23.57 && dt > 0.45 / 128.0 / 23.57);
         assert_eq!(cfl.next(0.0025, 40.0).unwrap().1, Bound::Speed);
-        assert_eq!(chooser(Substeps::Reference).next(0.0025, 1.0).unwrap().1, Bound::Reference);
+        assert_eq!(
+            chooser(Substeps::Reference).next(0.0025, 1.0).unwrap().1,
+            Bound::Reference
+        );
     }
 
     #[test]
     fn unstable_steps_need_a_name() {
-        let refused = chooser(Substeps::Fixed { count: 4, allow_unstable: false });
+        let refused = chooser(Substeps::Fixed {
+            count: 4,
+            allow_unstable: false,
+        });
         let error = refused.next(0.0025, 0.0).unwrap_err();
-        assert!(matches!(error, MpmError::UnstableStep { substeps: 10, .. }), "{error}");
-        assert!(chooser(Substeps::Fixed { count: 4, allow_unstable: true }).next(0.0025, 0.0).is_ok());
+        assert!(
+            matches!(error, MpmError::UnstableStep { substeps: 10, .. }),
+            "{error}"
+        );
+        assert!(
+            chooser(Substeps::Fixed {
+                count: 4,
+                allow_unstable: true
+            })
+            .next(0.0025, 0.0)
+            .is_ok()
+        );
         assert!(matches!(
             chooser(Substeps::Cfl(0.5)).next(0.0025, 1.0e9),
             Err(MpmError::TooFast { .. })

@@ -50,8 +50,12 @@ fn grid_totals<const D: usize>(grid: &Grid<D>) -> Totals {
         if lanes[3] > 0.0 {
             let mut coordinates = grid.layout.row_coordinates(index / grid.layout.extent);
             coordinates[D - 1] = index % grid.layout.extent;
-            let x: Vec<f64> =
-                grid.layout.position(coordinates).iter().map(|&s| f64::from(s)).collect();
+            let x: Vec<f64> = grid
+                .layout
+                .position(coordinates)
+                .iter()
+                .map(|&s| f64::from(s))
+                .collect();
             let mass = f64::from(lanes[3]);
             let v: Vec<f64> = lanes[..D].iter().map(|&p| f64::from(p) / mass).collect();
             add::<D>(&mut sum, mass, &x, &v);
@@ -61,11 +65,20 @@ fn grid_totals<const D: usize>(grid: &Grid<D>) -> Totals {
 }
 
 fn empty<const D: usize>() -> Totals {
-    Totals { mass: 0.0, momentum: vec![0.0; D], angular: vec![0.0; pairs(D).len()], scale: 0.0 }
+    Totals {
+        mass: 0.0,
+        momentum: vec![0.0; D],
+        angular: vec![0.0; pairs(D).len()],
+        scale: 0.0,
+    }
 }
 
 fn pairs(dim: usize) -> Vec<(usize, usize)> {
-    if dim == 2 { vec![(0, 1)] } else { vec![(0, 1), (1, 2), (2, 0)] }
+    if dim == 2 {
+        vec![(0, 1)]
+    } else {
+        vec![(0, 1), (1, 2), (2, 0)]
+    }
 }
 
 fn add<const D: usize>(sum: &mut Totals, mass: f64, x: &[f64], v: &[f64]) {
@@ -81,27 +94,63 @@ fn add<const D: usize>(sum: &mut Totals, mass: f64, x: &[f64], v: &[f64]) {
 
 fn assert_equal(before: &Totals, after: &Totals) {
     let close = |a: f64, b: f64, scale: f64| (a - b).abs() <= 1.0e-5 * scale;
-    assert!(close(before.mass, after.mass, before.mass), "{before:?} {after:?}");
+    assert!(
+        close(before.mass, after.mass, before.mass),
+        "{before:?} {after:?}"
+    );
     let all = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(&a, &b)| close(a, b, before.scale));
-    assert!(all(&before.momentum, &after.momentum), "{before:?} {after:?}");
+    assert!(
+        all(&before.momentum, &after.momentum),
+        "{before:?} {after:?}"
+    );
     assert!(all(&before.angular, &after.angular), "{before:?} {after:?}");
 }
 
 /// Particles after P2G, and after G2P, away from walls, without gravity and in no time.
 fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
-    let contact = Contact { kind: ContactKind::Separating, friction: None };
-    let walls =
-        Walls { lower: Vector::zeros(), upper: Vector::from_element(1.0), contact };
+    let contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
+    let walls = Walls {
+        lower: Vector::zeros(),
+        upper: Vector::from_element(1.0),
+        contact,
+    };
     let mut grid = Grid::<D>::new(RESOLUTION, false);
     let layout = grid.layout;
-    let water = Water { bulk_modulus: 1.0e5, tension: 1.0 };
-    let group = Group { material: water, wall_friction: 0.0, particles, slab_starts: Vec::new() };
+    let water = Water {
+        bulk_modulus: 1.0e5,
+        tension: 1.0,
+    };
+    let group = Group {
+        material: water,
+        wall_friction: 0.0,
+        particles,
+        slab_starts: Vec::new(),
+    };
     let mut phases = vec![Phase::Water(group)];
     let slabs = sort(&mut phases, &layout);
-    let Phase::Water(group) = &phases[0] else { unreachable!() };
-    grid.activate(group.particles.iter().map(|p| crate::particle::base(&p.x, &layout)));
+    let Phase::Water(group) = &phases[0] else {
+        unreachable!()
+    };
+    grid.activate(
+        group
+            .particles
+            .iter()
+            .map(|p| crate::particle::base(&p.x, &layout)),
+    );
     grid.clear();
-    p2g(&phases, &slabs, &mut grid, Step { dt: 0.0, force: None }, false);
+    p2g(
+        &phases,
+        &slabs,
+        &mut grid,
+        Step {
+            dt: 0.0,
+            force: None,
+        },
+        false,
+    );
     let momentum = grid.clone();
     let obstacles = Obstacles::new(Vec::new(), &layout);
     let forces = GridForces {
@@ -113,7 +162,9 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
     grid_update(&mut grid, &forces, 0.0);
     let bounds = Bounds::new(walls, layout.dx());
     assert!(g2p(&mut phases, &grid, &bounds, &obstacles, 0.0, false).sound);
-    let Some(Phase::Water(group)) = phases.pop() else { unreachable!() };
+    let Some(Phase::Water(group)) = phases.pop() else {
+        unreachable!()
+    };
     (momentum, group.particles)
 }
 
@@ -148,8 +199,14 @@ fn check_affine_field<const D: usize>(mut particles: Set<D>, gradient: Matrix<D>
     }
     let (_, after) = there_and_back(particles);
     for p in after {
-        assert!((p.v - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0), "{p:?}");
-        assert!((p.affine - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0), "{p:?}");
+        assert!(
+            (p.v - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
+            "{p:?}"
+        );
+        assert!(
+            (p.affine - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0),
+            "{p:?}"
+        );
     }
 }
 

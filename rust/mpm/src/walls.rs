@@ -37,8 +37,16 @@ impl<const D: usize> Walls<D> {
                 ));
             }
         }
-        if self.contact.friction.is_some_and(|mu| !(mu >= 0.0 && mu.is_finite())) {
-            return Err(MpmError::parameter("wall_friction", "finite and >= 0", self.contact.friction));
+        if self
+            .contact
+            .friction
+            .is_some_and(|mu| !(mu >= 0.0 && mu.is_finite()))
+        {
+            return Err(MpmError::parameter(
+                "wall_friction",
+                "finite and >= 0",
+                self.contact.friction,
+            ));
         }
         Ok(())
     }
@@ -76,12 +84,25 @@ impl WallContact {
             if inward < 0.0 {
                 weights.reverse();
             }
-            Side { axis, inward, middle: base as usize + 1, weights }
+            Side {
+                axis,
+                inward,
+                middle: base as usize + 1,
+                weights,
+            }
         };
         let sides = (0..D)
-            .flat_map(|axis| [side(axis, walls.lower[axis], 1.0), side(axis, walls.upper[axis], -1.0)])
+            .flat_map(|axis| {
+                [
+                    side(axis, walls.lower[axis], 1.0),
+                    side(axis, walls.upper[axis], -1.0),
+                ]
+            })
             .collect();
-        Self { contact: walls.contact, sides }
+        Self {
+            contact: walls.contact,
+            sides,
+        }
     }
 
     /// Applies contact to the grid velocities.
@@ -95,7 +116,12 @@ impl WallContact {
         }
     }
 
-    fn across_rows<const D: usize>(&self, grid: &mut Grid<D>, side: &Side, friction: &MaterialFriction) {
+    fn across_rows<const D: usize>(
+        &self,
+        grid: &mut Grid<D>,
+        side: &Side,
+        friction: &MaterialFriction,
+    ) {
         for k in 0..grid.active.len() {
             let span = grid.active[k];
             if span.lo < side.middle && side.middle + 1 < span.hi {
@@ -105,12 +131,20 @@ impl WallContact {
         }
     }
 
-    fn along_rows<const D: usize>(&self, grid: &mut Grid<D>, side: &Side, friction: &MaterialFriction) {
+    fn along_rows<const D: usize>(
+        &self,
+        grid: &mut Grid<D>,
+        side: &Side,
+        friction: &MaterialFriction,
+    ) {
         let layout = grid.layout;
         let candidates = if side.axis == 0 {
             let row = |plane: usize| plane * layout.rows_per_plane();
             let first = grid.active.partition_point(|s| s.row < row(side.middle));
-            first..grid.active.partition_point(|s| s.row < row(side.middle + 1))
+            first
+                ..grid
+                    .active
+                    .partition_point(|s| s.row < row(side.middle + 1))
         } else {
             0..grid.active.len()
         };
@@ -134,9 +168,17 @@ impl WallContact {
         let stride = grid.layout.stride(side.axis);
         for middle in middles {
             let (low, high) = (middle - stride, middle + stride);
-            let indices = if side.inward > 0.0 { [low, middle, high] } else { [high, middle, low] };
+            let indices = if side.inward > 0.0 {
+                [low, middle, high]
+            } else {
+                [high, middle, low]
+            };
             let lanes = indices.map(|index| grid.nodes[index].to_array());
-            let touches = if side.weights[0] < WEAK_OUTER_WEIGHT { lanes[1][3] } else { lanes[0][3] };
+            let touches = if side.weights[0] < WEAK_OUTER_WEIGHT {
+                lanes[1][3]
+            } else {
+                lanes[0][3]
+            };
             if touches <= 0.0 {
                 continue;
             }
@@ -147,7 +189,10 @@ impl WallContact {
                 at_wall += Vector::from_fn(|axis, _| lanes[i][axis]) * side.weights[i];
             }
             let total: f32 = (0..3).map(|i| mobility[i] * side.weights[i]).sum();
-            let mu = self.contact.friction.unwrap_or_else(|| friction.at(grid, middle, lanes[1][3]));
+            let mu = self
+                .contact
+                .friction
+                .unwrap_or_else(|| friction.at(grid, middle, lanes[1][3]));
             let change = self.velocity_change(&at_wall, side, mu);
             if change == Vector::<D>::zeros() {
                 continue;
@@ -161,7 +206,12 @@ impl WallContact {
 
     /// How the velocity at the wall has to change.
     #[inline]
-    fn velocity_change<const D: usize>(&self, at_wall: &Vector<D>, side: &Side, mu: f32) -> Vector<D> {
+    fn velocity_change<const D: usize>(
+        &self,
+        at_wall: &Vector<D>,
+        side: &Side,
+        mu: f32,
+    ) -> Vector<D> {
         let approach = -at_wall[side.axis] * side.inward;
         match self.contact.kind {
             ContactKind::Sticky => -at_wall,

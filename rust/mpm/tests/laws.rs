@@ -2,7 +2,10 @@
 
 mod common;
 
-use common::{BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities, water};
+use common::{
+    BULK_MODULUS, Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities,
+    water,
+};
 use mpm::{Contact, ContactKind, Force, Obstacle, Shape, Substeps, Vector};
 
 #[test]
@@ -17,7 +20,10 @@ fn free_fall_matches_g_t_squared_over_two() {
         for (x, start) in positions(&solver).chunks(2).zip(bodies.x.chunks(2)) {
             assert!((x[0] - start[0] - 0.5 * t).abs() < 2.0e-5);
             let fallen = start[1] - x[1] - ahead;
-            assert!((fallen - 0.5 * GRAVITY * t * t).abs() < 2.0e-5, "fell {fallen} m");
+            assert!(
+                (fallen - 0.5 * GRAVITY * t * t).abs() < 2.0e-5,
+                "fell {fallen} m"
+            );
         }
     }
 }
@@ -28,12 +34,19 @@ fn external_acceleration_moves_each_particle_by_its_own() {
         .block(64, [0.2, 0.5], [0.3, 0.6], [0.0, 0.0], 0)
         .block(64, [0.6, 0.5], [0.7, 0.6], [0.0, 0.0], 0);
     let mut solver = bodies.solver(settings::<2>(64, vec![water()]));
-    let force: Vec<f32> = bodies.x.chunks(2).flat_map(|x| [if x[0] < 0.5 { 4.0 } else { -4.0 }, GRAVITY]).collect();
+    let force: Vec<f32> = bodies
+        .x
+        .chunks(2)
+        .flat_map(|x| [if x[0] < 0.5 { 4.0 } else { -4.0 }, GRAVITY])
+        .collect();
     solver.advance(40, Force::Held(&force), |_, _| ()).unwrap();
     let speed = 4.0 * 40.0 * FRAME;
     for (v, start) in velocities(&solver).chunks(2).zip(bodies.x.chunks(2)) {
         let expected = if start[0] < 0.5 { speed } else { -speed };
-        assert!((v[0] - expected).abs() < 1.0e-4 && v[1].abs() < 1.0e-4, "{v:?}");
+        assert!(
+            (v[0] - expected).abs() < 1.0e-4 && v[1].abs() < 1.0e-4,
+            "{v:?}"
+        );
     }
 }
 
@@ -47,9 +60,19 @@ fn a_mirrored_scene_gives_the_mirrored_result() {
             let lower = [a.min(b), 0.15];
             let bodies = Bodies::default().block(64, lower, [a.max(b), 0.35], [speed, -1.0], 0);
             let mut settings = settings::<2>(64, vec![material]);
-            let contact = Contact { kind: ContactKind::Separating, friction: Some(0.3) };
-            let (start, end) = (Vector::<2>::new(place(0.6), 0.1), Vector::<2>::new(place(0.8), 0.25));
-            let ramp = Shape::Segment { start, end, thickness: 0.05 };
+            let contact = Contact {
+                kind: ContactKind::Separating,
+                friction: Some(0.3),
+            };
+            let (start, end) = (
+                Vector::<2>::new(place(0.6), 0.1),
+                Vector::<2>::new(place(0.8), 0.25),
+            );
+            let ramp = Shape::Segment {
+                start,
+                end,
+                thickness: 0.05,
+            };
             settings.obstacles = vec![Obstacle::new(ramp, contact).unwrap()];
             (bodies.clone(), bodies.solver(settings))
         };
@@ -59,8 +82,9 @@ fn a_mirrored_scene_gives_the_mirrored_result() {
         let (x, mirrored) = (positions(&left), positions(&right));
         let mut worst = 0.0f32;
         for (i, start) in left_bodies.x.chunks(2).enumerate() {
-            let twin = (right_bodies.x.chunks(2))
-                .position(|s| (s[0] + start[0] - 1.0).abs() < 1e-4 && (s[1] - start[1]).abs() < 1e-4);
+            let twin = (right_bodies.x.chunks(2)).position(|s| {
+                (s[0] + start[0] - 1.0).abs() < 1e-4 && (s[1] - start[1]).abs() < 1e-4
+            });
             let twin = twin.expect("every particle has a twin");
             worst = worst.max((x[2 * i] + mirrored[2 * twin] - 1.0).abs());
             worst = worst.max((x[2 * i + 1] - mirrored[2 * twin + 1]).abs());
@@ -89,11 +113,17 @@ fn a_hydrostatic_tank_stays_at_rest() {
             hydrostatic_tank::<2>(resolution, 0.1).solver(settings::<2>(resolution, vec![water()]));
         let mut fastest = 0.0f64;
         solver
-            .advance(2000, Force::None, |_, s| fastest = fastest.max(s.diagnostics().max_speed))
+            .advance(2000, Force::None, |_, s| {
+                fastest = fastest.max(s.diagnostics().max_speed);
+            })
             .unwrap();
         let end = solver.diagnostics();
         assert!(fastest < 0.05, "{fastest} m/s at {resolution} cells");
-        assert!((end.centroid[1] - 0.15).abs() < 1.0e-3, "centroid at {:?}", end.centroid);
+        assert!(
+            (end.centroid[1] - 0.15).abs() < 1.0e-3,
+            "centroid at {:?}",
+            end.centroid
+        );
     }
 }
 
@@ -101,7 +131,11 @@ fn a_hydrostatic_tank_stays_at_rest() {
 fn a_hydrostatic_tank_stays_at_rest_in_3d() {
     let mut solver = hydrostatic_tank::<3>(20, 0.2).solver(settings::<3>(20, vec![water()]));
     let mut fastest = 0.0f64;
-    solver.advance(2000, Force::None, |_, s| fastest = fastest.max(s.diagnostics().max_speed)).unwrap();
+    solver
+        .advance(2000, Force::None, |_, s| {
+            fastest = fastest.max(s.diagnostics().max_speed);
+        })
+        .unwrap();
     assert!(fastest < 0.05, "{fastest} m/s");
 }
 
@@ -115,20 +149,44 @@ fn sand_comes_to_rest_and_keeps_its_volume() {
     let x = positions(&solver);
     let spread = |low: f32, high: f32| x.chunks(2).filter(|x| x[0] > low && x[0] < high).count();
     // A pile with a slope stands on the column's old place; water would be 0.05 m deep everywhere.
-    assert!(spread(0.4, 0.6) > x.len() / 2 / 2, "{} of {} grains stay", spread(0.4, 0.6), x.len() / 2);
+    assert!(
+        spread(0.4, 0.6) > x.len() / 2 / 2,
+        "{} of {} grains stay",
+        spread(0.4, 0.6),
+        x.len() / 2
+    );
     assert!(spread(0.1, 0.15) == 0 && spread(0.85, 0.9) == 0);
 }
 
 #[test]
 fn nothing_passes_walls_or_obstacles() {
-    let contact = Contact { kind: ContactKind::Separating, friction: None };
+    let contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
     let shapes = [
-        Shape::Ball { center: Vector::<2>::new(0.5, 0.3), radius: 0.08 },
-        Shape::Box { lower: Vector::<2>::new(0.4, 0.2), upper: Vector::<2>::new(0.6, 0.3) },
-        Shape::Segment { start: Vector::<2>::new(0.3, 0.25), end: Vector::<2>::new(0.7, 0.35), thickness: 0.04 },
-        Shape::HalfSpace { point: Vector::<2>::new(0.5, 0.3), normal: Vector::<2>::new(0.6, 0.8) },
+        Shape::Ball {
+            center: Vector::<2>::new(0.5, 0.3),
+            radius: 0.08,
+        },
+        Shape::Box {
+            lower: Vector::<2>::new(0.4, 0.2),
+            upper: Vector::<2>::new(0.6, 0.3),
+        },
+        Shape::Segment {
+            start: Vector::<2>::new(0.3, 0.25),
+            end: Vector::<2>::new(0.7, 0.35),
+            thickness: 0.04,
+        },
+        Shape::HalfSpace {
+            point: Vector::<2>::new(0.5, 0.3),
+            normal: Vector::<2>::new(0.6, 0.8),
+        },
     ];
-    for (shape, material) in shapes.iter().flat_map(|shape| [water(), sand(), elastic()].map(|m| (*shape, m))) {
+    for (shape, material) in shapes
+        .iter()
+        .flat_map(|shape| [water(), sand(), elastic()].map(|m| (*shape, m)))
+    {
         let mut settings = settings::<2>(64, vec![material]);
         settings.obstacles = vec![Obstacle::new(shape, contact).unwrap()];
         let bodies = Bodies::default().block(64, [0.4, 0.5], [0.6, 0.7], [0.0, -3.0], 0);
@@ -136,7 +194,10 @@ fn nothing_passes_walls_or_obstacles() {
         run(&mut solver, 200);
         for x in positions(&solver).chunks(2) {
             let x = Vector::<2>::new(x[0], x[1]);
-            assert!(x.iter().all(|s| (0.1..=0.9).contains(s)), "{x} is past a wall");
+            assert!(
+                x.iter().all(|s| (0.1..=0.9).contains(s)),
+                "{x} is past a wall"
+            );
             assert!(shape.distance(&x).0 > -1.0e-5, "{x} is inside {shape:?}");
         }
     }
@@ -147,13 +208,20 @@ fn runs_and_thread_counts_give_the_same_bits() {
     let bodies = Bodies::default()
         .block(128, [0.15, 0.2], [0.5, 0.5], [1.0, 0.0], 0)
         .block(128, [0.6, 0.2], [0.8, 0.4], [0.0, 0.0], 1);
-    assert!(bodies.material.len() > 8192, "the parallel path starts above that");
+    assert!(
+        bodies.material.len() > 8192,
+        "the parallel path starts above that"
+    );
     let result = |threads: usize| {
         let mut settings = settings::<2>(128, vec![water(), sand()]);
         settings.threads = threads;
         let mut solver = bodies.solver(settings);
         run(&mut solver, 40);
-        [positions(&solver), velocities(&solver)].concat().iter().map(|s| s.to_bits()).collect::<Vec<_>>()
+        [positions(&solver), velocities(&solver)]
+            .concat()
+            .iter()
+            .map(|s| s.to_bits())
+            .collect::<Vec<_>>()
     };
     let once = result(1);
     assert!(once == result(1), "two runs differ");
@@ -172,7 +240,9 @@ fn total_energy_never_grows() {
         };
         let start = energy(&solver);
         let mut worst = start;
-        solver.advance(300, Force::None, |_, s| worst = worst.max(energy(s))).unwrap();
+        solver
+            .advance(300, Force::None, |_, s| worst = worst.max(energy(s)))
+            .unwrap();
         assert!(worst <= start * 1.002, "{start} J grew to {worst} J");
     }
 }
@@ -187,6 +257,12 @@ fn cfl_steps_and_reference_steps_agree_before_the_splash() {
         run(&mut solver, 80);
         solver.diagnostics().centroid
     };
-    let (a, b) = (centroid(Substeps::Cfl(mpm::DEFAULT_CFL)), centroid(Substeps::Reference));
-    assert!((a[0] - b[0]).abs() < 2.0e-3 && (a[1] - b[1]).abs() < 2.0e-3, "{a:?} {b:?}");
+    let (a, b) = (
+        centroid(Substeps::Cfl(mpm::DEFAULT_CFL)),
+        centroid(Substeps::Reference),
+    );
+    assert!(
+        (a[0] - b[0]).abs() < 2.0e-3 && (a[1] - b[1]).abs() < 2.0e-3,
+        "{a:?} {b:?}"
+    );
 }

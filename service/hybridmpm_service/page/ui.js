@@ -119,11 +119,19 @@ export function showDrawing(framesPerSecond) {
   setText("fps", framesPerSecond === null ? "idle" : `${Math.round(framesPerSecond)} fps`);
 }
 
+const threeDigits = (value) => value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0);
+
+/** A playing session stands still while its thread plans a sketch. */
+function measuredText(playing, measured) {
+  if (!playing) return "paused";
+  return measured > 0 ? `${speedText(measured)} real time` : "waiting";
+}
+
 export function showStatus({ session, ms_per_frame: median, ms_p95: high, time_scale: measured }) {
   if (median !== null && median !== undefined && session.last_frame !== null) {
-    setText("solver", high > 0 ? `${median.toFixed(2)} ms (p95 ${high.toFixed(1)})` : `${median.toFixed(2)} ms`);
+    setText("solver", high > 0 ? `${threeDigits(median)} ms (p95 ${threeDigits(high)})` : `${threeDigits(median)} ms`);
   }
-  setText("measured", session.playing && measured > 0 ? `${speedText(measured)} real time` : "paused");
+  setText("measured", measuredText(session.playing, measured));
   setText("count", session.particles.toLocaleString("en"));
   const last = session.last_frame;
   setText("substeps", last === null ? "–" : `${last.substeps} (${last.bound})`);

@@ -1,7 +1,9 @@
 //! Scenes for the tests: lattices of particles in the default box.
+#![allow(dead_code, reason = "each test binary uses its own part")]
 
 use mpm::{
-    Contact, ContactKind, Force, Material, Obstacle, Particles, Settings, Solver, Substeps, Vector, Walls,
+    Contact, ContactKind, Force, Material, Obstacle, Particles, Settings, Solver, Substeps, Vector,
+    Walls,
 };
 
 pub const FRAME: f32 = 0.0025;
@@ -22,8 +24,15 @@ pub fn elastic() -> Material {
 
 /// Settings of the default box: walls at 0.1 and 0.9, gravity along the second axis.
 pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> Settings<D> {
-    let contact = Contact { kind: ContactKind::Separating, friction: None };
-    let walls = Walls { lower: Vector::from_element(0.1), upper: Vector::from_element(0.9), contact };
+    let contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
+    let walls = Walls {
+        lower: Vector::from_element(0.1),
+        upper: Vector::from_element(0.9),
+        contact,
+    };
     Settings {
         resolution,
         frame_dt: FRAME,
@@ -66,7 +75,8 @@ impl Bodies {
             for axis in 0..D {
                 let site = rest % per_axis[axis];
                 rest /= per_axis[axis];
-                self.x.push(lower[axis] + (site as f32 + 0.5) * spacing[axis]);
+                self.x
+                    .push(lower[axis] + (site as f32 + 0.5) * spacing[axis]);
             }
             self.v.extend(velocity);
             self.material.push(material);

@@ -1,0 +1,63 @@
+# Every target works on a fresh machine with Python >= 3.11 (with venv), a Rust toolchain, a C linker and make.
+# Set PYTHON to use an interpreter other than python3. No target needs root.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run test test-rust test-python lint format bench clean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+
+setup: $(VENV)/.library $(VENV)/.service ## the environment in .venv, with the release build of the extension
+
+run: setup ## set up, then the service with its page on 127.0.0.1:8000
+	$(BIN)/hybridmpm serve
+
+test: test-rust test-python ## set up, then the whole default test suite
+
+test-rust: ## tests of the Rust crates alone; they need no Python
+	cargo test --locked
+
+test-python: setup $(VENV)/.dev ## tests of library, service and page
+	$(BIN)/pytest
+
+lint: setup $(VENV)/.dev ## ruff, mypy --strict, clippy and rustfmt; changes nothing
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo fmt --all --check
+
+format: $(VENV)/.dev ## format Python and Rust
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	cargo fmt --all
+
+bench: setup ## time the solver on one thread
+	$(BIN)/hybridmpm bench mpm --threads 1
+
+clean: ## remove the environment and all builds
+	rm -rf $(VENV) target dist
+
+# Each stamp names what its step depends on, so that a second `make` does nothing.
+$(VENV)/.venv:
+	$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
+	touch $@
+
+$(VENV)/.library: $(VENV)/.venv pyproject.toml $(RUST_SOURCES)
+	$(BIN)/pip install --quiet 'maturin>=1.9,<2'
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked
+	touch $@
+
+$(VENV)/.service: $(VENV)/.library service/pyproject.toml
+	$(BIN)/pip install --quiet --editable service
+	touch $@
+
+$(VENV)/.dev: $(VENV)/.library pyproject.toml
+	$(BIN)/pip install --quiet --group dev
+	touch $@
