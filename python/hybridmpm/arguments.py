@@ -10,10 +10,13 @@ from hybridmpm.errors import ConfigError
 
 def whole(name: str, value: object, low: int, high: int) -> int:
     """Return `value` as an int in [low, high], or raise `ConfigError` naming it and the range."""
+    refusal = f"{name} must be a whole number in [{low}, {high}], got {value!r}"
+    if isinstance(value, bool):  # an int to Python, but a slip in a caller's code
+        raise ConfigError(refusal)
     try:
         number = operator.index(value)  # type: ignore[arg-type]  # what is no integer raises
     except TypeError:
-        raise ConfigError(f"{name} must be a whole number in [{low}, {high}], got {value!r}") from None
+        raise ConfigError(refusal) from None
     if not low <= number <= high:
         raise ConfigError(f"{name} must be in [{low}, {high}], got {number}")
     return number

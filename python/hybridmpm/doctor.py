@@ -9,14 +9,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from hybridmpm import _native
 from hybridmpm.errors import ExportError, SimulationError
 from hybridmpm.export.pictures import require_encoder
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scenarios import water_2d
 
+_LIBRARIES = ("numpy", "pydantic", "pillow", "click", "pyyaml")
+"""What the package imports, by the names of their distributions."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -35,9 +35,10 @@ def examine() -> list[Finding]:
     return [
         Finding("hybridmpm", "ok", _native.__version__),
         Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),
-        Finding("numpy", "ok", np.__version__),
+        *(Finding(name, "ok", importlib.metadata.version(name)) for name in _LIBRARIES),
         Finding("platform", "ok", platform.platform()),
-        Finding("processor", "ok", f"{cpu_model()}, {usable_cores()} cores usable"),
+        Finding("processor", "ok", cpu_model()),
+        Finding("threads", "ok", f"{usable_cores()} can run at once; a solver uses 1 unless told otherwise"),
         Finding("cpu features", "ok", ", ".join(_native.cpu_features()) or "none that matter here"),
         _solver_works(),
         _encoder(),

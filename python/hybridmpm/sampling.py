@@ -22,7 +22,8 @@ JITTER = 0.25
 _CLEARANCE = 1e-3
 """Distance kept from walls, in spacings: more than rounding to float32 can move a particle."""
 
-_SITES_AT_ONCE = 1_000_000
+_SITES_AT_ONCE = 100_000
+"""Sites between two looks at the limit of particles: a scene that is too large is refused early."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,11 +65,6 @@ def sample(scene: Scene) -> Particles:
             )
             raise SceneError.of([(f"bodies[{index}]", text)])
         taken = np.union1d(taken, _keys(scene, sites))
-        if len(taken) > scene.max_particles:
-            text = (
-                f"need {len(taken)} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
-            )
-            raise SceneError.of([("bodies", text)])
         positions.append(_jittered(scene, body, sites))
     return _particles(scene, positions)
 
@@ -94,9 +90,15 @@ def _particles(scene: Scene, positions: list[npt.NDArray[np.float32]]) -> Partic
 
 
 def _free_sites(scene: Scene, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the lattice indices (n, D) of the sites of `body` that nothing else holds."""
+    """Return the lattice indices (n, D) of the sites of `body` that nothing else holds.
+
+    Raises
+    ------
+    SceneError
+        With those taken before they are more than `scene.max_particles`; the rest is then not looked for.
+    """
     solids = [obstacle.to_native() for obstacle in scene.obstacles]
-    free = []
+    free, needed = [], len(taken)
     for sites in _lattice_blocks(scene, body):
         centers = _rounded(_centers(scene, sites))
         keep = body.contains(centers.astype(np.float64)) & _clear_of_walls(scene, centers)
@@ -104,7 +106,12 @@ def _free_sites(scene: Scene, body: Body, taken: npt.NDArray[np.int64]) -> npt.N
         for solid in solids:
             outside = solid.signed_distance(centers) > 0
             sites, centers = sites[outside], centers[outside]  # noqa: PLW2901
-        free.append(sites[~np.isin(_keys(scene, sites), taken)])
+        sites = sites[~np.isin(_keys(scene, sites), taken)]  # noqa: PLW2901
+        needed += len(sites)
+        if needed > scene.max_particles:
+            text = f"need {needed} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
+            raise SceneError.of([("bodies", text)])
+        free.append(sites)
     return np.concatenate(free)
 
 

@@ -107,13 +107,18 @@ class Polygon(_Body):
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 2) lie inside; shape (N,)."""
-        inside = np.zeros(len(x), dtype=bool)
+        order = np.argsort(x[:, 1])
+        across, height = x[order].T
+        odd = np.zeros(len(x), dtype=bool)
         corners = np.array(self.vertices)
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            if ay == by:
-                continue  # a horizontal edge is never crossed by a horizontal ray
-            straddles = (x[:, 1] < ay) != (x[:, 1] < by)
-            inside ^= straddles & (x[:, 0] < ax + (x[:, 1] - ay) * (bx - ax) / (by - ay))
+            # Only these lie beside the edge; a horizontal edge is never crossed by a horizontal ray.
+            first, last = np.searchsorted(height, sorted((ay, by)))
+            if first < last:
+                beside = slice(first, last)
+                odd[beside] ^= across[beside] < ax + (height[beside] - ay) * (bx - ax) / (by - ay)
+        inside = np.empty_like(odd)
+        inside[order] = odd
         return inside
 
 

@@ -65,6 +65,7 @@ class Session:
         self._mailboxes: set[Mailbox] = set()
         self._playing = asyncio.Event()
         self._waiting = 0
+        self._calls = 0
         self._closed = False
         self._loop = asyncio.get_running_loop()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"session-{name[:8]}")
@@ -93,6 +94,11 @@ class Session:
         return bool(self._mailboxes)
 
     @property
+    def needed(self) -> bool:
+        """Whether a viewer is there, or a call that has not been answered yet."""
+        return self.watched or self._calls > 0
+
+    @property
     def playing(self) -> bool:
         """Whether frames come by themselves."""
         return self._playing.is_set()
@@ -118,22 +124,27 @@ class Session:
         SessionBusyError
             Too many calls wait.
         """
-        await self._compute(lambda: self.simulation.advance(frames, lambda: not self._closed))
+        with self._in_use():
+            await self._compute(lambda: self.simulation.advance(frames, lambda: not self._closed))
 
     async def steer(self, sketch: Sketch, frames: int) -> ControlledTrajectory:
         """Plan from the present state and follow the plan from there; errors as in `advance`."""
-        plan = await self._on_worker(lambda: self.simulation.steer(sketch, frames))
+        with self._in_use():
+            # A deleted session, or a server that stops, does not wait for the plan's end.
+            plan = await self._on_worker(lambda: self.simulation.steer(sketch, frames, self._check_open))
         # The time that planning took is not owed to the player.
         self._pace.start(self._clock())
         return plan
 
     async def particles(self) -> Particles:
         """Take the state of all particles; errors as in `advance`."""
-        return await self._on_worker(self.simulation.particles)
+        with self._in_use():
+            return await self._on_worker(self.simulation.particles)
 
     async def reset(self) -> None:
         """Go back to frame 0; a running player goes on from there. Errors as in `advance`."""
-        await self._on_worker(self.simulation.reset)
+        with self._in_use():
+            await self._on_worker(self.simulation.reset)
 
     def play(self) -> None:
         """Compute frames at the chosen speed until `pause`."""
@@ -186,6 +197,16 @@ class Session:
             await asyncio.to_thread(self._worker.shutdown, wait=True)
         else:
             self._worker.shutdown(wait=False)
+
+    @contextlib.contextmanager
+    def _in_use(self) -> Iterator[None]:
+        """Keep the session from expiring while a call that came from outside is worked on."""
+        self._calls += 1
+        try:
+            yield
+        finally:
+            self._calls -= 1
+            self.touch()
 
     async def _compute(self, job: Callable[[], int]) -> int:
         try:
@@ -263,9 +284,10 @@ class Session:
     async def _turn(self, frames: int) -> int:
         if frames == 0:
             return 0
-        deadline = self._clock() + _TURN_SECONDS
 
-        def go_on() -> bool:
-            return self.playing and self._clock() < deadline
+        def turn() -> int:
+            # Counted from when the thread is free: else a player that had to queue would get no frame.
+            deadline = self._clock() + _TURN_SECONDS
+            return self.simulation.advance(frames, lambda: self.playing and self._clock() < deadline)
 
-        return await self._compute(lambda: self.simulation.advance(frames, go_on))
+        return await self._compute(turn)

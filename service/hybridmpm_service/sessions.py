@@ -90,7 +90,7 @@ class SessionManager:
         await self._end(self.get(name), CLOSE_DELETED, "the session has been deleted")
 
     async def expire(self) -> None:
-        """End the sessions that nobody has watched or asked for in `idle_seconds`."""
+        """End the sessions that nobody has watched or asked anything of in `idle_seconds`."""
         for session in list(self._sessions.values()):
             if self._is_idle(session):
                 await self._end(session, CLOSE_DELETED, "the session has expired")
@@ -130,7 +130,7 @@ class SessionManager:
 
     def _is_idle(self, session: Session) -> bool:
         unused = self._clock() - session.last_used
-        return not session.watched and unused > self._settings.idle_seconds
+        return not session.needed and unused > self._settings.idle_seconds
 
     def _within_limits(self, scene: Scene) -> Scene:
         """Lower the scene's particle limit to the service's; refuse a grid that is too large."""

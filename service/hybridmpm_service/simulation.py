@@ -126,15 +126,19 @@ class Simulation:
             self._one_frame()
         return frames
 
-    def steer(self, sketch: Sketch, frames: int) -> ControlledTrajectory:
+    def steer(
+        self, sketch: Sketch, frames: int, on_frame: Callable[[], object] | None = None
+    ) -> ControlledTrajectory:
         """Plan from the present state; the next `frames` frames follow the plan. Replaces an older one.
+
+        What `on_frame` raises gives the planning up.
 
         Raises
         ------
         SimulationError
             No plan was found; an older control goes on.
         """
-        plan = follow(self._solver, sketch, frames)
+        plan = follow(self._solver, sketch, frames, on_frame=on_frame)
         self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force())
         return plan
 

@@ -1,5 +1,6 @@
 """The command line: what it writes, one-line errors, exit statuses, a clean Ctrl-C."""
 
+import importlib.metadata
 import json
 import os
 import signal
@@ -181,7 +182,11 @@ def test_doctor_is_well_here() -> None:
     result = run("doctor")
     assert result.exit_code == 0
     states = {line[:13].strip(): line[14:22].strip() for line in result.stdout.splitlines()}
-    assert states["hybridmpm"] == states["solver"] == states["numpy"] == "ok"
+    for subject in ("hybridmpm", "python", "threads", "cpu features", "solver"):
+        assert states[subject] == "ok"
+    for library in ("numpy", "pydantic", "pillow", "click", "pyyaml"):
+        assert states[library] == "ok"
+        assert importlib.metadata.version(library) in result.stdout
     assert set(states.values()) <= {"ok", "missing"}
 
 
@@ -208,6 +213,27 @@ def test_serve_hands_over_to_the_service(monkeypatch: pytest.MonkeyPatch) -> Non
     assert calls == [(None, None), ("::1", 0)]
 
 
+def test_ending_the_service_by_ctrl_c_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(**_options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "hybridmpm_service", SimpleNamespace(serve=interrupted))
+    result = run("serve")
+    assert (result.exit_code, result.output) == (130, "")
+
+
 def test_serve_without_the_service_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "hybridmpm_service", None)
     assert_fails(run("serve"), 1, "pip install hybridmpm-service")
+
+
+def test_serve_names_a_library_that_the_service_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "hybridmpm_service"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    assert_fails(run("serve"), 1, "uvicorn is missing; install it with: pip install hybridmpm-service")
+
+
+def test_a_benchmark_that_could_not_be_written_is_not_begun(tmp_path: Path) -> None:
+    result = run("bench", "mpm", "--json", tmp_path / "nowhere" / "a.json")
+    assert_fails(result, 2, f"--json: the folder {tmp_path / 'nowhere'} does not exist")

@@ -1,6 +1,7 @@
 """Each exception class can be raised by a user, and carries what its reader needs."""
 
 import pickle
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,7 +44,7 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "SimulationError": (lambda: MpmSolver(DROP, substeps=1).advance(), "stability limit"),
     "SketchError": (lambda: parse_png(b"GIF89a"), "PNG"),
     "SnapshotError": (lambda: MpmSolver(DROP).restore(b""), "snapshot"),
-    "StepSizeError": (lambda: MpmSolver(DROP, substeps=1).advance(), "at least 3 substeps"),
+    "StepSizeError": (lambda: MpmSolver(DROP, substeps=1).advance(), r"at least \d+ substeps"),
     "UnknownScenarioError": (lambda: scenarios.get("lava_2d"), "water_2d, .*got 'lava_2d'"),
 }
 
@@ -61,6 +62,17 @@ def test_provoked(name: str) -> None:
     assert isinstance(caught.value, errors.SimulationError)
     # Every class has a case of its own; the parent is provoked through one of its children.
     assert type(caught.value) is kind or name == "SimulationError"
+
+
+def test_the_substeps_that_the_error_asks_for_are_the_fewest_that_are_taken() -> None:
+    with pytest.raises(errors.StepSizeError) as caught:
+        MpmSolver(DROP, substeps=1).advance()
+    asked = re.search(r"at least (\d+) substeps", str(caught.value))
+    assert asked is not None
+    fewest = int(asked.group(1))
+    MpmSolver(DROP, substeps=fewest).advance()
+    with pytest.raises(errors.StepSizeError):
+        MpmSolver(DROP, substeps=fewest - 1).advance()
 
 
 def test_bad_input_is_a_value_error() -> None:

@@ -67,6 +67,24 @@ def test_polygon_by_the_even_odd_rule() -> None:
     assert star_body.contains(np.array([[0.5, 0.75]]))[0]
 
 
+def test_a_polygon_is_where_a_count_of_crossings_says() -> None:
+    """Against the rule written down plainly, with horizontal edges and points at the height of a corner."""
+    rng = np.random.default_rng(5)
+    corners = rng.integers(1, 9, (30, 2)) / 10
+    corners[3, 1], corners[17, 1] = corners[2, 1], corners[16, 1]
+    points = np.concatenate([rng.random((2000, 2)), corners[:, ::-1], np.add(corners, (0.0123, 0.0))])
+    expected = []
+    for x, y in points:
+        crossings = 0
+        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            if min(ay, by) <= y < max(ay, by):
+                crossings += x < ax + (y - ay) * (bx - ax) / (by - ay)
+        expected.append(crossings % 2 == 1)
+    body = Polygon(material="water", vertices=tuple(map(tuple, corners.tolist())))
+    np.testing.assert_array_equal(body.contains(points), expected)
+    assert 0.1 < np.mean(expected) < 0.9
+
+
 def test_neighbours_keep_half_a_spacing() -> None:
     scene = Scene(dim=2, bodies=(Box(material="water", lower=(0.2, 0.2), upper=(0.3, 0.3)),))
     x = scene.sample().x.astype(np.float64)
@@ -131,6 +149,24 @@ def test_no_room_and_too_many() -> None:
     scene = Scene(dim=2, bodies=(grazing,), max_particles=30)
     with pytest.raises(SceneError, match=r"bodies: need 36 or more particles, allowed are \[1, 30\]"):
         scene.sample()
+
+
+def test_a_scene_far_above_its_limit_is_refused_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The outline crosses itself, so its area is no warning; filling it would take 5 million particles."""
+    bow = Polygon(material="water", vertices=((0.1, 0.1), (0.9, 0.9), (0.9, 0.1), (0.1, 0.9)))
+    scene = Scene(dim=2, resolution=1024, particles_per_cell=16, bodies=(bow,))
+    looked_at = 0
+    contains = Polygon.contains
+
+    def counted(body: Polygon, x: np.ndarray) -> np.ndarray:
+        nonlocal looked_at
+        looked_at += len(x)
+        return contains(body, x)
+
+    monkeypatch.setattr(Polygon, "contains", counted)
+    with pytest.raises(SceneError, match=r"bodies: need \d+ or more particles, allowed are \[1, 200000\]"):
+        scene.sample()
+    assert looked_at < 1_000_000
 
 
 def test_records_agree() -> None:

@@ -195,7 +195,22 @@ def test_not_json(text: str | bytes) -> None:
         Scene.from_json(text)
 
 
-@pytest.mark.parametrize("text", ["{", "a: b: c", "!!python/object:os.system {}", b"\xff\xfa", "\x00"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "a: b: c",
+        "!!python/object:os.system {}",
+        b"\xff\xfa",
+        "\x00",
+        "name: 2024-13-45",
+        "dim: !!bool maybe",
+        "dim: !!int two",
+        "dim: !!timestamp today",
+        f"dim: {'9' * 5000}",
+        "[" * 100_000,
+    ],
+)
 def test_not_yaml(text: str | bytes) -> None:
     with pytest.raises(SceneError, match="the scene is not YAML"):
         Scene.from_yaml(text)

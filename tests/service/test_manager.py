@@ -5,9 +5,11 @@ import threading
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from hybridmpm import Box, Scene, SceneError
+from hybridmpm import Box, MpmSolver, Scene, SceneError
+from hybridmpm.control import Arrow
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import (
     SessionBusyError,
@@ -164,5 +166,82 @@ def test_a_call_that_is_given_up_still_reaches_the_viewers() -> None:
         calling.cancel()
         await session.particles()
         assert session.view.frame == 3
+
+    _run(scene)
+
+
+def test_a_session_does_not_expire_while_a_call_is_worked_on() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        gate = threading.Event()
+        session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
+        calling = asyncio.create_task(session.advance(1))
+        await asyncio.sleep(0)
+        clock.now = 1000
+        await manager.expire()
+        assert manager.all() == [session]
+        gate.set()
+        await calling
+        clock.now = 1099
+        assert manager.get(session.id) is session
+        clock.now = 1200
+        await manager.expire()
+        assert manager.all() == []
+
+    _run(scene, idle_seconds=100)
+
+
+def test_a_plan_is_given_up_when_its_session_is_deleted(monkeypatch: pytest.MonkeyPatch) -> None:
+    inside, gate = threading.Event(), threading.Event()
+    advance, frames = MpmSolver.advance, 0
+
+    def held(solver: MpmSolver, count: int = 1, force: object = None) -> None:
+        nonlocal frames
+        frames += count
+        inside.set()
+        assert gate.wait(60)
+        advance(solver, count, force)  # type: ignore[arg-type]
+
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        monkeypatch.setattr(MpmSolver, "advance", held)
+        sketch = Arrow(np.array([[0.5, 0.5], [0.6, 0.5]]))
+        planning = asyncio.create_task(session.steer(sketch, 100))
+        assert await asyncio.to_thread(inside.wait, 60)
+        await manager.delete(session.id)
+        gate.set()
+        with pytest.raises(SessionNotFoundError):
+            await planning
+
+    _run(scene)
+    assert frames == 1
+
+
+def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        gate = threading.Event()
+        holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
+        session._playing.set()
+        turn = asyncio.create_task(session._turn(3))
+        await asyncio.sleep(0)
+        clock.now = 10
+        gate.set()
+        await holding
+        assert await turn == 3
+
+    _run(scene)
+
+
+def test_the_time_of_planning_is_not_owed_to_the_player(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+
+        def slow(*_: object) -> None:
+            clock.now = 10
+
+        monkeypatch.setattr(session.simulation, "steer", slow)
+        await session.steer(Arrow(np.array([[0.5, 0.5], [0.6, 0.5]])), 1)
+        assert session._pace.due(clock.now) == 0
 
     _run(scene)

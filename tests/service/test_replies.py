@@ -2,13 +2,14 @@
 
 import asyncio
 import json
+import threading
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hybridmpm_service.replies import json_response
+from hybridmpm_service.replies import json_response, npz_response
 
 
 def _round_trip(value: Any) -> Any:
@@ -21,6 +22,20 @@ def _round_trip(value: Any) -> Any:
 def test_an_array_of_any_shape_comes_back(shape: tuple[int, ...]) -> None:
     array: npt.NDArray[np.float32] = np.random.default_rng(0).random(shape, dtype=np.float32)
     assert _round_trip(array) == array.tolist()
+
+
+@pytest.mark.parametrize("respond", [json_response, npz_response])
+def test_encoding_is_not_done_on_the_thread_that_asks(respond: Any) -> None:
+    threads: list[int] = []
+
+    class Body(dict[str, Any]):
+        def items(self) -> Any:
+            threads.append(threading.get_ident())
+            return super().items()
+
+    asyncio.run(respond(Body(value=np.zeros(3))))
+    assert threads
+    assert threading.get_ident() not in threads
 
 
 def test_numbers_that_json_cannot_hold_are_not_sent() -> None:

@@ -31,6 +31,8 @@ def bench() -> None:
 )
 def mpm(*, particles: int, threads: int, repeats: int, file: Path | None) -> None:
     """Time the solver on water and sand in 2D and 3D, mid-splash, at the ground truth's substeps."""
+    if file is not None and not file.parent.is_dir():
+        raise click.UsageError(f"--json: the folder {file.parent} does not exist.")
     settings = mpm_bench.Settings(particles=particles, threads=threads, repeats=repeats)
     source = provenance(
         f"hybridmpm bench mpm --particles {particles} --threads {threads} --repeats {repeats}"

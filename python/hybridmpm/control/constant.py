@@ -4,13 +4,15 @@ Written in closed form for a body that nothing holds, then corrected by shooting
 is run on copies, because walls, obstacles and the fluid's own pressure take part in the motion.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.arguments import whole
 from hybridmpm.control.sketch import Arrow, Floats, Sketch, depth_of_width
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 
 MAX_FRAMES = 10_000
@@ -57,7 +59,13 @@ class ControlledTrajectory:
         return np.tile(self.acceleration, (self.positions.shape[1], 1))
 
 
-def follow(solver: MpmSolver, sketch: Sketch, frames: int = 100) -> ControlledTrajectory:
+def follow(
+    solver: MpmSolver,
+    sketch: Sketch,
+    frames: int = 100,
+    *,
+    on_frame: Callable[[], object] | None = None,
+) -> ControlledTrajectory:
     """Find the constant acceleration under which the centre of mass follows a sketch.
 
     For an unhindered body a = 2 (Delta - v_0 T) / T^2 - g, with Delta the wanted displacement, v_0
@@ -74,6 +82,9 @@ def follow(solver: MpmSolver, sketch: Sketch, frames: int = 100) -> ControlledTr
         mass. In 3D the widths give the depth; without widths the depth does not change.
     frames : int in [1, 10000]
         T / frame_dt.
+    on_frame : callable, optional
+        Called before each frame of each trial. What it raises ends the search, unless it is a
+        SimulationError.
 
     Raises
     ------
@@ -86,15 +97,14 @@ def follow(solver: MpmSolver, sketch: Sketch, frames: int = 100) -> ControlledTr
     ----------
     The baseline of the control experiments of arXiv:2505.18926, which leave open how it is found.
     """
-    if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= MAX_FRAMES:
-        raise ConfigError(f"frames must be a whole number in [1, {MAX_FRAMES}], got {frames!r}")
+    frames = whole("frames", frames, 1, MAX_FRAMES)
     scene = solver.scene
     now = solver.diagnostics()
     velocity = np.array(now.momentum, dtype=np.float64) / now.mass
     target = target_displacement(sketch, solver)
     seconds = frames * scene.frame_dt
     gain = np.eye(solver.dim) * seconds**2 / 2
-    shot = _Shooting(solver, target, frames)
+    shot = _Shooting(solver, target, frames, on_frame or (lambda: None))
     trial = _limited(2 * (target - velocity * seconds) / seconds**2 - np.array(scene.gravity))
     return shot.run(trial, gain)
 
@@ -120,10 +130,13 @@ def target_displacement(sketch: Sketch, solver: MpmSolver) -> Floats:
 class _Shooting:
     """Tries accelerations on copies of the solver and remembers the nearest result."""
 
-    def __init__(self, solver: MpmSolver, target: Floats, frames: int) -> None:
+    def __init__(
+        self, solver: MpmSolver, target: Floats, frames: int, on_frame: Callable[[], object]
+    ) -> None:
         self._solver = solver
         self._target = target
         self._frames = frames
+        self._on_frame = on_frame
         self._weights = solver.mass.astype(np.float64) / float(solver.mass.sum(dtype=np.float64))
 
     def run(self, trial: Floats, gain: Floats) -> ControlledTrajectory:
@@ -166,7 +179,13 @@ class _Shooting:
         # Rounded once, here: what is reported is exactly what was applied.
         applied = acceleration.astype(np.float32)
         twin = self._solver.copy()
-        positions = twin.rollout(self._frames, force=np.tile(applied, (twin.particle_count, 1)))
+        force = np.tile(applied, (twin.particle_count, 1))
+        positions = np.empty((self._frames + 1, twin.particle_count, twin.dim), dtype=np.float32)
+        positions[0] = twin.positions
+        for row in positions[1:]:
+            self._on_frame()
+            twin.advance(1, force)
+            row[:] = twin.positions
         centroids = np.array([self._weights @ frame for frame in positions])
         return ControlledTrajectory(
             positions=positions,

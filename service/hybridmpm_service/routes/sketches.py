@@ -129,4 +129,8 @@ async def _off_loop(field: str, parse: Callable[[], tuple[Sketch, int]]) -> tupl
     try:
         return await asyncio.to_thread(parse)
     except SketchError as err:
+        # The strokes' own messages begin with the field, a picture has none.
+        inner, colon, message = str(err).partition(": ")
+        if colon and inner.startswith("strokes"):
+            raise FieldError(f"{field}.{inner}", message) from err
         raise FieldError(field, str(err)) from err

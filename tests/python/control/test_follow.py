@@ -37,6 +37,17 @@ def test_a_free_body_gets_the_closed_form_and_follows_the_arrow(dim: int) -> Non
     np.testing.assert_allclose(plan.acceleration, expected, atol=0.5)
 
 
+def test_the_first_trial_is_the_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without shooting, which would make up for a wrong first guess."""
+    monkeypatch.setattr("hybridmpm.control.constant.MAX_ROLLOUTS", 1)
+    plan = follow(_drop(), _arrow((0.1, 0.05)), 60)
+    np.testing.assert_allclose(
+        plan.acceleration,
+        2 * (np.array([0.1, 0.05]) - np.array([0.5, 1.0]) * 0.15) / 0.15**2 + [0, 9.81],
+        rtol=1e-4,
+    )
+
+
 def test_applying_the_force_gives_the_trajectory_bit_for_bit() -> None:
     solver = _drop()
     solver.advance(7)
@@ -106,15 +117,38 @@ def test_a_bad_number_of_frames_is_refused(frames: object) -> None:
         follow(_drop(), _arrow((0.1, 0.0)), frames)  # type: ignore[arg-type]
 
 
+def test_numpys_integers_are_whole_numbers_too() -> None:
+    assert follow(_drop(), _arrow((0.1, 0.0)), np.int64(5)).frames == 5  # type: ignore[arg-type]
+
+
+def test_the_search_can_be_given_up_between_frames() -> None:
+    class GivenUpError(Exception):
+        pass
+
+    calls = 0
+
+    def give_up() -> None:
+        nonlocal calls
+        calls += 1
+        if calls == 4:
+            raise GivenUpError
+
+    solver = _drop()
+    with pytest.raises(GivenUpError):
+        follow(solver, _arrow((0.1, 0.0)), 20, on_frame=give_up)
+    assert calls == 4
+    assert solver.frame == 0
+
+
 class _FailsAbove(MpmSolver):
     """A solver that loses a particle under any acceleration above a limit."""
 
     limit = 0.0
 
-    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
+    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
         if force is not None and np.abs(np.asarray(force)).max() > self.limit:
             raise DomainError("particle 3 left the box in frame 1")
-        return super().rollout(frames, force)
+        super().advance(frames, force)
 
 
 def _fragile(limit: float) -> MpmSolver:
