@@ -1,5 +1,8 @@
 //! `hybridmpm._native`: converts, calls, converts back. No physics here.
-#![allow(clippy::needless_pass_by_value, reason = "pyo3 hands arguments over by value")]
+#![allow(
+    clippy::needless_pass_by_value,
+    reason = "pyo3 hands arguments over by value"
+)]
 
 mod convert;
 mod error;

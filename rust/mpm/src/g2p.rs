@@ -5,29 +5,32 @@
 use rayon::prelude::*;
 use wide::f32x4;
 
-use crate::grid::Grid;
+use crate::grid::{Grid, Layout};
 use crate::material::Constitutive;
 use crate::math::{Matrix, Vector};
 use crate::obstacle::Obstacles;
 use crate::p2g::for_each_row;
 use crate::particle::{Particle, Phase};
 use crate::stencil::Stencil;
-use crate::walls::Walls;
+use crate::walls::{WallFill, Walls};
 use crate::with_group;
 
 /// Where particles may be.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Bounds<const D: usize> {
     /// Particles past a wall are put back on it.
     pub walls: Walls<D>,
     /// Farther than this is an error.
     pub lowest: Vector<D>,
     pub highest: Vector<D>,
+    fill: WallFill<D>,
 }
 
 impl<const D: usize> Bounds<D> {
-    pub fn new(walls: Walls<D>, dx: f32) -> Self {
+    pub fn new(walls: Walls<D>, layout: &Layout<D>) -> Self {
+        let dx = layout.dx();
         Self {
+            fill: WallFill::new(&walls, layout),
             walls,
             lowest: walls.lower.map(|s| (s - dx).max(0.0)),
             highest: walls.upper.map(|s| (s + dx).min(1.0)),
@@ -39,6 +42,15 @@ impl<const D: usize> Bounds<D> {
     pub fn hold(&self, x: &Vector<D>) -> bool {
         (0..D).all(|axis| x[axis] >= self.lowest[axis] && x[axis] <= self.highest[axis])
     }
+}
+
+/// What one substep needs besides the grid.
+#[derive(Debug, Clone, Copy)]
+pub struct Gather {
+    /// [s]
+    pub dt: f32,
+    /// One over the mass of a cell at rest density [1/kg]; 0 where bodies differ in density.
+    pub per_rest_mass: f32,
 }
 
 /// What one substep did to a set of particles.
@@ -69,7 +81,7 @@ pub fn g2p<const D: usize>(
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
-    dt: f32,
+    step: Gather,
     parallel: bool,
 ) -> Outcome {
     let mut outcome = Outcome::NOTHING;
@@ -78,7 +90,7 @@ pub fn g2p<const D: usize>(
             let friction = group.wall_friction;
             let material = &group.material;
             let gather = |particles: &mut [Particle<D, _>]| {
-                gather_group(particles, material, friction, grid, bounds, obstacles, dt)
+                gather_group(particles, material, friction, grid, bounds, obstacles, step)
             };
             outcome = outcome.and(if parallel {
                 // A maximum and a conjunction do not depend on their order.
@@ -100,9 +112,9 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
-    dt: f32,
+    step: Gather,
 ) -> Outcome {
-    let layout = grid.layout;
+    let (layout, dt) = (grid.layout, step.dt);
     let per_cell = 4.0 / layout.dx();
     let mut outcome = Outcome::NOTHING;
     for p in particles {
@@ -139,7 +151,8 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
         }
         p.v = v;
         p.affine = affine;
-        material.deform(&mut p.state, &(affine * dt));
+        let crowding = sum.to_array()[3] * step.per_rest_mass / bounds.fill.at(&p.x, &stencil);
+        material.deform(&mut p.state, &(affine * dt), crowding, dt);
         p.x += v * dt;
         let sound = bounds.hold(&p.x) && material.volume_ratio(&p.state) > 0.0;
         outcome.sound &= sound;

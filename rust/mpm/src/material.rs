@@ -15,7 +15,9 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     /// tau = J sigma [Pa].
     fn kirchhoff_stress(&self, state: &Self::State) -> Matrix<D>;
     /// Deforms by the displacement gradient dt C of one substep, and lets plastic flow happen.
-    fn deform(&self, state: &mut Self::State, gradient: &Matrix<D>);
+    ///
+    /// `crowding` is the density on the grid over the rest density, 0 where unknown; `dt` the substep [s].
+    fn deform(&self, state: &mut Self::State, gradient: &Matrix<D>, crowding: f32, dt: f32);
     /// J of water, det F of solids [-].
     fn volume_ratio(&self, state: &Self::State) -> f32;
     /// Stored elastic energy per rest volume [Pa].
@@ -29,6 +31,10 @@ pub trait Words: Sized {
 }
 
 /// Water: tau = lambda J (J - 1) I. Carries J only.
+///
+/// J follows the divergence at the particle, which forgets what splashes do to the spacing of particles:
+/// alone it lets a double dam break lose 30 % of its volume in 30 s. Where particles crowd more than J
+/// says, J is therefore led back to what the density on the grid says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Water {
     /// lambda [Pa].
@@ -47,6 +53,11 @@ impl Words for f32 {
 }
 
 impl Water {
+    /// How fast J follows a density that contradicts it [1/s]. 20 to 100 keep the volume equally well.
+    const CROWDING_RATE: f32 = 50.0;
+    /// Excess of density that is no contradiction [-]: particles at random places vary by about that.
+    const CROWDING_TOLERANCE: f32 = 0.1;
+
     #[inline(always)]
     fn stiffness(&self, volume_ratio: f32) -> f32 {
         if volume_ratio > 1.0 {
@@ -71,8 +82,11 @@ impl<const D: usize> Constitutive<D> for Water {
     }
 
     #[inline(always)]
-    fn deform(&self, volume_ratio: &mut f32, gradient: &Matrix<D>) {
+    fn deform(&self, volume_ratio: &mut f32, gradient: &Matrix<D>, crowding: f32, dt: f32) {
         *volume_ratio *= 1.0 + gradient.trace();
+        let excess = *volume_ratio * crowding - (1.0 + Self::CROWDING_TOLERANCE);
+        // At most a halving, whatever the substep.
+        *volume_ratio *= 1.0 - (Self::CROWDING_RATE * dt * excess).clamp(0.0, 0.5);
     }
 
     fn volume_ratio(&self, &volume_ratio: &f32) -> f32 {
@@ -186,7 +200,7 @@ impl<const D: usize> Constitutive<D> for Sand {
             kirchhoff_stress: Matrix::zeros(),
             volume_gain: 0.0,
         };
-        self.deform(&mut state, &Matrix::zeros());
+        self.deform(&mut state, &Matrix::zeros(), 1.0, 0.0);
         state
     }
 
@@ -196,7 +210,7 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     #[inline(always)]
-    fn deform(&self, state: &mut SandState<D>, gradient: &Matrix<D>) {
+    fn deform(&self, state: &mut SandState<D>, gradient: &Matrix<D>, _crowding: f32, _dt: f32) {
         let f = (Matrix::identity() + gradient) * state.deformation_gradient;
         let parts = svd(&f);
         // A floor far below any stretch that sand survives, so that the logarithm stays finite.
@@ -261,7 +275,7 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     #[inline(always)]
-    fn deform(&self, f: &mut Matrix<D>, gradient: &Matrix<D>) {
+    fn deform(&self, f: &mut Matrix<D>, gradient: &Matrix<D>, _crowding: f32, _dt: f32) {
         *f = (Matrix::identity() + gradient) * *f;
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
 use crate::error::MpmError;
-use crate::g2p::{Bounds, g2p};
+use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::material::{Constitutive, Material, Model};
@@ -74,6 +74,8 @@ pub struct Solver<const D: usize> {
     walls: WallContact,
     obstacles: Obstacles<D>,
     material_friction: MaterialFriction,
+    /// See `Gather`.
+    per_rest_mass: f32,
     pool: Option<Arc<rayon::ThreadPool>>,
     grid: Grid<D>,
     slabs: Vec<Slab>,
@@ -128,7 +130,7 @@ impl<const D: usize> Solver<D> {
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         Ok(Self {
             chooser,
-            bounds: Bounds::new(settings.walls, dx),
+            bounds: Bounds::new(settings.walls, &grid.layout),
             walls: WallContact::new(&settings.walls, &grid.layout),
             obstacles: Obstacles::new(settings.obstacles.clone(), &grid.layout),
             material_friction: if uniform {
@@ -136,6 +138,7 @@ impl<const D: usize> Solver<D> {
             } else {
                 MaterialFriction::Mixed
             },
+            per_rest_mass: per_rest_mass::<D>(particles, dx),
             pool,
             grid,
             slabs: Vec::new(),
@@ -280,12 +283,16 @@ impl<const D: usize> Solver<D> {
         };
         grid_update(&mut self.grid, &forces, step.dt);
         let (phases, grid) = (&mut self.state.phases, &self.grid);
+        let gather = Gather {
+            dt: step.dt,
+            per_rest_mass: self.per_rest_mass,
+        };
         let outcome = g2p(
             phases,
             grid,
             &self.bounds,
             &self.obstacles,
-            step.dt,
+            gather,
             parallel,
         );
         self.state.max_speed = outcome.max_speed_squared.sqrt();
@@ -401,6 +408,26 @@ impl<const D: usize> Solver<D> {
         self.state = snapshot::decode(&self.settings, &self.state, data)?;
         self.last_frame = None;
         Ok(())
+    }
+}
+
+/// One over the mass that fills a cell at rest; 0 where particles differ in density by more than 1 %,
+/// because the mass of a node then says nothing about how full it is.
+fn per_rest_mass<const D: usize>(particles: Particles<'_>, dx: f32) -> f32 {
+    let densities = || {
+        particles
+            .mass
+            .iter()
+            .zip(particles.volume)
+            .map(|(mass, volume)| mass / volume)
+    };
+    let (lightest, heaviest) = densities().fold((f32::INFINITY, 0.0f32), |(low, high), rho| {
+        (low.min(rho), high.max(rho))
+    });
+    if heaviest > 0.0 && heaviest <= 1.01 * lightest {
+        1.0 / (heaviest * dx.powi(D as i32))
+    } else {
+        0.0
     }
 }
 

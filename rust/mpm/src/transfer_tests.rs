@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use crate::contact::{Contact, ContactKind};
-use crate::g2p::{Bounds, g2p};
+use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::material::Water;
@@ -160,8 +160,12 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
         material_friction: MaterialFriction::Uniform(0.0),
     };
     grid_update(&mut grid, &forces, 0.0);
-    let bounds = Bounds::new(walls, layout.dx());
-    assert!(g2p(&mut phases, &grid, &bounds, &obstacles, 0.0, false).sound);
+    let bounds = Bounds::new(walls, &layout);
+    let gather = Gather {
+        dt: 0.0,
+        per_rest_mass: 0.0,
+    };
+    assert!(g2p(&mut phases, &grid, &bounds, &obstacles, gather, false).sound);
     let Some(Phase::Water(group)) = phases.pop() else {
         unreachable!()
     };

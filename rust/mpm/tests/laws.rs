@@ -140,6 +140,27 @@ fn a_hydrostatic_tank_stays_at_rest_in_3d() {
 }
 
 #[test]
+fn water_keeps_its_volume_through_a_splash() {
+    // Two columns that fill a quarter of the floor each, twice as high as wide: at rest 0.2 m deep.
+    let bodies = Bodies::default()
+        .block(64, [0.1, 0.1], [0.3, 0.5], [0.0; 2], 0)
+        .block(64, [0.7, 0.1], [0.9, 0.5], [0.0; 2], 0);
+    let mut solver = bodies.solver(settings::<2>(64, vec![water()]));
+    run(&mut solver, 4000);
+    // Waves still run; one second of centroids averages them out.
+    let mut depth = 0.0;
+    solver
+        .advance(400, Force::None, |_, s| {
+            depth += 2.0 * (s.diagnostics().centroid[1] - 0.1) / 400.0
+        })
+        .unwrap();
+    assert!(
+        (depth / 0.2 - 1.0).abs() < 0.05,
+        "0.2 m of water became {depth} m"
+    );
+}
+
+#[test]
 fn sand_comes_to_rest_and_keeps_its_volume() {
     let bodies = Bodies::default().block(64, [0.4, 0.1], [0.6, 0.3], [0.0, 0.0], 0);
     let mut solver = bodies.solver(settings::<2>(64, vec![sand()]));
