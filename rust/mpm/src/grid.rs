@@ -106,18 +106,22 @@ pub struct Grid<const D: usize> {
     pub nodes: Vec<f32x4>,
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
-    /// Ordered by row.
+    /// Ordered by row, then along it.
     pub active: Vec<Span>,
-    /// Scratch of `activate`: per row the span of stencil bases, then of all nodes; (MAX, 0) if none.
-    bounds: Vec<(u32, u32)>,
+    /// Scratch of `activate`: one bit a node, rows padded to whole words; zero between calls.
+    occupied: Vec<u64>,
+    /// One bit for each active node, gaps of the spans left out.
+    touched: Vec<u64>,
 }
 
-const EMPTY: (u32, u32) = (u32::MAX, 0);
+/// Shorter gaps than this are cheaper to sweep than to skip.
+const SHORT_GAP: usize = 4;
 
 impl<const D: usize> Grid<D> {
     pub fn new(resolution: usize, mixed_friction: bool) -> Self {
         let layout = Layout::new(resolution);
         let count = layout.extent.pow(D as u32);
+        let words = layout.row_count() * layout.extent.div_ceil(64);
         Self {
             layout,
             nodes: vec![f32x4::ZERO; count],
@@ -127,61 +131,78 @@ impl<const D: usize> Grid<D> {
                 Vec::new()
             },
             active: Vec::new(),
-            bounds: vec![EMPTY; layout.row_count()],
+            occupied: vec![0; words],
+            touched: vec![0; words],
         }
     }
 
     /// Recomputes the active spans from the stencil bases of all particles.
     pub fn activate(&mut self, bases: impl Iterator<Item = [usize; D]>) {
+        let words = self.layout.extent.div_ceil(64);
         for span in self.active.drain(..) {
-            self.bounds[span.row] = EMPTY;
+            self.touched[span.row * words..][..words].fill(0);
         }
-        let mut occupied = Vec::new();
-        for base in bases {
-            let bound = &mut self.bounds[self.layout.row(base)];
-            if *bound == EMPTY {
-                occupied.push(self.layout.row(base));
+        let rows = self.occupy(bases, words);
+        let reached = self.spread(&rows, words);
+        for row in reached {
+            let bits = &self.touched[row * words..][..words];
+            let mut column = 0;
+            while let Some(lo) = next_bit(bits, column, true) {
+                let hi = next_bit(bits, lo, false).unwrap_or(words * 64);
+                match self.active.last_mut() {
+                    Some(last) if last.row == row && lo < last.hi + SHORT_GAP => last.hi = hi,
+                    _ => self.active.push(Span { row, lo, hi }),
+                }
+                column = hi;
             }
-            bound.0 = bound.0.min(base[D - 1] as u32);
-            bound.1 = bound.1.max(base[D - 1] as u32);
         }
-        occupied.sort_unstable();
-        // Take the spans of bases out first: dilation writes over neighbouring rows.
-        let spans: Vec<_> = occupied
-            .iter()
-            .map(|&row| (row, std::mem::replace(&mut self.bounds[row], EMPTY)))
-            .collect();
-        let reach = MARGIN..=MARGIN + 2;
-        let (down, up) = (*reach.start() as isize, *reach.end() as isize);
+    }
+
+    /// Marks the stencil bases and lists their rows.
+    fn occupy(&mut self, bases: impl Iterator<Item = [usize; D]>, words: usize) -> Vec<usize> {
         let mut rows = Vec::new();
-        for (row, (lo, hi)) in spans {
-            let (lo, hi) = (lo - down as u32, hi + up as u32 + 1);
-            let second = if D == 3 { -down..=up } else { 0..=0 };
-            for i in -down..=up {
-                for j in second.clone() {
-                    let stride = if D == 3 {
-                        self.layout.extent as isize
-                    } else {
-                        1
-                    };
-                    let neighbour = (row as isize + i * stride + j) as usize;
-                    let bound = &mut self.bounds[neighbour];
-                    if *bound == EMPTY {
-                        rows.push(neighbour);
-                    }
-                    *bound = (bound.0.min(lo), bound.1.max(hi));
+        for base in bases {
+            let row = self.layout.row(base);
+            let bits = &mut self.occupied[row * words..][..words];
+            if bits.iter().all(|&word| word == 0) {
+                rows.push(row);
+            }
+            bits[base[D - 1] / 64] |= 1 << (base[D - 1] % 64);
+        }
+        rows
+    }
+
+    /// Marks all nodes within reach of the bases, clears the bases, and lists the rows in order.
+    fn spread(&mut self, rows: &[usize], words: usize) -> Vec<usize> {
+        let (down, up) = (MARGIN as isize, MARGIN as isize + 2);
+        let second = if D == 3 { -down..=up } else { 0..=0 };
+        let stride = self.layout.rows_per_plane() as isize;
+        let mut reached = Vec::new();
+        let mut wide = vec![0u64; words];
+        for &row in rows {
+            let bits = &mut self.occupied[row * words..][..words];
+            for (index, word) in wide.iter_mut().enumerate() {
+                let below = if index > 0 { bits[index - 1] } else { 0 };
+                let above = bits.get(index + 1).copied().unwrap_or(0);
+                *word = (bits[index] >> MARGIN) | (above << (64 - MARGIN)) | bits[index];
+                for k in 1..=MARGIN + 2 {
+                    *word |= (bits[index] << k) | (below >> (64 - k));
                 }
             }
-        }
-        rows.sort_unstable();
-        self.active.extend(rows.into_iter().map(|row| {
-            let (lo, hi) = self.bounds[row];
-            Span {
-                row,
-                lo: lo as usize,
-                hi: hi as usize,
+            bits.fill(0);
+            for (i, j) in (-down..=up).flat_map(|i| second.clone().map(move |j| (i, j))) {
+                let neighbour = (row as isize + i * stride + j) as usize;
+                let bits = &mut self.touched[neighbour * words..][..words];
+                if bits.iter().all(|&word| word == 0) {
+                    reached.push(neighbour);
+                }
+                bits.iter_mut()
+                    .zip(&wide)
+                    .for_each(|(bit, wide)| *bit |= wide);
             }
-        }));
+        }
+        reached.sort_unstable();
+        reached
     }
 
     /// Zeroes the active nodes.
@@ -196,6 +217,20 @@ impl<const D: usize> Grid<D> {
     }
 }
 
+/// The first bit from `from` on that is set, or is not set.
+fn next_bit(bits: &[u64], from: usize, set: bool) -> Option<usize> {
+    let mut index = from / 64;
+    let mut skip = from % 64;
+    while index < bits.len() {
+        let word = (if set { bits[index] } else { !bits[index] }) >> skip;
+        if word != 0 {
+            return Some(index * 64 + skip + word.trailing_zeros() as usize);
+        }
+        (index, skip) = (index + 1, 0);
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,22 +238,25 @@ mod tests {
     #[test]
     fn active_spans_cover_every_stencil_within_the_margin() {
         let mut grid = Grid::<3>::new(16, false);
-        let bases = [[6, 7, 8], [6, 7, 12], [9, 7, 8], [12, 12, 5]];
+        let bases = [[6, 7, 8], [6, 7, 18], [9, 7, 8], [12, 12, 5]];
         for _ in 0..2 {
             grid.activate(bases.into_iter());
             for base in bases {
                 for (dx, dy) in (-1isize..=3).flat_map(|dx| (-1..=3).map(move |dy| (dx, dy))) {
                     let near = |axis: usize, d: isize| (base[axis] as isize + d) as usize;
                     let row = grid.layout.row([near(0, dx), near(1, dy), 0]);
-                    let span = grid
+                    let covered = grid
                         .active
                         .iter()
-                        .find(|s| s.row == row)
-                        .expect("row is active");
-                    assert!(span.lo < base[2] && base[2] + 3 < span.hi);
+                        .any(|span| span.row == row && span.lo < base[2] && base[2] + 3 < span.hi);
+                    assert!(covered, "{base:?} {row}");
                 }
             }
-            assert!(grid.active.is_sorted_by_key(|s| s.row));
+            assert!(grid.active.is_sorted_by_key(|s| (s.row, s.lo)));
+            let apart = |pair: &[Span]| pair[0].row != pair[1].row || pair[0].hi < pair[1].lo;
+            assert!(grid.active.windows(2).all(apart));
+            // 5 rows by 5 for each base; two planes of the third are those of the first.
+            assert_eq!(grid.active.len(), 25 + 25 + 15 + 25);
         }
     }
 

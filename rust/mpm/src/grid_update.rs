@@ -7,8 +7,8 @@ use crate::math::Vector;
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::walls::WallContact;
 
-/// Lighter nodes [kg] are dropped: the inverse of their mass would leave the range of float32.
-const SMALLEST_MASS: f32 = 1.0e-30;
+/// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
+pub const SMALLEST_MASS: f32 = 1.0e-30;
 
 /// Everything that acts on grid velocities.
 pub struct GridForces<'a, const D: usize> {
@@ -27,14 +27,12 @@ pub fn grid_update<const D: usize>(grid: &mut Grid<D>, forces: &GridForces<'_, D
         let span = grid.active[k];
         let start = span.row * grid.layout.extent;
         for node in &mut grid.nodes[start + span.lo..start + span.hi] {
+            // Without a branch: spray leaves every other node empty. An empty node gets a velocity that
+            // nobody reads, and keeps its mass of zero.
             let mass = node.to_array()[3];
-            *node = if mass > SMALLEST_MASS {
-                let inverse = 1.0 / mass;
-                // The mass lane is multiplied by one and gains nothing.
-                *node * f32x4::from([inverse, inverse, inverse, 1.0]) + gain
-            } else {
-                f32x4::ZERO
-            };
+            let inverse = 1.0 / mass.max(SMALLEST_MASS);
+            // The mass lane is multiplied by one and gains nothing.
+            *node = *node * f32x4::from([inverse, inverse, inverse, 1.0]) + gain;
         }
         forces
             .obstacles

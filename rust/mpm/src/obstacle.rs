@@ -5,6 +5,7 @@ use wide::f32x4;
 use crate::contact::Contact;
 use crate::error::MpmError;
 use crate::grid::{Grid, Layout, Span};
+use crate::grid_update::SMALLEST_MASS;
 use crate::math::Vector;
 
 /// Geometry of a solid [m].
@@ -221,7 +222,7 @@ impl<const D: usize> Obstacles<D> {
             }
             let index = span.row * grid.layout.extent + column;
             let lanes = grid.nodes[index].to_array();
-            if lanes[3] > 0.0 {
+            if lanes[3] > SMALLEST_MASS {
                 let v = Vector::from_fn(|axis, _| lanes[axis]);
                 let friction = material_friction.at(grid, index, lanes[3]);
                 let contact = self.list[node.obstacle as usize].contact;

@@ -9,11 +9,14 @@
 
 use std::ops::Range;
 
+use wide::f32x4;
+
 use crate::contact::{Contact, ContactKind, remaining_slip};
 use crate::error::MpmError;
 use crate::grid::{Grid, Layout, PADDING};
+use crate::grid_update::SMALLEST_MASS;
 use crate::math::Vector;
-use crate::obstacle::{MaterialFriction, with_velocity};
+use crate::obstacle::MaterialFriction;
 use crate::stencil::{Stencil, spline};
 
 /// Positions of the walls [m] and their surface.
@@ -66,6 +69,10 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
+    /// One in the lane of the axis, zero in the others.
+    normal: f32x4,
+    /// One in the lanes of the other axes, zero elsewhere.
+    tangential: f32x4,
 }
 
 /// All walls of a scene, prepared for one grid.
@@ -84,11 +91,16 @@ impl WallContact {
             if inward < 0.0 {
                 weights.reverse();
             }
+            let lanes = |one: &dyn Fn(usize) -> bool| {
+                f32x4::from(std::array::from_fn(|lane| f32::from(u8::from(one(lane)))))
+            };
             Side {
                 axis,
                 inward,
                 middle: base as usize + 1,
                 weights,
+                normal: lanes(&|lane| lane == axis),
+                tangential: lanes(&|lane| lane != axis && lane < D),
             }
         };
         let sides = (0..D)
@@ -173,59 +185,48 @@ impl WallContact {
             } else {
                 [high, middle, low]
             };
-            let lanes = indices.map(|index| grid.nodes[index].to_array());
-            let touches = if side.weights[0] < WEAK_OUTER_WEIGHT {
-                lanes[1][3]
-            } else {
-                lanes[0][3]
-            };
-            if touches <= 0.0 {
+            // The node that shows whether material touches the wall, looked at before the others.
+            let first = indices[usize::from(side.weights[0] < WEAK_OUTER_WEIGHT)];
+            if grid.nodes[first].to_array()[3] <= SMALLEST_MASS {
                 continue;
             }
-            let mut mobility = [0.0; 3];
-            let mut at_wall = Vector::<D>::zeros();
-            for i in (0..3).filter(|&i| lanes[i][3] > 0.0) {
-                mobility[i] = side.weights[i] / lanes[i][3];
-                at_wall += Vector::from_fn(|axis, _| lanes[i][axis]) * side.weights[i];
+            let nodes = indices.map(|index| grid.nodes[index]);
+            let masses = nodes.map(|node| node.to_array()[3]);
+            // Empty nodes have no velocity to speak of and take no impulse.
+            let weights: [f32; 3] = std::array::from_fn(|i| {
+                if masses[i] > SMALLEST_MASS {
+                    side.weights[i]
+                } else {
+                    0.0
+                }
+            });
+            let at_wall = nodes[0] * f32x4::splat(weights[0])
+                + nodes[1] * f32x4::splat(weights[1])
+                + nodes[2] * f32x4::splat(weights[2]);
+            let approach = -at_wall.to_array()[side.axis] * side.inward;
+            if self.contact.kind == ContactKind::Separating && approach <= 0.0 {
+                continue;
             }
-            let total: f32 = (0..3).map(|i| mobility[i] * side.weights[i]).sum();
             let mu = self
                 .contact
                 .friction
-                .unwrap_or_else(|| friction.at(grid, middle, lanes[1][3]));
-            let change = self.velocity_change(&at_wall, side, mu);
-            if change == Vector::<D>::zeros() {
-                continue;
-            }
-            for i in (0..3).filter(|&i| lanes[i][3] > 0.0) {
-                let v = Vector::from_fn(|axis, _| lanes[i][axis]) + change * (mobility[i] / total);
-                grid.nodes[indices[i]] = with_velocity(lanes[i], &v);
-            }
-        }
-    }
-
-    /// How the velocity at the wall has to change.
-    #[inline]
-    fn velocity_change<const D: usize>(
-        &self,
-        at_wall: &Vector<D>,
-        side: &Side,
-        mu: f32,
-    ) -> Vector<D> {
-        let approach = -at_wall[side.axis] * side.inward;
-        match self.contact.kind {
-            ContactKind::Sticky => -at_wall,
-            ContactKind::Separating if approach <= 0.0 => Vector::zeros(),
-            kind => {
-                let mut slip = *at_wall;
-                slip[side.axis] = 0.0;
-                let lost = match kind {
-                    ContactKind::Separating => 1.0 - remaining_slip(slip.norm(), mu * approach),
-                    _ => 0.0,
-                };
-                let mut change = slip * -lost;
-                change[side.axis] = approach * side.inward;
-                change
+                .unwrap_or_else(|| friction.at(grid, middle, masses[1]));
+            let slip = at_wall * side.tangential;
+            let lost = match self.contact.kind {
+                ContactKind::Sticky => 1.0,
+                ContactKind::Separating if mu > 0.0 => {
+                    1.0 - remaining_slip((slip * slip).reduce_add().sqrt(), mu * approach)
+                }
+                ContactKind::Slip | ContactKind::Separating => 0.0,
+            };
+            // How the velocity at the wall has to change, and what share of it each node takes.
+            let change =
+                side.normal * f32x4::splat(approach * side.inward) - slip * f32x4::splat(lost);
+            let mobility: [f32; 3] =
+                std::array::from_fn(|i| weights[i] / masses[i].max(SMALLEST_MASS));
+            let total: f32 = (0..3).map(|i| mobility[i] * weights[i]).sum();
+            for i in 0..3 {
+                grid.nodes[indices[i]] = nodes[i] + change * f32x4::splat(mobility[i] / total);
             }
         }
     }
