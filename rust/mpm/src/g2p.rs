@@ -7,9 +7,8 @@ use wide::f32x4;
 
 use crate::grid::{Grid, Layout};
 use crate::material::Constitutive;
-use crate::math::{Matrix, Vector};
+use crate::math::Vector;
 use crate::obstacle::Obstacles;
-use crate::p2g::for_each_row;
 use crate::particle::{Particle, Phase};
 use crate::stencil::Stencil;
 use crate::walls::{WallFill, Walls};
@@ -18,29 +17,58 @@ use crate::with_group;
 /// Where particles may be.
 #[derive(Debug, Clone)]
 pub struct Bounds<const D: usize> {
-    /// Particles past a wall are put back on it.
-    pub walls: Walls<D>,
-    /// Farther than this is an error.
-    pub lowest: Vector<D>,
-    pub highest: Vector<D>,
+    walls: Walls<D>,
     fill: WallFill<D>,
+    /// Farther than this is an error.
+    lowest: Vector<D>,
+    highest: Vector<D>,
+    /// Between these, no wall is near.
+    inner_lowest: Vector<D>,
+    inner_highest: Vector<D>,
 }
 
 impl<const D: usize> Bounds<D> {
     pub fn new(walls: Walls<D>, layout: &Layout<D>) -> Self {
         let dx = layout.dx();
+        // A stencil and the splines of its nodes reach 3 cells, a substep one.
+        let far = 4.0 * dx;
         Self {
-            fill: WallFill::new(&walls, layout),
             walls,
+            fill: WallFill::new(&walls, layout),
             lowest: walls.lower.map(|s| (s - dx).max(0.0)),
             highest: walls.upper.map(|s| (s + dx).min(1.0)),
+            inner_lowest: walls.lower.add_scalar(far),
+            inner_highest: walls.upper.add_scalar(-far),
         }
     }
 
-    /// False also for NaN.
+    /// Whether the position is allowed; false also for NaN.
     #[inline(always)]
     pub fn hold(&self, x: &Vector<D>) -> bool {
         (0..D).all(|axis| x[axis] >= self.lowest[axis] && x[axis] <= self.highest[axis])
+    }
+
+    /// Whether no wall is near; false also for NaN.
+    #[inline(always)]
+    fn inner(&self, x: &Vector<D>) -> bool {
+        (0..D).all(|axis| x[axis] >= self.inner_lowest[axis] && x[axis] <= self.inner_highest[axis])
+    }
+
+    /// The grid keeps material off the walls; this catches what rounding and single fast particles leave
+    /// over.
+    fn put_back(&self, x: &mut Vector<D>, v: &mut Vector<D>) {
+        for axis in 0..D {
+            let inside = x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis]);
+            if inside < x[axis] {
+                v[axis] = v[axis].min(0.0);
+            } else if inside > x[axis] {
+                v[axis] = v[axis].max(0.0);
+            }
+            // An unsound position is kept for the message that names it.
+            if self.hold(x) {
+                x[axis] = inside;
+            }
+        }
     }
 }
 
@@ -121,56 +149,57 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
         let stencil = Stencil::at(&layout.cells(&p.x));
         let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1];
         let last = stencil.weights[D - 1].map(f32x4::splat);
-        // Moments of the velocity: its weighted sum, and that times the step along each axis.
-        let mut sum = f32x4::ZERO;
-        let mut moments = [f32x4::ZERO; D];
-        for_each_row::<D>(|i, j| {
-            let begin = start + layout.stencil_row([i, j]);
+        // Weighted sum of the velocities of a row, and that times the step along it.
+        let gather_row = |weight: f32, begin: usize| {
             let row: &[f32x4; 3] = grid.nodes[begin..begin + 3]
                 .try_into()
                 .expect("three nodes");
-            let mut weight = stencil.weights[0][i];
-            if D == 3 {
-                weight *= stencil.weights[1][j];
-            }
-            let weight = f32x4::splat(weight);
             let (middle, end) = (row[1] * last[1], row[2] * last[2]);
-            let across = (row[0] * last[0] + middle + end) * weight;
-            sum += across;
-            moments[0] += across * f32x4::splat(i as f32);
+            let weight = f32x4::splat(weight);
+            (
+                (row[0] * last[0] + middle + end) * weight,
+                (middle + end + end) * weight,
+            )
+        };
+        let mut planes = [f32x4::ZERO; 3];
+        let mut moments = [f32x4::ZERO; D];
+        for (i, plane) in planes.iter_mut().enumerate() {
+            let (weight, begin) = (stencil.weights[0][i], start + layout.stencil_row([i, 0]));
             if D == 3 {
-                moments[1] += across * f32x4::splat(j as f32);
-            }
-            moments[D - 1] += (middle + end + end) * weight;
-        });
-        let v = vector::<D>(sum);
-        let mut affine = Matrix::<D>::zeros();
-        for axis in 0..D {
-            let column = vector::<D>(moments[axis]) - v * stencil.offset[axis];
-            affine.set_column(axis, &(column * per_cell));
-        }
-        p.v = v;
-        p.affine = affine;
-        let crowding = sum.to_array()[3] * step.per_rest_mass / bounds.fill.at(&p.x, &stencil);
-        material.deform(&mut p.state, &(affine * dt), crowding, dt);
-        p.x += v * dt;
-        let sound = bounds.hold(&p.x) && material.volume_ratio(&p.state) > 0.0;
-        outcome.sound &= sound;
-        outcome.max_speed_squared = outcome.max_speed_squared.max(v.norm_squared());
-        if !sound {
-            continue;
-        }
-        for axis in 0..D {
-            // The grid keeps material off the walls; this catches what rounding and single fast
-            // particles leave over.
-            let inside = p.x[axis].clamp(bounds.walls.lower[axis], bounds.walls.upper[axis]);
-            if inside != p.x[axis] {
-                let inward = (inside - p.x[axis]).signum();
-                p.x[axis] = inside;
-                p.v[axis] = inward * (inward * p.v[axis]).max(0.0);
+                let rows: [_; 3] = std::array::from_fn(|j| {
+                    gather_row(weight * stencil.weights[1][j], begin + j * layout.extent)
+                });
+                *plane = rows[0].0 + rows[1].0 + rows[2].0;
+                moments[1] += rows[1].0 + rows[2].0 + rows[2].0;
+                moments[D - 1] += rows[0].1 + rows[1].1 + rows[2].1;
+            } else {
+                let (sum, moment) = gather_row(weight, begin);
+                *plane = sum;
+                moments[D - 1] += moment;
             }
         }
-        if obstacles.near(start) {
+        let sum = planes[0] + planes[1] + planes[2];
+        moments[0] = planes[1] + planes[2] + planes[2];
+        p.v = vector(sum);
+        for axis in 0..D {
+            let column = moments[axis] - sum * f32x4::splat(stencil.offset[axis]);
+            p.affine
+                .set_column(axis, &vector(column * f32x4::splat(per_cell)));
+        }
+        p.x += p.v * dt;
+        outcome.max_speed_squared = outcome.max_speed_squared.max(p.v.norm_squared());
+        let inner = bounds.inner(&p.x);
+        let mut crowding = sum.to_array()[3] * step.per_rest_mass;
+        if !inner {
+            crowding /= bounds.fill.at(&stencil);
+        }
+        material.deform(&mut p.state, &(p.affine * dt), crowding, dt);
+        outcome.sound &= material.volume_ratio(&p.state) > 0.0;
+        if !inner {
+            outcome.sound &= bounds.hold(&p.x);
+            bounds.put_back(&mut p.x, &mut p.v);
+        }
+        if outcome.sound && obstacles.near(start) {
             obstacles.push_out(&mut p.x, &mut p.v, friction);
         }
     }

@@ -123,15 +123,8 @@ fn scatter_group<const D: usize, M: Constitutive<D>>(
             std::array::from_fn(|axis| lanes(&affine.column(axis).into_owned(), 0.0));
         let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1] - window.first;
         let last = stencil.weights[D - 1].map(f32x4::splat);
-        for_each_row::<D>(|i, j| {
-            let mut value = lowest + per_step[0] * f32x4::splat(i as f32);
-            let mut weight = stencil.weights[0][i];
-            if D == 3 {
-                value += per_step[1] * f32x4::splat(j as f32);
-                weight *= stencil.weights[1][j];
-            }
+        let mut scatter_row = |value: f32x4, weight: f32, begin: usize| {
             let weight = f32x4::splat(weight);
-            let begin = start + layout.stencil_row([i, j]);
             let row: &mut [f32x4; 3] = (&mut window.nodes[begin..begin + 3])
                 .try_into()
                 .expect("three nodes");
@@ -139,7 +132,22 @@ fn scatter_group<const D: usize, M: Constitutive<D>>(
             row[0] += value * last[0];
             row[1] += (value + slope) * last[1];
             row[2] += (value + slope + slope) * last[2];
-        });
+        };
+        let mut value = lowest;
+        for i in 0..3 {
+            let (weight, begin) = (stencil.weights[0][i], start + layout.stencil_row([i, 0]));
+            if D == 3 {
+                let mut value = value;
+                for j in 0..3 {
+                    let begin = begin + j * layout.extent;
+                    scatter_row(value, weight * stencil.weights[1][j], begin);
+                    value += per_step[1];
+                }
+            } else {
+                scatter_row(value, weight, begin);
+            }
+            value += per_step[0];
+        }
     }
 }
 
@@ -165,7 +173,7 @@ fn scatter_friction<const D: usize, S>(
 
 /// Calls back for each row of nodes of a stencil.
 #[inline(always)]
-pub fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
+fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
     for i in 0..3 {
         if D == 3 {
             for j in 0..3 {
