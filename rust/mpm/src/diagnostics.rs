@@ -1,6 +1,6 @@
 //! Totals over all particles, summed in double precision.
 
-use crate::math::Vector;
+use crate::math::{Vector, vector};
 use crate::particle::Phase;
 use crate::with_group;
 
@@ -41,14 +41,15 @@ impl Diagnostics {
         };
         for phase in phases {
             with_group!(phase, group => for p in &group.particles {
+                let v = vector::<D>(p.v);
                 let mass = f64::from(p.mass);
-                let speed_squared: f64 = p.v.iter().map(|&s| f64::from(s).powi(2)).sum();
+                let speed_squared: f64 = v.iter().map(|&s| f64::from(s).powi(2)).sum();
                 total.mass += mass;
                 total.kinetic_energy += 0.5 * mass * speed_squared;
                 total.max_speed = total.max_speed.max(speed_squared.sqrt());
                 for axis in 0..D {
                     let x = f64::from(p.x[axis]);
-                    total.momentum[axis] += mass * f64::from(p.v[axis]);
+                    total.momentum[axis] += mass * f64::from(v[axis]);
                     total.centroid[axis] += mass * x;
                     total.potential_energy -= mass * f64::from(gravity[axis]) * x;
                 }

@@ -7,7 +7,7 @@ use wide::f32x4;
 
 use crate::grid::{Grid, Layout};
 use crate::material::Constitutive;
-use crate::math::Vector;
+use crate::math::{Columns, Vector, vector};
 use crate::obstacle::Obstacles;
 use crate::particle::{Particle, Phase};
 use crate::stencil::Stencil;
@@ -30,8 +30,8 @@ pub struct Bounds<const D: usize> {
 impl<const D: usize> Bounds<D> {
     pub fn new(walls: Walls<D>, layout: &Layout<D>) -> Self {
         let dx = layout.dx();
-        // A stencil and the splines of its nodes reach 3 cells, a substep one.
-        let far = 4.0 * dx;
+        // A stencil and the splines of its nodes reach 3 cells; what a substep adds hardly weighs.
+        let far = 3.0 * dx;
         Self {
             walls,
             fill: WallFill::new(&walls, layout),
@@ -54,21 +54,27 @@ impl<const D: usize> Bounds<D> {
         (0..D).all(|axis| x[axis] >= self.inner_lowest[axis] && x[axis] <= self.inner_highest[axis])
     }
 
+    /// Puts a particle back on the wall that it passed; false if it is too far past.
+    ///
     /// The grid keeps material off the walls; this catches what rounding and single fast particles leave
     /// over.
-    fn put_back(&self, x: &mut Vector<D>, v: &mut Vector<D>) {
+    #[cold]
+    fn put_back(&self, x: &mut Vector<D>, v: &mut f32x4) -> bool {
+        if !self.hold(x) {
+            return false;
+        }
+        let mut lanes = v.to_array();
         for axis in 0..D {
             let inside = x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis]);
             if inside < x[axis] {
-                v[axis] = v[axis].min(0.0);
+                lanes[axis] = lanes[axis].min(0.0);
             } else if inside > x[axis] {
-                v[axis] = v[axis].max(0.0);
+                lanes[axis] = lanes[axis].max(0.0);
             }
-            // An unsound position is kept for the message that names it.
-            if self.hold(x) {
-                x[axis] = inside;
-            }
+            x[axis] = inside;
         }
+        *v = f32x4::from(lanes);
+        true
     }
 }
 
@@ -143,7 +149,10 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
     step: Gather,
 ) -> Outcome {
     let (layout, dt) = (grid.layout, step.dt);
-    let per_cell = 4.0 / layout.dx();
+    // The last lane of what is gathered is mass, which has no place in a velocity.
+    let components = f32x4::from([1.0, 1.0, 1.0, 0.0]);
+    let unit_mass = f32x4::from([0.0, 0.0, 0.0, 1.0]);
+    let per_cell = components * f32x4::splat(4.0 / layout.dx());
     let mut outcome = Outcome::NOTHING;
     for p in particles {
         let stencil = Stencil::at(&layout.cells(&p.x));
@@ -180,34 +189,27 @@ fn gather_group<const D: usize, M: Constitutive<D>>(
         }
         let sum = planes[0] + planes[1] + planes[2];
         moments[0] = planes[1] + planes[2] + planes[2];
-        p.v = vector(sum);
-        for axis in 0..D {
-            let column = moments[axis] - sum * f32x4::splat(stencil.offset[axis]);
-            p.affine
-                .set_column(axis, &vector(column * f32x4::splat(per_cell)));
-        }
-        p.x += p.v * dt;
-        outcome.max_speed_squared = outcome.max_speed_squared.max(p.v.norm_squared());
+        let v = vector::<D>(sum);
+        p.v = sum * components + unit_mass;
+        p.affine = Columns(std::array::from_fn(|axis| {
+            (moments[axis] - sum * f32x4::splat(stencil.offset[axis])) * per_cell
+        }));
+        p.x += v * dt;
+        outcome.max_speed_squared = outcome.max_speed_squared.max(v.norm_squared());
         let inner = bounds.inner(&p.x);
         let mut crowding = sum.to_array()[3] * step.per_rest_mass;
         if !inner {
             crowding /= bounds.fill.at(&stencil);
         }
-        material.deform(&mut p.state, &(p.affine * dt), crowding, dt);
+        let gradient = Columns(p.affine.0.map(|column| column * f32x4::splat(dt)));
+        material.deform(&mut p.state, &gradient, crowding, dt);
         outcome.sound &= material.volume_ratio(&p.state) > 0.0;
-        if !inner {
-            outcome.sound &= bounds.hold(&p.x);
-            bounds.put_back(&mut p.x, &mut p.v);
+        if !inner && !bounds.walls.contain(&p.x) {
+            outcome.sound &= bounds.put_back(&mut p.x, &mut p.v);
         }
         if outcome.sound && obstacles.near(start) {
             obstacles.push_out(&mut p.x, &mut p.v, friction);
         }
     }
     outcome
-}
-
-#[inline(always)]
-fn vector<const D: usize>(lanes: f32x4) -> Vector<D> {
-    let lanes = lanes.to_array();
-    Vector::from_fn(|axis, _| lanes[axis])
 }

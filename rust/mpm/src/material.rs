@@ -2,7 +2,7 @@
 //! elastic solids a deformation gradient.
 
 use crate::error::MpmError;
-use crate::math::{Matrix, Vector, determinant};
+use crate::math::{Columns, Matrix, Vector, determinant};
 use crate::svd::svd;
 
 /// What the transfer loops need of a material.
@@ -14,10 +14,15 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn initial_state(&self, volume_ratio: f32) -> Self::State;
     /// tau = J sigma [Pa].
     fn kirchhoff_stress(&self, state: &Self::State) -> Matrix<D>;
+    /// The same, as the transfer to the grid uses it.
+    #[inline(always)]
+    fn stress_columns(&self, state: &Self::State) -> Columns<D> {
+        Columns::from_matrix(&self.kirchhoff_stress(state))
+    }
     /// Deforms by the displacement gradient dt C of one substep, and lets plastic flow happen.
     ///
     /// `crowding` is the density on the grid over the rest density, 0 where unknown; `dt` the substep [s].
-    fn deform(&self, state: &mut Self::State, gradient: &Matrix<D>, crowding: f32, dt: f32);
+    fn deform(&self, state: &mut Self::State, gradient: &Columns<D>, crowding: f32, dt: f32);
     /// J of water, det F of solids [-].
     fn volume_ratio(&self, state: &Self::State) -> f32;
     /// Stored elastic energy per rest volume [Pa].
@@ -68,6 +73,14 @@ impl Water {
     }
 }
 
+impl Water {
+    /// lambda J (J - 1), negative under compression [Pa].
+    #[inline(always)]
+    fn mean_stress(&self, volume_ratio: f32) -> f32 {
+        self.stiffness(volume_ratio) * volume_ratio * (volume_ratio - 1.0)
+    }
+}
+
 impl<const D: usize> Constitutive<D> for Water {
     type State = f32;
 
@@ -77,12 +90,16 @@ impl<const D: usize> Constitutive<D> for Water {
 
     #[inline(always)]
     fn kirchhoff_stress(&self, &volume_ratio: &f32) -> Matrix<D> {
-        let stiffness = self.stiffness(volume_ratio);
-        Matrix::from_diagonal_element(stiffness * volume_ratio * (volume_ratio - 1.0))
+        Matrix::from_diagonal_element(self.mean_stress(volume_ratio))
     }
 
     #[inline(always)]
-    fn deform(&self, volume_ratio: &mut f32, gradient: &Matrix<D>, crowding: f32, dt: f32) {
+    fn stress_columns(&self, &volume_ratio: &f32) -> Columns<D> {
+        Columns::diagonal(self.mean_stress(volume_ratio))
+    }
+
+    #[inline(always)]
+    fn deform(&self, volume_ratio: &mut f32, gradient: &Columns<D>, crowding: f32, dt: f32) {
         *volume_ratio *= 1.0 + gradient.trace();
         let excess = *volume_ratio * crowding - (1.0 + Self::CROWDING_TOLERANCE);
         // At most a halving, whatever the substep.
@@ -200,7 +217,7 @@ impl<const D: usize> Constitutive<D> for Sand {
             kirchhoff_stress: Matrix::zeros(),
             volume_gain: 0.0,
         };
-        self.deform(&mut state, &Matrix::zeros(), 1.0, 0.0);
+        self.deform(&mut state, &Columns::ZERO, 1.0, 0.0);
         state
     }
 
@@ -210,8 +227,8 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     #[inline(always)]
-    fn deform(&self, state: &mut SandState<D>, gradient: &Matrix<D>, _crowding: f32, _dt: f32) {
-        let f = (Matrix::identity() + gradient) * state.deformation_gradient;
+    fn deform(&self, state: &mut SandState<D>, gradient: &Columns<D>, _crowding: f32, _dt: f32) {
+        let f = (Matrix::identity() + gradient.matrix()) * state.deformation_gradient;
         let parts = svd(&f);
         // A floor far below any stretch that sand survives, so that the logarithm stays finite.
         let trial = parts.sigma.map(|s| s.max(1.0e-4).ln());
@@ -275,8 +292,8 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     #[inline(always)]
-    fn deform(&self, f: &mut Matrix<D>, gradient: &Matrix<D>, _crowding: f32, _dt: f32) {
-        *f = (Matrix::identity() + gradient) * *f;
+    fn deform(&self, f: &mut Matrix<D>, gradient: &Columns<D>, _crowding: f32, _dt: f32) {
+        *f = (Matrix::identity() + gradient.matrix()) * *f;
     }
 
     fn volume_ratio(&self, f: &Matrix<D>) -> f32 {

@@ -6,7 +6,7 @@ use crate::contact::Contact;
 use crate::error::MpmError;
 use crate::grid::{Grid, Layout, Span};
 use crate::grid_update::SMALLEST_MASS;
-use crate::math::Vector;
+use crate::math::{Vector, vector};
 
 /// Geometry of a solid [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -240,12 +240,15 @@ impl<const D: usize> Obstacles<D> {
 
     /// Moves a particle that got into an obstacle back to its surface.
     #[inline(never)]
-    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
+    pub fn push_out(&self, x: &mut Vector<D>, v: &mut f32x4, material_friction: f32) {
         for obstacle in &self.list {
             let (distance, normal) = obstacle.shape.distance(x);
             if distance < 0.0 {
                 *x -= normal * distance;
-                *v = obstacle.contact.resolve(v, &normal, material_friction);
+                let after = obstacle
+                    .contact
+                    .resolve(&vector(*v), &normal, material_friction);
+                *v = with_velocity(v.to_array(), &after);
             }
         }
     }

@@ -7,7 +7,7 @@ use wide::f32x4;
 
 use crate::grid::{Grid, Layout, MARGIN};
 use crate::material::Constitutive;
-use crate::math::Vector;
+use crate::math::{Vector, lanes};
 use crate::particle::{Particle, Phase, Slab};
 use crate::stencil::Stencil;
 use crate::with_group;
@@ -104,23 +104,29 @@ fn scatter_group<const D: usize, M: Constitutive<D>>(
     step: Step<'_, D>,
 ) {
     let dx = layout.dx();
-    let stress_factor = -step.dt * 4.0 / (dx * dx);
+    let stress_factor = -step.dt * 4.0 / dx;
     for p in particles {
         let stencil = Stencil::at(&layout.cells(&p.x));
-        let stress = material.kirchhoff_stress(&p.state) * (stress_factor * p.volume);
-        let affine = (p.affine * p.mass + stress) * dx;
+        let stress = material.stress_columns(&p.state).0;
+        let (inertia, tension) = (
+            f32x4::splat(p.mass * dx),
+            f32x4::splat(stress_factor * p.volume),
+        );
+        // What a node gets more for each step along an axis.
+        let per_step: [f32x4; D] =
+            std::array::from_fn(|k| p.affine.0[k] * inertia + stress[k] * tension);
         let v = match step.force {
             Some(force) => {
                 let a = &force[p.id as usize * D..][..D];
-                p.v + Vector::from_fn(|axis, _| step.dt * a[axis])
+                p.v + lanes(&Vector::<D>::from_column_slice(a), 0.0) * f32x4::splat(step.dt)
             }
             None => p.v,
         };
-        // Momentum that the stencil's lowest node would get at weight one.
-        let momentum = v * p.mass - affine * stencil.offset;
-        let lowest = lanes(&momentum, p.mass);
-        let per_step: [f32x4; D] =
-            std::array::from_fn(|axis| lanes(&affine.column(axis).into_owned(), 0.0));
+        // What the lowest node would get at weight one.
+        let mut lowest = v * f32x4::splat(p.mass);
+        for axis in 0..D {
+            lowest -= per_step[axis] * f32x4::splat(stencil.offset[axis]);
+        }
         let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1] - window.first;
         let last = stencil.weights[D - 1].map(f32x4::splat);
         let mut scatter_row = |value: f32x4, weight: f32, begin: usize| {
@@ -183,12 +189,4 @@ fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
             visit(i, 0);
         }
     }
-}
-
-#[inline(always)]
-fn lanes<const D: usize>(v: &Vector<D>, last: f32) -> f32x4 {
-    let mut lanes = [0.0; 4];
-    lanes[..D].copy_from_slice(v.as_slice());
-    lanes[3] = last;
-    f32x4::from(lanes)
 }

@@ -1,8 +1,10 @@
 //! Particles, grouped by material so that the loops over them have no branches.
 
+use wide::f32x4;
+
 use crate::grid::{Layout, PADDING};
 use crate::material::{Constitutive, Elastic, Sand, Water};
-use crate::math::{Matrix, Vector};
+use crate::math::{Columns, Vector};
 use crate::stencil::Stencil;
 
 /// One material point.
@@ -10,10 +12,10 @@ use crate::stencil::Stencil;
 pub struct Particle<const D: usize, S> {
     /// Position [m].
     pub x: Vector<D>,
-    /// Velocity [m/s].
-    pub v: Vector<D>,
+    /// Velocity [m/s] in the first D lanes, one in the last: times the mass it is what a node holds.
+    pub v: f32x4,
     /// APIC matrix C [1/s].
-    pub affine: Matrix<D>,
+    pub affine: Columns<D>,
     /// [kg]
     pub mass: f32,
     /// Rest volume [m^D].
@@ -29,11 +31,23 @@ pub struct Group<const D: usize, M: Constitutive<D>> {
     pub material: M,
     pub wall_friction: f32,
     pub particles: Vec<Particle<D, M::State>>,
+    /// The other half of each sort; its content means nothing.
+    scratch: Vec<Particle<D, M::State>>,
     /// Particles of slab s are `particles[slab_starts[s]..slab_starts[s + 1]]`.
     pub slab_starts: Vec<usize>,
 }
 
 impl<const D: usize, M: Constitutive<D>> Group<D, M> {
+    pub fn new(material: M, wall_friction: f32, particles: Vec<Particle<D, M::State>>) -> Self {
+        Self {
+            material,
+            wall_friction,
+            particles,
+            scratch: Vec::new(),
+            slab_starts: Vec::new(),
+        }
+    }
+
     /// J of water, det F of solids [-].
     pub fn volume_ratio(&self, particle: &Particle<D, M::State>) -> f32 {
         self.material.volume_ratio(&particle.state)
@@ -51,6 +65,18 @@ pub enum Phase<const D: usize> {
     Water(Group<D, Water>),
     Sand(Group<D, Sand>),
     Elastic(Group<D, Elastic>),
+}
+
+impl<const D: usize> Phase<D> {
+    /// Takes over the particles of a phase of the same material without allocating.
+    pub fn copy_particles(&mut self, from: &Self) {
+        match (self, from) {
+            (Self::Water(to), Self::Water(from)) => to.particles.clone_from(&from.particles),
+            (Self::Sand(to), Self::Sand(from)) => to.particles.clone_from(&from.particles),
+            (Self::Elastic(to), Self::Elastic(from)) => to.particles.clone_from(&from.particles),
+            _ => unreachable!("the phases of a solver keep their order"),
+        }
+    }
 }
 
 /// Runs one expression on the group of whichever material.
@@ -84,7 +110,7 @@ const MAX_SLABS: usize = 16;
 pub fn sort<const D: usize>(phases: &mut [Phase<D>], layout: &Layout<D>) -> Vec<Slab> {
     let mut per_plane = vec![0usize; layout.extent];
     for phase in phases.iter_mut() {
-        with_group!(phase, group => sort_by_row(&mut group.particles, layout, &mut per_plane));
+        with_group!(phase, group => sort_by_row(group, layout, &mut per_plane));
     }
     let slabs = cut(&per_plane);
     for phase in phases {
@@ -106,19 +132,19 @@ pub fn base<const D: usize>(x: &Vector<D>, layout: &Layout<D>) -> [usize; D] {
 }
 
 /// Stable counting sort; the order within a row is the previous one.
-fn sort_by_row<const D: usize, S: Copy>(
-    particles: &mut Vec<Particle<D, S>>,
+fn sort_by_row<const D: usize, M: Constitutive<D>>(
+    group: &mut Group<D, M>,
     layout: &Layout<D>,
     per_plane: &mut [usize],
 ) {
-    let rows: Vec<usize> = particles
-        .iter()
-        .map(|p| layout.row(base(&p.x, layout)))
-        .collect();
+    let row = |p: &Particle<D, M::State>| layout.row(base(&p.x, layout)) as u32;
+    let rows: Vec<u32> = group.particles.iter().map(row).collect();
     let mut starts = vec![0u32; layout.row_count() + 1];
     for &row in &rows {
-        starts[row + 1] += 1;
-        per_plane[row / layout.rows_per_plane()] += 1;
+        starts[row as usize + 1] += 1;
+    }
+    for (plane, counts) in starts[1..].chunks(layout.rows_per_plane()).enumerate() {
+        per_plane[plane] += counts.iter().sum::<u32>() as usize;
     }
     if rows.is_sorted() {
         return;
@@ -126,12 +152,16 @@ fn sort_by_row<const D: usize, S: Copy>(
     for row in 1..starts.len() {
         starts[row] += starts[row - 1];
     }
-    let mut sorted = particles.clone();
-    for (particle, &row) in particles.iter().zip(&rows) {
-        sorted[starts[row] as usize] = *particle;
-        starts[row] += 1;
+    // Every place of it is written below; an allocation this large would cost more than the sort.
+    group
+        .scratch
+        .resize(group.particles.len(), group.particles[0]);
+    for (particle, &row) in group.particles.iter().zip(&rows) {
+        let place = &mut starts[row as usize];
+        group.scratch[*place as usize] = *particle;
+        *place += 1;
     }
-    *particles = sorted;
+    std::mem::swap(&mut group.particles, &mut group.scratch);
 }
 
 fn cut(per_plane: &[usize]) -> Vec<Slab> {

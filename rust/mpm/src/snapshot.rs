@@ -3,7 +3,7 @@
 
 use crate::error::MpmError;
 use crate::material::{Constitutive, Words};
-use crate::math::{Matrix, Vector};
+use crate::math::{Columns, Matrix, Vector, lanes, vector};
 use crate::particle::{Group, Particle};
 use crate::solver::{Settings, State};
 use crate::with_group;
@@ -99,8 +99,8 @@ fn read_group<const D: usize, M: Constitutive<D>>(
 
 fn write<const D: usize, S: Words>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
     p.x.iter()
-        .chain(&p.v)
-        .chain(&p.affine)
+        .chain(&vector::<D>(p.v))
+        .chain(&p.affine.matrix())
         .for_each(|&word| put(word));
     put(p.mass);
     put(p.volume);
@@ -111,8 +111,8 @@ fn read<const D: usize, S: Words>(id: u32, take: &mut impl FnMut() -> f32) -> Pa
     Particle {
         id,
         x: Vector::from_fn(|_, _| take()),
-        v: Vector::from_fn(|_, _| take()),
-        affine: Matrix::from_fn(|_, _| take()),
+        v: lanes(&Vector::<D>::from_fn(|_, _| take()), 1.0),
+        affine: Columns::from_matrix(&Matrix::from_fn(|_, _| take())),
         mass: take(),
         volume: take(),
         state: S::read(take),

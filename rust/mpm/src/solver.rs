@@ -8,7 +8,7 @@ use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::material::{Constitutive, Material, Model};
-use crate::math::{Matrix, Vector};
+use crate::math::{Columns, Matrix, Vector, lanes, vector};
 use crate::obstacle::{MaterialFriction, Obstacle, Obstacles};
 use crate::p2g::{Step, p2g};
 use crate::particle::{Group, Particle, Phase, Slab, sort};
@@ -192,7 +192,12 @@ impl<const D: usize> Solver<D> {
     }
 
     fn advance_frame(&mut self, force: Option<&[f32]>) -> Result<(), MpmError> {
-        self.before.clone_from(&self.state.phases);
+        if self.before.is_empty() {
+            self.before.clone_from(&self.state.phases);
+        } else {
+            let pairs = self.before.iter_mut().zip(&self.state.phases);
+            pairs.for_each(|(before, now)| before.copy_particles(now));
+        }
         let max_speed = self.state.max_speed;
         let parallel = self.count >= PARALLEL_FROM;
         let result = match self.pool.clone().filter(|_| parallel) {
@@ -307,7 +312,7 @@ impl<const D: usize> Solver<D> {
             with_group!(phase, group => {
                 for p in &group.particles {
                     let j = group.volume_ratio(p);
-                    let finite = p.x.iter().chain(p.v.iter()).all(|s| s.is_finite()) && j.is_finite();
+                    let finite = p.x.iter().chain(&p.v.to_array()).all(|s| s.is_finite()) && j.is_finite();
                     let error = if !finite {
                         MpmError::NonFinite { particle: p.id, frame }
                     } else if !self.bounds.hold(&p.x) {
@@ -388,7 +393,7 @@ impl<const D: usize> Solver<D> {
     ) {
         for phase in &self.state.phases {
             with_group!(phase, group => for p in &group.particles {
-                write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
+                write(&p.x, &vector(p.v), &p.affine.matrix(), &mut out[p.id as usize * width..][..width]);
             });
         }
     }
@@ -498,20 +503,15 @@ fn select<const D: usize, M: Constitutive<D>>(
         .filter(|&i| usize::from(input.material[i]) == index)
         .map(|i| Particle {
             x: Vector::from_column_slice(&input.x[i * D..][..D]),
-            v: Vector::from_column_slice(&input.v[i * D..][..D]),
-            affine: Matrix::zeros(),
+            v: lanes(&Vector::<D>::from_column_slice(&input.v[i * D..][..D]), 1.0),
+            affine: Columns::ZERO,
             mass: input.mass[i],
             volume: input.volume[i],
             id: i as u32,
             state: model.initial_state(input.volume_ratio.map_or(1.0, |ratios| ratios[i])),
         })
         .collect();
-    Group {
-        material: model,
-        wall_friction: material.wall_friction,
-        particles,
-        slab_starts: Vec::new(),
-    }
+    Group::new(model, material.wall_friction, particles)
 }
 
 fn check_particles<const D: usize>(
@@ -541,7 +541,7 @@ fn check_particles<const D: usize>(
     let walls = &settings.walls;
     for i in 0..n {
         let x = Vector::<D>::from_column_slice(&particles.x[i * D..][..D]);
-        if !(0..D).all(|axis| x[axis] >= walls.lower[axis] && x[axis] <= walls.upper[axis]) {
+        if !walls.contain(&x) {
             return Err(MpmError::parameter(
                 format!("x[{i}]"),
                 "inside the walls",

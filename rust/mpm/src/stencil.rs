@@ -7,20 +7,24 @@ use crate::math::Vector;
 pub struct Stencil<const D: usize> {
     /// Lowest node.
     pub base: [usize; D],
-    /// Distance from the lowest node in cells, in [0.5, 1.5).
+    /// Distance from the lowest node in cells, in [0.5, 1.5].
     pub offset: Vector<D>,
     /// `weights[axis][step]`; those of an axis sum to one.
     pub weights: [[f32; 3]; D],
 }
 
 impl<const D: usize> Stencil<D> {
-    /// `xi` is the position in cells from the grid's first node, at least 0.5 on each axis.
+    /// `xi` is the position in cells from the grid's first node, from 0.5 to 2^21 on each axis.
     #[inline(always)]
     pub fn at(xi: &Vector<D>) -> Self {
-        // Truncation is floor here, nothing being negative; 32 bits convert faster than 64.
-        let lowest: [i32; D] = std::array::from_fn(|axis| (xi[axis] - 0.5) as i32);
-        let offset = Vector::from_fn(|axis, _| xi[axis] - lowest[axis] as f32);
-        let base = lowest.map(|node| node as usize);
+        // Rounding xi - 1 to the nearest integer finds the lowest node. Adding 1.5 * 2^23 does so and
+        // leaves the integer in the low bits: cheaper than a cast, which has to guard against overflow.
+        const SHIFT: f32 = 12_582_912.0;
+        let shifted = xi.map(|s| (s - 1.0) + SHIFT);
+        let base = std::array::from_fn(|axis| {
+            shifted[axis].to_bits().wrapping_sub(SHIFT.to_bits()) as usize
+        });
+        let offset = xi - shifted.map(|s| s - SHIFT);
         let weights = std::array::from_fn(|axis| spline(offset[axis]));
         Self {
             base,

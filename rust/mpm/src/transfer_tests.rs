@@ -7,7 +7,7 @@ use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::material::Water;
-use crate::math::{Matrix, Vector};
+use crate::math::{Columns, Matrix, Vector, lanes, vector};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
 use crate::particle::{Group, Particle, Phase, sort};
@@ -32,11 +32,12 @@ fn totals<const D: usize>(particles: &Set<D>) -> Totals {
     let mut sum = empty::<D>();
     for p in particles {
         let x: Vec<f64> = p.x.iter().map(|&s| f64::from(s)).collect();
-        let v: Vec<f64> = p.v.iter().map(|&s| f64::from(s)).collect();
+        let v: Vec<f64> = p.v.to_array()[..D].iter().map(|&s| f64::from(s)).collect();
+        let affine = p.affine.matrix();
         add::<D>(&mut sum, f64::from(p.mass), &x, &v);
         for (index, (i, j)) in pairs(D).into_iter().enumerate() {
             // The affine part of APIC carries m dx^2 / 4 times the vorticity of C.
-            let spin = f64::from(p.affine[(j, i)]) - f64::from(p.affine[(i, j)]);
+            let spin = f64::from(affine[(j, i)]) - f64::from(affine[(i, j)]);
             sum.angular[index] += f64::from(p.mass) * DX * DX / 4.0 * spin;
         }
     }
@@ -123,12 +124,7 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
         bulk_modulus: 1.0e5,
         tension: 1.0,
     };
-    let group = Group {
-        material: water,
-        wall_friction: 0.0,
-        particles,
-        slab_starts: Vec::new(),
-    };
+    let group = Group::new(water, 0.0, particles);
     let mut phases = vec![Phase::Water(group)];
     let slabs = sort(&mut phases, &layout);
     let Phase::Water(group) = &phases[0] else {
@@ -179,8 +175,8 @@ fn sets<const D: usize>() -> impl Strategy<Value = Set<D>> {
             .enumerate()
             .map(|(id, n)| Particle {
                 x: Vector::from_fn(|axis, _| 0.5 + 0.3 * n[axis]),
-                v: Vector::from_fn(|axis, _| 3.0 * n[D + axis]),
-                affine: Matrix::from_fn(|i, j| 20.0 * n[2 * D + i * D + j]),
+                v: lanes(&Vector::<D>::from_fn(|axis, _| 3.0 * n[D + axis]), 1.0),
+                affine: Columns::from_matrix(&Matrix::from_fn(|i, j| 20.0 * n[2 * D + i * D + j])),
                 mass: 1.5 + n[2 * D + D * D],
                 volume: 1.0e-3,
                 id: id as u32,
@@ -199,16 +195,19 @@ fn check_conservation<const D: usize>(particles: Set<D>) {
 
 fn check_affine_field<const D: usize>(mut particles: Set<D>, gradient: Matrix<D>) {
     for p in &mut particles {
-        (p.v, p.affine) = (gradient * p.x, gradient);
+        (p.v, p.affine) = (
+            lanes(&(gradient * p.x), 1.0),
+            Columns::from_matrix(&gradient),
+        );
     }
     let (_, after) = there_and_back(particles);
     for p in after {
         assert!(
-            (p.v - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
+            (vector::<D>(p.v) - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
             "{p:?}"
         );
         assert!(
-            (p.affine - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0),
+            (p.affine.matrix() - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0),
             "{p:?}"
         );
     }

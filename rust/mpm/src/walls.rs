@@ -28,6 +28,12 @@ pub struct Walls<const D: usize> {
 }
 
 impl<const D: usize> Walls<D> {
+    /// Whether a point lies between the walls; false also for NaN.
+    #[inline(always)]
+    pub fn contain(&self, x: &Vector<D>) -> bool {
+        (0..D).all(|axis| x[axis] >= self.lower[axis] && x[axis] <= self.upper[axis])
+    }
+
     /// Refuses walls outside [0, 1] or closer to each other than four cells.
     pub fn check(&self, dx: f32) -> Result<(), MpmError> {
         for axis in 0..D {
@@ -252,17 +258,16 @@ impl<const D: usize> WallFill<D> {
     }
 
     /// Density at a particle over the density if everything between the walls were full; 1 far from walls.
+    // Out of line: the loop over particles away from walls keeps its registers.
+    #[inline(never)]
     pub fn at(&self, stencil: &Stencil<D>) -> f32 {
-        (0..D)
-            .map(|axis| -> f32 {
-                let nodes = &self.nodes[axis][stencil.base[axis]..][..3];
-                nodes
-                    .iter()
-                    .zip(stencil.weights[axis])
-                    .map(|(fill, w)| fill * w)
-                    .sum()
-            })
-            .product()
+        let mut fill = 1.0;
+        for axis in 0..D {
+            let nodes = &self.nodes[axis][stencil.base[axis]..stencil.base[axis] + 3];
+            let w = &stencil.weights[axis];
+            fill *= nodes[0] * w[0] + nodes[1] * w[1] + nodes[2] * w[2];
+        }
+        fill
     }
 }
 
