@@ -65,6 +65,10 @@ class Material:
     ) -> Material:
         """Weakly compressible fluid, Kirchhoff stress tau = lambda J (J - 1) I.
 
+        J follows the divergence of the velocity. Where particles crowd by more than 10 % beyond what J
+        says, J is led back to the density on the grid within about 20 ms, which keeps the volume
+        through splashes; not so in scenes whose bodies differ in density.
+
         Parameters
         ----------
         density : float > 0
@@ -114,7 +118,7 @@ class Material:
 
     @property
     def kind(self) -> str:
-        """"water", "sand" or "elastic"."""
+        """Name of the model: "water", "sand" or "elastic"."""
     @property
     def density(self) -> float:
         """Rest density [kg/m^3]."""
@@ -154,7 +158,7 @@ class Obstacle:
         contact: str = "separating",
         friction: float | None = None,
     ) -> Obstacle:
-        """A ramp: all points within thickness / 2 of the segment."""
+        """Build a ramp: all points within thickness / 2 of the segment."""
 
     @staticmethod
     def half_space(
@@ -184,16 +188,16 @@ class Diagnostics:
         """Centre of mass, D components [m]."""
     @property
     def kinetic_energy(self) -> float:
-        """[J]"""
+        """Joule [J]."""
     @property
     def potential_energy(self) -> float:
         """-m g . x [J], zero at the origin."""
     @property
     def elastic_energy(self) -> float:
-        """[J]"""
+        """Joule [J]."""
     @property
     def max_speed(self) -> float:
-        """[m/s]"""
+        """Metres per second [m/s]."""
     @property
     def min_volume_ratio(self) -> float:
         """Smallest J (water) or det F (solids) [-]."""
@@ -209,7 +213,7 @@ class FrameReport:
     def substeps(self) -> int: ...
     @property
     def smallest_dt(self) -> float:
-        """[s]"""
+        """Seconds [s]."""
     @property
     def bound(self) -> str:
         """What chose the smallest step.
@@ -324,7 +328,7 @@ class Solver:
         """Frames done since the start."""
     @property
     def time(self) -> float:
-        """[s]"""
+        """Seconds [s]."""
     @property
     def positions(self) -> npt.NDArray[np.float32]:
         """Snapshot (N, D) [m]; a copy."""
@@ -353,7 +357,7 @@ class Solver:
         """
 
     def copy(self) -> Solver:
-        """An independent solver in the same state."""
+        """Return an independent solver in the same state."""
 
 def grid_mass(
     x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int
@@ -390,7 +394,7 @@ class RadiusGraph:
         """Shape (N + 1,): the edges into point i are `starts[i]` to `starts[i + 1]`."""
     @property
     def radius(self) -> float:
-        """[m]"""
+        """Metres [m]."""
 
 def radius_graph(x: npt.NDArray[np.float32], radius: float) -> RadiusGraph:
     """Join all pairs of points with a distance of at most `radius` (`<=`); exact, without a cap.
@@ -412,6 +416,12 @@ def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""
 
 DEFAULT_CFL: float
-"""CFL number of "cfl" substeps."""
+"""CFL number of "cfl" substeps: dt max(signal speed, largest speed) / dx.
+
+The signal speed is sqrt((D lambda + 2 mu) / density), that of the stiffest mode of a particle alone.
+"""
 CFL_LIMIT: float
-"""CFL number above which a fixed number of substeps is refused."""
+"""CFL number above which a fixed number of substeps is refused.
+
+Measured: a splash of water fails between 0.80 and 0.85, of sand and elastic solids above 1.
+"""

@@ -57,15 +57,17 @@ pub enum MpmError {
         bound: &'static str,
         substeps: u32,
     },
-    /// Speeds that no sensible number of substeps can follow.
+    /// More substeps in a frame than anybody wants to wait for.
     #[error(
-        "speeds of {speed:.3e} m/s would need {substeps:.0} substeps in a frame, at most {most:.0} are \
-         made: lower the velocities or the external force"
+        "{signal} of {speed:.3e} m/s would need {substeps:.0} substeps in a frame, at most {most:.0} are \
+         made: {remedy}"
     )]
     TooFast {
+        signal: &'static str,
         speed: f32,
         substeps: f32,
         most: f32,
+        remedy: &'static str,
     },
     /// Bytes that are no snapshot of this scene.
     #[error("snapshot refused: {reason}")]

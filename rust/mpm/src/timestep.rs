@@ -141,10 +141,25 @@ impl StepChooser {
         let limit = cfl * self.dx / self.signal_speed.max(speed);
         let count = (remaining / limit).ceil().max(1.0);
         if count > MOST_SUBSTEPS || !count.is_finite() {
+            let (signal, speed, remedy) = match self.signal(speed) {
+                Bound::Speed => (
+                    "particles",
+                    speed,
+                    "lower the velocities or the external force",
+                ),
+                _ => (
+                    "waves",
+                    self.signal_speed,
+                    "take a softer or denser material, or shorter frames",
+                ),
+            };
+            let most = MOST_SUBSTEPS;
             return Err(MpmError::TooFast {
+                signal,
                 speed,
                 substeps: count,
-                most: MOST_SUBSTEPS,
+                most,
+                remedy,
             });
         }
         let bound = if limit >= self.frame_dt {

@@ -151,7 +151,7 @@ fn water_keeps_its_volume_through_a_splash() {
     let mut depth = 0.0;
     solver
         .advance(400, Force::None, |_, s| {
-            depth += 2.0 * (s.diagnostics().centroid[1] - 0.1) / 400.0
+            depth += 2.0 * (s.diagnostics().centroid[1] - 0.1) / 400.0;
         })
         .unwrap();
     assert!(
