@@ -2,10 +2,11 @@
 //! order, checksum. All little-endian.
 
 use crate::error::MpmError;
+use crate::input::Settings;
 use crate::material::{Constitutive, Words};
 use crate::math::{Columns, Matrix, Vector, lanes, vector};
 use crate::particle::{Group, Particle};
-use crate::solver::{Settings, State};
+use crate::solver::State;
 use crate::with_group;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
