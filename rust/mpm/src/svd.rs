@@ -17,7 +17,7 @@ pub struct Svd<const D: usize> {
     pub v: Matrix<D>,
 }
 
-/// Two sweeps orthogonalise two columns; three columns converge in at most six (quadratically).
+/// Three columns converge quadratically, in at most six sweeps. Two need one rotation.
 const MAX_SWEEPS: usize = 8;
 /// Columns count as orthogonal when |a . b| <= this |a| |b|.
 const ORTHOGONAL: f32 = 1.0e-7;
@@ -36,12 +36,16 @@ pub fn svd<const D: usize>(a: &Matrix<D>) -> Svd<D> {
     // Scaled to entries of at most one, squares neither overflow nor vanish beside each other.
     let mut columns = a.map(|entry| entry / scale);
     let mut v = Matrix::<D>::identity();
-    for _ in 0..MAX_SWEEPS {
-        if !sweep(&mut columns, &mut v) {
-            break;
+    if D == 2 {
+        to_principal_axes(&mut columns, &mut v);
+    } else {
+        for _ in 0..MAX_SWEEPS {
+            if !sweep(&mut columns, &mut v) {
+                break;
+            }
         }
+        sort_columns(&mut columns, &mut v);
     }
-    sort_columns(&mut columns, &mut v);
     let (u, sigma) = normalise(&columns);
     Svd {
         u,
@@ -50,34 +54,67 @@ pub fn svd<const D: usize>(a: &Matrix<D>) -> Svd<D> {
     }
 }
 
+/// Makes two columns orthogonal, the longer one first. Without branches: nothing predicts which stretch
+/// of a nearly undeformed particle is the larger.
+#[inline(always)]
+fn to_principal_axes<const D: usize>(columns: &mut Matrix<D>, v: &mut Matrix<D>) {
+    let (a, b) = (columns.column(0), columns.column(1));
+    let (difference, gamma) = (a.norm_squared() - b.norm_squared(), a.dot(&b));
+    let root = (difference * difference + 4.0 * gamma * gamma)
+        .sqrt()
+        .max(f32::MIN_POSITIVE);
+    // Cosine and sine of half the angle whose tangent is 2 gamma / difference, the larger one first. Columns
+    // are of order one here: with a root this small they are equally long and orthogonal already.
+    let ratio = if root > 1.0e-15 {
+        difference.abs() / root
+    } else {
+        1.0
+    };
+    let larger = (0.5 + 0.5 * ratio).sqrt();
+    let smaller = gamma.abs() / (root.max(1.0e-15) * larger);
+    let (c, s) = if difference >= 0.0 {
+        (larger, smaller)
+    } else {
+        (smaller, larger)
+    };
+    let s = -s.copysign(gamma);
+    rotate(columns, 0, 1, c, s);
+    rotate(v, 0, 1, c, s);
+}
+
 /// Rotates each pair of columns once; false when all were orthogonal already.
 #[inline]
 fn sweep<const D: usize>(columns: &mut Matrix<D>, v: &mut Matrix<D>) -> bool {
     let mut rotated = false;
     for p in 0..D {
         for q in p + 1..D {
-            let (alpha, beta) = (
-                columns.column(p).norm_squared(),
-                columns.column(q).norm_squared(),
-            );
-            let gamma = columns.column(p).dot(&columns.column(q));
-            if gamma.abs() <= ORTHOGONAL * (alpha * beta).sqrt() || gamma == 0.0 {
-                continue;
-            }
-            rotated = true;
-            let zeta = (beta - alpha) / (2.0 * gamma);
-            // For large zeta its square may overflow; t is then 1 / (2 zeta).
-            let t = if zeta.abs() > 1.0e15 {
-                0.5 / zeta
-            } else {
-                zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt())
-            };
-            let c = 1.0 / (1.0 + t * t).sqrt();
-            rotate(columns, p, q, c, c * t);
-            rotate(v, p, q, c, c * t);
+            rotated |= orthogonalise(columns, v, p, q);
         }
     }
     rotated
+}
+
+/// Rotates columns p and q into each other until they are orthogonal; false when they were.
+#[inline(always)]
+fn orthogonalise<const D: usize>(
+    columns: &mut Matrix<D>,
+    v: &mut Matrix<D>,
+    p: usize,
+    q: usize,
+) -> bool {
+    let (a, b) = (columns.column(p), columns.column(q));
+    let (alpha, beta, gamma) = (a.norm_squared(), b.norm_squared(), a.dot(&b));
+    if gamma.abs() <= ORTHOGONAL * (alpha * beta).sqrt() {
+        return false;
+    }
+    // The smaller root of gamma t^2 + (beta - alpha) t - gamma = 0, without cancellation.
+    let difference = beta - alpha;
+    let root = (difference * difference + 4.0 * gamma * gamma).sqrt();
+    let t = 2.0 * gamma / (difference + root.copysign(difference));
+    let c = 1.0 / (1.0 + t * t).sqrt();
+    rotate(columns, p, q, c, c * t);
+    rotate(v, p, q, c, c * t);
+    true
 }
 
 #[inline]
@@ -106,7 +143,7 @@ fn sort_columns<const D: usize>(columns: &mut Matrix<D>, v: &mut Matrix<D>) {
 fn normalise<const D: usize>(columns: &Matrix<D>) -> (Matrix<D>, Vector<D>) {
     let mut u = Matrix::<D>::zeros();
     let mut sigma = Vector::<D>::zeros();
-    for j in 0..D {
+    for j in 0..D - 1 {
         let norm = columns.column(j).norm();
         // Below this the direction is rounding noise of the larger columns.
         let direction = if norm > 1.0e-6 * columns.column(0).norm() {
@@ -115,14 +152,37 @@ fn normalise<const D: usize>(columns: &Matrix<D>) -> (Matrix<D>, Vector<D>) {
                 // Once more orthogonal to the larger ones: what rotations left is relative to them.
                 direction -= u.column(k) * u.column(k).dot(&direction);
             }
-            direction.normalize()
+            if j > 0 {
+                direction.normalize()
+            } else {
+                direction
+            }
         } else {
             completion(&u, j)
         };
         sigma[j] = norm;
         u.set_column(j, &direction);
     }
+    // Only the sign of the last direction is open.
+    let last = complement(&u);
+    let along = columns.column(D - 1).dot(&last);
+    // Rounding must not put two equal values out of order.
+    sigma[D - 1] = along.abs().min(sigma[D - 2]);
+    u.set_column(D - 1, &(last * 1.0f32.copysign(along)));
     (u, sigma)
+}
+
+/// The unit vector orthogonal to all columns of u but the last.
+#[inline(always)]
+fn complement<const D: usize>(u: &Matrix<D>) -> Vector<D> {
+    Vector::from_fn(|axis, _| match (D, axis) {
+        (2, 0) => -u[(1, 0)],
+        (2, _) => u[(0, 0)],
+        _ => {
+            let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+            u[(i, 0)] * u[(j, 1)] - u[(j, 0)] * u[(i, 1)]
+        }
+    })
 }
 
 /// A unit vector orthogonal to the first `count` columns of u: the axis that they cover least.
