@@ -27,6 +27,7 @@ __all__ = [
     "Solver",
     "StepSizeError",
     "__version__",
+    "advance_all",
     "cpu_features",
     "grid_mass",
     "radius_graph",
@@ -358,6 +359,17 @@ class Solver:
 
     def copy(self) -> Solver:
         """Return an independent solver in the same state."""
+
+def advance_all(solvers: Sequence[Solver], frames: int = 1) -> None:
+    """Advance independent scenes side by side, each on one thread; the results are those of `advance`.
+
+    The environment variable RAYON_NUM_THREADS limits the threads of the process.
+
+    Raises
+    ------
+    NonFiniteError, DomainError, InvertedError, StepSizeError
+        That of the first solver in the list that failed; all others have advanced.
+    """
 
 def grid_mass(
     x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int

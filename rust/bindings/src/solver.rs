@@ -9,6 +9,7 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use rayon::prelude::*;
 
 use crate::convert::{array, contact, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
@@ -401,4 +402,25 @@ impl PySolver {
             frame_dt: self.frame_dt,
         }
     }
+}
+
+/// One thread a scene, on rayon's pool. A solver that stands in the list twice advances twice.
+#[pyfunction]
+#[pyo3(signature = (solvers, frames=1))]
+pub fn advance_all(
+    py: Python<'_>,
+    solvers: Vec<Bound<'_, PySolver>>,
+    frames: usize,
+) -> PyResult<()> {
+    let solvers: Vec<&PySolver> = solvers.iter().map(Bound::get).collect();
+    let results: Vec<Result<(), MpmError>> = py.detach(|| {
+        let advance = |any: &mut AnySolver| {
+            with_solver!(any, solver => solver.advance(frames, Force::None, |_, _| ()))
+        };
+        solvers.par_iter().map(|solver| advance(&mut solver.locked())).collect()
+    });
+    Ok(results
+        .into_iter()
+        .collect::<Result<(), _>>()
+        .map_err(NativeError)?)
 }
