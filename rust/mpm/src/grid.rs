@@ -137,8 +137,12 @@ impl<const D: usize> Grid<D> {
     }
 
     /// Recomputes the active spans from the stencil bases of all particles.
+    ///
+    /// Nodes that leave them are zeroed: contact with a wall looks one node beyond the spans, and what
+    /// it finds there must not depend on the past.
     pub fn activate(&mut self, bases: impl Iterator<Item = [usize; D]>) {
         let words = self.layout.extent.div_ceil(64);
+        self.clear();
         for span in self.active.drain(..) {
             self.touched[span.row * words..][..words].fill(0);
         }
@@ -258,6 +262,20 @@ mod tests {
             // 5 rows by 5 for each base; two planes of the third are those of the first.
             assert_eq!(grid.active.len(), 25 + 25 + 15 + 25);
         }
+    }
+
+    #[test]
+    fn nodes_that_are_no_longer_active_are_empty() {
+        let mut grid = Grid::<2>::new(16, true);
+        grid.activate([[6, 6], [9, 12]].into_iter());
+        for span in grid.active.clone() {
+            let start = span.row * grid.layout.extent;
+            grid.nodes[start + span.lo..start + span.hi].fill(f32x4::splat(1.0));
+            grid.friction_mass[start + span.lo..start + span.hi].fill(1.0);
+        }
+        grid.activate([[14, 14]].into_iter());
+        assert!(grid.nodes.iter().all(|node| *node == f32x4::ZERO));
+        assert!(grid.friction_mass.iter().all(|mass| *mass == 0.0));
     }
 
     #[test]
