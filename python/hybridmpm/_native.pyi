@@ -62,7 +62,12 @@ class Material:
 
     @staticmethod
     def water(
-        *, density: float, bulk_modulus: float, tension: float = 0.25, wall_friction: float = 0.0
+        *,
+        density: float,
+        bulk_modulus: float,
+        tension: float = 0.25,
+        wall_friction: float = 0.0,
+        volume_correction: bool = True,
     ) -> Material:
         """Weakly compressible fluid, Kirchhoff stress tau = lambda J (J - 1) I.
 
@@ -80,6 +85,8 @@ class Material:
             Factor on the stress where J > 1. 1 clumps, 0 lets J drift.
         wall_friction : float >= 0
             Coulomb coefficient against box walls and obstacles that name none.
+        volume_correction : bool
+            Whether J is led back; without it J is what the divergence alone makes of it.
         """
 
     @staticmethod

@@ -37,6 +37,9 @@ class Water(Record):
     )
     tension: Annotated[float, Range(0, 1)] = Field(0.25, description="Factor on the stress where J > 1.")
     wall_friction: Friction = Field(0.0, description="Coulomb coefficient against walls and obstacles.")
+    volume_correction: bool = Field(
+        default=True, description="Lead J back where the density on the grid contradicts it."
+    )
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "Water":
@@ -68,6 +71,7 @@ class Water(Record):
             bulk_modulus=self.stiffness(potential_drop),
             tension=self.tension,
             wall_friction=self.wall_friction,
+            volume_correction=self.volume_correction,
         )
 
 

@@ -24,10 +24,22 @@ impl PyMaterial {
 #[pymethods]
 impl PyMaterial {
     #[staticmethod]
-    #[pyo3(signature = (*, density, bulk_modulus, tension=0.25, wall_friction=0.0))]
-    fn water(density: f32, bulk_modulus: f32, tension: f32, wall_friction: f32) -> PyResult<Self> {
+    #[pyo3(signature = (*, density, bulk_modulus, tension=0.25, wall_friction=0.0, volume_correction=true))]
+    fn water(
+        density: f32,
+        bulk_modulus: f32,
+        tension: f32,
+        wall_friction: f32,
+        volume_correction: bool,
+    ) -> PyResult<Self> {
         Self::new(
-            Material::water(density, bulk_modulus, tension, wall_friction),
+            Material::water(
+                density,
+                bulk_modulus,
+                tension,
+                wall_friction,
+                volume_correction,
+            ),
             "water",
         )
     }

@@ -46,6 +46,8 @@ pub struct Water {
     pub bulk_modulus: f32,
     /// Factor on the stress where J > 1. With 1 spray clumps, with 0 J drifts at the free surface.
     pub tension: f32,
+    /// Lead J back where the grid contradicts it; without it J is what the divergence alone makes of it.
+    pub volume_correction: bool,
 }
 
 impl Words for f32 {
@@ -101,6 +103,9 @@ impl<const D: usize> Constitutive<D> for Water {
     #[inline(always)]
     fn deform(&self, volume_ratio: &mut f32, gradient: &Columns<D>, crowding: f32, dt: f32) {
         *volume_ratio *= 1.0 + gradient.trace();
+        if !self.volume_correction {
+            return;
+        }
         let excess = *volume_ratio * crowding - (1.0 + Self::CROWDING_TOLERANCE);
         // At most a halving, whatever the substep.
         *volume_ratio *= 1.0 - (Self::CROWDING_RATE * dt * excess).clamp(0.0, 0.5);
@@ -326,11 +331,13 @@ pub struct Material {
 
 impl Material {
     /// Water of bulk modulus lambda [Pa]; `tension` in [0, 1] weakens the stress where J > 1.
+    /// `volume_correction` leads J back to the density on the grid where they contradict each other.
     pub fn water(
         density: f32,
         bulk_modulus: f32,
         tension: f32,
         wall_friction: f32,
+        volume_correction: bool,
     ) -> Result<Self, MpmError> {
         positive("bulk_modulus", bulk_modulus)?;
         if !(0.0..=1.0).contains(&tension) {
@@ -340,6 +347,7 @@ impl Material {
             Model::Water(Water {
                 bulk_modulus,
                 tension,
+                volume_correction,
             }),
             density,
             wall_friction,

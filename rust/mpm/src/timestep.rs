@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     fn chooser(substeps: Substeps) -> StepChooser {
-        let water = Material::water(1000.0, 277_778.0, 0.25, 0.0).unwrap();
+        let water = Material::water(1000.0, 277_778.0, 0.25, 0.0, true).unwrap();
         StepChooser::new(substeps, 0.0025, 1.0 / 128.0, 2, &[water]).unwrap()
     }
 

@@ -123,6 +123,7 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
     let water = Water {
         bulk_modulus: 1.0e5,
         tension: 1.0,
+        volume_correction: true,
     };
     let group = Group::new(water, 0.0, particles);
     let mut phases = vec![Phase::Water(group)];

@@ -12,7 +12,7 @@ fn drop() -> Bodies {
 #[test]
 fn bad_materials_and_particles_are_named() {
     let message = |error: MpmError| error.to_string();
-    let negative = Material::water(-1.0, 1.0, 0.0, 0.0).unwrap_err();
+    let negative = Material::water(-1.0, 1.0, 0.0, 0.0, true).unwrap_err();
     assert_eq!(
         message(negative),
         "density must be finite and > 0, got -1.0"

@@ -11,7 +11,7 @@ pub const GRAVITY: f32 = 9.81;
 pub const BULK_MODULUS: f32 = 277_778.0;
 
 pub fn water() -> Material {
-    Material::water(1000.0, BULK_MODULUS, 0.25, 0.0).unwrap()
+    Material::water(1000.0, BULK_MODULUS, 0.25, 0.0, true).unwrap()
 }
 
 pub fn sand() -> Material {
