@@ -1,6 +1,6 @@
 //! Totals over all particles, summed in double precision.
 
-use crate::math::{Vector, vector};
+use crate::math::Vector;
 use crate::particle::Phase;
 use crate::with_group;
 
@@ -40,8 +40,8 @@ impl Diagnostics {
             max_volume_ratio: f64::NEG_INFINITY,
         };
         for phase in phases {
-            with_group!(phase, group => for p in &group.particles {
-                let v = vector::<D>(p.v);
+            with_group!(phase, group => for p in group.particles() {
+                let v = p.v;
                 let mass = f64::from(p.mass);
                 let speed_squared: f64 = v.iter().map(|&s| f64::from(s).powi(2)).sum();
                 total.mass += mass;
@@ -53,8 +53,8 @@ impl Diagnostics {
                     total.centroid[axis] += mass * x;
                     total.potential_energy -= mass * f64::from(gravity[axis]) * x;
                 }
-                total.elastic_energy += f64::from(group.elastic_energy(p));
-                let ratio = f64::from(group.volume_ratio(p));
+                total.elastic_energy += f64::from(group.elastic_energy(&p));
+                let ratio = f64::from(group.volume_ratio(&p));
                 total.min_volume_ratio = total.min_volume_ratio.min(ratio);
                 total.max_volume_ratio = total.max_volume_ratio.max(ratio);
             });

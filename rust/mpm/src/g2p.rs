@@ -2,15 +2,16 @@
 //!
 //! v = sum_i w_ip v_i and C = (4 / dx^2) sum_i w_ip v_i (x_i - x_p)^T.
 
-use rayon::prelude::*;
 use wide::f32x4;
 
 use crate::grid::{Grid, Layout};
-use crate::material::Constitutive;
-use crate::math::{Columns, Vector, vector};
+use crate::lanes::{Kernel, LANES, Lanes, run_wide};
+use crate::material::{Constitutive, State};
+use crate::math::Vector;
 use crate::obstacle::Obstacles;
-use crate::particle::{Particle, Phase};
-use crate::stencil::Stencil;
+use crate::particle::{Block, Phase};
+use crate::stencil::Stencils;
+use crate::team::Team;
 use crate::walls::{WallFill, Walls};
 use crate::with_group;
 
@@ -48,10 +49,22 @@ impl<const D: usize> Bounds<D> {
         (0..D).all(|axis| x[axis] >= self.lowest[axis] && x[axis] <= self.highest[axis])
     }
 
-    /// Whether no wall is near; false also for NaN.
+    /// Divides by the part of each particle's stencil that lies between the walls.
     #[inline(always)]
-    fn inner(&self, x: &Vector<D>) -> bool {
-        (0..D).all(|axis| x[axis] >= self.inner_lowest[axis] && x[axis] <= self.inner_highest[axis])
+    fn correct_near_walls(&self, crowding: &mut Lanes, x: &[Lanes; D], stencils: &Stencils<D>) {
+        let mut near = [0u32; LANES];
+        for axis in 0..D {
+            let (lowest, highest) = (self.inner_lowest[axis], self.inner_highest[axis]);
+            for i in 0..LANES {
+                near[i] |= u32::from((x[axis][i] < lowest) | (x[axis][i] > highest));
+            }
+        }
+        if near.iter().all(|&near| near == 0) {
+            return;
+        }
+        for i in (0..LANES).filter(|&i| near[i] != 0) {
+            crowding[i] /= self.fill.at(stencils, i);
+        }
     }
 
     /// Puts a particle back on the wall that it passed; false if it is too far past.
@@ -59,21 +72,19 @@ impl<const D: usize> Bounds<D> {
     /// The grid keeps material off the walls; this catches what rounding and single fast particles leave
     /// over.
     #[cold]
-    fn put_back(&self, x: &mut Vector<D>, v: &mut f32x4) -> bool {
+    fn put_back(&self, x: &mut Vector<D>, v: &mut Vector<D>) -> bool {
         if !self.hold(x) {
             return false;
         }
-        let mut lanes = v.to_array();
         for axis in 0..D {
             let inside = x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis]);
             if inside < x[axis] {
-                lanes[axis] = lanes[axis].min(0.0);
+                v[axis] = v[axis].min(0.0);
             } else if inside > x[axis] {
-                lanes[axis] = lanes[axis].max(0.0);
+                v[axis] = v[axis].max(0.0);
             }
             x[axis] = inside;
         }
-        *v = f32x4::from(lanes);
         true
     }
 }
@@ -116,100 +127,217 @@ pub fn g2p<const D: usize>(
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
     step: Gather,
-    parallel: bool,
+    team: &Team,
 ) -> Outcome {
     let mut outcome = Outcome::NOTHING;
     for phase in phases {
         with_group!(phase, group => {
-            let friction = group.wall_friction;
-            let material = &group.material;
-            let gather = |particles: &mut [Particle<D, _>]| {
-                gather_group(particles, material, friction, grid, bounds, obstacles, step)
-            };
-            outcome = outcome.and(if parallel {
-                // A maximum and a conjunction do not depend on their order.
-                let chunk = group.particles.len().div_ceil(4 * rayon::current_num_threads()).max(1);
-                group.particles.par_chunks_mut(chunk).map(gather).reduce(|| Outcome::NOTHING, Outcome::and)
-            } else {
-                gather(&mut group.particles)
+            let (material, friction) = (&group.material, group.wall_friction);
+            let share = group.blocks.len().div_ceil(4 * team.size()).max(1);
+            let mut parts: Vec<_> = group.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
+            team.for_each(&mut parts, |(blocks, outcome)| {
+                *outcome = run_wide(GatherBlocks { blocks, material, friction, grid, bounds, obstacles, step });
             });
+            // A maximum and a conjunction do not depend on how the work was cut.
+            outcome = parts.iter().fold(outcome, |all, (_, part)| all.and(*part));
         });
     }
     outcome
 }
 
-#[inline(always)]
-fn gather_group<const D: usize, M: Constitutive<D>>(
-    particles: &mut [Particle<D, M::State>],
-    material: &M,
+/// Some blocks of one group.
+struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
+    blocks: &'a mut [Block<D, M::State>],
+    material: &'a M,
     friction: f32,
-    grid: &Grid<D>,
-    bounds: &Bounds<D>,
-    obstacles: &Obstacles<D>,
+    grid: &'a Grid<D>,
+    bounds: &'a Bounds<D>,
+    obstacles: &'a Obstacles<D>,
     step: Gather,
-) -> Outcome {
-    let (layout, dt) = (grid.layout, step.dt);
-    // The last lane of what is gathered is mass, which has no place in a velocity.
-    let components = f32x4::from([1.0, 1.0, 1.0, 0.0]);
-    let unit_mass = f32x4::from([0.0, 0.0, 0.0, 1.0]);
-    let per_cell = components * f32x4::splat(4.0 / layout.dx());
-    let mut outcome = Outcome::NOTHING;
-    for p in particles {
-        let stencil = Stencil::at(&layout.cells(&p.x));
-        let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1];
-        let last = stencil.weights[D - 1].map(f32x4::splat);
-        // Weighted sum of the velocities of a row, and that times the step along it.
-        let gather_row = |weight: f32, begin: usize| {
-            let row: &[f32x4; 3] = grid.nodes[begin..begin + 3]
-                .try_into()
-                .expect("three nodes");
-            let (middle, end) = (row[1] * last[1], row[2] * last[2]);
-            let weight = f32x4::splat(weight);
-            (
-                (row[0] * last[0] + middle + end) * weight,
-                (middle + end + end) * weight,
-            )
-        };
+}
+
+/// Weighted sums over the nodes of each particle, in lanes of velocity and mass.
+struct Sums<const D: usize> {
+    values: [[f32; 4]; LANES],
+    /// The same, each node times its steps from the lowest along an axis.
+    moments: [[[f32; 4]; LANES]; D],
+}
+
+impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
+    type Output = Outcome;
+
+    #[inline(always)]
+    fn run(self) -> Outcome {
+        let Self {
+            material,
+            grid,
+            bounds,
+            obstacles,
+            step,
+            friction,
+            ..
+        } = self;
+        let mut max_speed_squared = [0.0f32; LANES];
+        let mut sound = true;
+        for block in self.blocks {
+            let stencils = Stencils::at(&block.x, &grid.layout);
+            let sums = gather(grid, &stencils, block.count.min(LANES));
+            let mut crowding = [0.0; LANES];
+            if material.uses_crowding() && step.per_rest_mass > 0.0 {
+                for i in 0..LANES {
+                    crowding[i] = sums.values[i][3] * step.per_rest_mass;
+                }
+                bounds.correct_near_walls(&mut crowding, &block.x, &stencils);
+            }
+            let outside = move_block(
+                block,
+                &stencils,
+                &sums,
+                grid,
+                bounds,
+                step.dt,
+                &mut max_speed_squared,
+            );
+            material.deform(&mut block.state, &block.affine, &crowding, step.dt);
+            let mut broken = 0u32;
+            for i in 0..LANES {
+                let state = M::State::load(&block.state, i);
+                broken |= u32::from(!(material.volume_ratio(&state) > 0.0));
+            }
+            sound &= broken == 0;
+            if outside {
+                sound &= contain(block, bounds);
+            }
+            if sound && obstacles.any() {
+                push_out(block, &stencils, obstacles, friction);
+            }
+        }
+        Outcome {
+            max_speed_squared: max_speed_squared.into_iter().fold(0.0, f32::max),
+            sound,
+        }
+    }
+}
+
+#[inline(always)]
+fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) -> Sums<D> {
+    let mut sums = Sums {
+        values: [[0.0; 4]; LANES],
+        moments: [[[0.0; 4]; LANES]; D],
+    };
+    for i in 0..count {
+        let start = stencils.start[i] as usize;
+        let last = std::array::from_fn(|step| stencils.weights[D - 1][step][i]).map(f32x4::splat);
         let mut planes = [f32x4::ZERO; 3];
         let mut moments = [f32x4::ZERO; D];
-        for (i, plane) in planes.iter_mut().enumerate() {
-            let (weight, begin) = (stencil.weights[0][i], start + layout.stencil_row([i, 0]));
+        for (a, plane) in planes.iter_mut().enumerate() {
+            let (weight, begin) = (
+                stencils.weights[0][a][i],
+                start + grid.layout.stencil_row([a, 0]),
+            );
             if D == 3 {
-                let rows: [_; 3] = std::array::from_fn(|j| {
-                    gather_row(weight * stencil.weights[1][j], begin + j * layout.extent)
+                let rows: [_; 3] = std::array::from_fn(|b| {
+                    let weight = weight * stencils.weights[1][b][i];
+                    gather_row(&grid.nodes, begin + b * grid.layout.extent, weight, &last)
                 });
-                *plane = rows[0].0 + rows[1].0 + rows[2].0;
-                moments[1] += rows[1].0 + rows[2].0 + rows[2].0;
+                let beyond = rows[1].0 + rows[2].0;
+                *plane = rows[0].0 + beyond;
+                moments[1] += beyond + rows[2].0;
                 moments[D - 1] += rows[0].1 + rows[1].1 + rows[2].1;
             } else {
-                let (sum, moment) = gather_row(weight, begin);
+                let (sum, moment) = gather_row(&grid.nodes, begin, weight, &last);
                 *plane = sum;
                 moments[D - 1] += moment;
             }
         }
-        let sum = planes[0] + planes[1] + planes[2];
-        moments[0] = planes[1] + planes[2] + planes[2];
-        let v = vector::<D>(sum);
-        p.v = sum * components + unit_mass;
-        p.affine = Columns(std::array::from_fn(|axis| {
-            (moments[axis] - sum * f32x4::splat(stencil.offset[axis])) * per_cell
-        }));
-        p.x += v * dt;
-        outcome.max_speed_squared = outcome.max_speed_squared.max(v.norm_squared());
-        let inner = bounds.inner(&p.x);
-        let mut crowding = sum.to_array()[3] * step.per_rest_mass;
-        if !inner {
-            crowding /= bounds.fill.at(&stencil);
-        }
-        let gradient = Columns(p.affine.0.map(|column| column * f32x4::splat(dt)));
-        material.deform(&mut p.state, &gradient, crowding, dt);
-        outcome.sound &= material.volume_ratio(&p.state) > 0.0;
-        if !inner && !bounds.walls.contain(&p.x) {
-            outcome.sound &= bounds.put_back(&mut p.x, &mut p.v);
-        }
-        if outcome.sound && obstacles.near(start) {
-            obstacles.push_out(&mut p.x, &mut p.v, friction);
+        let beyond = planes[1] + planes[2];
+        moments[0] = beyond + planes[2];
+        sums.values[i] = (planes[0] + beyond).to_array();
+        for axis in 0..D {
+            sums.moments[axis][i] = moments[axis].to_array();
         }
     }
-    outcome
+    sums
+}
+
+/// Weighted sum over three nodes, and that of each node times its steps from the first.
+#[inline(always)]
+fn gather_row(nodes: &[f32x4], begin: usize, weight: f32, last: &[f32x4; 3]) -> (f32x4, f32x4) {
+    let row: &[f32x4; 3] = nodes[begin..begin + 3].try_into().expect("three nodes");
+    let end = row[2] * last[2];
+    let beyond = row[1] * last[1] + end;
+    let weight = f32x4::splat(weight);
+    (
+        (row[0] * last[0] + beyond) * weight,
+        (beyond + end) * weight,
+    )
+}
+
+/// Sets velocity and affine matrix, and moves the particles; true when one has left the walls.
+#[inline(always)]
+fn move_block<const D: usize, S: State>(
+    block: &mut Block<D, S>,
+    stencils: &Stencils<D>,
+    sums: &Sums<D>,
+    grid: &Grid<D>,
+    bounds: &Bounds<D>,
+    dt: f32,
+    max_speed_squared: &mut Lanes,
+) -> bool {
+    let per_cell = 4.0 / grid.layout.dx();
+    let mut outside = 0u32;
+    for i in 0..LANES {
+        let mut speed_squared = 0.0;
+        for row in 0..D {
+            let v = sums.values[i][row];
+            block.v[row][i] = v;
+            speed_squared += v * v;
+            let x = block.x[row][i] + v * dt;
+            block.x[row][i] = x;
+            // Written so that it is true for NaN.
+            let inside = (x >= bounds.walls.lower[row]) & (x <= bounds.walls.upper[row]);
+            outside |= u32::from(!inside);
+            for axis in 0..D {
+                block.affine[row][axis][i] =
+                    (sums.moments[axis][i][row] - v * stencils.offset[axis][i]) * per_cell;
+            }
+        }
+        let fastest = max_speed_squared[i];
+        max_speed_squared[i] = if speed_squared > fastest {
+            speed_squared
+        } else {
+            fastest
+        };
+    }
+    outside != 0
+}
+
+/// Puts particles back between the walls; false if one is too far past them.
+#[cold]
+fn contain<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bounds<D>) -> bool {
+    let mut sound = true;
+    for lane in 0..block.count {
+        let mut particle = block.get(lane);
+        if !bounds.walls.contain(&particle.x) {
+            sound &= bounds.put_back(&mut particle.x, &mut particle.v);
+            block.set(lane, &particle);
+        }
+    }
+    sound
+}
+
+/// Moves particles that got into an obstacle back to its surface.
+fn push_out<const D: usize, S: State>(
+    block: &mut Block<D, S>,
+    stencils: &Stencils<D>,
+    obstacles: &Obstacles<D>,
+    friction: f32,
+) {
+    for lane in 0..block.count {
+        if obstacles.near(stencils.start[lane] as usize) {
+            let mut particle = block.get(lane);
+            obstacles.push_out(&mut particle.x, &mut particle.v, friction);
+            block.set(lane, &particle);
+        }
+    }
 }

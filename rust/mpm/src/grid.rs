@@ -3,6 +3,7 @@
 use wide::f32x4;
 
 use crate::math::Vector;
+use crate::sort::Place;
 
 /// Nodes outside [0, 1] on each side. A particle may be one cell past a wall that lies on the box,
 /// and between two sorts it may move one cell further; its stencil reaches one node beyond.
@@ -33,12 +34,6 @@ impl<const D: usize> Layout<D> {
         1.0 / self.resolution as f32
     }
 
-    /// Position in cells from the first node.
-    #[inline(always)]
-    pub fn cells(&self, x: &Vector<D>) -> Vector<D> {
-        x.map(|s| s * self.resolution as f32 + PADDING as f32)
-    }
-
     /// Position of a node [m].
     pub fn position(&self, node: [usize; D]) -> Vector<D> {
         Vector::from_fn(|axis, _| (node[axis] as f32 - PADDING as f32) * self.dx())
@@ -58,6 +53,7 @@ impl<const D: usize> Layout<D> {
 
     /// Row of a node.
     #[inline(always)]
+    #[cfg(test)]
     pub fn row(&self, node: [usize; D]) -> usize {
         node[..D - 1]
             .iter()
@@ -136,17 +132,17 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Recomputes the active spans from the stencil bases of all particles.
+    /// Recomputes the active spans from the lowest stencil nodes of all particles.
     ///
     /// Nodes that leave them are zeroed: contact with a wall looks one node beyond the spans, and what
     /// it finds there must not depend on the past.
-    pub fn activate(&mut self, bases: impl Iterator<Item = [usize; D]>) {
+    pub fn activate(&mut self, places: &[Place]) {
         let words = self.layout.extent.div_ceil(64);
         self.clear();
         for span in self.active.drain(..) {
             self.touched[span.row * words..][..words].fill(0);
         }
-        let rows = self.occupy(bases, words);
+        let rows = self.occupy(places, words);
         let reached = self.spread(&rows, words);
         for row in reached {
             let bits = &self.touched[row * words..][..words];
@@ -163,15 +159,15 @@ impl<const D: usize> Grid<D> {
     }
 
     /// Marks the stencil bases and lists their rows.
-    fn occupy(&mut self, bases: impl Iterator<Item = [usize; D]>, words: usize) -> Vec<usize> {
+    fn occupy(&mut self, places: &[Place], words: usize) -> Vec<usize> {
         let mut rows = Vec::new();
-        for base in bases {
-            let row = self.layout.row(base);
+        for place in places {
+            let (row, column) = (place.row as usize, place.column);
             let bits = &mut self.occupied[row * words..][..words];
             if bits.iter().all(|&word| word == 0) {
                 rows.push(row);
             }
-            bits[base[D - 1] / 64] |= 1 << (base[D - 1] % 64);
+            bits[column as usize / 64] |= 1 << (column % 64);
         }
         rows
     }
@@ -239,12 +235,19 @@ fn next_bit(bits: &[u64], from: usize, set: bool) -> Option<usize> {
 mod tests {
     use super::*;
 
+    fn place<const D: usize>(grid: &Grid<D>, base: [usize; D]) -> Place {
+        Place {
+            row: grid.layout.row(base) as u32,
+            column: base[D - 1] as u32,
+        }
+    }
+
     #[test]
     fn active_spans_cover_every_stencil_within_the_margin() {
         let mut grid = Grid::<3>::new(16, false);
         let bases = [[6, 7, 8], [6, 7, 18], [9, 7, 8], [12, 12, 5]];
         for _ in 0..2 {
-            grid.activate(bases.into_iter());
+            grid.activate(&bases.map(|base| place(&grid, base)));
             for base in bases {
                 for (dx, dy) in (-1isize..=3).flat_map(|dx| (-1..=3).map(move |dy| (dx, dy))) {
                     let near = |axis: usize, d: isize| (base[axis] as isize + d) as usize;
@@ -267,13 +270,13 @@ mod tests {
     #[test]
     fn nodes_that_are_no_longer_active_are_empty() {
         let mut grid = Grid::<2>::new(16, true);
-        grid.activate([[6, 6], [9, 12]].into_iter());
+        grid.activate(&[[6, 6], [9, 12]].map(|base| place(&grid, base)));
         for span in grid.active.clone() {
             let start = span.row * grid.layout.extent;
             grid.nodes[start + span.lo..start + span.hi].fill(f32x4::splat(1.0));
             grid.friction_mass[start + span.lo..start + span.hi].fill(1.0);
         }
-        grid.activate([[14, 14]].into_iter());
+        grid.activate(&[place(&grid, [14, 14])]);
         assert!(grid.nodes.iter().all(|node| *node == f32x4::ZERO));
         assert!(grid.friction_mass.iter().all(|mass| *mass == 0.0));
     }

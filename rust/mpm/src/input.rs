@@ -2,7 +2,7 @@
 
 use crate::error::MpmError;
 use crate::material::{Constitutive, Material, Model};
-use crate::math::{Columns, Vector, lanes};
+use crate::math::{Matrix, Vector};
 use crate::obstacle::Obstacle;
 use crate::particle::{Group, Particle, Phase};
 use crate::timestep::Substeps;
@@ -122,19 +122,19 @@ fn select<const D: usize, M: Constitutive<D>>(
     index: usize,
     input: Particles<'_>,
 ) -> Group<D, M> {
-    let particles = (0..input.mass.len())
+    let particles: Vec<_> = (0..input.mass.len())
         .filter(|&i| usize::from(input.material[i]) == index)
         .map(|i| Particle {
             x: Vector::from_column_slice(&input.x[i * D..][..D]),
-            v: lanes(&Vector::<D>::from_column_slice(&input.v[i * D..][..D]), 1.0),
-            affine: Columns::ZERO,
+            v: Vector::from_column_slice(&input.v[i * D..][..D]),
+            affine: Matrix::zeros(),
             mass: input.mass[i],
             volume: input.volume[i],
             id: i as u32,
             state: model.initial_state(input.volume_ratio.map_or(1.0, |ratios| ratios[i])),
         })
         .collect();
-    Group::new(model, material.wall_friction, particles)
+    Group::new(model, material.wall_friction, &particles)
 }
 
 fn check_particles<const D: usize>(

@@ -6,7 +6,7 @@ use crate::contact::Contact;
 use crate::error::MpmError;
 use crate::grid::{Grid, Layout, Span};
 use crate::grid_update::SMALLEST_MASS;
-use crate::math::{Vector, vector};
+use crate::math::Vector;
 
 /// Geometry of a solid [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,23 +232,24 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
+    /// Whether there are any.
+    pub fn any(&self) -> bool {
+        !self.near.is_empty()
+    }
+
     /// Whether the particle with this lowest stencil node has to be tested.
     #[inline(always)]
     pub fn near(&self, node: usize) -> bool {
-        !self.near.is_empty() && self.near[node]
+        self.near[node]
     }
 
     /// Moves a particle that got into an obstacle back to its surface.
-    #[inline(never)]
-    pub fn push_out(&self, x: &mut Vector<D>, v: &mut f32x4, material_friction: f32) {
+    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
         for obstacle in &self.list {
             let (distance, normal) = obstacle.shape.distance(x);
             if distance < 0.0 {
                 *x -= normal * distance;
-                let after = obstacle
-                    .contact
-                    .resolve(&vector(*v), &normal, material_friction);
-                *v = with_velocity(v.to_array(), &after);
+                *v = obstacle.contact.resolve(v, &normal, material_friction);
             }
         }
     }

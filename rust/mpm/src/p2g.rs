@@ -2,14 +2,16 @@
 //!
 //! Node i receives w_ip (m v + A (x_i - x_p)) with A = m C - dt V_0 (4 / dx^2) tau, and w_ip m.
 
-use rayon::prelude::*;
 use wide::f32x4;
 
 use crate::grid::{Grid, Layout, MARGIN};
-use crate::material::Constitutive;
-use crate::math::{Vector, lanes};
-use crate::particle::{Particle, Phase, Slab};
-use crate::stencil::Stencil;
+use crate::lanes::{Kernel, LANES, Lanes, run_wide};
+use crate::material::{Constitutive, State};
+use crate::math::shear_index;
+use crate::particle::{Block, Phase};
+use crate::sort::Slab;
+use crate::stencil::Stencils;
+use crate::team::Team;
 use crate::with_group;
 
 /// What one substep needs besides the state.
@@ -40,28 +42,29 @@ pub fn p2g<const D: usize>(
     slabs: &[Slab],
     grid: &mut Grid<D>,
     step: Step<'_, D>,
-    parallel: bool,
+    team: &Team,
 ) {
     let layout = grid.layout;
     for colour in 0..2 {
-        let windows = windows(slabs, colour, grid);
-        let scatter = |mut window: Window<'_>| {
+        let mut windows = windows(slabs, colour, grid);
+        team.for_each(&mut windows, |window| {
             for phase in phases {
                 with_group!(phase, group => {
-                    let range = group.slab_starts[window.slab]..group.slab_starts[window.slab + 1];
-                    let particles = &group.particles[range];
-                    scatter_group(particles, &group.material, &layout, &mut window, step);
+                    let blocks = &group.blocks[group.runs[window.slab].blocks()];
+                    run_wide(Scatter {
+                        blocks,
+                        material: &group.material,
+                        layout,
+                        step,
+                        first: window.first,
+                        nodes: window.nodes,
+                    });
                     if !window.friction_mass.is_empty() {
-                        scatter_friction(particles, group.wall_friction, &layout, &mut window);
+                        scatter_friction(blocks, group.wall_friction, &layout, window);
                     }
                 });
             }
-        };
-        if parallel {
-            windows.into_par_iter().for_each(scatter);
-        } else {
-            windows.into_iter().for_each(scatter);
-        }
+        });
     }
 }
 
@@ -95,98 +98,176 @@ fn windows<'a, const D: usize>(
     windows
 }
 
-#[inline(always)]
-fn scatter_group<const D: usize, M: Constitutive<D>>(
-    particles: &[Particle<D, M::State>],
-    material: &M,
-    layout: &Layout<D>,
-    window: &mut Window<'_>,
-    step: Step<'_, D>,
-) {
-    let dx = layout.dx();
-    let stress_factor = -step.dt * 4.0 / dx;
-    for p in particles {
-        let stencil = Stencil::at(&layout.cells(&p.x));
-        let stress = material.stress_columns(&p.state).0;
-        let (inertia, tension) = (
-            f32x4::splat(p.mass * dx),
-            f32x4::splat(stress_factor * p.volume),
-        );
-        // What a node gets more for each step along an axis.
-        let per_step: [f32x4; D] =
-            std::array::from_fn(|k| p.affine.0[k] * inertia + stress[k] * tension);
-        let v = match step.force {
-            Some(force) => {
-                let a = &force[p.id as usize * D..][..D];
-                p.v + lanes(&Vector::<D>::from_column_slice(a), 0.0) * f32x4::splat(step.dt)
-            }
-            None => p.v,
-        };
-        // What the lowest node would get at weight one.
-        let mut lowest = v * f32x4::splat(p.mass);
-        for axis in 0..D {
-            lowest -= per_step[axis] * f32x4::splat(stencil.offset[axis]);
-        }
-        let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1] - window.first;
-        let last = stencil.weights[D - 1].map(f32x4::splat);
-        let mut scatter_row = |value: f32x4, weight: f32, begin: usize| {
-            let weight = f32x4::splat(weight);
-            let row: &mut [f32x4; 3] = (&mut window.nodes[begin..begin + 3])
-                .try_into()
-                .expect("three nodes");
-            let (value, slope) = (value * weight, per_step[D - 1] * weight);
-            row[0] += value * last[0];
-            row[1] += (value + slope) * last[1];
-            row[2] += (value + slope + slope) * last[2];
-        };
-        let mut value = lowest;
-        for i in 0..3 {
-            let (weight, begin) = (stencil.weights[0][i], start + layout.stencil_row([i, 0]));
-            if D == 3 {
-                let mut value = value;
-                for j in 0..3 {
-                    let begin = begin + j * layout.extent;
-                    scatter_row(value, weight * stencil.weights[1][j], begin);
-                    value += per_step[1];
+/// The blocks of one group in one slab.
+struct Scatter<'a, const D: usize, M: Constitutive<D>> {
+    blocks: &'a [Block<D, M::State>],
+    material: &'a M,
+    layout: Layout<D>,
+    step: Step<'a, D>,
+    /// Memory index of the first of `nodes`.
+    first: usize,
+    nodes: &'a mut [f32x4],
+}
+
+/// What the nodes of a particle get, in lanes of momentum and mass.
+struct Shares<const D: usize> {
+    /// The lowest node at weight one.
+    lowest: [[f32; 4]; LANES],
+    /// What a node gets more for each step along an axis.
+    per_step: [[[f32; 4]; LANES]; D],
+}
+
+impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let extent = self.layout.extent;
+        for block in self.blocks {
+            let stencils = Stencils::at(&block.x, &self.layout);
+            let shares = self.shares(block, &stencils);
+            for i in 0..block.count.min(LANES) {
+                let start = stencils.start[i] as usize - self.first;
+                let last =
+                    std::array::from_fn(|step| stencils.weights[D - 1][step][i]).map(f32x4::splat);
+                let along = f32x4::from(shares.per_step[D - 1][i]);
+                let mut value = f32x4::from(shares.lowest[i]);
+                for a in 0..3 {
+                    let weight = stencils.weights[0][a][i];
+                    let begin = start + self.layout.stencil_row([a, 0]);
+                    if D == 3 {
+                        let mut value = value;
+                        for b in 0..3 {
+                            let weight = weight * stencils.weights[1][b][i];
+                            scatter_row(
+                                self.nodes,
+                                begin + b * extent,
+                                value,
+                                along,
+                                weight,
+                                &last,
+                            );
+                            value += f32x4::from(shares.per_step[1][i]);
+                        }
+                    } else {
+                        scatter_row(self.nodes, begin, value, along, weight, &last);
+                    }
+                    value += f32x4::from(shares.per_step[0][i]);
                 }
-            } else {
-                scatter_row(value, weight, begin);
             }
-            value += per_step[0];
         }
     }
 }
 
+impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
+    #[inline(always)]
+    fn shares(&self, block: &Block<D, M::State>, stencils: &Stencils<D>) -> Shares<D> {
+        let dx = self.layout.dx();
+        let stress_factor = -self.step.dt * 4.0 / dx;
+        let stress = self.material.kirchhoff_stress(&block.state);
+        let v = self.pushed(block);
+        let mut shares = Shares {
+            lowest: [[0.0; 4]; LANES],
+            per_step: [[[0.0; 4]; LANES]; D],
+        };
+        for i in 0..LANES {
+            let mass = block.mass[i];
+            let (inertia, tension) = (mass * dx, stress_factor * block.volume[i]);
+            let mut lowest = [0.0; 4];
+            for row in 0..D {
+                lowest[row] = mass * v[row][i];
+            }
+            lowest[3] = mass;
+            for axis in 0..D {
+                let mut step = [0.0; 4];
+                for row in 0..D {
+                    let tau = if row == axis {
+                        stress.diagonal[row][i]
+                    } else {
+                        stress.shear[shear_index::<D>(row, axis)][i]
+                    };
+                    step[row] = block.affine[row][axis][i] * inertia + tau * tension;
+                    lowest[row] -= step[row] * stencils.offset[axis][i];
+                }
+                shares.per_step[axis][i] = step;
+            }
+            shares.lowest[i] = lowest;
+        }
+        shares
+    }
+
+    /// Velocities after the push of the external force.
+    #[inline(always)]
+    fn pushed(&self, block: &Block<D, M::State>) -> [Lanes; D] {
+        let mut v = block.v;
+        if let Some(force) = self.step.force {
+            for i in 0..block.count.min(LANES) {
+                let a = &force[block.id[i] as usize * D..][..D];
+                for axis in 0..D {
+                    v[axis][i] += self.step.dt * a[axis];
+                }
+            }
+        }
+        v
+    }
+}
+
+/// Adds a particle's share to three nodes.
+#[inline(always)]
+fn scatter_row(
+    nodes: &mut [f32x4],
+    begin: usize,
+    lowest: f32x4,
+    along: f32x4,
+    weight: f32,
+    last: &[f32x4; 3],
+) {
+    let row: &mut [f32x4; 3] = (&mut nodes[begin..begin + 3])
+        .try_into()
+        .expect("three nodes");
+    let weight = f32x4::splat(weight);
+    let (lowest, along) = (lowest * weight, along * weight);
+    let middle = lowest + along;
+    row[0] += lowest * last[0];
+    row[1] += middle * last[1];
+    row[2] += (middle + along) * last[2];
+}
+
 /// Wall friction as a mass-weighted quantity, where materials differ in it.
-fn scatter_friction<const D: usize, S>(
-    particles: &[Particle<D, S>],
+fn scatter_friction<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
     friction: f32,
     layout: &Layout<D>,
     window: &mut Window<'_>,
 ) {
-    for p in particles.iter().filter(|_| friction > 0.0) {
-        let stencil = Stencil::at(&layout.cells(&p.x));
-        let start = layout.row(stencil.base) * layout.extent + stencil.base[D - 1] - window.first;
-        for_each_row::<D>(|i, j| {
-            let across = if D == 3 { stencil.weights[1][j] } else { 1.0 };
-            let weight = stencil.weights[0][i] * across * p.mass * friction;
-            for (k, w) in stencil.weights[D - 1].iter().enumerate() {
-                window.friction_mass[start + layout.stencil_row([i, j]) + k] += weight * w;
-            }
-        });
+    for block in blocks.iter().filter(|_| friction > 0.0) {
+        let stencils = Stencils::at(&block.x, layout);
+        for i in 0..block.count {
+            let start = stencils.start[i] as usize - window.first;
+            for_each_row::<D>(|a, b| {
+                let across = if D == 3 {
+                    stencils.weights[1][b][i]
+                } else {
+                    1.0
+                };
+                let weight = stencils.weights[0][a][i] * across * block.mass[i] * friction;
+                for step in 0..3 {
+                    let node = start + layout.stencil_row([a, b]) + step;
+                    window.friction_mass[node] += weight * stencils.weights[D - 1][step][i];
+                }
+            });
+        }
     }
 }
 
 /// Calls back for each row of nodes of a stencil.
 #[inline(always)]
 fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
-    for i in 0..3 {
+    for a in 0..3 {
         if D == 3 {
-            for j in 0..3 {
-                visit(i, j);
-            }
+            (0..3).for_each(|b| visit(a, b));
         } else {
-            visit(i, 0);
+            visit(a, 0);
         }
     }
 }

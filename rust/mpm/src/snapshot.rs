@@ -3,19 +3,19 @@
 
 use crate::error::MpmError;
 use crate::input::Settings;
-use crate::material::{Constitutive, Words};
-use crate::math::{Columns, Matrix, Vector, lanes, vector};
+use crate::material::{Constitutive, State};
+use crate::math::{Matrix, Vector};
 use crate::particle::{Group, Particle};
-use crate::solver::State;
+use crate::solver::SolverState;
 use crate::with_group;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Magic, version, fingerprint, frame, speed.
 const HEADER: usize = 8 + 4 + 8 + 8 + 4;
 const CHECKSUM: usize = 8;
 
-pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &State<D>) -> Vec<u8> {
+pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &SolverState<D>) -> Vec<u8> {
     let mut out = Vec::new();
     out.extend_from_slice(MAGIC);
     out.extend_from_slice(&VERSION.to_le_bytes());
@@ -24,10 +24,10 @@ pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &State<D>) -
     out.extend_from_slice(&state.max_speed.to_le_bytes());
     for phase in &state.phases {
         with_group!(phase, group => {
-            out.extend_from_slice(&(group.particles.len() as u32).to_le_bytes());
-            for p in &group.particles {
+            out.extend_from_slice(&(group.len() as u32).to_le_bytes());
+            for p in group.particles() {
                 out.extend_from_slice(&p.id.to_le_bytes());
-                write(p, &mut |word: f32| out.extend_from_slice(&word.to_le_bytes()));
+                write(&p, &mut |word: f32| out.extend_from_slice(&word.to_le_bytes()));
             }
         });
     }
@@ -39,9 +39,9 @@ pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &State<D>) -
 /// `present` is a state of the same scene; it tells which groups to expect.
 pub(crate) fn decode<const D: usize>(
     settings: &Settings<D>,
-    present: &State<D>,
+    present: &SolverState<D>,
     data: &[u8],
-) -> Result<State<D>, MpmError> {
+) -> Result<SolverState<D>, MpmError> {
     let refuse = |reason: String| MpmError::Snapshot { reason };
     if data.len() < HEADER + CHECKSUM || &data[..8] != MAGIC {
         return Err(refuse(
@@ -64,7 +64,7 @@ pub(crate) fn decode<const D: usize>(
     if reader.u64() != fingerprint(settings) {
         return Err(refuse("it belongs to a scene with other settings".into()));
     }
-    let mut state = State {
+    let mut state = SolverState {
         frame: reader.u64(),
         max_speed: reader.f32(),
         phases: present.phases.clone(),
@@ -84,36 +84,39 @@ fn read_group<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     reader: &mut Reader<'_>,
 ) -> Option<()> {
-    if reader.rest.len() < 4 || reader.u32() as usize != group.particles.len() {
+    if reader.rest.len() < 4 || reader.u32() as usize != group.len() {
         return None;
     }
-    let mut ids: Vec<u32> = group.particles.iter().map(|p| p.id).collect();
-    for p in &mut group.particles {
-        let id = reader.u32();
-        *p = read(id, &mut || reader.f32());
-    }
-    let mut restored: Vec<u32> = group.particles.iter().map(|p| p.id).collect();
+    let mut ids: Vec<u32> = group.particles().map(|p| p.id).collect();
+    let particles: Vec<_> = (0..ids.len())
+        .map(|_| {
+            let id = reader.u32();
+            read(id, &mut || reader.f32())
+        })
+        .collect();
+    let mut restored: Vec<u32> = particles.iter().map(|p| p.id).collect();
     ids.sort_unstable();
     restored.sort_unstable();
+    group.replace(&particles);
     (ids == restored).then_some(())
 }
 
-fn write<const D: usize, S: Words>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
+fn write<const D: usize, S: State>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
     p.x.iter()
-        .chain(&vector::<D>(p.v))
-        .chain(&p.affine.matrix())
+        .chain(&p.v)
+        .chain(&p.affine)
         .for_each(|&word| put(word));
     put(p.mass);
     put(p.volume);
     p.state.write(put);
 }
 
-fn read<const D: usize, S: Words>(id: u32, take: &mut impl FnMut() -> f32) -> Particle<D, S> {
+fn read<const D: usize, S: State>(id: u32, take: &mut impl FnMut() -> f32) -> Particle<D, S> {
     Particle {
         id,
         x: Vector::from_fn(|_, _| take()),
-        v: lanes(&Vector::<D>::from_fn(|_, _| take()), 1.0),
-        affine: Columns::from_matrix(&Matrix::from_fn(|_, _| take())),
+        v: Vector::from_fn(|_, _| take()),
+        affine: Matrix::from_fn(|_, _| take()),
         mass: take(),
         volume: take(),
         state: S::read(take),

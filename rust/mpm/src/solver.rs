@@ -8,11 +8,13 @@ use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::input::{Particles, Settings, check_settings, group, per_rest_mass};
-use crate::math::{Matrix, Vector, vector};
+use crate::math::{Matrix, Vector};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
-use crate::particle::{Phase, Slab, sort};
+use crate::particle::Phase;
 use crate::snapshot;
+use crate::sort::{Place, Slab, sort};
+use crate::team::Team;
 use crate::timestep::{Bound, FrameReport, StepChooser};
 use crate::walls::WallContact;
 use crate::with_group;
@@ -27,9 +29,6 @@ pub enum Force<'a> {
     PerFrame(&'a [f32]),
 }
 
-/// Below this many particles, handing work to threads costs more than it saves.
-const PARALLEL_FROM: usize = 8_192;
-
 /// MLS-MPM on one scene.
 #[derive(Clone)]
 pub struct Solver<const D: usize> {
@@ -41,10 +40,12 @@ pub struct Solver<const D: usize> {
     material_friction: MaterialFriction,
     /// See `Gather`.
     per_rest_mass: f32,
-    pool: Option<Arc<rayon::ThreadPool>>,
+    team: Arc<Team>,
     grid: Grid<D>,
     slabs: Vec<Slab>,
-    state: State<D>,
+    /// Scratch of `sort`.
+    places: Vec<Place>,
+    state: SolverState<D>,
     /// State before the frame in progress; kept to reuse its memory.
     before: Vec<Phase<D>>,
     last_frame: Option<FrameReport>,
@@ -53,7 +54,7 @@ pub struct Solver<const D: usize> {
 
 /// What a snapshot has to hold.
 #[derive(Clone)]
-pub(crate) struct State<const D: usize> {
+pub(crate) struct SolverState<const D: usize> {
     pub phases: Vec<Phase<D>>,
     /// Frames done.
     pub frame: u64,
@@ -78,20 +79,6 @@ impl<const D: usize> Solver<D> {
         let uniform =
             frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
         let grid = Grid::new(settings.resolution, !uniform);
-        let pool = if settings.threads > 1 {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(settings.threads)
-                .build();
-            Some(Arc::new(pool.map_err(|error| {
-                MpmError::parameter(
-                    "threads",
-                    "a number that the system grants",
-                    error.to_string(),
-                )
-            })?))
-        } else {
-            None
-        };
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         Ok(Self {
             chooser,
@@ -104,11 +91,12 @@ impl<const D: usize> Solver<D> {
                 MaterialFriction::Mixed
             },
             per_rest_mass: per_rest_mass::<D>(particles, dx),
-            pool,
+            team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
+            places: Vec::new(),
             before: Vec::new(),
-            state: State {
+            state: SolverState {
                 phases,
                 frame: 0,
                 max_speed,
@@ -164,12 +152,7 @@ impl<const D: usize> Solver<D> {
             pairs.for_each(|(before, now)| before.copy_particles(now));
         }
         let max_speed = self.state.max_speed;
-        let parallel = self.count >= PARALLEL_FROM;
-        let result = match self.pool.clone().filter(|_| parallel) {
-            Some(pool) => pool.install(|| self.substeps(force, true)),
-            None => self.substeps(force, false),
-        };
-        match result {
+        match self.substeps(force) {
             Ok(report) => {
                 self.last_frame = Some(report);
                 self.state.frame += 1;
@@ -183,7 +166,7 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    fn substeps(&mut self, force: Option<&[f32]>, parallel: bool) -> Result<FrameReport, MpmError> {
+    fn substeps(&mut self, force: Option<&[f32]>) -> Result<FrameReport, MpmError> {
         let dx = self.grid.layout.dx();
         let mut report = FrameReport {
             substeps: 0,
@@ -205,7 +188,7 @@ impl<const D: usize> Solver<D> {
                 self.sort();
                 travelled = 0.0;
             }
-            let outcome = self.substep(Step { dt, force }, parallel);
+            let outcome = self.substep(Step { dt, force });
             if !outcome {
                 return Err(self.diagnose());
             }
@@ -224,26 +207,19 @@ impl<const D: usize> Solver<D> {
     }
 
     fn sort(&mut self) {
-        let layout = self.grid.layout;
-        self.slabs = sort(&mut self.state.phases, &layout);
-        let bases = self.state.phases.iter().flat_map(|phase| {
-            let bases: Box<dyn Iterator<Item = [usize; D]>> = with_group!(phase, group => {
-                Box::new(group.particles.iter().map(move |p| crate::particle::base(&p.x, &layout)))
-            });
-            bases
-        });
-        self.grid.activate(bases);
+        self.slabs = sort(&mut self.state.phases, &self.grid.layout, &mut self.places);
+        self.grid.activate(&self.places);
     }
 
     /// One substep; false when a particle is no longer sound.
-    fn substep(&mut self, step: Step<'_, D>, parallel: bool) -> bool {
+    fn substep(&mut self, step: Step<'_, D>) -> bool {
         self.grid.clear();
         p2g(
             &self.state.phases,
             &self.slabs,
             &mut self.grid,
             step,
-            parallel,
+            &self.team,
         );
         let forces = GridForces {
             gravity: self.settings.gravity,
@@ -263,7 +239,7 @@ impl<const D: usize> Solver<D> {
             &self.bounds,
             &self.obstacles,
             gather,
-            parallel,
+            &self.team,
         );
         self.state.max_speed = outcome.max_speed_squared.sqrt();
         outcome.sound
@@ -275,9 +251,9 @@ impl<const D: usize> Solver<D> {
         let mut found: Option<(u32, MpmError)> = None;
         for phase in &self.state.phases {
             with_group!(phase, group => {
-                for p in &group.particles {
-                    let j = group.volume_ratio(p);
-                    let finite = p.x.iter().chain(&p.v.to_array()).all(|s| s.is_finite()) && j.is_finite();
+                for p in group.particles() {
+                    let j = group.volume_ratio(&p);
+                    let finite = p.x.iter().chain(&p.v).all(|s| s.is_finite()) && j.is_finite();
                     let error = if !finite {
                         MpmError::NonFinite { particle: p.id, frame }
                     } else if !self.bounds.hold(&p.x) {
@@ -344,8 +320,8 @@ impl<const D: usize> Solver<D> {
     /// Writes N volume ratios in the caller's order.
     pub fn write_volume_ratios(&self, out: &mut [f32]) {
         for phase in &self.state.phases {
-            with_group!(phase, group => for p in &group.particles {
-                out[p.id as usize] = group.volume_ratio(p);
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = group.volume_ratio(&p);
             });
         }
     }
@@ -357,8 +333,8 @@ impl<const D: usize> Solver<D> {
         write: impl Fn(&Vector<D>, &Vector<D>, &Matrix<D>, &mut [f32]),
     ) {
         for phase in &self.state.phases {
-            with_group!(phase, group => for p in &group.particles {
-                write(&p.x, &vector(p.v), &p.affine.matrix(), &mut out[p.id as usize * width..][..width]);
+            with_group!(phase, group => for p in group.particles() {
+                write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
             });
         }
     }

@@ -1,5 +1,7 @@
 //! Quadratic B-splines (Jiang et al. 2016, eq. 123).
 
+use crate::grid::{Layout, PADDING};
+use crate::lanes::{LANES, Lanes};
 use crate::math::Vector;
 
 /// The 3^D nodes that one particle exchanges with.
@@ -7,8 +9,6 @@ use crate::math::Vector;
 pub struct Stencil<const D: usize> {
     /// Lowest node.
     pub base: [usize; D],
-    /// Distance from the lowest node in cells, in [0.5, 1.5].
-    pub offset: Vector<D>,
     /// `weights[axis][step]`; those of an axis sum to one.
     pub weights: [[f32; 3]; D],
 }
@@ -17,21 +17,65 @@ impl<const D: usize> Stencil<D> {
     /// `xi` is the position in cells from the grid's first node, from 0.5 to 2^21 on each axis.
     #[inline(always)]
     pub fn at(xi: &Vector<D>) -> Self {
-        // Rounding xi - 1 to the nearest integer finds the lowest node. Adding 1.5 * 2^23 does so and
-        // leaves the integer in the low bits: cheaper than a cast, which has to guard against overflow.
-        const SHIFT: f32 = 12_582_912.0;
-        let shifted = xi.map(|s| (s - 1.0) + SHIFT);
-        let base = std::array::from_fn(|axis| {
-            shifted[axis].to_bits().wrapping_sub(SHIFT.to_bits()) as usize
-        });
-        let offset = xi - shifted.map(|s| s - SHIFT);
-        let weights = std::array::from_fn(|axis| spline(offset[axis]));
+        let lowest = xi.map(lowest_node);
         Self {
-            base,
-            offset,
-            weights,
+            base: std::array::from_fn(|axis| lowest[axis].0 as usize),
+            weights: std::array::from_fn(|axis| spline(lowest[axis].1)),
         }
     }
+}
+
+/// The same for the particles of a block.
+#[repr(C, align(64))]
+pub struct Stencils<const D: usize> {
+    /// Memory index of the lowest node.
+    pub start: [u32; LANES],
+    /// Coordinates of the lowest node.
+    pub base: [[u32; LANES]; D],
+    /// Distance from the lowest node in cells, in [0.5, 1.5].
+    pub offset: [Lanes; D],
+    /// `weights[axis][step]`; those of an axis sum to one.
+    pub weights: [[Lanes; 3]; D],
+}
+
+impl<const D: usize> Stencils<D> {
+    /// `x` are positions [m].
+    #[inline(always)]
+    pub fn at(x: &[Lanes; D], layout: &Layout<D>) -> Self {
+        let mut stencils = Self {
+            start: [0; LANES],
+            base: [[0; LANES]; D],
+            offset: [[0.0; LANES]; D],
+            weights: [[[0.0; LANES]; 3]; D],
+        };
+        let (resolution, extent) = (layout.resolution as f32, layout.extent as u32);
+        for axis in 0..D {
+            for i in 0..LANES {
+                let (base, offset) = lowest_node(x[axis][i] * resolution + PADDING as f32);
+                stencils.base[axis][i] = base;
+                stencils.start[i] = stencils.start[i].wrapping_mul(extent).wrapping_add(base);
+                stencils.offset[axis][i] = offset;
+                let weights = spline(offset);
+                for step in 0..3 {
+                    stencils.weights[axis][step][i] = weights[step];
+                }
+            }
+        }
+        stencils
+    }
+}
+
+/// Lowest of the three nodes around `xi`, and the distance from it in cells.
+#[inline(always)]
+fn lowest_node(xi: f32) -> (u32, f32) {
+    // Rounding xi - 1 to the nearest integer finds the lowest node. Adding 1.5 * 2^23 does so and
+    // leaves the integer in the low bits: cheaper than a cast, which has to guard against overflow.
+    const SHIFT: f32 = 12_582_912.0;
+    let shifted = (xi - 1.0) + SHIFT;
+    (
+        shifted.to_bits().wrapping_sub(SHIFT.to_bits()),
+        xi - (shifted - SHIFT),
+    )
 }
 
 /// Weights of the three nodes at a distance of `offset` cells from the lowest.

@@ -7,10 +7,12 @@ use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
 use crate::grid_update::{GridForces, grid_update};
 use crate::material::Water;
-use crate::math::{Columns, Matrix, Vector, lanes, vector};
+use crate::math::{Matrix, Vector};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
-use crate::particle::{Group, Particle, Phase, sort};
+use crate::particle::{Group, Particle, Phase};
+use crate::sort::sort;
+use crate::team::Team;
 use crate::walls::{WallContact, Walls};
 
 const RESOLUTION: usize = 16;
@@ -32,8 +34,8 @@ fn totals<const D: usize>(particles: &Set<D>) -> Totals {
     let mut sum = empty::<D>();
     for p in particles {
         let x: Vec<f64> = p.x.iter().map(|&s| f64::from(s)).collect();
-        let v: Vec<f64> = p.v.to_array()[..D].iter().map(|&s| f64::from(s)).collect();
-        let affine = p.affine.matrix();
+        let v: Vec<f64> = p.v.iter().map(|&s| f64::from(s)).collect();
+        let affine = p.affine;
         add::<D>(&mut sum, f64::from(p.mass), &x, &v);
         for (index, (i, j)) in pairs(D).into_iter().enumerate() {
             // The affine part of APIC carries m dx^2 / 4 times the vorticity of C.
@@ -125,18 +127,12 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
         tension: 1.0,
         volume_correction: true,
     };
-    let group = Group::new(water, 0.0, particles);
+    let group = Group::new(water, 0.0, &particles);
     let mut phases = vec![Phase::Water(group)];
-    let slabs = sort(&mut phases, &layout);
-    let Phase::Water(group) = &phases[0] else {
-        unreachable!()
-    };
-    grid.activate(
-        group
-            .particles
-            .iter()
-            .map(|p| crate::particle::base(&p.x, &layout)),
-    );
+    let mut places = Vec::new();
+    let slabs = sort(&mut phases, &layout, &mut places);
+    grid.activate(&places);
+    let team = Team::new(1).unwrap();
     grid.clear();
     p2g(
         &phases,
@@ -146,7 +142,7 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
             dt: 0.0,
             force: None,
         },
-        false,
+        &team,
     );
     let momentum = grid.clone();
     let obstacles = Obstacles::new(Vec::new(), &layout);
@@ -162,11 +158,11 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
         dt: 0.0,
         per_rest_mass: 0.0,
     };
-    assert!(g2p(&mut phases, &grid, &bounds, &obstacles, gather, false).sound);
+    assert!(g2p(&mut phases, &grid, &bounds, &obstacles, gather, &team).sound);
     let Some(Phase::Water(group)) = phases.pop() else {
         unreachable!()
     };
-    (momentum, group.particles)
+    (momentum, group.particles().collect())
 }
 
 fn sets<const D: usize>() -> impl Strategy<Value = Set<D>> {
@@ -176,8 +172,8 @@ fn sets<const D: usize>() -> impl Strategy<Value = Set<D>> {
             .enumerate()
             .map(|(id, n)| Particle {
                 x: Vector::from_fn(|axis, _| 0.5 + 0.3 * n[axis]),
-                v: lanes(&Vector::<D>::from_fn(|axis, _| 3.0 * n[D + axis]), 1.0),
-                affine: Columns::from_matrix(&Matrix::from_fn(|i, j| 20.0 * n[2 * D + i * D + j])),
+                v: Vector::from_fn(|axis, _| 3.0 * n[D + axis]),
+                affine: Matrix::from_fn(|i, j| 20.0 * n[2 * D + i * D + j]),
                 mass: 1.5 + n[2 * D + D * D],
                 volume: 1.0e-3,
                 id: id as u32,
@@ -196,19 +192,16 @@ fn check_conservation<const D: usize>(particles: Set<D>) {
 
 fn check_affine_field<const D: usize>(mut particles: Set<D>, gradient: Matrix<D>) {
     for p in &mut particles {
-        (p.v, p.affine) = (
-            lanes(&(gradient * p.x), 1.0),
-            Columns::from_matrix(&gradient),
-        );
+        (p.v, p.affine) = (gradient * p.x, gradient);
     }
     let (_, after) = there_and_back(particles);
     for p in after {
         assert!(
-            (vector::<D>(p.v) - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
+            (p.v - gradient * p.x).amax() < 2.0e-5 * gradient.amax().max(1.0),
             "{p:?}"
         );
         assert!(
-            (p.affine.matrix() - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0),
+            (p.affine - gradient).amax() < 5.0e-4 * gradient.amax().max(1.0),
             "{p:?}"
         );
     }

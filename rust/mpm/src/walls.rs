@@ -17,7 +17,7 @@ use crate::grid::{Grid, Layout, PADDING};
 use crate::grid_update::SMALLEST_MASS;
 use crate::math::Vector;
 use crate::obstacle::MaterialFriction;
-use crate::stencil::{Stencil, spline};
+use crate::stencil::{Stencils, spline};
 
 /// Positions of the walls [m] and their surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -257,15 +257,15 @@ impl<const D: usize> WallFill<D> {
         Self { nodes }
     }
 
-    /// Density at a particle over the density if everything between the walls were full; 1 far from walls.
-    // Out of line: the loop over particles away from walls keeps its registers.
-    #[inline(never)]
-    pub fn at(&self, stencil: &Stencil<D>) -> f32 {
+    /// Part of the stencil of one particle of a block that lies between the walls; 1 far from them.
+    #[inline(always)]
+    pub fn at(&self, stencils: &Stencils<D>, lane: usize) -> f32 {
         let mut fill = 1.0;
         for axis in 0..D {
-            let nodes = &self.nodes[axis][stencil.base[axis]..stencil.base[axis] + 3];
-            let w = &stencil.weights[axis];
-            fill *= nodes[0] * w[0] + nodes[1] * w[1] + nodes[2] * w[2];
+            let base = stencils.base[axis][lane] as usize;
+            let nodes = &self.nodes[axis][base..base + 3];
+            let w = &stencils.weights[axis];
+            fill *= nodes[0] * w[0][lane] + nodes[1] * w[1][lane] + nodes[2] * w[2][lane];
         }
         fill
     }
@@ -285,6 +285,7 @@ fn cumulative(t: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::LANES;
 
     #[test]
     fn a_stencil_at_a_wall_is_about_half_full_and_in_a_corner_a_quarter() {
@@ -299,10 +300,7 @@ mod tests {
         };
         let layout = Layout::<2>::new(64);
         let fill = WallFill::new(&walls, &layout);
-        let at = |x: f32, y: f32| {
-            let x = Vector::<2>::new(x, y);
-            fill.at(&Stencil::at(&layout.cells(&x)))
-        };
+        let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout), 0);
         assert!((at(0.5, 0.5) - 1.0).abs() < 1e-6);
         // Not exactly: between nodes, the spline of splines is not symmetric.
         assert!((at(0.1, 0.5) - 0.5).abs() < 0.02 && (at(0.5, 0.9) - 0.5).abs() < 0.02);

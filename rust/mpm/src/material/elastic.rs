@@ -1,0 +1,92 @@
+//! Elastic solids.
+
+use super::{Constitutive, Lame, State, increment};
+use crate::lanes::{LANES, Lanes};
+use crate::math::{Matrix, Symmetric, determinant};
+use crate::spectrum::Symmetrics;
+use crate::svd::svd;
+
+/// Fixed-corotated solid (Stomakhin et al. 2012). Its state is F.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Elastic {
+    pub lame: Lame,
+}
+
+/// F of a block, by row and column.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct GradientBlock<const D: usize>([[Lanes; D]; D]);
+
+impl<const D: usize> Constitutive<D> for Elastic {
+    type State = Matrix<D>;
+
+    fn initial_state(&self, volume_ratio: f32) -> Matrix<D> {
+        Matrix::from_diagonal_element(volume_ratio.powf(1.0 / D as f32))
+    }
+
+    // The decomposition has branches, so particles go one by one; apart, that the transfer stays wide.
+    #[inline(never)]
+    fn kirchhoff_stress(&self, states: &GradientBlock<D>) -> Symmetrics<D> {
+        let Lame { mu, lambda } = self.lame;
+        let mut stress = Symmetrics::ZERO;
+        for i in 0..LANES {
+            let f = Matrix::load(states, i);
+            let parts = svd(&f);
+            let rotation = parts.u * parts.v.transpose();
+            let j = determinant(&f);
+            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
+                + Matrix::from_diagonal_element(lambda * j * (j - 1.0));
+            stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
+        }
+        stress
+    }
+
+    #[inline(always)]
+    fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], _: &Lanes, dt: f32) {
+        for i in 0..LANES {
+            (increment(affine, i, dt) * Matrix::load(states, i)).store(states, i);
+        }
+    }
+
+    #[inline(always)]
+    fn volume_ratio(&self, f: &Matrix<D>) -> f32 {
+        determinant(f)
+    }
+
+    fn energy_density(&self, f: &Matrix<D>) -> f32 {
+        let stretch = svd(f).sigma.add_scalar(-1.0).norm_squared();
+        self.lame.mu * stretch + 0.5 * self.lame.lambda * (determinant(f) - 1.0).powi(2)
+    }
+}
+
+impl<const D: usize> State for Matrix<D> {
+    type Block = GradientBlock<D>;
+
+    fn splat(self) -> GradientBlock<D> {
+        let mut block = GradientBlock([[[0.0; LANES]; D]; D]);
+        (0..LANES).for_each(|lane| self.store(&mut block, lane));
+        block
+    }
+
+    #[inline(always)]
+    fn load(block: &GradientBlock<D>, lane: usize) -> Self {
+        Matrix::from_fn(|row, column| block.0[row][column][lane])
+    }
+
+    #[inline(always)]
+    fn store(self, block: &mut GradientBlock<D>, lane: usize) {
+        for row in 0..D {
+            for column in 0..D {
+                block.0[row][column][lane] = self[(row, column)];
+            }
+        }
+    }
+
+    fn write(&self, put: &mut impl FnMut(f32)) {
+        self.iter().for_each(|&word| put(word));
+    }
+
+    fn read(take: &mut impl FnMut() -> f32) -> Self {
+        Matrix::from_fn(|_, _| take())
+    }
+}

@@ -1,0 +1,214 @@
+//! Dry sand.
+
+use super::{Constitutive, Lame, State, increment};
+use crate::lanes::{LANES, Lanes, exp, ln};
+use crate::math::{Symmetric, Vector};
+use crate::spectrum::{Spectrum, Symmetrics};
+
+/// Dry sand: StVK-Hencky elasticity with a Drucker-Prager yield surface (Klar et al. 2016).
+///
+/// Both depend on the stretches alone, so a particle carries b = F F^T of the elastic part of F: its eigenvalues
+/// are their squares, its eigenvectors the axes of the stress, and no rotation has to be found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sand {
+    pub lame: Lame,
+    /// Slope of the yield cone, sqrt(2/3) 2 sin(phi) / (3 - sin(phi)). In 2D the plane-strain friction
+    /// angle is asin(sqrt(2) alpha): 45 degrees stay 45.4.
+    pub alpha: f32,
+    /// Take volume gained in separation back before stress builds up (Tampubolon et al. 2017).
+    pub volume_correction: bool,
+}
+
+/// Squared stretches below this are taken for it, so that the logarithm stays finite: far below any that sand
+/// survives.
+const SMALLEST_SQUARE: f32 = 1.0e-8;
+
+impl Sand {
+    /// `friction_angle` in degrees.
+    pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
+        let sin = friction_angle.to_radians().sin();
+        Self {
+            lame,
+            alpha: (2.0f32 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin),
+            volume_correction,
+        }
+    }
+
+    /// Hencky strains on or inside the yield surface, and the log of the volume gained. Without branches.
+    #[inline(always)]
+    fn return_mapping<const D: usize>(&self, trial: &Vector<D>, gained: f32) -> (Vector<D>, f32) {
+        let Lame { mu, lambda } = self.lame;
+        let strain = trial.add_scalar(gained / D as f32);
+        let trace = strain.sum();
+        // Grains apart: no stress. Only the volume is remembered.
+        let apart = trace >= 0.0;
+        let deviator = strain.add_scalar(-trace / D as f32);
+        let norm = deviator.norm_squared().sqrt();
+        let excess = norm + (D as f32 * lambda + 2.0 * mu) / (2.0 * mu) * trace * self.alpha;
+        let back = if excess > 0.0 { excess / norm } else { 0.0 };
+        let strain = (strain - deviator * back).map(|s| if apart { 0.0 } else { s });
+        (
+            strain,
+            if apart && self.volume_correction {
+                trace
+            } else {
+                0.0
+            },
+        )
+    }
+
+    /// Flows back to the yield surface from the squared stretches in `states`, and updates the stress.
+    #[inline(always)]
+    fn flow<const D: usize>(&self, states: &mut SandBlock<D>) {
+        let spectrum = Spectrum::of(&states.stretch_squared);
+        let Lame { mu, lambda } = self.lame;
+        let mut squares = [[0.0; LANES]; D];
+        let mut principal = [[0.0; LANES]; D];
+        for i in 0..LANES {
+            let trial = Vector::<D>::from_fn(|k, _| {
+                let square = spectrum.values[k][i];
+                // Not `max`, which would hide a NaN.
+                0.5 * ln(if square < SMALLEST_SQUARE {
+                    SMALLEST_SQUARE
+                } else {
+                    square
+                })
+            });
+            let (strain, gained) = self.return_mapping(&trial, states.volume_gain[i]);
+            let pressure = lambda * strain.sum();
+            states.volume_gain[i] = gained;
+            for k in 0..D {
+                squares[k][i] = exp(2.0 * strain[k]);
+                principal[k][i] = 2.0 * mu * strain[k] + pressure;
+            }
+        }
+        for i in 0..LANES {
+            let square = spectrum.combine(i, std::array::from_fn(|k| squares[k][i]));
+            let stress = spectrum.combine(i, std::array::from_fn(|k| principal[k][i]));
+            states.stretch_squared.set(i, &square);
+            states.kirchhoff_stress.set(i, &stress);
+        }
+    }
+}
+
+impl<const D: usize> Constitutive<D> for Sand {
+    type State = SandState<D>;
+
+    fn initial_state(&self, volume_ratio: f32) -> SandState<D> {
+        let mut states = SandState {
+            stretch_squared: Symmetric::diagonal(volume_ratio.powf(2.0 / D as f32)),
+            kirchhoff_stress: Symmetric::diagonal(0.0),
+            volume_gain: 0.0,
+        }
+        .splat();
+        self.flow(&mut states);
+        SandState::load(&states, 0)
+    }
+
+    #[inline(always)]
+    fn kirchhoff_stress(&self, states: &SandBlock<D>) -> Symmetrics<D> {
+        states.kirchhoff_stress
+    }
+
+    #[inline(always)]
+    fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], _: &Lanes, dt: f32) {
+        for i in 0..LANES {
+            let f = increment(affine, i, dt);
+            let b = states.stretch_squared.get(i);
+            let product = crate::math::Matrix::<D>::from_fn(|row, column| {
+                (0..D).map(|k| f[(row, k)] * b.at(k, column)).sum()
+            });
+            let trial = Symmetric::from_fn(|row, column| {
+                (0..D).map(|k| product[(row, k)] * f[(column, k)]).sum()
+            });
+            states.stretch_squared.set(i, &trial);
+        }
+        self.flow(states);
+    }
+
+    #[inline(always)]
+    fn volume_ratio(&self, state: &SandState<D>) -> f32 {
+        state.stretch_squared.determinant().sqrt()
+    }
+
+    fn energy_density(&self, state: &SandState<D>) -> f32 {
+        let mut block = Symmetrics::ZERO;
+        block.set(0, &state.stretch_squared);
+        let values = Spectrum::of(&block).values;
+        let strain = Vector::<D>::from_fn(|k, _| 0.5 * values[k][0].max(SMALLEST_SQUARE).ln());
+        self.lame.mu * strain.norm_squared() + 0.5 * self.lame.lambda * strain.sum().powi(2)
+    }
+}
+
+/// Deformation of a sand particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SandState<const D: usize> {
+    /// b = F F^T of the elastic part of F.
+    pub stretch_squared: Symmetric<D>,
+    /// tau of that b, kept because plastic flow needs the same axes.
+    pub kirchhoff_stress: Symmetric<D>,
+    /// Log of the volume gained while the grains were apart.
+    pub volume_gain: f32,
+}
+
+/// `SandState` of a block.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct SandBlock<const D: usize> {
+    stretch_squared: Symmetrics<D>,
+    kirchhoff_stress: Symmetrics<D>,
+    volume_gain: Lanes,
+}
+
+impl<const D: usize> State for SandState<D> {
+    type Block = SandBlock<D>;
+
+    fn splat(self) -> SandBlock<D> {
+        let mut block = SandBlock {
+            stretch_squared: Symmetrics::ZERO,
+            kirchhoff_stress: Symmetrics::ZERO,
+            volume_gain: [0.0; LANES],
+        };
+        (0..LANES).for_each(|lane| self.store(&mut block, lane));
+        block
+    }
+
+    #[inline(always)]
+    fn load(block: &SandBlock<D>, lane: usize) -> Self {
+        Self {
+            stretch_squared: block.stretch_squared.get(lane),
+            kirchhoff_stress: block.kirchhoff_stress.get(lane),
+            volume_gain: block.volume_gain[lane],
+        }
+    }
+
+    #[inline(always)]
+    fn store(self, block: &mut SandBlock<D>, lane: usize) {
+        block.stretch_squared.set(lane, &self.stretch_squared);
+        block.kirchhoff_stress.set(lane, &self.kirchhoff_stress);
+        block.volume_gain[lane] = self.volume_gain;
+    }
+
+    fn write(&self, put: &mut impl FnMut(f32)) {
+        for part in [&self.stretch_squared, &self.kirchhoff_stress] {
+            part.diagonal
+                .iter()
+                .chain(&part.shear)
+                .for_each(|&word| put(word));
+        }
+        put(self.volume_gain);
+    }
+
+    fn read(take: &mut impl FnMut() -> f32) -> Self {
+        let mut symmetric = || Symmetric {
+            diagonal: Vector::from_fn(|_, _| take()),
+            shear: Vector::from_fn(|_, _| take()),
+        };
+        let (stretch_squared, kirchhoff_stress) = (symmetric(), symmetric());
+        Self {
+            stretch_squared,
+            kirchhoff_stress,
+            volume_gain: take(),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Weakly compressible water.
+
+use super::{Constitutive, State};
+use crate::lanes::{LANES, Lanes};
+use crate::spectrum::Symmetrics;
+
+/// Water: tau = lambda J (J - 1) I. Carries J only.
+///
+/// J follows the divergence at the particle, which forgets what splashes do to the spacing of particles:
+/// alone it lets a double dam break lose 30 % of its volume in 30 s. Where particles crowd more than J
+/// says, J is therefore led back to what the density on the grid says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Water {
+    /// lambda [Pa].
+    pub bulk_modulus: f32,
+    /// Factor on the stress where J > 1. With 1 spray clumps, with 0 J drifts at the free surface.
+    pub tension: f32,
+    /// Lead J back where the grid contradicts it; without it J is what the divergence alone makes of it.
+    pub volume_correction: bool,
+}
+
+impl Water {
+    /// How fast J follows a density that contradicts it [1/s]. 20 to 100 keep the volume equally well.
+    const CROWDING_RATE: f32 = 50.0;
+    /// Excess of density that is no contradiction [-]: particles at random places vary by about that.
+    const CROWDING_TOLERANCE: f32 = 0.1;
+
+    #[inline(always)]
+    fn stiffness(&self, volume_ratio: f32) -> f32 {
+        if volume_ratio > 1.0 {
+            self.tension * self.bulk_modulus
+        } else {
+            self.bulk_modulus
+        }
+    }
+}
+
+impl<const D: usize> Constitutive<D> for Water {
+    type State = f32;
+
+    fn initial_state(&self, volume_ratio: f32) -> f32 {
+        volume_ratio
+    }
+
+    #[inline(always)]
+    fn kirchhoff_stress(&self, volume_ratios: &Lanes) -> Symmetrics<D> {
+        let mut stress = Symmetrics::ZERO;
+        for i in 0..LANES {
+            let j = volume_ratios[i];
+            let pressure = self.stiffness(j) * j * (j - 1.0);
+            for axis in 0..D {
+                stress.diagonal[axis][i] = pressure;
+            }
+        }
+        stress
+    }
+
+    #[inline(always)]
+    fn deform(
+        &self,
+        volume_ratios: &mut Lanes,
+        affine: &[[Lanes; D]; D],
+        crowding: &Lanes,
+        dt: f32,
+    ) {
+        for i in 0..LANES {
+            let divergence: f32 = (0..D).map(|axis| affine[axis][axis][i]).sum();
+            volume_ratios[i] *= 1.0 + dt * divergence;
+        }
+        if !self.volume_correction {
+            return;
+        }
+        for i in 0..LANES {
+            let excess = volume_ratios[i] * crowding[i] - (1.0 + Self::CROWDING_TOLERANCE);
+            // At most a halving, whatever the substep.
+            volume_ratios[i] *= 1.0 - (Self::CROWDING_RATE * dt * excess).clamp(0.0, 0.5);
+        }
+    }
+
+    #[inline(always)]
+    fn uses_crowding(&self) -> bool {
+        self.volume_correction
+    }
+
+    #[inline(always)]
+    fn volume_ratio(&self, &volume_ratio: &f32) -> f32 {
+        volume_ratio
+    }
+
+    fn energy_density(&self, &volume_ratio: &f32) -> f32 {
+        // d psi / dJ = tau / J.
+        0.5 * self.stiffness(volume_ratio) * (volume_ratio - 1.0).powi(2)
+    }
+}
+
+impl State for f32 {
+    type Block = Lanes;
+
+    fn splat(self) -> Lanes {
+        [self; LANES]
+    }
+    #[inline(always)]
+    fn load(block: &Lanes, lane: usize) -> Self {
+        block[lane]
+    }
+    #[inline(always)]
+    fn store(self, block: &mut Lanes, lane: usize) {
+        block[lane] = self;
+    }
+    fn write(&self, put: &mut impl FnMut(f32)) {
+        put(*self);
+    }
+    fn read(take: &mut impl FnMut() -> f32) -> Self {
+        take()
+    }
+}

@@ -1,0 +1,172 @@
+//! Sorting particles by grid row, and cutting the grid into slabs that may be scattered side by side.
+
+use crate::grid::{Layout, PADDING};
+use crate::lanes::LANES;
+use crate::material::Constitutive;
+use crate::particle::{Block, Group, Particle, Phase, Run};
+use crate::stencil::Stencils;
+use crate::with_group;
+
+/// Planes `lo..hi` of the grid; the particles whose stencil starts there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slab {
+    pub lo: usize,
+    pub hi: usize,
+}
+
+/// Thinner slabs of one colour would touch the same nodes: a stencil reaches two planes beyond its
+/// base, and the base moves by one in either direction between sorts.
+const MIN_PLANES: usize = 4;
+/// More than eight threads gain nothing at the sizes that are interactive.
+const MAX_SLABS: usize = 16;
+/// Smaller slabs waste too many lanes of their last blocks.
+const SMALLEST_SLAB: usize = 384;
+
+/// Lowest stencil node of a particle: its row, and its place on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    pub row: u32,
+    pub column: u32,
+}
+
+/// Sorts all particles by grid row, and cuts the grid into slabs of about equal numbers of them.
+///
+/// The cut depends on the particles alone, never on the number of threads. Writes where all particles are,
+/// in no order, to `places`.
+pub fn sort<const D: usize>(
+    phases: &mut [Phase<D>],
+    layout: &Layout<D>,
+    places: &mut Vec<Place>,
+) -> Vec<Slab> {
+    places.clear();
+    for phase in phases.iter() {
+        with_group!(phase, group => find_places(group, layout, places));
+    }
+    let per_plane = count_planes(places, layout);
+    let slabs = cut(&per_plane);
+    let mut rest = &places[..];
+    for phase in phases {
+        with_group!(phase, group => {
+            let (mine, others) = rest.split_at(group.len());
+            sort_group(group, mine, &slabs, layout);
+            rest = others;
+        });
+    }
+    slabs
+}
+
+fn find_places<const D: usize, M: Constitutive<D>>(
+    group: &Group<D, M>,
+    layout: &Layout<D>,
+    places: &mut Vec<Place>,
+) {
+    for block in &group.blocks {
+        let base = Stencils::at(&block.x, layout).base;
+        places.extend((0..block.count).map(|lane| Place {
+            row: (0..D - 1).fold(0, |row, axis| row * layout.extent as u32 + base[axis][lane]),
+            column: base[D - 1][lane],
+        }));
+    }
+}
+
+fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec<usize> {
+    let mut per_row = vec![0u32; layout.row_count()];
+    places
+        .iter()
+        .for_each(|place| per_row[place.row as usize] += 1);
+    let planes = per_row.chunks(layout.rows_per_plane());
+    planes
+        .map(|rows| rows.iter().sum::<u32>() as usize)
+        .collect()
+}
+
+/// Stable counting sort; the order within a row is the previous one. Each slab begins with a new block.
+fn sort_group<const D: usize, M: Constitutive<D>>(
+    group: &mut Group<D, M>,
+    places: &[Place],
+    slabs: &[Slab],
+    layout: &Layout<D>,
+) {
+    let mut next = vec![0u32; layout.row_count()];
+    places
+        .iter()
+        .for_each(|place| next[place.row as usize] += 1);
+    let rows_per_plane = layout.rows_per_plane();
+    let (mut slot, mut runs) = (0, Vec::with_capacity(slabs.len()));
+    for slab in slabs {
+        let first = slot;
+        for row in &mut next[slab.lo * rows_per_plane..slab.hi * rows_per_plane] {
+            slot += std::mem::replace(row, slot);
+        }
+        runs.push(Run {
+            first_block: first as usize / LANES,
+            particles: (slot - first) as usize,
+        });
+        slot = slot.next_multiple_of(LANES as u32);
+    }
+    let in_place = runs == group.runs && places.is_sorted_by_key(|place| place.row);
+    group.runs = runs;
+    if in_place || places.is_empty() {
+        return;
+    }
+    let blocks = slot as usize / LANES;
+    let resting = Particle {
+        state: group.material.initial_state(1.0),
+        ..group.blocks[0].get(0)
+    };
+    group.scratch.clear();
+    group.scratch.resize(blocks, Block::empty(&resting));
+    let mut places = places.iter();
+    for block in &group.blocks {
+        for lane in 0..block.count {
+            let place = places.next().expect("one place a particle");
+            let slot = &mut next[place.row as usize];
+            let target = &mut group.scratch[*slot as usize / LANES];
+            target.set(*slot as usize % LANES, &block.get(lane));
+            target.count += 1;
+            *slot += 1;
+        }
+    }
+    std::mem::swap(&mut group.blocks, &mut group.scratch);
+}
+
+fn cut(per_plane: &[usize]) -> Vec<Slab> {
+    let total: usize = per_plane.iter().sum();
+    let share = total.div_ceil(MAX_SLABS).max(SMALLEST_SLAB);
+    let end = per_plane.len() - PADDING + 1;
+    let mut slabs = Vec::new();
+    let (mut lo, mut held) = (0, 0);
+    for (plane, &count) in per_plane.iter().enumerate().take(end) {
+        held += count;
+        if held >= share && plane + 1 - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS {
+            slabs.push(Slab { lo, hi: plane + 1 });
+            (lo, held) = (plane + 1, 0);
+        }
+    }
+    match slabs.last_mut() {
+        // What is left over joins the last slab if it is too thin to stand alone.
+        Some(last) if end - lo < MIN_PLANES || held == 0 => last.hi = end,
+        _ => slabs.push(Slab { lo, hi: end }),
+    }
+    slabs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn slabs_tile_the_planes_and_are_never_thin(counts in prop::collection::vec(0usize..300, 20..140)) {
+            let slabs = cut(&counts);
+            prop_assert_eq!(slabs[0].lo, 0);
+            prop_assert_eq!(slabs.last().unwrap().hi, counts.len() - PADDING + 1);
+            for pair in slabs.windows(2) {
+                prop_assert_eq!(pair[0].hi, pair[1].lo);
+            }
+            prop_assert!(slabs.len() == 1 || slabs.iter().all(|s| s.hi - s.lo >= MIN_PLANES));
+            prop_assert!(slabs.len() <= MAX_SLABS);
+        }
+    }
+}

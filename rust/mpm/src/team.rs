@@ -1,0 +1,271 @@
+//! Threads that share work of tens of microseconds.
+//!
+//! A substep of an interactive scene is several such pieces, so what counts is the time to hand one out. Workers
+//! therefore look for the next piece for a while before they sleep, and the caller never waits for a worker
+//! that has not begun: it does what is left itself. Which thread did what has no influence on the result.
+
+use std::hint::spin_loop;
+use std::mem::transmute;
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::Builder;
+use std::time::{Duration, Instant};
+
+use crate::error::MpmError;
+
+/// How long an idle worker stays awake: longer than the pauses within a frame, shorter than those between frames.
+const AWAKE: Duration = Duration::from_micros(100);
+
+/// A caller and the workers that help it.
+#[derive(Debug)]
+pub struct Team {
+    shared: Arc<Shared>,
+    workers: usize,
+    /// Held while work is handed out; a second caller then works alone.
+    caller: Mutex<()>,
+}
+
+type Job<'a> = dyn Fn() + Sync + 'a;
+
+#[derive(Debug)]
+struct Shared {
+    /// See `Phase`.
+    phase: AtomicU64,
+    /// The job of the open phase.
+    job: AtomicPtr<&'static Job<'static>>,
+    sleepers: Mutex<usize>,
+    wake: Condvar,
+    quit: AtomicBool,
+    failed: AtomicBool,
+}
+
+/// The number of the latest job, whether it may still be entered, and how many workers are in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Phase(u64);
+
+impl Phase {
+    const INSIDE: u64 = 0xffff;
+    const OPEN: u64 = 0x1_0000;
+    const NEXT: u64 = 0x2_0000;
+
+    fn is_open(self) -> bool {
+        self.0 & Self::OPEN != 0
+    }
+    fn inside(self) -> u64 {
+        self.0 & Self::INSIDE
+    }
+    fn number(self) -> u64 {
+        self.0 / Self::NEXT
+    }
+}
+
+impl Team {
+    /// A caller with `threads - 1` workers.
+    pub fn new(threads: usize) -> Result<Self, MpmError> {
+        let shared = Arc::new(Shared {
+            phase: AtomicU64::new(0),
+            job: AtomicPtr::new(std::ptr::null_mut()),
+            sleepers: Mutex::new(0),
+            wake: Condvar::new(),
+            quit: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+        });
+        let mut team = Self {
+            shared: Arc::clone(&shared),
+            workers: 0,
+            caller: Mutex::new(()),
+        };
+        for index in 1..threads {
+            let shared = Arc::clone(&shared);
+            let builder = Builder::new().name(format!("mpm-{index}"));
+            // Not joined when the team ends: it leaves by itself, and in a forked process it never was.
+            builder.spawn(move || shared.work()).map_err(|error| {
+                MpmError::parameter(
+                    "threads",
+                    "a number that the system grants",
+                    error.to_string(),
+                )
+            })?;
+            team.workers += 1;
+        }
+        Ok(team)
+    }
+
+    /// Threads, the caller's among them.
+    pub fn size(&self) -> usize {
+        self.workers + 1
+    }
+
+    /// Calls `work` on each item, on as many threads as are free.
+    pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
+        let alone = self.workers == 0 || items.len() < 2;
+        let Some(_caller) = self.caller.try_lock().ok().filter(|_| !alone) else {
+            items.iter_mut().for_each(work);
+            return;
+        };
+        // Uncontended: each item is locked by the one thread that drew its number.
+        let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();
+        let next = AtomicUsize::new(0);
+        self.run(&|| {
+            while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                work(&mut item.lock().unwrap_or_else(PoisonError::into_inner));
+            }
+        });
+    }
+
+    /// Runs `job` on the caller and on each worker that comes before the caller is done.
+    fn run(&self, job: &Job<'_>) {
+        let shared = &self.shared;
+        // SAFETY: only the lifetime changes. A worker uses the reference between entering the open phase and leaving
+        // it; `Closing` closes the phase and waits for all to leave before `job` goes out of scope, also when the
+        // caller's own call panics.
+        let mut job = unsafe { transmute::<&Job<'_>, &'static Job<'static>>(job) };
+        shared.failed.store(false, Ordering::Relaxed);
+        shared.job.store(&raw mut job, Ordering::Relaxed);
+        let open = shared.phase.load(Ordering::Relaxed) + Phase::NEXT + Phase::OPEN;
+        shared.phase.store(open, Ordering::Release);
+        if *shared
+            .sleepers
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            > 0
+        {
+            shared.wake.notify_all();
+        }
+        let closing = Closing(shared);
+        job();
+        drop(closing);
+        assert!(!shared.failed.load(Ordering::Relaxed), "a worker panicked");
+    }
+}
+
+/// Closes the phase when dropped, and waits until all workers have left it.
+struct Closing<'a>(&'a Shared);
+
+impl Drop for Closing<'_> {
+    fn drop(&mut self) {
+        let phase = &self.0.phase;
+        phase.fetch_sub(Phase::OPEN, Ordering::AcqRel);
+        let mut spins = 0u32;
+        while Phase(phase.load(Ordering::Acquire)).inside() > 0 {
+            // A worker may have lost its core to another process.
+            spins += 1;
+            if spins % 4096 == 0 {
+                std::thread::yield_now();
+            }
+            spin_loop();
+        }
+    }
+}
+
+impl Shared {
+    fn work(&self) {
+        let mut done = 0;
+        while let Some(job) = self.next_job(&mut done) {
+            if std::panic::catch_unwind(std::panic::AssertUnwindSafe(job)).is_err() {
+                self.failed.store(true, Ordering::Relaxed);
+            }
+            self.phase.fetch_sub(1, Ordering::Release);
+        }
+    }
+
+    /// Enters the next phase that is open, and is counted inside until the caller of this leaves it; None at the end.
+    fn next_job(&self, done: &mut u64) -> Option<&'static Job<'static>> {
+        let mut idle_since = Instant::now();
+        loop {
+            for _ in 0..256 {
+                let phase = Phase(self.phase.load(Ordering::Acquire));
+                if phase.is_open() && phase.number() != *done {
+                    let entered = phase.0 + 1;
+                    let swap = self.phase.compare_exchange(
+                        phase.0,
+                        entered,
+                        Ordering::AcqRel,
+                        Ordering::Relaxed,
+                    );
+                    if swap.is_ok() {
+                        *done = phase.number();
+                        // SAFETY: it points to the job of this phase, which cannot end while we are inside.
+                        return Some(unsafe { *self.job.load(Ordering::Relaxed) });
+                    }
+                }
+                spin_loop();
+            }
+            if self.quit.load(Ordering::Relaxed) {
+                return None;
+            }
+            if idle_since.elapsed() > AWAKE {
+                self.sleep(*done);
+                idle_since = Instant::now();
+            }
+        }
+    }
+
+    /// Sleeps until a phase opens that is not the one with number `done`.
+    fn sleep(&self, done: u64) {
+        let mut sleepers = self.sleepers.lock().unwrap_or_else(PoisonError::into_inner);
+        *sleepers += 1;
+        // Looked at under the lock that the caller takes after opening a phase: no opening is missed.
+        while !self.quit.load(Ordering::Relaxed) {
+            let phase = Phase(self.phase.load(Ordering::Acquire));
+            if phase.is_open() && phase.number() != done {
+                break;
+            }
+            sleepers = self
+                .wake
+                .wait(sleepers)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
+        *sleepers -= 1;
+    }
+}
+
+impl Drop for Team {
+    fn drop(&mut self) {
+        self.shared.quit.store(true, Ordering::Relaxed);
+        drop(
+            self.shared
+                .sleepers
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner),
+        );
+        self.shared.wake.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_worked_on_once_whoever_calls() {
+        let team = Team::new(3).unwrap();
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    for round in 0..2000 {
+                        let mut items: Vec<usize> = (0..round % 37).collect();
+                        team.for_each(&mut items, |item| *item = *item * 2 + 1);
+                        assert!(items.iter().enumerate().all(|(i, &item)| item == 2 * i + 1));
+                        if round % 500 == 0 {
+                            // Long enough for the workers to fall asleep.
+                            std::thread::sleep(3 * AWAKE);
+                        }
+                    }
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn a_panic_reaches_the_caller_and_the_team_goes_on() {
+        let team = Team::new(2).unwrap();
+        let attempt = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            team.for_each(&mut [0; 64], |_| panic!("on purpose"));
+        }));
+        assert!(attempt.is_err());
+        let mut items = [0; 64];
+        team.for_each(&mut items, |item| *item += 1);
+        assert_eq!(items, [1; 64]);
+    }
+}
