@@ -47,11 +47,10 @@ impl Contact {
 /// Factor on a slip speed after Coulomb friction that can take away at most `capacity` of it.
 #[inline(always)]
 pub fn remaining_slip(slip: f32, capacity: f32) -> f32 {
-    if slip <= capacity || slip == 0.0 {
-        0.0
-    } else {
-        1.0 - capacity / slip
-    }
+    let stops = slip <= capacity || slip == 0.0;
+    // Computed in either case, which makes it a selection and no branch.
+    let remaining = 1.0 - capacity / if stops { 1.0 } else { slip };
+    if stops { 0.0 } else { remaining }
 }
 
 #[cfg(test)]

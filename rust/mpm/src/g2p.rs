@@ -12,7 +12,8 @@ use crate::obstacle::Obstacles;
 use crate::particle::{Block, Phase};
 use crate::stencil::Stencils;
 use crate::team::Team;
-use crate::walls::{WallFill, Walls};
+use crate::wall_fill::WallFill;
+use crate::walls::Walls;
 use crate::with_group;
 
 /// Where particles may be.
@@ -62,8 +63,10 @@ impl<const D: usize> Bounds<D> {
         if near.iter().all(|&near| near == 0) {
             return;
         }
-        for i in (0..LANES).filter(|&i| near[i] != 0) {
-            crowding[i] /= self.fill.at(stencils, i);
+        let fill = self.fill.at(stencils);
+        for i in 0..LANES {
+            // A particle far from walls must not notice that another of its block is near one.
+            crowding[i] /= if near[i] == 0 { 1.0 } else { fill[i] };
         }
     }
 
@@ -156,11 +159,11 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     step: Gather,
 }
 
-/// Weighted sums over the nodes of each particle, in lanes of velocity and mass.
+/// Weighted sums over the nodes of each particle, each as velocity and mass.
 struct Sums<const D: usize> {
-    values: [[f32; 4]; LANES],
+    values: [f32x4; LANES],
     /// The same, each node times its steps from the lowest along an axis.
-    moments: [[[f32; 4]; LANES]; D],
+    moments: [[f32x4; LANES]; D],
 }
 
 impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
@@ -177,35 +180,28 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             friction,
             ..
         } = self;
-        let mut max_speed_squared = [0.0f32; LANES];
+        let mut max_speed_squared = f32x4::ZERO;
         let mut sound = true;
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
             let sums = gather(grid, &stencils, block.count.min(LANES));
+            let moved = move_block(block, &stencils, &sums, grid, bounds, step.dt);
+            max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
             let mut crowding = [0.0; LANES];
             if material.uses_crowding() && step.per_rest_mass > 0.0 {
-                for i in 0..LANES {
-                    crowding[i] = sums.values[i][3] * step.per_rest_mass;
-                }
+                crowding = moved.density.map(|density| density * step.per_rest_mass);
                 bounds.correct_near_walls(&mut crowding, &block.x, &stencils);
             }
-            let outside = move_block(
-                block,
-                &stencils,
-                &sums,
-                grid,
-                bounds,
-                step.dt,
-                &mut max_speed_squared,
-            );
             material.deform(&mut block.state, &block.affine, &crowding, step.dt);
             let mut broken = 0u32;
             for i in 0..LANES {
                 let state = M::State::load(&block.state, i);
-                broken |= u32::from(!(material.volume_ratio(&state) > 0.0));
+                // Of NaN neither is true.
+                let sound = material.volume_ratio(&state) > 0.0;
+                broken |= u32::from(!sound);
             }
             sound &= broken == 0;
-            if outside {
+            if moved.outside {
                 sound &= contain(block, bounds);
             }
             if sound && obstacles.any() {
@@ -213,7 +209,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             }
         }
         Outcome {
-            max_speed_squared: max_speed_squared.into_iter().fold(0.0, f32::max),
+            max_speed_squared: max_speed_squared.to_array().into_iter().fold(0.0, f32::max),
             sound,
         }
     }
@@ -222,8 +218,8 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
 #[inline(always)]
 fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) -> Sums<D> {
     let mut sums = Sums {
-        values: [[0.0; 4]; LANES],
-        moments: [[[0.0; 4]; LANES]; D],
+        values: [f32x4::ZERO; LANES],
+        moments: [[f32x4::ZERO; LANES]; D],
     };
     for i in 0..count {
         let start = stencils.start[i] as usize;
@@ -238,7 +234,12 @@ fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) 
             if D == 3 {
                 let rows: [_; 3] = std::array::from_fn(|b| {
                     let weight = weight * stencils.weights[1][b][i];
-                    gather_row(&grid.nodes, begin + b * grid.layout.extent, weight, &last)
+                    gather_row(
+                        &grid.nodes,
+                        begin + b * grid.layout.row_length,
+                        weight,
+                        &last,
+                    )
                 });
                 let beyond = rows[1].0 + rows[2].0;
                 *plane = rows[0].0 + beyond;
@@ -252,9 +253,9 @@ fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) 
         }
         let beyond = planes[1] + planes[2];
         moments[0] = beyond + planes[2];
-        sums.values[i] = (planes[0] + beyond).to_array();
+        sums.values[i] = planes[0] + beyond;
         for axis in 0..D {
-            sums.moments[axis][i] = moments[axis].to_array();
+            sums.moments[axis][i] = moments[axis];
         }
     }
     sums
@@ -273,7 +274,16 @@ fn gather_row(nodes: &[f32x4], begin: usize, weight: f32, last: &[f32x4; 3]) -> 
     )
 }
 
-/// Sets velocity and affine matrix, and moves the particles; true when one has left the walls.
+/// What `move_block` found on its way.
+struct Moved {
+    max_speed_squared: f32x4,
+    /// Mass that the nodes around a particle carry [kg].
+    density: Lanes,
+    /// Whether a particle has left the walls.
+    outside: bool,
+}
+
+/// Sets velocity and affine matrix, and moves the particles.
 #[inline(always)]
 fn move_block<const D: usize, S: State>(
     block: &mut Block<D, S>,
@@ -282,34 +292,59 @@ fn move_block<const D: usize, S: State>(
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     dt: f32,
-    max_speed_squared: &mut Lanes,
-) -> bool {
-    let per_cell = 4.0 / grid.layout.dx();
-    let mut outside = 0u32;
-    for i in 0..LANES {
-        let mut speed_squared = 0.0;
+) -> Moved {
+    let (dt, per_cell) = (f32x4::splat(dt), f32x4::splat(4.0 / grid.layout.dx()));
+    let mut moved = Moved {
+        max_speed_squared: f32x4::ZERO,
+        density: [0.0; LANES],
+        outside: false,
+    };
+    let mut inside = f32x4::ZERO.simd_eq(f32x4::ZERO);
+    // Four particles at a time, from one vector a particle to one vector a component.
+    for four in (0..LANES).step_by(4) {
+        let v = transposed(&sums.values, four);
+        store(&mut moved.density, four, v[3]);
+        let mut speed_squared = f32x4::ZERO;
         for row in 0..D {
-            let v = sums.values[i][row];
-            block.v[row][i] = v;
-            speed_squared += v * v;
-            let x = block.x[row][i] + v * dt;
-            block.x[row][i] = x;
-            // Written so that it is true for NaN.
-            let inside = (x >= bounds.walls.lower[row]) & (x <= bounds.walls.upper[row]);
-            outside |= u32::from(!inside);
-            for axis in 0..D {
-                block.affine[row][axis][i] =
-                    (sums.moments[axis][i][row] - v * stencils.offset[axis][i]) * per_cell;
+            let x = load(&block.x[row], four) + v[row] * dt;
+            store(&mut block.v[row], four, v[row]);
+            store(&mut block.x[row], four, x);
+            speed_squared += v[row] * v[row];
+            // False for NaN.
+            inside &= x.simd_ge(f32x4::splat(bounds.walls.lower[row]));
+            inside &= x.simd_le(f32x4::splat(bounds.walls.upper[row]));
+        }
+        // Of two numbers of which one is NaN, the second.
+        moved.max_speed_squared = speed_squared.fast_max(moved.max_speed_squared);
+        for axis in 0..D {
+            let moments = transposed(&sums.moments[axis], four);
+            let offset = load(&stencils.offset[axis], four);
+            for row in 0..D {
+                store(
+                    &mut block.affine[row][axis],
+                    four,
+                    (moments[row] - v[row] * offset) * per_cell,
+                );
             }
         }
-        let fastest = max_speed_squared[i];
-        max_speed_squared[i] = if speed_squared > fastest {
-            speed_squared
-        } else {
-            fastest
-        };
     }
-    outside != 0
+    moved.outside = !inside.all();
+    moved
+}
+
+#[inline(always)]
+fn transposed(values: &[f32x4; LANES], from: usize) -> [f32x4; 4] {
+    f32x4::transpose(std::array::from_fn(|k| values[from + k]))
+}
+
+#[inline(always)]
+fn load(lanes: &Lanes, from: usize) -> f32x4 {
+    f32x4::from(std::array::from_fn::<f32, 4, _>(|k| lanes[from + k]))
+}
+
+#[inline(always)]
+fn store(lanes: &mut Lanes, from: usize, values: f32x4) {
+    lanes[from..from + 4].copy_from_slice(&values.to_array());
 }
 
 /// Puts particles back between the walls; false if one is too far past them.

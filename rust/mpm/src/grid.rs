@@ -1,5 +1,7 @@
 //! The background grid: its layout, and which part of it particles touch.
 
+use std::ops::Range;
+
 use wide::f32x4;
 
 use crate::math::Vector;
@@ -8,6 +10,8 @@ use crate::sort::Place;
 /// Nodes outside [0, 1] on each side. A particle may be one cell past a wall that lies on the box,
 /// and between two sorts it may move one cell further; its stencil reaches one node beyond.
 pub const PADDING: usize = 4;
+/// Nodes that are swept together; spans consist of them.
+pub const CHUNK: usize = 8;
 /// Cells that a particle may move between two sorts without leaving the active rows.
 pub const MARGIN: usize = 1;
 
@@ -19,13 +23,17 @@ pub struct Layout<const D: usize> {
     pub resolution: usize,
     /// Nodes along each axis, padding included.
     pub extent: usize,
+    /// Nodes that a row takes in memory: whole chunks.
+    pub row_length: usize,
 }
 
 impl<const D: usize> Layout<D> {
     pub fn new(resolution: usize) -> Self {
+        let extent = resolution + 1 + 2 * PADDING;
         Self {
             resolution,
-            extent: resolution + 1 + 2 * PADDING,
+            extent,
+            row_length: extent.next_multiple_of(CHUNK),
         }
     }
 
@@ -48,7 +56,7 @@ impl<const D: usize> Layout<D> {
     }
 
     pub fn nodes_per_plane(&self) -> usize {
-        self.extent.pow(D as u32 - 1)
+        self.rows_per_plane() * self.row_length
     }
 
     /// Row of a node.
@@ -73,25 +81,64 @@ impl<const D: usize> Layout<D> {
 
     /// Distance in memory between neighbours along an axis.
     pub fn stride(&self, axis: usize) -> usize {
-        self.extent.pow((D - 1 - axis) as u32)
+        match D - 1 - axis {
+            0 => 1,
+            rows => self.extent.pow(rows as u32 - 1) * self.row_length,
+        }
     }
 
     /// Memory offsets of the 3^(D-1) rows of a stencil from its lowest node, first axis fastest.
     #[inline(always)]
     pub fn stencil_row(&self, step: [usize; 2]) -> usize {
         match D {
-            2 => step[0] * self.extent,
-            _ => (step[0] * self.extent + step[1]) * self.extent,
+            2 => step[0] * self.row_length,
+            _ => (step[0] * self.extent + step[1]) * self.row_length,
         }
     }
 }
 
-/// The part `lo..hi` of a row that some particle may touch before the next sort.
+/// The part `lo..hi` of a row that some particle may touch before the next sort, in whole chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
     pub row: usize,
     pub lo: usize,
     pub hi: usize,
+}
+
+/// Some planes of the grid, which one thread may write while others write other planes.
+#[derive(Debug)]
+pub struct Window<'a, const D: usize> {
+    pub layout: Layout<D>,
+    /// Memory index of the first node.
+    pub first: usize,
+    pub nodes: &'a mut [f32x4],
+    /// Empty unless materials differ in wall friction.
+    pub friction_mass: &'a mut [f32],
+    /// See `Grid`.
+    pub dirty: &'a mut [bool],
+    /// Active spans of the planes.
+    pub active: &'a [Span],
+}
+
+impl<const D: usize> Window<'_, D> {
+    /// Zeroes the active nodes.
+    fn clear(&mut self) {
+        for span in self.active {
+            let start = span.row * self.layout.row_length - self.first;
+            let range = start + span.lo..start + span.hi;
+            let (chunks, _) = self.nodes[range.clone()].as_chunks_mut::<CHUNK>();
+            let dirty = &mut self.dirty[range.start / CHUNK..range.end / CHUNK];
+            for (chunk, dirty) in chunks.iter_mut().zip(dirty) {
+                if *dirty {
+                    *chunk = [f32x4::ZERO; CHUNK];
+                    *dirty = false;
+                }
+            }
+            if !self.friction_mass.is_empty() {
+                self.friction_mass[range].fill(0.0);
+            }
+        }
+    }
 }
 
 /// Mass and momentum after P2G; velocity after the grid update.
@@ -102,6 +149,8 @@ pub struct Grid<const D: usize> {
     pub nodes: Vec<f32x4>,
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
+    /// Whether a chunk of nodes had mass in the latest grid update; the others are zero.
+    dirty: Vec<bool>,
     /// Ordered by row, then along it.
     pub active: Vec<Span>,
     /// Scratch of `activate`: one bit a node, rows padded to whole words; zero between calls.
@@ -110,14 +159,11 @@ pub struct Grid<const D: usize> {
     touched: Vec<u64>,
 }
 
-/// Shorter gaps than this are cheaper to sweep than to skip.
-const SHORT_GAP: usize = 4;
-
 impl<const D: usize> Grid<D> {
     pub fn new(resolution: usize, mixed_friction: bool) -> Self {
         let layout = Layout::new(resolution);
-        let count = layout.extent.pow(D as u32);
-        let words = layout.row_count() * layout.extent.div_ceil(64);
+        let count = layout.row_count() * layout.row_length;
+        let words = layout.row_count() * layout.row_length.div_ceil(64);
         Self {
             layout,
             nodes: vec![f32x4::ZERO; count],
@@ -126,6 +172,7 @@ impl<const D: usize> Grid<D> {
             } else {
                 Vec::new()
             },
+            dirty: vec![false; count / CHUNK],
             active: Vec::new(),
             occupied: vec![0; words],
             touched: vec![0; words],
@@ -137,7 +184,7 @@ impl<const D: usize> Grid<D> {
     /// Nodes that leave them are zeroed: contact with a wall looks one node beyond the spans, and what
     /// it finds there must not depend on the past.
     pub fn activate(&mut self, places: &[Place]) {
-        let words = self.layout.extent.div_ceil(64);
+        let words = self.layout.row_length.div_ceil(64);
         self.clear();
         for span in self.active.drain(..) {
             self.touched[span.row * words..][..words].fill(0);
@@ -149,8 +196,9 @@ impl<const D: usize> Grid<D> {
             let mut column = 0;
             while let Some(lo) = next_bit(bits, column, true) {
                 let hi = next_bit(bits, lo, false).unwrap_or(words * 64);
+                let (lo, hi) = (lo / CHUNK * CHUNK, hi.next_multiple_of(CHUNK));
                 match self.active.last_mut() {
-                    Some(last) if last.row == row && lo < last.hi + SHORT_GAP => last.hi = hi,
+                    Some(last) if last.row == row && lo <= last.hi => last.hi = hi,
                     _ => self.active.push(Span { row, lo, hi }),
                 }
                 column = hi;
@@ -205,16 +253,53 @@ impl<const D: usize> Grid<D> {
         reached
     }
 
+    /// Windows onto ranges of planes, given in ascending order without overlap.
+    pub fn windows(&mut self, planes: impl Iterator<Item = Range<usize>>) -> Vec<Window<'_, D>> {
+        let layout = self.layout;
+        let (mut nodes, mut friction_mass, mut dirty) = (
+            &mut self.nodes[..],
+            &mut self.friction_mass[..],
+            &mut self.dirty[..],
+        );
+        let mut cut = 0;
+        let mut windows = Vec::new();
+        for planes in planes {
+            let first = planes.start * layout.nodes_per_plane();
+            let end = (planes.end * layout.nodes_per_plane()).min(cut + nodes.len());
+            let rows = planes.start * layout.rows_per_plane()..planes.end * layout.rows_per_plane();
+            let place = |row: usize| self.active.partition_point(|span| span.row < row);
+            let mine = cut_out(nodes, first - cut, end - cut);
+            let my_dirty = cut_out(dirty, (first - cut) / CHUNK, (end - cut) / CHUNK);
+            let my_friction = if friction_mass.is_empty() {
+                (&mut [][..], friction_mass)
+            } else {
+                cut_out(friction_mass, first - cut, end - cut)
+            };
+            (nodes, dirty, friction_mass, cut) = (mine.1, my_dirty.1, my_friction.1, end);
+            windows.push(Window {
+                layout,
+                first,
+                nodes: mine.0,
+                friction_mass: my_friction.0,
+                dirty: my_dirty.0,
+                active: &self.active[place(rows.start)..place(rows.end)],
+            });
+        }
+        windows
+    }
+
     /// Zeroes the active nodes.
     pub fn clear(&mut self) {
-        for span in &self.active {
-            let start = span.row * self.layout.extent;
-            self.nodes[start + span.lo..start + span.hi].fill(f32x4::ZERO);
-            if !self.friction_mass.is_empty() {
-                self.friction_mass[start + span.lo..start + span.hi].fill(0.0);
-            }
-        }
+        let planes = 0..self.layout.extent;
+        self.windows(std::iter::once(planes))
+            .iter_mut()
+            .for_each(Window::clear);
     }
+}
+
+/// Cuts `start..end` out of a slice; also what is behind.
+fn cut_out<T>(slice: &mut [T], start: usize, end: usize) -> (&mut [T], &mut [T]) {
+    slice[start..].split_at_mut(end - start)
 }
 
 /// The first bit from `from` on that is set, or is not set.
@@ -262,8 +347,14 @@ mod tests {
             assert!(grid.active.is_sorted_by_key(|s| (s.row, s.lo)));
             let apart = |pair: &[Span]| pair[0].row != pair[1].row || pair[0].hi < pair[1].lo;
             assert!(grid.active.windows(2).all(apart));
-            // 5 rows by 5 for each base; two planes of the third are those of the first.
-            assert_eq!(grid.active.len(), 25 + 25 + 15 + 25);
+            // 5 rows by 5 for each base; two planes of the third are those of the first. The columns 8 and 18 of
+            // the first two lie in chunks that touch.
+            assert_eq!(grid.active.len(), 25 + 15 + 25);
+            assert!(
+                grid.active
+                    .iter()
+                    .all(|s| s.lo % CHUNK == 0 && s.hi % CHUNK == 0)
+            );
         }
     }
 
@@ -272,8 +363,9 @@ mod tests {
         let mut grid = Grid::<2>::new(16, true);
         grid.activate(&[[6, 6], [9, 12]].map(|base| place(&grid, base)));
         for span in grid.active.clone() {
-            let start = span.row * grid.layout.extent;
+            let start = span.row * grid.layout.row_length;
             grid.nodes[start + span.lo..start + span.hi].fill(f32x4::splat(1.0));
+            grid.dirty[(start + span.lo) / CHUNK..(start + span.hi) / CHUNK].fill(true);
             grid.friction_mass[start + span.lo..start + span.hi].fill(1.0);
         }
         grid.activate(&[place(&grid, [14, 14])]);

@@ -1,10 +1,13 @@
-//! Momentum to velocity, gravity, and contact.
+//! Grid momentum to velocity, with gravity, obstacles and walls (Hu et al. 2018, eq. 21).
 
 use wide::f32x4;
 
-use crate::grid::Grid;
-use crate::math::Vector;
+use crate::grid::{CHUNK, Grid, Window};
+use crate::lanes::{Kernel, run_wide};
+use crate::math::{Vector, lanes};
 use crate::obstacle::{MaterialFriction, Obstacles};
+use crate::sort::Slab;
+use crate::team::Team;
 use crate::walls::WallContact;
 
 /// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
@@ -19,24 +22,86 @@ pub struct GridForces<'a, const D: usize> {
 }
 
 /// Turns the grid's momentum into the velocity at the end of the substep.
-pub fn grid_update<const D: usize>(grid: &mut Grid<D>, forces: &GridForces<'_, D>, dt: f32) {
-    let mut gain = [0.0; 4];
-    gain[..D].copy_from_slice((forces.gravity * dt).as_slice());
-    let gain = f32x4::from(gain);
-    for k in 0..grid.active.len() {
-        let span = grid.active[k];
-        let start = span.row * grid.layout.extent;
-        for node in &mut grid.nodes[start + span.lo..start + span.hi] {
-            // Without a branch: spray leaves every other node empty. An empty node gets a velocity that
-            // nobody reads, and keeps its mass of zero.
-            let mass = node.to_array()[3];
-            let inverse = 1.0 / mass.max(SMALLEST_MASS);
-            // The mass lane is multiplied by one and gains nothing.
-            *node = *node * f32x4::from([inverse, inverse, inverse, 1.0]) + gain;
+///
+/// Slabs are planes of the grid: what happens at their nodes depends on no other plane, but for the walls
+/// across the first axis, which come last.
+pub fn grid_update<const D: usize>(
+    grid: &mut Grid<D>,
+    slabs: &[Slab],
+    forces: &GridForces<'_, D>,
+    dt: f32,
+    team: &Team,
+) {
+    let last = slabs.len().saturating_sub(1);
+    // The slabs tile the planes where stencils begin; they end on later ones.
+    let planes = slabs.iter().enumerate().map(|(index, slab)| {
+        slab.lo..if index == last {
+            grid.layout.extent
+        } else {
+            slab.hi
         }
-        forces
-            .obstacles
-            .apply(grid, span, &forces.material_friction);
+    });
+    let planes: Vec<_> = planes.collect();
+    team.for_each(&mut grid.windows(planes.into_iter()), |window| {
+        run_wide(Accelerate {
+            window,
+            gain: lanes(&(forces.gravity * dt), 0.0),
+        });
+        forces.obstacles.apply(window, &forces.material_friction);
+        forces.walls.apply_within(window, &forces.material_friction);
+    });
+    forces.walls.apply_across(grid, &forces.material_friction);
+}
+
+/// Divides by the masses, and adds what gravity gains.
+struct Accelerate<'w, 'g, const D: usize> {
+    window: &'w mut Window<'g, D>,
+    gain: f32x4,
+}
+
+impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Window {
+            layout,
+            first,
+            nodes,
+            dirty,
+            active,
+            ..
+        } = self.window;
+        for span in *active {
+            let start = span.row * layout.row_length - *first;
+            let (lo, hi) = (start + span.lo, start + span.hi);
+            let (chunks, _) = nodes[lo..hi].as_chunks_mut();
+            for (chunk, dirty) in chunks.iter_mut().zip(&mut dirty[lo / CHUNK..hi / CHUNK]) {
+                *dirty = accelerate(chunk, self.gain);
+            }
+        }
     }
-    forces.walls.apply(grid, &forces.material_friction);
+}
+
+/// False when all nodes are empty.
+#[inline(always)]
+fn accelerate(nodes: &mut [f32x4; CHUNK], gain: f32x4) -> bool {
+    let masses: [f32; CHUNK] = std::array::from_fn(|i| nodes[i].to_array()[3]);
+    // Spray leaves most nodes empty. They stay as they are; nobody reads their velocity.
+    if masses.iter().sum::<f32>() == 0.0 {
+        return false;
+    }
+    let inverses = masses.map(|mass| {
+        1.0 / if mass > SMALLEST_MASS {
+            mass
+        } else {
+            SMALLEST_MASS
+        }
+    });
+    for i in 0..CHUNK {
+        // The mass lane is multiplied by one and gains nothing.
+        let inverse = f32x4::from([inverses[i], inverses[i], inverses[i], 1.0]);
+        nodes[i] = nodes[i] * inverse + gain;
+    }
+    true
 }

@@ -27,6 +27,7 @@ mod team;
 mod timestep;
 #[cfg(test)]
 mod transfer_tests;
+mod wall_fill;
 mod walls;
 
 pub use contact::{Contact, ContactKind};

@@ -1,11 +1,21 @@
 //! Fixed-size types, and the few operations whose formula depends on the dimension.
 
 use nalgebra::{SMatrix, SVector};
+use wide::f32x4;
 
 /// A point or vector of D components.
 pub type Vector<const D: usize> = SVector<f32, D>;
 /// A D x D matrix.
 pub type Matrix<const D: usize> = SMatrix<f32, D, D>;
+
+/// A vector in the first D lanes, zeros behind, and `last` in the last.
+#[inline(always)]
+pub fn lanes<const D: usize>(v: &Vector<D>, last: f32) -> f32x4 {
+    let mut lanes = [0.0; 4];
+    lanes[..D].copy_from_slice(v.as_slice());
+    lanes[3] = last;
+    f32x4::from(lanes)
+}
 
 /// det M. nalgebra's needs concrete sizes.
 #[inline(always)]

@@ -4,7 +4,7 @@ use wide::f32x4;
 
 use crate::contact::Contact;
 use crate::error::MpmError;
-use crate::grid::{Grid, Layout, Span};
+use crate::grid::{Layout, Span, Window};
 use crate::grid_update::SMALLEST_MASS;
 use crate::math::Vector;
 
@@ -204,30 +204,43 @@ impl<const D: usize> Obstacles<D> {
                 }
                 prepared.near.push(near);
             }
+            let padding = layout.row_length - layout.extent;
+            prepared.near.extend(std::iter::repeat_n(false, padding));
             prepared.row_starts.push(prepared.nodes.len() as u32);
         }
         prepared
     }
 
-    /// Applies contact to the grid velocities of one active span.
-    pub fn apply(&self, grid: &mut Grid<D>, span: Span, material_friction: &MaterialFriction) {
+    /// Applies contact to the grid velocities of some planes.
+    pub fn apply(&self, window: &mut Window<'_, D>, material_friction: &MaterialFriction) {
         if self.list.is_empty() {
             return;
         }
+        for &span in window.active {
+            self.apply_to_span(window, span, material_friction);
+        }
+    }
+
+    fn apply_to_span(
+        &self,
+        window: &mut Window<'_, D>,
+        span: Span,
+        material_friction: &MaterialFriction,
+    ) {
         let nodes = self.row_starts[span.row] as usize..self.row_starts[span.row + 1] as usize;
         for node in &self.nodes[nodes] {
             let column = node.column as usize;
             if column < span.lo || column >= span.hi {
                 continue;
             }
-            let index = span.row * grid.layout.extent + column;
-            let lanes = grid.nodes[index].to_array();
+            let index = span.row * window.layout.row_length + column - window.first;
+            let lanes = window.nodes[index].to_array();
             if lanes[3] > SMALLEST_MASS {
                 let v = Vector::from_fn(|axis, _| lanes[axis]);
-                let friction = material_friction.at(grid, index, lanes[3]);
+                let friction = material_friction.at(window, index, lanes[3]);
                 let contact = self.list[node.obstacle as usize].contact;
                 let v = contact.resolve(&v, &node.normal, friction);
-                grid.nodes[index] = with_velocity(lanes, &v);
+                window.nodes[index] = with_velocity(lanes, &v);
             }
         }
     }
@@ -264,10 +277,10 @@ pub enum MaterialFriction {
 
 impl MaterialFriction {
     #[inline(always)]
-    pub fn at<const D: usize>(&self, grid: &Grid<D>, index: usize, mass: f32) -> f32 {
+    pub fn at<const D: usize>(&self, window: &Window<'_, D>, index: usize, mass: f32) -> f32 {
         match self {
             Self::Uniform(friction) => *friction,
-            Self::Mixed => grid.friction_mass[index] / mass,
+            Self::Mixed => window.friction_mass[index] / mass,
         }
     }
 }

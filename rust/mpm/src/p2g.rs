@@ -4,7 +4,7 @@
 
 use wide::f32x4;
 
-use crate::grid::{Grid, Layout, MARGIN};
+use crate::grid::{Grid, Layout, MARGIN, Window};
 use crate::lanes::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, State};
 use crate::math::shear_index;
@@ -23,16 +23,6 @@ pub struct Step<'a, const D: usize> {
     pub force: Option<&'a [f32]>,
 }
 
-/// The planes of the grid that one slab may write.
-struct Window<'a> {
-    slab: usize,
-    /// Memory index of the first node.
-    first: usize,
-    nodes: &'a mut [f32x4],
-    /// Empty unless materials differ in wall friction.
-    friction_mass: &'a mut [f32],
-}
-
 /// Adds all particles to a cleared grid.
 ///
 /// Slabs of one colour touch different nodes and may run at once; colours follow each other, so each node
@@ -44,58 +34,30 @@ pub fn p2g<const D: usize>(
     step: Step<'_, D>,
     team: &Team,
 ) {
-    let layout = grid.layout;
     for colour in 0..2 {
-        let mut windows = windows(slabs, colour, grid);
-        team.for_each(&mut windows, |window| {
+        let of_colour = slabs.iter().enumerate().skip(colour).step_by(2);
+        let reach = |slab: &Slab| slab.lo.saturating_sub(MARGIN)..slab.hi + MARGIN + 2;
+        let windows = grid.windows(of_colour.clone().map(|(_, slab)| reach(slab)));
+        let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
+        team.for_each(&mut parts, |(slab, window)| {
             for phase in phases {
                 with_group!(phase, group => {
-                    let blocks = &group.blocks[group.runs[window.slab].blocks()];
+                    let blocks = &group.blocks[group.runs[*slab].blocks()];
                     run_wide(Scatter {
                         blocks,
                         material: &group.material,
-                        layout,
+                        layout: window.layout,
                         step,
                         first: window.first,
                         nodes: window.nodes,
                     });
                     if !window.friction_mass.is_empty() {
-                        scatter_friction(blocks, group.wall_friction, &layout, window);
+                        scatter_friction(blocks, group.wall_friction, window);
                     }
                 });
             }
         });
     }
-}
-
-/// Cuts the planes that the slabs of one colour reach out of the grid.
-fn windows<'a, const D: usize>(
-    slabs: &[Slab],
-    colour: usize,
-    grid: &'a mut Grid<D>,
-) -> Vec<Window<'a>> {
-    let plane = grid.layout.nodes_per_plane();
-    let (mut nodes, mut friction) = (&mut grid.nodes[..], &mut grid.friction_mass[..]);
-    let mut cut = 0;
-    let mut windows = Vec::with_capacity(slabs.len() / 2 + 1);
-    for (slab, planes) in slabs.iter().enumerate().skip(colour).step_by(2) {
-        let first = planes.lo.saturating_sub(MARGIN) * plane;
-        let end = ((planes.hi + MARGIN + 2) * plane).min(cut + nodes.len());
-        let (mine, rest) = std::mem::take(&mut nodes)[first - cut..].split_at_mut(end - first);
-        let (my_friction, friction_rest) = if friction.is_empty() {
-            (&mut [][..], friction)
-        } else {
-            std::mem::take(&mut friction)[first - cut..].split_at_mut(end - first)
-        };
-        windows.push(Window {
-            slab,
-            first,
-            nodes: mine,
-            friction_mass: my_friction,
-        });
-        (nodes, friction, cut) = (rest, friction_rest, end);
-    }
-    windows
 }
 
 /// The blocks of one group in one slab.
@@ -122,7 +84,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
 
     #[inline(always)]
     fn run(self) {
-        let extent = self.layout.extent;
+        let row_length = self.layout.row_length;
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.layout);
             let shares = self.shares(block, &stencils);
@@ -141,7 +103,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
                             let weight = weight * stencils.weights[1][b][i];
                             scatter_row(
                                 self.nodes,
-                                begin + b * extent,
+                                begin + b * row_length,
                                 value,
                                 along,
                                 weight,
@@ -237,11 +199,10 @@ fn scatter_row(
 fn scatter_friction<const D: usize, S: State>(
     blocks: &[Block<D, S>],
     friction: f32,
-    layout: &Layout<D>,
-    window: &mut Window<'_>,
+    window: &mut Window<'_, D>,
 ) {
     for block in blocks.iter().filter(|_| friction > 0.0) {
-        let stencils = Stencils::at(&block.x, layout);
+        let stencils = Stencils::at(&block.x, &window.layout);
         for i in 0..block.count {
             let start = stencils.start[i] as usize - window.first;
             for_each_row::<D>(|a, b| {
@@ -252,7 +213,7 @@ fn scatter_friction<const D: usize, S: State>(
                 };
                 let weight = stencils.weights[0][a][i] * across * block.mass[i] * friction;
                 for step in 0..3 {
-                    let node = start + layout.stencil_row([a, b]) + step;
+                    let node = start + window.layout.stencil_row([a, b]) + step;
                     window.friction_mass[node] += weight * stencils.weights[D - 1][step][i];
                 }
             });

@@ -207,8 +207,14 @@ impl<const D: usize> Solver<D> {
     }
 
     fn sort(&mut self) {
-        self.slabs = sort(&mut self.state.phases, &self.grid.layout, &mut self.places);
+        self.slabs = sort(
+            &mut self.state.phases,
+            &self.grid.layout,
+            &mut self.places,
+            &self.team,
+        );
         self.grid.activate(&self.places);
+        self.walls.activate(&self.grid.active, &self.grid.layout);
     }
 
     /// One substep; false when a particle is no longer sound.
@@ -227,7 +233,7 @@ impl<const D: usize> Solver<D> {
             obstacles: &self.obstacles,
             material_friction: self.material_friction,
         };
-        grid_update(&mut self.grid, &forces, step.dt);
+        grid_update(&mut self.grid, &self.slabs, &forces, step.dt, &self.team);
         let (phases, grid) = (&mut self.state.phases, &self.grid);
         let gather = Gather {
             dt: step.dt,

@@ -2,9 +2,10 @@
 
 use crate::grid::{Layout, PADDING};
 use crate::lanes::LANES;
-use crate::material::Constitutive;
+use crate::material::{Constitutive, State};
 use crate::particle::{Block, Group, Particle, Phase, Run};
 use crate::stencil::Stencils;
+use crate::team::Team;
 use crate::with_group;
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
@@ -20,7 +21,7 @@ const MIN_PLANES: usize = 4;
 /// More than eight threads gain nothing at the sizes that are interactive.
 const MAX_SLABS: usize = 16;
 /// Smaller slabs waste too many lanes of their last blocks.
-const SMALLEST_SLAB: usize = 384;
+const SMALLEST_SLAB: usize = 256;
 
 /// Lowest stencil node of a particle: its row, and its place on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,6 +38,7 @@ pub fn sort<const D: usize>(
     phases: &mut [Phase<D>],
     layout: &Layout<D>,
     places: &mut Vec<Place>,
+    team: &Team,
 ) -> Vec<Slab> {
     places.clear();
     for phase in phases.iter() {
@@ -48,7 +50,7 @@ pub fn sort<const D: usize>(
     for phase in phases {
         with_group!(phase, group => {
             let (mine, others) = rest.split_at(group.len());
-            sort_group(group, mine, &slabs, layout);
+            sort_group(group, mine, &slabs, layout, team);
             rest = others;
         });
     }
@@ -71,9 +73,9 @@ fn find_places<const D: usize, M: Constitutive<D>>(
 
 fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec<usize> {
     let mut per_row = vec![0u32; layout.row_count()];
-    places
-        .iter()
-        .for_each(|place| per_row[place.row as usize] += 1);
+    for place in places {
+        per_row[place.row as usize] += 1;
+    }
     let planes = per_row.chunks(layout.rows_per_plane());
     planes
         .map(|rows| rows.iter().sum::<u32>() as usize)
@@ -86,11 +88,12 @@ fn sort_group<const D: usize, M: Constitutive<D>>(
     places: &[Place],
     slabs: &[Slab],
     layout: &Layout<D>,
+    team: &Team,
 ) {
     let mut next = vec![0u32; layout.row_count()];
-    places
-        .iter()
-        .for_each(|place| next[place.row as usize] += 1);
+    for place in places {
+        next[place.row as usize] += 1;
+    }
     let rows_per_plane = layout.rows_per_plane();
     let (mut slot, mut runs) = (0, Vec::with_capacity(slabs.len()));
     for slab in slabs {
@@ -109,26 +112,60 @@ fn sort_group<const D: usize, M: Constitutive<D>>(
     if in_place || places.is_empty() {
         return;
     }
-    let blocks = slot as usize / LANES;
+    // Which particle goes to which slot, first as numbers; then each new block fetches its own.
+    let mut sources = vec![VACANT; slot as usize];
+    let mut places = places.iter();
+    for (index, block) in group.blocks.iter().enumerate() {
+        for lane in 0..block.count {
+            let place = places.next().expect("one place a particle");
+            let slot = &mut next[place.row as usize];
+            sources[*slot as usize] = (index * LANES + lane) as u32;
+            *slot += 1;
+        }
+    }
     let resting = Particle {
         state: group.material.initial_state(1.0),
         ..group.blocks[0].get(0)
     };
-    group.scratch.clear();
-    group.scratch.resize(blocks, Block::empty(&resting));
-    let mut places = places.iter();
-    for block in &group.blocks {
-        for lane in 0..block.count {
-            let place = places.next().expect("one place a particle");
-            let slot = &mut next[place.row as usize];
-            let target = &mut group.scratch[*slot as usize / LANES];
-            target.set(*slot as usize % LANES, &block.get(lane));
-            target.count += 1;
-            *slot += 1;
-        }
-    }
+    let vacant = Block::empty(&resting);
+    group.scratch.resize(sources.len() / LANES, vacant);
+    let blocks = &group.blocks;
+    let mut targets: Vec<_> = group
+        .scratch
+        .iter_mut()
+        .zip(sources.chunks(LANES))
+        .collect();
+    let share = targets.len().div_ceil(4 * team.size()).max(1);
+    let mut parts: Vec<_> = targets.chunks_mut(share).collect();
+    team.for_each(&mut parts, |part| {
+        part.iter_mut()
+            .for_each(|(target, sources)| fetch(target, sources, blocks, &vacant));
+    });
     std::mem::swap(&mut group.blocks, &mut group.scratch);
 }
+
+fn fetch<const D: usize, S: State>(
+    target: &mut Block<D, S>,
+    sources: &[u32],
+    blocks: &[Block<D, S>],
+    vacant: &Block<D, S>,
+) {
+    let count = sources
+        .iter()
+        .take_while(|&&source| source != VACANT)
+        .count();
+    if count < LANES {
+        *target = *vacant;
+    }
+    target.count = count;
+    for (lane, &source) in sources.iter().enumerate().take(count) {
+        let source = source as usize;
+        target.set(lane, &blocks[source / LANES].get(source % LANES));
+    }
+}
+
+/// A slot behind the last particle of a slab.
+const VACANT: u32 = u32::MAX;
 
 fn cut(per_plane: &[usize]) -> Vec<Slab> {
     let total: usize = per_plane.iter().sum();

@@ -48,12 +48,17 @@ impl<const D: usize> Stencils<D> {
             offset: [[0.0; LANES]; D],
             weights: [[[0.0; LANES]; 3]; D],
         };
-        let (resolution, extent) = (layout.resolution as f32, layout.extent as u32);
+        let resolution = layout.resolution as f32;
         for axis in 0..D {
+            let length = if axis == D - 1 {
+                layout.row_length
+            } else {
+                layout.extent
+            } as u32;
             for i in 0..LANES {
                 let (base, offset) = lowest_node(x[axis][i] * resolution + PADDING as f32);
                 stencils.base[axis][i] = base;
-                stencils.start[i] = stencils.start[i].wrapping_mul(extent).wrapping_add(base);
+                stencils.start[i] = stencils.start[i].wrapping_mul(length).wrapping_add(base);
                 stencils.offset[axis][i] = offset;
                 let weights = spline(offset);
                 for step in 0..3 {

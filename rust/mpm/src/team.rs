@@ -25,7 +25,15 @@ pub struct Team {
     caller: Mutex<()>,
 }
 
-type Job<'a> = dyn Fn() + Sync + 'a;
+/// Called with the number of the thread, 0 for the caller.
+type Job<'a> = dyn Fn(usize) + Sync + 'a;
+
+/// On a cache line of its own, so that threads that count do not disturb each other.
+#[repr(align(128))]
+struct Cursor {
+    next: AtomicUsize,
+    end: usize,
+}
 
 #[derive(Debug)]
 struct Shared {
@@ -79,7 +87,7 @@ impl Team {
             let shared = Arc::clone(&shared);
             let builder = Builder::new().name(format!("mpm-{index}"));
             // Not joined when the team ends: it leaves by itself, and in a forked process it never was.
-            builder.spawn(move || shared.work()).map_err(|error| {
+            builder.spawn(move || shared.work(index)).map_err(|error| {
                 MpmError::parameter(
                     "threads",
                     "a number that the system grants",
@@ -97,18 +105,32 @@ impl Team {
     }
 
     /// Calls `work` on each item, on as many threads as are free.
+    ///
+    /// A thread begins with its own share of consecutive items, which is the same in each call: what it wrote
+    /// last time is still near it. Then it takes what others have not begun.
     pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
         let alone = self.workers == 0 || items.len() < 2;
         let Some(_caller) = self.caller.try_lock().ok().filter(|_| !alone) else {
             items.iter_mut().for_each(work);
             return;
         };
+        let (count, threads) = (items.len(), self.size());
+        let share = |thread: usize| Cursor {
+            next: AtomicUsize::new(thread * count / threads),
+            end: (thread + 1) * count / threads,
+        };
+        let cursors: Vec<Cursor> = (0..threads).map(share).collect();
         // Uncontended: each item is locked by the one thread that drew its number.
         let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();
-        let next = AtomicUsize::new(0);
-        self.run(&|| {
-            while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
-                work(&mut item.lock().unwrap_or_else(PoisonError::into_inner));
+        self.run(&|thread| {
+            for cursor in cursors[thread..].iter().chain(&cursors[..thread]) {
+                loop {
+                    let index = cursor.next.fetch_add(1, Ordering::Relaxed);
+                    if index >= cursor.end {
+                        break;
+                    }
+                    work(&mut items[index].lock().unwrap_or_else(PoisonError::into_inner));
+                }
             }
         });
     }
@@ -133,7 +155,7 @@ impl Team {
             shared.wake.notify_all();
         }
         let closing = Closing(shared);
-        job();
+        job(0);
         drop(closing);
         assert!(!shared.failed.load(Ordering::Relaxed), "a worker panicked");
     }
@@ -150,7 +172,7 @@ impl Drop for Closing<'_> {
         while Phase(phase.load(Ordering::Acquire)).inside() > 0 {
             // A worker may have lost its core to another process.
             spins += 1;
-            if spins % 4096 == 0 {
+            if spins.is_multiple_of(4096) {
                 std::thread::yield_now();
             }
             spin_loop();
@@ -159,10 +181,11 @@ impl Drop for Closing<'_> {
 }
 
 impl Shared {
-    fn work(&self) {
+    fn work(&self, thread: usize) {
         let mut done = 0;
         while let Some(job) = self.next_job(&mut done) {
-            if std::panic::catch_unwind(std::panic::AssertUnwindSafe(job)).is_err() {
+            let attempt = std::panic::AssertUnwindSafe(|| job(thread));
+            if std::panic::catch_unwind(attempt).is_err() {
                 self.failed.store(true, Ordering::Relaxed);
             }
             self.phase.fetch_sub(1, Ordering::Release);

@@ -9,15 +9,14 @@
 
 use std::ops::Range;
 
-use wide::f32x4;
-
 use crate::contact::{Contact, ContactKind, remaining_slip};
 use crate::error::MpmError;
-use crate::grid::{Grid, Layout, PADDING};
+use crate::grid::{Grid, Layout, PADDING, Span, Window};
 use crate::grid_update::SMALLEST_MASS;
+use crate::lanes::{Kernel, LANES, Lanes, run_wide};
 use crate::math::Vector;
 use crate::obstacle::MaterialFriction;
-use crate::stencil::{Stencils, spline};
+use crate::stencil::spline;
 
 /// Positions of the walls [m] and their surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +65,7 @@ impl<const D: usize> Walls<D> {
 const WEAK_OUTER_WEIGHT: f32 = 0.06;
 
 /// One wall on the grid.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Side {
     axis: usize,
     /// +1 at a lower wall, -1 at an upper one.
@@ -75,10 +74,8 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
-    /// One in the lane of the axis, zero in the others.
-    normal: f32x4,
-    /// One in the lanes of the other axes, zero elsewhere.
-    tangential: f32x4,
+    /// Middle nodes of the lines that may carry material, as ranges of memory in ascending order.
+    lines: Vec<Range<usize>>,
 }
 
 /// All walls of a scene, prepared for one grid.
@@ -97,16 +94,12 @@ impl WallContact {
             if inward < 0.0 {
                 weights.reverse();
             }
-            let lanes = |one: &dyn Fn(usize) -> bool| {
-                f32x4::from(std::array::from_fn(|lane| f32::from(u8::from(one(lane)))))
-            };
             Side {
                 axis,
                 inward,
                 middle: base as usize + 1,
                 weights,
-                normal: lanes(&|lane| lane == axis),
-                tangential: lanes(&|lane| lane != axis && lane < D),
+                lines: Vec::new(),
             }
         };
         let sides = (0..D)
@@ -123,188 +116,210 @@ impl WallContact {
         }
     }
 
-    /// Applies contact to the grid velocities.
-    pub fn apply<const D: usize>(&self, grid: &mut Grid<D>, friction: &MaterialFriction) {
-        for side in &self.sides {
-            if side.axis == D - 1 {
-                self.across_rows(grid, side, friction);
-            } else {
-                self.along_rows(grid, side, friction);
+    /// Finds the node lines across each wall that may carry material.
+    pub fn activate<const D: usize>(&mut self, active: &[Span], layout: &Layout<D>) {
+        for side in &mut self.sides {
+            side.lines.clear();
+            for span in active {
+                let start = span.row * layout.row_length;
+                if side.axis == D - 1 {
+                    if span.lo < side.middle && side.middle + 1 < span.hi {
+                        side.lines
+                            .push(start + side.middle..start + side.middle + 1);
+                    }
+                } else if layout.row_coordinates(span.row)[side.axis] == side.middle {
+                    side.lines.push(start + span.lo..start + span.hi);
+                }
             }
         }
     }
 
-    fn across_rows<const D: usize>(
+    /// Contact with the walls whose node lines stay within a plane, to the grid velocities of some planes.
+    pub fn apply_within<const D: usize>(
         &self,
-        grid: &mut Grid<D>,
-        side: &Side,
+        window: &mut Window<'_, D>,
         friction: &MaterialFriction,
     ) {
-        for k in 0..grid.active.len() {
-            let span = grid.active[k];
-            if span.lo < side.middle && side.middle + 1 < span.hi {
-                let middle = span.row * grid.layout.extent + side.middle;
-                self.resolve(grid, side, middle..middle + 1, friction);
+        for side in self.sides.iter().filter(|side| side.axis > 0) {
+            let place = |node: usize| side.lines.partition_point(|line| line.start < node);
+            let lines = &side.lines[place(window.first)..place(window.first + window.nodes.len())];
+            self.resolve(window, side, lines, friction);
+        }
+    }
+
+    /// Contact with the walls across the first axis.
+    pub fn apply_across<const D: usize>(&self, grid: &mut Grid<D>, friction: &MaterialFriction) {
+        let planes = 0..grid.layout.extent;
+        for window in &mut grid.windows(std::iter::once(planes)) {
+            for side in self.sides.iter().filter(|side| side.axis == 0) {
+                self.resolve(window, side, &side.lines, friction);
             }
         }
     }
 
-    fn along_rows<const D: usize>(
-        &self,
-        grid: &mut Grid<D>,
-        side: &Side,
-        friction: &MaterialFriction,
-    ) {
-        let layout = grid.layout;
-        let candidates = if side.axis == 0 {
-            let row = |plane: usize| plane * layout.rows_per_plane();
-            let first = grid.active.partition_point(|s| s.row < row(side.middle));
-            first
-                ..grid
-                    .active
-                    .partition_point(|s| s.row < row(side.middle + 1))
-        } else {
-            0..grid.active.len()
-        };
-        for k in candidates {
-            let span = grid.active[k];
-            if layout.row_coordinates(span.row)[side.axis] == side.middle {
-                let start = span.row * layout.extent;
-                self.resolve(grid, side, start + span.lo..start + span.hi, friction);
-            }
-        }
-    }
-
-    /// Contact on the node lines whose middle nodes are given.
+    /// Contact on node lines. They have no node in common, so their order has no influence.
     fn resolve<const D: usize>(
         &self,
-        grid: &mut Grid<D>,
+        window: &mut Window<'_, D>,
         side: &Side,
-        middles: Range<usize>,
+        lines: &[Range<usize>],
         friction: &MaterialFriction,
     ) {
-        let stride = grid.layout.stride(side.axis);
-        for middle in middles {
-            let (low, high) = (middle - stride, middle + stride);
-            let indices = if side.inward > 0.0 {
-                [low, middle, high]
-            } else {
-                [high, middle, low]
-            };
-            // The node that shows whether material touches the wall, looked at before the others.
-            let first = indices[usize::from(side.weights[0] < WEAK_OUTER_WEIGHT)];
-            if grid.nodes[first].to_array()[3] <= SMALLEST_MASS {
+        let stride = window.layout.stride(side.axis) as isize * side.inward as isize;
+        let nodes_across =
+            |middle: usize| [-stride, 0, stride].map(|step| (middle as isize + step) as usize);
+        // The node that shows whether material touches the wall.
+        let telling = usize::from(side.weights[0] < WEAK_OUTER_WEIGHT);
+        let mut batch = [[0; 3]; LANES];
+        let mut count = 0;
+        for middle in lines.iter().cloned().flatten() {
+            let nodes = nodes_across(middle - window.first);
+            if window.nodes[nodes[telling]].to_array()[3] <= SMALLEST_MASS {
                 continue;
             }
-            let nodes = indices.map(|index| grid.nodes[index]);
-            let masses = nodes.map(|node| node.to_array()[3]);
-            // Empty nodes have no velocity to speak of and take no impulse.
-            let weights: [f32; 3] = std::array::from_fn(|i| {
-                if masses[i] > SMALLEST_MASS {
-                    side.weights[i]
-                } else {
-                    0.0
-                }
-            });
-            let at_wall = nodes[0] * f32x4::splat(weights[0])
-                + nodes[1] * f32x4::splat(weights[1])
-                + nodes[2] * f32x4::splat(weights[2]);
-            let approach = -at_wall.to_array()[side.axis] * side.inward;
-            if self.contact.kind == ContactKind::Separating && approach <= 0.0 {
-                continue;
-            }
-            let mu = self
-                .contact
-                .friction
-                .unwrap_or_else(|| friction.at(grid, middle, masses[1]));
-            let slip = at_wall * side.tangential;
-            let lost = match self.contact.kind {
-                ContactKind::Sticky => 1.0,
-                ContactKind::Separating if mu > 0.0 => {
-                    1.0 - remaining_slip((slip * slip).reduce_add().sqrt(), mu * approach)
-                }
-                ContactKind::Slip | ContactKind::Separating => 0.0,
-            };
-            // How the velocity at the wall has to change, and what share of it each node takes.
-            let change =
-                side.normal * f32x4::splat(approach * side.inward) - slip * f32x4::splat(lost);
-            let mobility: [f32; 3] =
-                std::array::from_fn(|i| weights[i] / masses[i].max(SMALLEST_MASS));
-            let total: f32 = (0..3).map(|i| mobility[i] * weights[i]).sum();
-            for i in 0..3 {
-                grid.nodes[indices[i]] = nodes[i] + change * f32x4::splat(mobility[i] / total);
+            batch[count] = nodes;
+            count += 1;
+            if count == LANES {
+                run_wide(Push {
+                    contact: &self.contact,
+                    side,
+                    window,
+                    friction,
+                    lines: &batch,
+                });
+                count = 0;
             }
         }
-    }
-}
-
-/// How full of material the grid can be near the walls, where part of each stencil lies outside.
-#[derive(Debug, Clone)]
-pub struct WallFill<const D: usize> {
-    /// Per axis and node, the part of the node's spline between the walls, in [0, 1].
-    nodes: [Vec<f32>; D],
-}
-
-impl<const D: usize> WallFill<D> {
-    pub fn new(walls: &Walls<D>, layout: &Layout<D>) -> Self {
-        let cells = |x: f32| f64::from(x) * layout.resolution as f64 + PADDING as f64;
-        let nodes = std::array::from_fn(|axis| {
-            let (lower, upper) = (cells(walls.lower[axis]), cells(walls.upper[axis]));
-            (0..layout.extent)
-                .map(|i| (cumulative(upper - i as f64) - cumulative(lower - i as f64)) as f32)
-                .collect()
+        run_wide(Push {
+            contact: &self.contact,
+            side,
+            window,
+            friction,
+            lines: &batch[..count],
         });
-        Self { nodes }
     }
+}
 
-    /// Part of the stencil of one particle of a block that lies between the walls; 1 far from them.
+/// Contact on up to `LANES` node lines; each is its outer, middle and inner node.
+struct Push<'a, 'w, const D: usize> {
+    contact: &'a Contact,
+    side: &'a Side,
+    window: &'a mut Window<'w, D>,
+    friction: &'a MaterialFriction,
+    lines: &'a [[usize; 3]],
+}
+
+impl<const D: usize> Kernel for Push<'_, '_, D> {
+    type Output = ();
+
     #[inline(always)]
-    pub fn at(&self, stencils: &Stencils<D>, lane: usize) -> f32 {
-        let mut fill = 1.0;
-        for axis in 0..D {
-            let base = stencils.base[axis][lane] as usize;
-            let nodes = &self.nodes[axis][base..base + 3];
-            let w = &stencils.weights[axis];
-            fill *= nodes[0] * w[0][lane] + nodes[1] * w[1][lane] + nodes[2] * w[2][lane];
-        }
-        fill
-    }
-}
-
-/// Integral of the quadratic B-spline centred at zero from minus infinity to t.
-fn cumulative(t: f64) -> f64 {
-    match t {
-        t if t < -1.5 => 0.0,
-        t if t < -0.5 => (t + 1.5).powi(3) / 6.0,
-        t if t < 0.5 => 0.5 + t * (0.75 - t * t / 3.0),
-        t if t < 1.5 => 1.0 - (1.5 - t).powi(3) / 6.0,
-        _ => 1.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::lanes::LANES;
-
-    #[test]
-    fn a_stencil_at_a_wall_is_about_half_full_and_in_a_corner_a_quarter() {
-        let contact = Contact {
-            kind: ContactKind::Separating,
-            friction: None,
-        };
-        let walls = Walls {
-            lower: Vector::from_element(0.1),
-            upper: Vector::from_element(0.9),
+    fn run(self) {
+        let Self {
             contact,
+            side,
+            window,
+            ..
+        } = self;
+        let mut mass = [[0.0; LANES]; 3];
+        let mut v = [[[0.0; LANES]; 3]; D];
+        let mut mu = [contact.friction.unwrap_or(0.0); LANES];
+        for (i, line) in self.lines.iter().enumerate() {
+            for (step, &node) in line.iter().enumerate() {
+                mass[step][i] = window.nodes[node].to_array()[3];
+            }
+            if contact.friction.is_none() {
+                mu[i] = self.friction.at(window, line[1], mass[1][i]);
+            }
+        }
+        let smooth = contact.kind == ContactKind::Slip || mu.iter().all(|&mu| mu == 0.0);
+        // A smooth wall changes the velocity along its normal alone.
+        let axes = if smooth && contact.kind != ContactKind::Sticky {
+            side.axis..side.axis + 1
+        } else {
+            0..D
         };
-        let layout = Layout::<2>::new(64);
-        let fill = WallFill::new(&walls, &layout);
-        let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout), 0);
-        assert!((at(0.5, 0.5) - 1.0).abs() < 1e-6);
-        // Not exactly: between nodes, the spline of splines is not symmetric.
-        assert!((at(0.1, 0.5) - 0.5).abs() < 0.02 && (at(0.5, 0.9) - 0.5).abs() < 0.02);
-        assert!((at(0.9, 0.1) - 0.25).abs() < 0.02);
-        assert!((at(0.1 + 3.01 / 64.0, 0.5) - 1.0).abs() < 1e-6);
+        for axis in axes.clone() {
+            for (i, line) in self.lines.iter().enumerate() {
+                for (step, &node) in line.iter().enumerate() {
+                    v[axis][step][i] = window.nodes[node].to_array()[axis];
+                }
+            }
+        }
+        push(contact.kind, side, &mass, &mu, &mut v);
+        for axis in axes {
+            for (i, line) in self.lines.iter().enumerate() {
+                for (step, &node) in line.iter().enumerate() {
+                    window.nodes[node].as_mut_array()[axis] = v[axis][step][i];
+                }
+            }
+        }
+    }
+}
+
+/// Changes velocities `v[axis][step]` so that the material at the wall obeys the contact. Without branches.
+#[inline(always)]
+fn push<const D: usize>(
+    kind: ContactKind,
+    side: &Side,
+    mass: &[Lanes; 3],
+    mu: &Lanes,
+    v: &mut [[Lanes; 3]; D],
+) {
+    let mut mobility = [[0.0; LANES]; 3];
+    let mut at_wall = [[0.0; LANES]; D];
+    let mut total = [0.0; LANES];
+    for step in 0..3 {
+        let mut weights = [0.0; LANES];
+        for i in 0..LANES {
+            // Empty nodes have no velocity to speak of and take no impulse.
+            let there = mass[step][i] > SMALLEST_MASS;
+            weights[i] = if there { side.weights[step] } else { 0.0 };
+            mobility[step][i] = weights[i] / if there { mass[step][i] } else { 1.0 };
+            total[i] += mobility[step][i] * weights[i];
+        }
+        for axis in 0..D {
+            for i in 0..LANES {
+                at_wall[axis][i] += weights[i] * v[axis][step][i];
+            }
+        }
+    }
+    let approach = at_wall[side.axis].map(|v| -v * side.inward);
+    at_wall[side.axis] = [0.0; LANES];
+    let slip = at_wall;
+    let mut lost = [if kind == ContactKind::Sticky {
+        1.0
+    } else {
+        0.0
+    }; LANES];
+    // Impulse per change of the velocity at the wall; each node takes its share.
+    let mut impulse = [0.0; LANES];
+    for i in 0..LANES {
+        impulse[i] = if total[i] > 0.0 { 1.0 / total[i] } else { 0.0 };
+    }
+    if kind == ContactKind::Separating {
+        for i in 0..LANES {
+            let mut squared = 0.0;
+            for axis in 0..D {
+                squared += slip[axis][i] * slip[axis][i];
+            }
+            lost[i] = 1.0 - remaining_slip(squared.sqrt(), mu[i] * approach[i]);
+            impulse[i] = if approach[i] > 0.0 { impulse[i] } else { 0.0 };
+        }
+    }
+    for axis in 0..D {
+        let mut change = [0.0; LANES];
+        for i in 0..LANES {
+            let normal = if axis == side.axis {
+                approach[i] * side.inward
+            } else {
+                0.0
+            };
+            change[i] = (normal - slip[axis][i] * lost[i]) * impulse[i];
+        }
+        for step in 0..3 {
+            for i in 0..LANES {
+                v[axis][step][i] += change[i] * mobility[step][i];
+            }
+        }
     }
 }
