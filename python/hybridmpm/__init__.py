@@ -21,6 +21,7 @@ from hybridmpm.errors import (
 from hybridmpm.materials import Elastic, Sand, Water
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.sampling import Particles
+from hybridmpm.motion import Motion
 from hybridmpm.scene import Scene, Walls
 from hybridmpm.shapes import (
     Ball,
@@ -48,6 +49,7 @@ __all__ = [
     "MpmSolver",
     "NonFiniteError",
     "Particles",
+    "Motion",
     "Polygon",
     "RadiusGraph",
     "Sand",

@@ -149,7 +149,7 @@ fn there_and_back<const D: usize>(particles: Set<D>) -> (Grid<D>, Set<D>) {
         false,
     );
     let momentum = grid.clone();
-    let obstacles = Obstacles::new(Vec::new(), &layout);
+    let obstacles = Obstacles::new(Vec::new(), &walls, &layout);
     let forces = GridForces {
         gravity: Vector::zeros(),
         walls: &WallContact::new(&walls, &layout),
