@@ -13,6 +13,7 @@ import numpy.typing as npt
 __all__ = [
     "CFL_LIMIT",
     "DEFAULT_CFL",
+    "BatchError",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -52,6 +53,12 @@ class InvertedError(SimulationError):
 
 class StepSizeError(SimulationError):
     """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
+
+class BatchError(SimulationError):
+    """Scenes of a batch failed. The message names each by its index in the batch."""
+
+    failures: dict[int, SimulationError]
+    """The error of each scene that failed, by index."""
 
 class SnapshotError(SimulationError, ValueError):
     """Snapshot bytes are truncated, damaged, foreign, or of another scene."""
@@ -405,15 +412,30 @@ class Solver:
     def copy(self) -> Solver:
         """Return an independent solver in the same state."""
 
-def advance_all(solvers: Sequence[Solver], frames: int = 1) -> None:
+def advance_all(
+    solvers: Sequence[Solver],
+    frames: int = 1,
+    force: Sequence[npt.NDArray[np.float32] | None] | None = None,
+    threads: int | None = None,
+) -> None:
     """Advance independent scenes side by side, each on one thread; the results are those of `advance`.
 
-    The environment variable RAYON_NUM_THREADS limits the threads of the process.
+    Parameters
+    ----------
+    solvers : N solvers
+        One that stands in the list twice advances twice.
+    frames : int >= 0
+    force : N entries, optional
+        For each solver None or what its `advance` takes.
+    threads : int >= 1, optional
+        As many as the process may use if absent.
 
     Raises
     ------
-    NonFiniteError, DomainError, InvertedError, StepSizeError
-        That of the first solver in the list that failed; all others have advanced.
+    BatchError
+        Some scenes failed and are in the state before their failed frame; all others have advanced.
+    ConfigError
+        An argument is out of range or has a wrong shape; nothing has moved.
     """
 
 def grid_mass(
