@@ -5,7 +5,9 @@ The names in `__all__` are public, and so are the modules among them; the rest m
 
 from hybridmpm import control, metrics, scenarios
 from hybridmpm._native import Diagnostics, FrameReport, RadiusGraph, __version__, radius_graph
+from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
+    BatchError,
     ConfigError,
     DomainError,
     ExportError,
@@ -19,6 +21,7 @@ from hybridmpm.errors import (
     UnknownScenarioError,
 )
 from hybridmpm.materials import Elastic, Sand, Water
+from hybridmpm.motion import Motion
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.sampling import Particles
 from hybridmpm.scene import Scene, Walls
@@ -35,6 +38,7 @@ from hybridmpm.shapes import (
 __all__ = [
     "Ball",
     "BallObstacle",
+    "BatchError",
     "Box",
     "BoxObstacle",
     "ConfigError",
@@ -45,6 +49,8 @@ __all__ = [
     "FrameReport",
     "HalfSpaceObstacle",
     "InvertedError",
+    "Motion",
+    "MpmBatch",
     "MpmSolver",
     "NonFiniteError",
     "Particles",

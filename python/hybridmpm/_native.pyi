@@ -13,6 +13,7 @@ import numpy.typing as npt
 __all__ = [
     "CFL_LIMIT",
     "DEFAULT_CFL",
+    "BatchError",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -51,7 +52,13 @@ class InvertedError(SimulationError):
     """The volume ratio J of a particle fell to zero or below."""
 
 class StepSizeError(SimulationError):
-    """A fixed number of substeps is above the stability limit."""
+    """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
+
+class BatchError(SimulationError):
+    """Scenes of a batch failed. The message names each by its index in the batch."""
+
+    failures: dict[int, SimulationError]
+    """The error of each scene that failed, by index."""
 
 class SnapshotError(SimulationError, ValueError):
     """Snapshot bytes are truncated, damaged, foreign, or of another scene."""
@@ -136,7 +143,7 @@ class Material:
 
 @final
 class Obstacle:
-    """A fixed solid. `contact` is "sticky", "slip" or "separating".
+    """A solid, at rest unless made by `moving`. `contact` is "sticky", "slip" or "separating".
 
     `friction` [-] is the Coulomb coefficient of separating contact; None takes the material's own.
     """
@@ -178,8 +185,45 @@ class Obstacle:
     ) -> Obstacle:
         """Solid on the side that `normal` points away from; `point` lies on the surface."""
 
-    def signed_distance(self, x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Distance [m] of points (N, D) to the surface, negative inside; shape (N,)."""
+    def moving(
+        self,
+        *,
+        velocity: Sequence[float] | None = None,
+        angular_velocity: Sequence[float] | None = None,
+        center: Sequence[float] | None = None,
+        period: float | None = None,
+        phase: float = 0.0,
+    ) -> Obstacle:
+        """Return the same solid in a prescribed rigid motion that nothing resists.
+
+        With the clock s(t) = t, or s(t) = period / (2 pi) (sin(2 pi (t / period + phase)) - sin(2 pi phase))
+        where there is a period, the solid has moved by `velocity` s and turned by `angular_velocity` s at
+        time t. Contact conditions hold for the velocity relative to its surface.
+
+        Parameters
+        ----------
+        velocity : D floats, optional
+            [m/s], zero if absent; of a swing the largest.
+        angular_velocity : 1 float in 2D, anticlockwise, 3 floats in 3D, optional
+            [rad/s], zero if absent; of a swing the largest.
+        center : D floats
+            Of rotation at time 0 [m]; it moves with `velocity`. Needed with `angular_velocity`.
+        period : float > 0, optional
+            Of a swing [s]; without it the motion goes on and on.
+        phase : float in [0, 1)
+            Where in the period the motion starts: at 0 with full speed, at 0.75 at rest, going forth.
+
+        Raises
+        ------
+        ConfigError
+            With the parameter's name, its value and the allowed range.
+        """
+
+    def signed_distance(self, x: npt.NDArray[np.float32], time: float = 0.0) -> npt.NDArray[np.float32]:
+        """Distance [m] of points (N, D) to the surface at a time [s], negative inside; shape (N,)."""
+
+    def carry(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
+        """Where points (N, D) [m] of time 0 that move with the solid are at a time [s]; (N, D) [m]."""
 
 @final
 class Diagnostics:
@@ -226,7 +270,8 @@ class FrameReport:
     def bound(self) -> str:
         """What chose the smallest step.
 
-        "sound" or "speed" (the CFL bound), "frame" (one step a frame was enough), "reference" or
+        "sound", "speed" or "obstacle" (the CFL bound, by the stiffest material, the fastest particle or the
+        fastest moving obstacle), "frame" (one step a frame was enough), "reference" or
         "fixed" (the caller chose).
         """
 
@@ -367,15 +412,30 @@ class Solver:
     def copy(self) -> Solver:
         """Return an independent solver in the same state."""
 
-def advance_all(solvers: Sequence[Solver], frames: int = 1) -> None:
+def advance_all(
+    solvers: Sequence[Solver],
+    frames: int = 1,
+    force: Sequence[npt.NDArray[np.float32] | None] | None = None,
+    threads: int | None = None,
+) -> None:
     """Advance independent scenes side by side, each on one thread; the results are those of `advance`.
 
-    The environment variable RAYON_NUM_THREADS limits the threads of the process.
+    Parameters
+    ----------
+    solvers : N solvers
+        One that stands in the list twice advances twice.
+    frames : int >= 0
+    force : N entries, optional
+        For each solver None or what its `advance` takes.
+    threads : int >= 1, optional
+        As many as the process may use if absent.
 
     Raises
     ------
-    NonFiniteError, DomainError, InvertedError, StepSizeError
-        That of the first solver in the list that failed; all others have advanced.
+    BatchError
+        Some scenes failed and are in the state before their failed frame; all others have advanced.
+    ConfigError
+        An argument is out of range or has a wrong shape; nothing has moved.
     """
 
 def grid_mass(

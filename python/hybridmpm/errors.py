@@ -6,6 +6,7 @@ Those of the solver come from the compiled core, those of scenes, sketches and f
 from collections.abc import Sequence
 
 from hybridmpm._native import (
+    BatchError,
     ConfigError,
     DomainError,
     InvertedError,
@@ -16,6 +17,7 @@ from hybridmpm._native import (
 )
 
 __all__ = [
+    "BatchError",
     "ConfigError",
     "DomainError",
     "ExportError",

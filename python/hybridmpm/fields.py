@@ -150,7 +150,7 @@ def _message(fault: ErrorDetails) -> str:  # noqa: PLR0911 - one return a kind o
 
 
 def _path(location: tuple[str | int, ...]) -> str:
-    """Join a location, leaving out the union tags that pydantic inserts after list items and `material`."""
+    """Join a location, leaving out the union tags that pydantic inserts after list items and some fields."""
     path = ""
     may_be_tag = False
     for part in location:
@@ -161,5 +161,5 @@ def _path(location: tuple[str | int, ...]) -> str:
             may_be_tag = False
         else:
             path += f".{part}" if path else part
-            may_be_tag = part == "material"
+            may_be_tag = part in {"material", "angular_velocity"}
     return path

@@ -1,16 +1,18 @@
 """`MpmSolver`: a scene and the compiled MLS-MPM solver that moves it."""
 
 import copy
-from typing import Literal, Self
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
+from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.scene import Scene
+from hybridmpm.snapshots import SavedState, Substeps, read_state, write_state
 
-Substeps = Literal["cfl", "reference"] | int
 MAX_FRAMES_AT_ONCE = 1_000_000
 MAX_SUBSTEPS = 20_000
 
@@ -55,6 +57,11 @@ class MpmSolver:
         threads: int = 1,
     ) -> None:
         self._scene = scene
+        self._substeps: Substeps = (
+            substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS)
+        )
+        self._cfl = cfl
+        self._allow_unstable = allow_unstable
         self._particles = scene.sample()
         for constant in (self._particles.types, self._particles.mass):
             constant.flags.writeable = False
@@ -73,7 +80,7 @@ class MpmSolver:
             material=self._particles.material,
             mass=self._particles.mass,
             volume=self._particles.volume,
-            substeps=substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS),
+            substeps=self._substeps,
             cfl=cfl,
             allow_unstable=allow_unstable,
             threads=whole("threads", threads, 1, 1024),
@@ -157,7 +164,7 @@ class MpmSolver:
         ConfigError
             `frames` out of range or `force` of a wrong shape; nothing has moved.
         """
-        self._solver.advance(whole("frames", frames, 0, MAX_FRAMES_AT_ONCE), _acceleration(force))
+        self._solver.advance(whole("frames", frames, 0, MAX_FRAMES_AT_ONCE), acceleration("force", force))
 
     def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
         """Advance, and return where the particles were on the way.
@@ -172,7 +179,7 @@ class MpmSolver:
         frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
         path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
         path[0] = self.positions
-        self._solver.advance(frames, _acceleration(force), path[1:])
+        self._solver.advance(frames, acceleration("force", force), path[1:])
         return path
 
     def snapshot(self) -> bytes:
@@ -189,6 +196,59 @@ class MpmSolver:
         """
         self._solver.restore(data)
 
+    def save(self, path: str | Path) -> None:
+        """Write scene, settings and state to a file that `load` goes on from with the same bits.
+
+        The file appears under its name only once it is complete.
+
+        Raises
+        ------
+        ExportError
+            The folder does not exist or refuses the file.
+        """
+        saved = SavedState(
+            scene=self._scene,
+            substeps=self._substeps,
+            cfl=_native.DEFAULT_CFL if self._cfl is None else self._cfl,
+            allow_unstable=self._allow_unstable,
+            frame=self.frame,
+            state=self.snapshot(),
+        )
+        write_state(Path(path), saved)
+
+    @classmethod
+    def load(cls, path: str | Path, *, threads: int = 1) -> Self:
+        """Build the solver of a file that `save` wrote, in the state it was in.
+
+        Parameters
+        ----------
+        path : str or Path
+        threads : int in [1, 1024]
+            May differ from before; the result does not depend on it.
+
+        Raises
+        ------
+        SnapshotError
+            The file is foreign, damaged, cut off or of a version that this library does not read; the message
+            names it.
+        OSError
+            The file cannot be read.
+        """
+        saved = read_state(Path(path))
+        threads = whole("threads", threads, 1, 1024)
+        try:
+            solver = cls(
+                saved.scene,
+                substeps=saved.substeps,
+                cfl=saved.cfl,
+                allow_unstable=saved.allow_unstable,
+                threads=threads,
+            )
+            solver.restore(saved.state)
+        except (ConfigError, SnapshotError) as error:
+            raise SnapshotError(f"{path} cannot be taken up by this version: {error}") from error
+        return solver
+
     def copy(self) -> Self:
         """Return an independent solver in the same state."""
         twin = copy.copy(self)
@@ -204,5 +264,6 @@ class MpmSolver:
         return self._solver.diagnostics()
 
 
-def _acceleration(force: npt.ArrayLike | None) -> npt.NDArray[np.float32] | None:
-    return None if force is None else float32("force", force, "(N, D)", "(frames, N, D)")
+def acceleration(name: str, force: npt.ArrayLike | None) -> npt.NDArray[np.float32] | None:
+    """Return an external acceleration as the core takes it, or raise `ConfigError` naming it."""
+    return None if force is None else float32(name, force, "(N, D)", "(frames, N, D)")

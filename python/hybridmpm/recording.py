@@ -33,6 +33,10 @@ class Recording:
     velocities: npt.NDArray[np.float32]
     """(F, N, D) [m/s]."""
 
+    def time(self, row: int) -> float:
+        """Return the simulated time of a state [s]."""
+        return float(self.frames[row]) * self.scene.frame_dt
+
 
 def record(
     solver: MpmSolver, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None

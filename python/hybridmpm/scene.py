@@ -110,6 +110,11 @@ class Scene(Record):
         for i, obstacle in enumerate(self.obstacles):
             fields = obstacle.vector_fields().items()
             vectors += [(("obstacles", i, obstacle.shape, field), value) for field, value in fields]
+            if obstacle.motion is not None:
+                wrong = obstacle.motion.dimension_faults(self.dim)
+                faults += [
+                    (("obstacles", i, obstacle.shape, "motion", *field), text) for field, text in wrong
+                ]
         return faults + [
             (where, f"must have dim = {self.dim} numbers, got {len(vector)}")
             for where, vector in vectors

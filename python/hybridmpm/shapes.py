@@ -1,4 +1,4 @@
-"""Bodies, which become particles, and obstacles, which stay where they are."""
+"""Bodies, which become particles, and obstacles, which stand still or move as they are told."""
 
 import math
 from typing import Annotated, Literal
@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from hybridmpm import _native
 from hybridmpm.fields import Direction, Fault, Length, Point, Record, Seed, Velocity, refuse
 from hybridmpm.materials import Friction, Material
+from hybridmpm.motion import Motion
 
 Points = npt.NDArray[np.float64]
 Contact = Literal["sticky", "slip", "separating"]
@@ -130,12 +131,21 @@ class _Obstacle(Record):
     friction: Friction | None = Field(
         None, description="Coulomb coefficient of separating contact; each material's own if absent."
     )
+    motion: Motion | None = Field(None, description="The obstacle stands still if absent.")
 
     @model_validator(mode="after")
     def _friction_has_effect(self) -> "_Obstacle":
         if self.friction is not None and self.contact != "separating":
             refuse("Obstacle", [(("friction",), f"is only for separating contact, not {self.contact}")])
         return self
+
+    def to_native(self) -> _native.Obstacle:
+        """Build the core's obstacle."""
+        still = self._at_rest()
+        return still if self.motion is None else self.motion.applied_to(still)
+
+    def _at_rest(self) -> _native.Obstacle:
+        raise NotImplementedError
 
 
 class SegmentObstacle(_Obstacle):
@@ -156,8 +166,7 @@ class SegmentObstacle(_Obstacle):
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"start": self.start, "end": self.end}
 
-    def to_native(self) -> _native.Obstacle:
-        """Build the core's obstacle."""
+    def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.segment(
             self.start, self.end, self.thickness, contact=self.contact, friction=self.friction
         )
@@ -179,8 +188,7 @@ class BoxObstacle(_Obstacle):
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"lower": self.lower, "upper": self.upper}
 
-    def to_native(self) -> _native.Obstacle:
-        """Build the core's obstacle."""
+    def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
 
 
@@ -195,8 +203,7 @@ class BallObstacle(_Obstacle):
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"center": self.center}
 
-    def to_native(self) -> _native.Obstacle:
-        """Build the core's obstacle."""
+    def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
 
 
@@ -217,8 +224,7 @@ class HalfSpaceObstacle(_Obstacle):
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"point": self.point, "normal": self.normal}
 
-    def to_native(self) -> _native.Obstacle:
-        """Build the core's obstacle."""
+    def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.half_space(
             self.point, self.normal, contact=self.contact, friction=self.friction
         )

@@ -27,7 +27,9 @@ class LastFrameBody(BaseModel):
     """How the latest frame was computed."""
 
     substeps: int
-    bound: str = Field(description='What chose the step: "sound", "speed", "frame", "reference" or "fixed".')
+    bound: str = Field(
+        description='What chose the step: "sound", "speed", "obstacle", "frame", "reference" or "fixed".'
+    )
     ms: float = Field(description="Solver time.")
 
 

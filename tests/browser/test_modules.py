@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Error, Page
 
+from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
+
 from .conftest import LiveService
 
 pytestmark = pytest.mark.browser
@@ -169,3 +171,37 @@ def test_spacing_is_found_whatever_the_jitter(page: Page, dim: int) -> None:
     positions = np.stack(axes, -1).reshape(-1, dim) + 0.3 + jitter
     numbers = np.round(positions * 65535).astype(int).ravel().tolist()
     assert _call(page, "particles.js", "spacingOf", numbers, dim) == pytest.approx(0.005, rel=0.2)
+
+
+FLAT = Motion(velocity=(0.2, -0.1), angular_velocity=-3.0, center=(0.4, 0.6), period=0.7, phase=0.3)
+STEADY = Motion(velocity=(0.2, -0.1))
+SOLID = Motion(velocity=(0.2, -0.1, 0.3), angular_velocity=(1.0, -2.0, 0.5), center=(0.4, 0.6, 0.2))
+
+
+@pytest.mark.parametrize("motion", [FLAT, STEADY, SOLID])
+def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Motion) -> None:
+    dim, time = len(motion.velocity or ()), 0.85
+    low, high = (0.3, 0.2, 0.1)[:dim], (0.5, 0.7, 0.6)[:dim]
+    box = BoxObstacle(lower=low, upper=high, motion=motion)
+    carried = box.to_native().carry
+
+    def placed(obstacle: Any) -> Any:
+        return _call(page, "motion.js", "placed", obstacle.model_dump(mode="json", exclude_none=True), time)
+
+    corners = [[(low, high)[(bits >> axis) & 1][axis] for axis in range(dim)] for bits in range(2**dim)]
+    assert placed(box)["corners"] == pytest.approx(carried(np.float32(corners), time), abs=1e-6)
+    start, end = carried(np.float32([low, high]), time)
+    ramp = placed(SegmentObstacle(start=low, end=high, thickness=0.02, motion=motion))
+    assert ramp["start"] == pytest.approx(start, abs=1e-6)
+    assert ramp["end"] == pytest.approx(end, abs=1e-6)
+    ball = placed(BallObstacle(center=low, radius=0.1, motion=motion))
+    assert ball["center"] == pytest.approx(start, abs=1e-6)
+    normal = np.subtract(high, low)
+    plane = placed(HalfSpaceObstacle(point=low, normal=tuple(normal), motion=motion))
+    assert plane["point"] == pytest.approx(start, abs=1e-6)
+    assert plane["normal"] == pytest.approx(end - start, abs=1e-6)
+
+
+def test_obstacles_at_rest_stay_as_they_are(page: Page) -> None:
+    ball = {"shape": "ball", "center": [0.3, 0.4], "radius": 0.1}
+    assert _call(page, "motion.js", "placed", ball, 3.0) == ball

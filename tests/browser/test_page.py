@@ -147,3 +147,48 @@ def test_every_module_is_loaded_at_once_and_the_page_stays_small() -> None:
 
 def _is_gone(service: LiveService, session: str) -> bool:
     return httpx.get(f"{service.url}/v1/sessions/{session}").status_code == httpx.codes.NOT_FOUND
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_moving_obstacle_is_seen_moving(open_page: Open, service: LiveService, dim: int) -> None:
+    start, speed = (0.3, 0.7, 0.5)[:dim], 1.0
+    scene = {
+        "dim": dim,
+        "resolution": 32,
+        "bodies": [{"shape": "ball", "material": "sand", "center": [0.5, 0.2, 0.5][:dim], "radius": 0.05}],
+        "obstacles": [
+            {
+                "shape": "ball",
+                "center": list(start),
+                "radius": 0.08,
+                "motion": {"velocity": [speed, 0.0, 0.0][:dim]},
+            }
+        ],
+    }
+    made = httpx.post(service.url + "/v1/sessions", json={"scene": scene}, timeout=60).raise_for_status()
+    session = made.json()["id"]
+    visit = open_page(f"renderer=canvas2d&session={session}")
+    visit.wait_for("body.state === 'live' && body.frame === '0'")
+    view = visit.page.locator("#view")
+    before = _edges(view.screenshot())
+    service.advance(session, 120)
+    visit.wait_for("body.frame === '120'")
+    visit.page.wait_for_timeout(300)
+    after = _edges(view.screenshot())
+    left, right = _middle(before & ~after), _middle(after & ~before)
+    width = before.shape[1]
+    # 0.3 m to the right, on a stage that shows 0.87 m in 2D, and about twice as much in 3D.
+    share = (right - left) / width
+    assert share == pytest.approx(0.3 / 0.87, rel=0.1) if dim == 2 else 0.1 < share < 0.3
+
+
+def _edges(png: bytes) -> np.ndarray:
+    """Pixels in the colour of an obstacle's outline."""
+    with Image.open(io.BytesIO(png)) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)
+    return np.abs(pixels - (0x93, 0xA7, 0xC0)).max(axis=-1) < 40
+
+
+def _middle(mask: np.ndarray) -> float:
+    assert mask.sum() > 20
+    return float(np.nonzero(mask)[1].mean())

@@ -1,12 +1,25 @@
-"""Many scenes at once, through the compiled module alone."""
+"""Many scenes at once: through the compiled module alone, and as `MpmBatch`."""
+
+import pickle
 
 import numpy as np
 import pytest
 
-from hybridmpm import _native
+from hybridmpm import (
+    BatchError,
+    Box,
+    ConfigError,
+    InvertedError,
+    MpmBatch,
+    MpmSolver,
+    Scene,
+    SceneError,
+    _native,
+    scenarios,
+)
 
 
-def drop(dim: int, height: float, stiffening: float = 1.0) -> _native.Solver:
+def block(dim: int, height: float, stiffening: float = 1.0) -> _native.Solver:
     """Build a solver with a block of water at some height, in one substep a frame."""
     axis = np.arange(0.4, 0.6, 1 / 32, dtype=np.float32)
     x = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
@@ -30,7 +43,7 @@ def drop(dim: int, height: float, stiffening: float = 1.0) -> _native.Solver:
 
 
 def scenes() -> list[_native.Solver]:
-    return [drop(dim, height) for dim in (2, 3) for height in (-0.2, 0.0, 0.2)]
+    return [block(dim, height) for dim in (2, 3) for height in (-0.2, 0.0, 0.2)]
 
 
 def test_a_batch_gives_the_bits_of_each_scene_alone() -> None:
@@ -43,13 +56,120 @@ def test_a_batch_gives_the_bits_of_each_scene_alone() -> None:
 
 
 def test_a_scene_that_fails_stops_no_other() -> None:
-    good, bad, last = drop(2, 0.0), drop(2, 0.2, stiffening=100.0), drop(2, 0.1)
+    good, bad, last = block(2, 0.0), block(2, 0.2, stiffening=100.0), block(2, 0.1)
     # Ten times the sound speed, far above the stability limit: some frame of the splash has to fail.
-    with pytest.raises(_native.SimulationError, match="particle"):
+    with pytest.raises(_native.BatchError, match=r"^scene 1: particle \d+") as caught:
         _native.advance_all([good, bad, last], 2000)
+    assert list(caught.value.failures) == [1]
     assert good.frame == last.frame == 2000
     assert bad.frame < 2000
 
 
 def test_no_scene_is_no_work() -> None:
     _native.advance_all([])
+
+
+def test_one_solver_twice_advances_twice() -> None:
+    solver = block(2, 0.0)
+    _native.advance_all([solver, solver], 3)
+    assert solver.frame == 6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"threads": 0}, "threads must be at least 1, got 0"),
+        ({"force": [None]}, "force must have one entry a solver, 2, got 1"),
+        ({"force": [None, np.zeros((1, 2), np.float32)]}, r"force\[1\] must be of shape \[\d+, 2\] or \[1, "),
+        ({"force": [None, "up"]}, r"force\[1\] must be float32, got 'up'"),
+    ],
+)
+def test_bad_arguments_move_nothing(arguments: dict[str, object], message: str) -> None:
+    solvers = [block(2, 0.0), block(2, 0.1)]
+    with pytest.raises(_native.ConfigError, match=message):
+        _native.advance_all(solvers, 1, **arguments)
+    assert [solver.frame for solver in solvers] == [0, 0]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_members_have_the_bits_of_solvers_alone(
+    drop: Scene, splash: Scene, cube: Scene, threads: int
+) -> None:
+    scenes = [drop, splash, cube, scenarios.water_2d(3), drop]
+    batch = MpmBatch(scenes, threads=threads)
+    alone = [MpmSolver(scene) for scene in scenes]
+    steady = np.full((alone[0].particle_count, 2), 3.0)
+    changing = np.random.default_rng(0).normal(size=(20, alone[2].particle_count, 3))
+    force = [steady, None, changing, None, None]
+    batch.advance(20, force)
+    batch.advance(5)
+    for one, single, push in zip(batch, alone, force, strict=True):
+        single.advance(20, push)
+        single.advance(5)
+        assert one.snapshot() == single.snapshot()
+    # The same scene under another force: members share nothing.
+    assert not np.array_equal(batch[0].positions, batch[4].positions)
+
+
+def test_a_batch_is_a_sequence_of_solvers(drop: Scene, splash: Scene) -> None:
+    batch = MpmBatch([drop, splash], substeps="reference")
+    assert len(batch) == 2
+    assert [member.scene.name for member in batch] == ["drop", "splash"]
+    assert batch[-1] is batch[1:][0]
+    batch[0].advance(2)
+    batch.advance(3)
+    assert [member.frame for member in batch] == [5, 3]
+    with pytest.raises(IndexError):
+        batch[2]
+    MpmBatch([]).advance()
+
+
+def test_failing_scenes_are_named_and_the_others_advance(drop: Scene) -> None:
+    crash = Scene(
+        dim=2,
+        resolution=64,
+        bodies=(
+            Box(material="water", lower=(0.3, 0.3), upper=(0.5, 0.5), velocity=(45.0, 0.0)),
+            Box(material="water", lower=(0.52, 0.3), upper=(0.7, 0.5), velocity=(-45.0, 0.0)),
+        ),
+    )
+    batch = MpmBatch([crash, drop, crash], substeps=1, allow_unstable=True)
+    with pytest.raises(BatchError, match=r"^scene 0: particle .*; scene 2: particle ") as caught:
+        batch.advance(3)
+    failures = caught.value.failures
+    assert {index: type(error) for index, error in failures.items()} == {0: InvertedError, 2: InvertedError}
+    assert batch[1].frame == 3
+    # The state is the one before the failed frame, and the batch goes on from there, to fail again.
+    assert batch[0].frame == batch[2].frame < 3
+    before = batch[0].snapshot()
+    with pytest.raises(BatchError, match="scene 0"):
+        batch.advance(1)
+    assert batch[0].snapshot() == before
+    assert batch[1].frame == 4
+    again = pickle.loads(pickle.dumps(caught.value))  # noqa: S301 - bytes of our own
+    assert str(again) == str(caught.value)
+    assert list(again.failures) == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("frames", "force", "message"),
+    [
+        (-1, None, r"frames must be in \[0, 1000000\], got -1"),
+        (1, [None], "force must have one entry a scene, 2, got 1"),
+        (1, [None, [1.0]], r"force\[1\] must be numbers of shape \(N, D\) or \(frames, N, D\), got shape"),
+        (1, [None, [[1.0, 2.0]]], r"force\[1\] must be of shape"),
+    ],
+)
+def test_bad_calls_move_no_member(drop: Scene, frames: int, force: object, message: str) -> None:
+    batch = MpmBatch([drop, drop])
+    with pytest.raises(ConfigError, match=message):
+        batch.advance(frames, force)
+    assert [member.frame for member in batch] == [0, 0]
+
+
+def test_bad_batches_are_refused(drop: Scene) -> None:
+    with pytest.raises(ConfigError, match=r"threads must be in \[1, 1024\], got 0"):
+        MpmBatch([drop], threads=0)
+    crowded = drop.model_copy(update={"max_particles": 10})
+    with pytest.raises(SceneError, match="max_particles"):
+        MpmBatch([drop, crowded])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import MpmSolver, SceneError
+from hybridmpm import MpmSolver, SceneError, scenarios
 from hybridmpm.bench import mpm, provenance
 from hybridmpm.cli import cli
 
@@ -34,6 +34,28 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
         assert row["command"] == "hybridmpm bench mpm --particles 512 --threads 2 --repeats 1"
         assert (row["peer"], row["peer_ns"], row["ratio"]) == (None, None, None)
         assert f"{row['ns_per_particle_substep']}" in result.stdout
+
+
+def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
+    file = tmp_path / "batch.json"
+    arguments = ["bench", "batch", "sand_ramps_2d", "--scenes", "2", "--frames", "1", "--repeats", "1"]
+    result = CliRunner().invoke(cli, [*arguments, "--json", str(file)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(file.read_text())
+    particles = sum(len(scenarios.sand_ramps_2d(seed).sample().x) for seed in range(2))
+    assert [row["threads"] for row in rows] == [1, 2]
+    for row in rows:
+        assert set(row) == {
+            "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second",
+            "speedup", "machine", "date", "commit", "command",
+        }  # fmt: skip
+        assert (row["scenario"], row["scenes"], row["particles"]) == ("sand_ramps_2d", 2, particles)
+        assert row["frames_per_second"] == pytest.approx(1e3 / row["ms_per_scene_frame"], rel=0.01)
+        assert row["speedup"] == pytest.approx(
+            rows[0]["ms_per_scene_frame"] / row["ms_per_scene_frame"], rel=0.01
+        )
+        assert row["command"].startswith("hybridmpm bench batch sand_ramps_2d --scenes 2 --threads 2 ")
+        assert str(row["speedup"]) in result.stdout
 
 
 @pytest.mark.parametrize("dim", [2, 3])

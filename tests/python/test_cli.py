@@ -152,6 +152,26 @@ def test_interrupt_of_the_real_command(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_interrupted_run_is_saved_and_goes_on(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    command = [sys.executable, "-m", "hybridmpm", "simulate", "water_2d", "--frames", "100000"]
+    with subprocess.Popen(
+        [*command, "--save", state], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline().startswith("Simulating")
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert [file.name for file in tmp_path.iterdir()] == ["state"]
+    solver = MpmSolver.load(state)
+    assert f"saved frame {solver.frame} to {state}" in output
+    twin = MpmSolver(scenarios.water_2d(0))
+    twin.advance(solver.frame)
+    assert solver.snapshot() == twin.snapshot()
+
+
 def test_installed_command_and_module_agree(tmp_path: Path) -> None:
     installed = Path(sys.executable).with_name("hybridmpm")
     for command in ([installed], [sys.executable, "-m", "hybridmpm"]):
@@ -237,3 +257,68 @@ def test_serve_names_a_library_that_the_service_lacks(monkeypatch: pytest.Monkey
 def test_a_benchmark_that_could_not_be_written_is_not_begun(tmp_path: Path) -> None:
     result = run("bench", "mpm", "--json", tmp_path / "nowhere" / "a.json")
     assert_fails(result, 2, f"--json: the folder {tmp_path / 'nowhere'} does not exist")
+
+
+def test_a_run_in_two_parts_is_the_run_in_one(tmp_path: Path, scene_file: Path) -> None:
+    state, whole, parts = tmp_path / "a.hmpm", tmp_path / "whole.npz", tmp_path / "parts.npz"
+    source = ("simulate", "--scene", scene_file, "--substeps", "reference")
+    assert run(*source, "--frames", 12, "--out", whole).exit_code == 0
+    saved = run(*source, "--frames", 5, "--save", state)
+    assert saved.exit_code == 0, saved.output
+    assert f"saved frame 5 to {state}" in saved.stdout
+    resumed = run(
+        "simulate", "--resume", state, "--frames", 7, "--threads", 2, "--out", parts, "--save", state
+    )
+    assert resumed.exit_code == 0, resumed.output
+    assert f"saved frame 12 to {state}" in resumed.stdout
+    with np.load(whole) as one, np.load(parts) as two:
+        assert two["frames"].tolist() == list(range(5, 13))
+        np.testing.assert_array_equal(two["positions"], one["positions"][5:])
+
+
+def test_without_frames_a_resumed_run_goes_to_the_end_of_the_scene(tmp_path: Path, drop: Scene) -> None:
+    drop.model_copy(update={"frames": 9}).save(tmp_path / "short.yaml")
+    state = tmp_path / "state"
+    assert run("simulate", "--scene", tmp_path / "short.yaml", "--frames", 4, "--save", state).exit_code == 0
+    assert "5 frames" in run("simulate", "--resume", state, "--save", state).stdout
+    assert "0 frames" in run("simulate", "--resume", state).stdout
+
+
+def test_a_frame_that_fails_leaves_the_state_before_it(tmp_path: Path) -> None:
+    crash = {"dim": 2, "resolution": 64, "bodies": []}
+    for lower, speed in (([0.3, 0.3], 45.0), ([0.52, 0.3], -45.0)):
+        upper = [lower[0] + 0.18, 0.5]
+        body = {"shape": "box", "material": "water", "lower": lower, "upper": upper, "velocity": [speed, 0]}
+        crash["bodies"].append(body)
+    Scene.parse(crash).save(tmp_path / "crash.json")
+    result = run(
+        "simulate", "--scene", tmp_path / "crash.json", "--substeps", 1, "--save", tmp_path / "state"
+    )
+    assert result.exit_code == 1
+    assert "saved frame 0" in result.stdout
+    assert MpmSolver.load(tmp_path / "state").frame == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["water_2d"], "drop '[SCENARIO]'"),
+        (["--scene", "FILE"], "drop '--scene'"),
+        (["--seed", "0"], "drop '--seed'"),
+        (["--substeps", "cfl"], "drop '--substeps'"),
+    ],
+)
+def test_what_a_resumed_run_cannot_change(
+    tmp_path: Path, scene_file: Path, drop: Scene, arguments: list[str], message: str
+) -> None:
+    MpmSolver(drop).save(tmp_path / "state")
+    words = [scene_file if word == "FILE" else word for word in arguments]
+    result = run("simulate", "--resume", tmp_path / "state", *words)
+    assert_fails(result, 2, "--resume goes on with the scene and substeps of its file; " + message)
+
+
+def test_files_that_cannot_be_resumed_or_saved(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("no snapshot")
+    assert_fails(run("simulate", "--resume", tmp_path / "notes"), 2, "notes is no snapshot file of hybridmpm")
+    result = run("simulate", "water_2d", "--save", tmp_path / "nowhere" / "a")
+    assert_fails(result, 2, f"--save: the folder {tmp_path / 'nowhere'} does not exist")

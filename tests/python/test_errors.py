@@ -8,10 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, Box, MpmSolver, Scene, errors, export, metrics, scenarios
+from hybridmpm import Ball, Box, MpmBatch, MpmSolver, Scene, errors, export, metrics, scenarios
 from hybridmpm.control import parse_png
 
 DROP = Scene(dim=2, resolution=64, bodies=(Ball(material="water", center=(0.5, 0.6), radius=0.06),))
+
+COLLISION = Scene(
+    dim=2,
+    resolution=64,
+    bodies=(
+        Box(material="water", lower=(0.3, 0.3), upper=(0.5, 0.5), velocity=(45.0, 0.0)),
+        Box(material="water", lower=(0.52, 0.3), upper=(0.7, 0.5), velocity=(-45.0, 0.0)),
+    ),
+)
 
 
 def push(acceleration: float) -> None:
@@ -29,12 +38,16 @@ def tear_apart() -> None:
 
 def collide() -> None:
     """Drive two blocks into each other, compressing them in one step to less than nothing."""
-    left = Box(material="water", lower=(0.3, 0.3), upper=(0.5, 0.5), velocity=(45.0, 0.0))
-    right = Box(material="water", lower=(0.52, 0.3), upper=(0.7, 0.5), velocity=(-45.0, 0.0))
-    MpmSolver(Scene(dim=2, resolution=64, bodies=(left, right)), substeps=1, allow_unstable=True).advance(3)
+    MpmSolver(COLLISION, substeps=1, allow_unstable=True).advance(3)
+
+
+def collide_in_a_batch() -> None:
+    """Let `collide` happen in the second of two scenes."""
+    MpmBatch([DROP, COLLISION], substeps=1, allow_unstable=True).advance(3)
 
 
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
+    "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),

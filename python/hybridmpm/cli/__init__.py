@@ -13,7 +13,7 @@ from hybridmpm.cli.bench import bench
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import ConfigError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]
 
@@ -33,7 +33,7 @@ class _Commands(click.Group):
         except click.UsageError as error:
             usage = error.ctx.command_path if error.ctx else ctx.command_path
             raise _BadInput(f"{error.format_message()} See {usage} --help") from None
-        except ConfigError as error:
+        except (ConfigError, SnapshotError) as error:
             raise _BadInput(_one_line(error)) from None
         except SimulationError as error:
             raise click.ClickException(_one_line(error)) from None

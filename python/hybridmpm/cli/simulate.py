@@ -8,9 +8,10 @@ import click
 from hybridmpm import export, scenarios
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.errors import ExportError
-from hybridmpm.mpm import MpmSolver, Substeps
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
+from hybridmpm.snapshots import Substeps
 
 
 class _SubstepsType(click.ParamType[Substeps, object]):
@@ -37,7 +38,18 @@ class _SubstepsType(click.ParamType[Substeps, object]):
     help="Simulate this .json or .yaml scene instead of a scenario.",
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the scenario.")
-@click.option("--frames", type=click.IntRange(0, 1_000_000), help="Default: what the scene suggests.")
+@click.option(
+    "--resume",
+    "resume_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Go on from what --save wrote, with its scene and substeps.",
+)
+@click.option(
+    "--frames",
+    type=click.IntRange(0, 1_000_000),
+    help="To simulate now. Default: what the scene suggests, less what is done.",
+)
 @click.option(
     "--substeps",
     type=_SubstepsType(),
@@ -68,6 +80,13 @@ class _SubstepsType(click.ParamType[Substeps, object]):
     help="May be repeated; see above.",
 )
 @click.option(
+    "--save",
+    "save_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Keep the last state for --resume, also after Ctrl-C or a frame that fails.",
+)
+@click.option(
     "--width", type=click.IntRange(64, 4096), default=640, show_default=True, help="Of a picture [pixels]."
 )
 @click.option(
@@ -84,21 +103,25 @@ class _SubstepsType(click.ParamType[Substeps, object]):
     show_default=True,
     help="States side by side in a .png, evenly spread over the run.",
 )
+@click.pass_context
 def simulate(
+    ctx: click.Context,
     *,
     scenario: str | None,
     scene_file: Path | None,
     seed: int,
+    resume_file: Path | None,
     frames: int | None,
     substeps: Substeps,
     threads: int,
     every: int,
     targets: tuple[Path, ...],
+    save_file: Path | None,
     width: int,
     speed: float,
     strip: int,
 ) -> None:
-    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file.
+    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or go on with --resume.
 
     The suffix of each --out FILE decides what is written: .npz all recorded states, .gif or .mp4 a film, .png
     a picture, .ply or .vtp the points of the last state. A .png, .ply or .vtp name with %04d in it gives one
@@ -110,18 +133,42 @@ def simulate(
             export.check_target(target)
         except ExportError as error:
             raise click.UsageError(f"--out: {error}.") from None
-    solver = MpmSolver(_scene(scenario, scene_file, seed), substeps=substeps, threads=threads)
-    frames = solver.scene.frames if frames is None else frames
+    if save_file is not None and not save_file.parent.is_dir():
+        raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
+    if resume_file is not None:
+        _refuse_beside_resume(ctx)
+        solver = MpmSolver.load(resume_file, threads=threads)
+    else:
+        solver = MpmSolver(_scene(scenario, scene_file, seed), substeps=substeps, threads=threads)
+    frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
 
     began = time.perf_counter()
-    with progress(f"Simulating {frames} frames", frames) as bar:
-        recording = record(solver, frames, every=every, on_progress=bar.update)
+    try:
+        with progress(f"Simulating {frames} frames", frames) as bar:
+            recording = record(solver, frames, every=every, on_progress=bar.update)
+    finally:
+        # An interrupt comes between frames, and a frame that fails leaves the state before it.
+        if save_file is not None:
+            solver.save(save_file)
+            click.echo(f"saved frame {solver.frame} to {save_file}")
     seconds = time.perf_counter() - began
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
         _write(target, recording, style)
+
+
+def _refuse_beside_resume(ctx: click.Context) -> None:
+    """Refuse options that choose what the file already holds."""
+    given = [
+        param.get_error_hint(ctx)
+        for param in ctx.command.params
+        if param.name in {"scenario", "scene_file", "seed", "substeps"}
+        and ctx.get_parameter_source(param.name) is not click.core.ParameterSource.DEFAULT
+    ]
+    if given:
+        raise click.UsageError(f"--resume goes on with the scene and substeps of its file; drop {given[0]}.")
 
 
 def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
@@ -129,7 +176,7 @@ def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
         return scenarios.get(scenario, seed)
     if scene_file is not None and scenario is None:
         return Scene.load(scene_file)
-    raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}) or --scene FILE.")
+    raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}), --scene FILE or --resume FILE.")
 
 
 def _summary(solver: MpmSolver, frames: int, seconds: float) -> str:

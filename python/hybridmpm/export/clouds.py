@@ -20,7 +20,7 @@ def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
     header = [
         "ply",
         "format binary_little_endian 1.0",
-        f"comment frame {recording.frames[row]} time {_time(recording, row):.9g} s",
+        f"comment frame {recording.frames[row]} time {recording.time(row):.9g} s",
         f"element vertex {len(vertices)}",
         *(f"property float {name}" for name, _ in fields[:-1]),
         "property uchar type",
@@ -33,7 +33,7 @@ def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
     """Write state `row` as VTK PolyData with point arrays `velocity` and `type`, and field `TimeValue`."""
     x, v = _in_3d(recording.positions[row]), _in_3d(recording.velocities[row])
     count = len(x)
-    time = np.array([_time(recording, row)])
+    time = np.array([recording.time(row)])
     path.write_text(
         f"""<?xml version="1.0"?>
 <VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
@@ -69,7 +69,3 @@ def _array(name: str, values: npt.NDArray[np.generic], *, tuples: bool = False) 
 
 def _in_3d(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.pad(vectors, [(0, 0), (0, 3 - vectors.shape[1])])
-
-
-def _time(recording: Recording, row: int) -> float:
-    return float(recording.frames[row]) * recording.scene.frame_dt

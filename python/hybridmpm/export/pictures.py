@@ -11,7 +11,7 @@ from PIL import Image
 
 from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
-from hybridmpm.render import side_by_side, view_of
+from hybridmpm.render import View, side_by_side, view_of
 
 FILM_FPS = 50
 """A GIF's delays are whole hundredths of a second, and browsers slow down those below two."""
@@ -22,14 +22,14 @@ Tell = Callable[[int, int], object]
 def write_png(path: Path, recording: Recording, row: int, width: int) -> None:
     """Write a picture of state `row`."""
     view = view_of(recording.scene, recording.types, width)
-    Image.fromarray(view.draw(recording.positions[row], recording.velocities[row])).save(path, optimize=True)
+    Image.fromarray(_draw(view, recording, row)).save(path, optimize=True)
 
 
 def write_strip(path: Path, recording: Recording, width: int, count: int) -> None:
     """Write `count` states side by side, evenly spread from the first to the last, `width` pixels each."""
     view = view_of(recording.scene, recording.types, width)
     rows = np.linspace(0, len(recording.frames) - 1, count).round().astype(int)
-    pictures = [view.draw(recording.positions[row], recording.velocities[row]) for row in rows]
+    pictures = [_draw(view, recording, row) for row in rows]
     Image.fromarray(side_by_side(pictures)).save(path, optimize=True)
 
 
@@ -85,5 +85,9 @@ def _film(recording: Recording, width: int, speed: float, tell: Tell) -> Iterato
     left = np.maximum(right - 1, 0)
     rows = np.where(wanted - frames[left] < frames[right] - wanted, left, right)
     for done, row in enumerate(rows.tolist(), start=1):
-        yield view.draw(recording.positions[row], recording.velocities[row])
+        yield _draw(view, recording, row)
         tell(done, len(rows))
+
+
+def _draw(view: View, recording: Recording, row: int) -> npt.NDArray[np.uint8]:
+    return view.draw(recording.positions[row], recording.velocities[row], recording.time(row))

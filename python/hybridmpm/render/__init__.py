@@ -1,4 +1,4 @@
-"""Pictures of particles by plain numpy: `view_of(scene, types, width).draw(x, v)` gives RGB bytes."""
+"""Pictures of particles by plain numpy: `view_of(scene, types, width).draw(x, v, time)` gives RGB bytes."""
 
 from typing import Protocol
 
@@ -20,8 +20,13 @@ _GAP = 6
 class View(Protocol):
     """Draws frames of one scene, all of one size with even height and width."""
 
-    def draw(self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-        """Picture uint8 (H, W, 3) of particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]."""
+    def draw(
+        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+    ) -> npt.NDArray[np.uint8]:
+        """Picture uint8 (H, W, 3) of particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s].
+
+        Moving obstacles are where they are at `time` [s].
+        """
 
 
 def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> View:

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._native import Obstacle
 from hybridmpm.render import palette
 from hybridmpm.render.palette import Colors
 from hybridmpm.scene import Scene
@@ -10,6 +11,8 @@ from hybridmpm.scene import Scene
 MARGIN = 0.03
 """Shown around the walls, as a share of their longer side."""
 _SUPERSAMPLING = 3
+_EDGE = 2.0
+"""Width of the lines around walls and obstacles [pixels]."""
 Field = npt.NDArray[np.float32]
 
 
@@ -38,15 +41,32 @@ class FlatView:
         self._groups = {int(kind): np.flatnonzero(types == kind) for kind in np.unique(types)}
         # Grains differ in brightness; drawn once, so that they do not flicker.
         self._grain = np.random.default_rng(0).uniform(-1.0, 1.0, len(types)).astype(np.float32)
-        self._background, self._solid = self._draw_background()
+        still = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
+        self._moving = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is not None]
+        self._background, self._solid = self._draw_background([solid.to_native() for solid in still])
 
-    def draw(self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+    def draw(
+        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+    ) -> npt.NDArray[np.uint8]:
         """Picture of particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]: uint8 (H, W, 3)."""
         image = self._background
         speed = np.linalg.norm(v, axis=1)
         for kind, members in self._groups.items():
             image = self._draw_material(image, kind, x[members], speed[members], self._grain[members])
+        for solid in self._moving:
+            image = self._draw_moving(image, solid, time)
         return palette.to_bytes(palette.mix(image, self._background, self._solid))
+
+    def _draw_moving(self, image: Colors, solid: Obstacle, time: float) -> Colors:
+        """Paint a solid where it is; its distance from a pixel's centre tells how far it covers the pixel."""
+        columns, rows = np.arange(self._width) + 0.5, np.arange(self._height)[::-1] + 0.5
+        x = self._origin + np.stack(np.meshgrid(columns, rows), axis=-1) / self._scale
+        depth = -solid.signed_distance(x.reshape(-1, 2).astype(np.float32), time) * self._scale
+        depth = depth.reshape(self._height, self._width)
+        body = np.broadcast_to(palette.OBSTACLE, image.shape)
+        edge = np.broadcast_to(palette.OBSTACLE_EDGE, image.shape)
+        surface = palette.mix(edge, body, np.clip(depth - _EDGE + 0.5, 0.0, 1.0))
+        return palette.mix(image, surface, np.clip(depth + 0.5, 0.0, 1.0))
 
     def _draw_material(self, image: Colors, kind: int, x: Field, speed: Field, grain: Field) -> Colors:
         pitch = self._scene.spacing * self._scale
@@ -84,8 +104,8 @@ class FlatView:
                 total += np.bincount(flat, (weight * values)[seen], len(total))
         return total.reshape(self._height, self._width).astype(np.float32)
 
-    def _draw_background(self) -> tuple[Colors, Field]:
-        """Sky, walls and obstacles, and the coverage (H, W) of what lies in front of the particles."""
+    def _draw_background(self, solids: list[Obstacle]) -> tuple[Colors, Field]:
+        """Sky, walls and obstacles at rest, and the coverage (H, W) of what hides the particles."""
         fine = self._scale * _SUPERSAMPLING
         columns = (np.arange(self._width * _SUPERSAMPLING) + 0.5) / fine
         rows = (np.arange(self._height * _SUPERSAMPLING)[::-1] + 0.5) / fine
@@ -101,13 +121,13 @@ class FlatView:
             height,
         )
         outside = np.maximum(lower - x, x - upper).max(axis=-1)
-        line = 2.0 / self._scale
+        line = _EDGE / self._scale
         image = np.where((outside > 0)[..., None], palette.OUTSIDE, image)
         wall = (outside > 0) & (outside < line)
         image = np.where(wall[..., None], palette.WALL, image)
         solid = outside > 0
-        for obstacle in self._scene.obstacles:
-            depth = -obstacle.to_native().signed_distance(points).reshape(shape)
+        for obstacle in solids:
+            depth = -obstacle.signed_distance(points).reshape(shape)
             body = np.where((depth < line)[..., None], palette.OBSTACLE_EDGE, palette.OBSTACLE)
             inside = (depth > 0) & (outside <= 0)
             image = np.where(inside[..., None], body, image)

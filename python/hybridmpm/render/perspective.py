@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._native import Obstacle
 from hybridmpm.render import palette
 from hybridmpm.render.palette import Colors
 from hybridmpm.scene import Scene
@@ -18,6 +19,8 @@ _LIGHT = np.array([-0.45, 0.80, 0.40], dtype=np.float32) / np.float32(math.sqrt(
 """Towards the light, in view coordinates: right, up, to the viewer."""
 _SHADOW_CELLS = 96
 _AT_ONCE = 20_000
+_EDGE_RADIUS = 0.0016
+"""Of the spheres along the edges of the walls [m]."""
 
 Field = npt.NDArray[np.float32]
 
@@ -37,10 +40,18 @@ class PerspectiveView:
         self._focal = 0.5 * self._height / math.tan(_FIELD_OF_VIEW / 2)
         self._radius = 0.62 * scene.spacing
         self._kinds = types
-        self._fixed_x, self._fixed_radius, self._fixed_color = self._fixed_spheres(scene)
+        still = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is None]
+        moving = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is not None]
+        lattice = self._lattice(scene.spacing)
+        self._shell_radius = 0.8 * scene.spacing
+        self._moving = [(solid, _shell(solid, lattice, scene.spacing)) for solid in moving]
+        self._still_shells = [_shell(solid, lattice, scene.spacing) for solid in still]
+        self._edges = _box_edges(self._lower, self._upper).astype(np.float32)
         self._background, self._floor = self._draw_background()
 
-    def draw(self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+    def draw(
+        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+    ) -> npt.NDArray[np.uint8]:
         """Picture of particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]: uint8 (H, W, 3)."""
         speed = np.linalg.norm(v, axis=1)
         color = np.empty((len(x), 3), dtype=np.float32)
@@ -48,11 +59,17 @@ class PerspectiveView:
             members = self._kinds == kind
             color[members] = palette.by_speed(int(kind), speed[members])
         image = self._background * self._shade_of(x)[..., None]
+        shells = np.concatenate([x[:0], *self._still_shells, *self._moved_shells(time)])
+        kinds = (
+            (x, self._radius, color),
+            (self._edges, _EDGE_RADIUS, np.tile(palette.WALL, (len(self._edges), 1))),
+            (shells, self._shell_radius, np.tile(palette.OBSTACLE, (len(shells), 1))),
+        )
         image = self._draw_spheres(
             image.reshape(-1, 3),
-            np.concatenate([x, self._fixed_x]),
-            np.concatenate([np.full(len(x), self._radius, np.float32), self._fixed_radius]),
-            np.concatenate([color, self._fixed_color]),
+            np.concatenate([centers for centers, _, _ in kinds]),
+            np.concatenate([np.full(len(centers), radius, np.float32) for centers, radius, _ in kinds]),
+            np.concatenate([colors for _, _, colors in kinds]),
         )
         full = image.reshape(self._height, self._width, 3)
         return palette.to_bytes(palette.shrink(full, _SUPERSAMPLING))
@@ -93,23 +110,15 @@ class PerspectiveView:
         view[:, 2] = self._eye_distance - view[:, 2]
         return np.asarray(view, dtype=np.float32)
 
-    def _fixed_spheres(self, scene: Scene) -> tuple[Field, Field, Colors]:
-        """Edges of the walls and surfaces of obstacles as small spheres."""
-        edges = _box_edges(self._lower, self._upper)
-        step = scene.spacing
+    def _lattice(self, step: float) -> Field:
+        """Points (N, 3) that fill the box between the walls."""
         axes = [np.arange(a + step / 2, b, step) for a, b in zip(self._lower, self._upper, strict=True)]
-        lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
-        shells = [np.empty((0, 3), dtype=np.float32)]
-        for obstacle in scene.obstacles:
-            distance = obstacle.to_native().signed_distance(lattice)
-            shells.append(lattice[(distance <= 0) & (distance > -1.5 * step)])
-        shell = np.concatenate(shells)
-        x = np.concatenate([edges, shell]).astype(np.float32)
-        radius = np.concatenate([np.full(len(edges), 0.0016), np.full(len(shell), 0.8 * step)])
-        color = np.concatenate(
-            [np.tile(palette.WALL, (len(edges), 1)), np.tile(palette.OBSTACLE, (len(shell), 1))]
-        )
-        return x, radius.astype(np.float32), color
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
+
+    def _moved_shells(self, time: float) -> list[Field]:
+        """Surfaces of moving obstacles, as far as they are between the walls."""
+        moved = [solid.carry(shell, time) for solid, shell in self._moving]
+        return [x[((x >= self._lower) & (x <= self._upper)).all(axis=1)] for x in moved]
 
     def _draw_background(self) -> tuple[Colors, npt.NDArray[np.int64]]:
         """Sky and floor, and the shadow cell of the floor behind each pixel, -1 where there is none."""
@@ -151,6 +160,12 @@ class PerspectiveView:
                 cover = (np.roll(cover, 1, axis) + 2 * cover + np.roll(cover, -1, axis)) / 4
         light = np.append(1.0 - 0.6 * np.clip(cover, 0.0, 1.0), 1.0).astype(np.float32)
         return np.asarray(light[self._floor])
+
+
+def _shell(solid: Obstacle, lattice: Field, step: float) -> Field:
+    """Points of the lattice just under the surface of a solid at time 0."""
+    distance = solid.signed_distance(lattice)
+    return lattice[(distance <= 0) & (distance > -1.5 * step)]
 
 
 def _view_axes() -> npt.NDArray[np.float64]:

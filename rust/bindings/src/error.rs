@@ -37,6 +37,13 @@ create_exception!(
     "A substep above the stability limit."
 );
 
+create_exception!(
+    hybridmpm._native,
+    BatchError,
+    SimulationError,
+    "Scenes of a batch failed."
+);
+
 /// Parents (SimulationError, ValueError): `create_exception!` takes one only.
 fn value_error(py: Python<'_>, name: &str, doc: &str) -> PyResult<Py<PyAny>> {
     let bases = PyTuple::new(
@@ -70,6 +77,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("DomainError", py.get_type::<DomainError>())?;
     module.add("NonFiniteError", py.get_type::<NonFiniteError>())?;
     module.add("InvertedError", py.get_type::<InvertedError>())?;
+    module.add("BatchError", py.get_type::<BatchError>())?;
     module.add("StepSizeError", py.get_type::<StepSizeError>())
 }
 
@@ -107,5 +115,22 @@ impl From<NativeError> for PyErr {
             }
             MpmError::Snapshot { .. } => raise(&SNAPSHOT_ERROR, message),
         }
+    }
+}
+
+/// A `BatchError` that holds each failure by the index of its scene.
+pub fn batch_error(py: Python<'_>, failures: Vec<(usize, MpmError)>) -> PyErr {
+    let messages: Vec<String> = failures
+        .iter()
+        .map(|(index, error)| format!("scene {index}: {error}"))
+        .collect();
+    let error = BatchError::new_err(messages.join("; "));
+    let by_index = PyDict::new(py);
+    let filled: PyResult<()> = failures.into_iter().try_for_each(|(index, failure)| {
+        by_index.set_item(index, PyErr::from(NativeError(failure)).into_value(py))
+    });
+    match filled.and_then(|()| error.value(py).setattr("failures", by_index)) {
+        Ok(()) => error,
+        Err(problem) => problem,
     }
 }

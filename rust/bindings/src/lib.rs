@@ -4,6 +4,7 @@
     reason = "pyo3 hands arguments over by value"
 )]
 
+mod batch;
 mod convert;
 mod error;
 mod graph;
@@ -78,7 +79,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<report::PyFrameReport>()?;
     module.add_class::<solver::PySolver>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
-    module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
+    module.add_function(wrap_pyfunction!(batch::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)

@@ -1,7 +1,9 @@
 //! `Obstacle`. Its dimension is that of the vectors it was built from.
 
-use mpm::{Obstacle, Shape, Vector};
-use numpy::{IntoPyArray, Ix2, PyArray1, PyUntypedArrayMethods};
+use mpm::{Motion, Obstacle, Shape, Swing, Vector};
+use numpy::{
+    IntoPyArray, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::convert::{array, contact, slice_of, vector};
@@ -13,7 +15,7 @@ pub enum AnyObstacle {
     Space(Obstacle<3>),
 }
 
-/// A fixed solid.
+/// A solid.
 #[pyclass(frozen, name = "Obstacle", module = "hybridmpm._native")]
 pub struct PyObstacle {
     pub inner: AnyObstacle,
@@ -40,6 +42,22 @@ macro_rules! build {
         };
         Ok(Self { inner })
     }};
+}
+
+/// Runs one expression on the obstacle of whichever dimension, as it is at a time.
+macro_rules! with_placed {
+    ($obstacle:expr, $time:expr, $placed:ident => $body:expr) => {
+        match &$obstacle.inner {
+            AnyObstacle::Plane(o) => {
+                let $placed = o.at($time);
+                $body
+            }
+            AnyObstacle::Space(o) => {
+                let $placed = o.at($time);
+                $body
+            }
+        }
+    };
 }
 
 #[pymethods]
@@ -101,15 +119,76 @@ impl PyObstacle {
         })
     }
 
+    #[pyo3(signature = (*, velocity=None, angular_velocity=None, center=None, period=None, phase=0.0))]
+    fn moving(
+        &self,
+        velocity: Option<Vec<f64>>,
+        angular_velocity: Option<Vec<f32>>,
+        center: Option<Vec<f64>>,
+        period: Option<f32>,
+        phase: f32,
+    ) -> PyResult<Self> {
+        if angular_velocity.is_some() && center.is_none() {
+            return Err(config_error(
+                "angular_velocity needs a center to turn about",
+            ));
+        }
+        let still = || vec![0.0; self.dim()];
+        let velocity = velocity.unwrap_or_else(still);
+        let center = center.unwrap_or_else(still);
+        let turning = angular_velocity.unwrap_or_default();
+        let swing = period.map(|period| Swing { period, phase });
+        let inner = match self.inner {
+            AnyObstacle::Plane(o) => {
+                AnyObstacle::Plane(o.moving(motion(&velocity, &turning, &center, swing)?))
+            }
+            AnyObstacle::Space(o) => {
+                AnyObstacle::Space(o.moving(motion(&velocity, &turning, &center, swing)?))
+            }
+        };
+        Ok(Self { inner })
+    }
+
+    #[pyo3(signature = (x, time=0.0))]
     fn signed_distance<'py>(
         &self,
         py: Python<'py>,
         x: &Bound<'py, PyAny>,
+        time: f64,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let dim = match self.inner {
+        let x = self.points(x)?;
+        let points = slice_of("x", &x)?.chunks_exact(self.dim());
+        let distances: Vec<f32> = with_placed!(self, time, placed => {
+            points.map(|x| placed.distance(&Vector::from_column_slice(x))).collect()
+        });
+        Ok(distances.into_pyarray(py))
+    }
+
+    fn carry<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        time: f64,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let x = self.points(x)?;
+        let points = slice_of("x", &x)?.chunks_exact(self.dim());
+        let carried: Vec<f32> = with_placed!(self, time, placed => {
+            points.map(|x| placed.carry(&Vector::from_column_slice(x))).flat_map(|x| x.data.0[0]).collect()
+        });
+        carried.into_pyarray(py).reshape([x.shape()[0], self.dim()])
+    }
+}
+
+impl PyObstacle {
+    fn dim(&self) -> usize {
+        match self.inner {
             AnyObstacle::Plane(_) => 2,
             AnyObstacle::Space(_) => 3,
-        };
+        }
+    }
+
+    fn points<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py, f32>> {
+        let dim = self.dim();
         let x = array::<f32, Ix2>("x", &format!("float32 of shape (N, {dim})"), x)?;
         if x.shape()[1] != dim {
             return Err(config_error(format!(
@@ -117,15 +196,17 @@ impl PyObstacle {
                 x.shape()
             )));
         }
-        let points = slice_of("x", &x)?.chunks_exact(dim);
-        let distances: Vec<f32> = match &self.inner {
-            AnyObstacle::Plane(o) => points
-                .map(|x| o.shape.distance(&Vector::from_column_slice(x)).0)
-                .collect(),
-            AnyObstacle::Space(o) => points
-                .map(|x| o.shape.distance(&Vector::from_column_slice(x)).0)
-                .collect(),
-        };
-        Ok(distances.into_pyarray(py))
+        Ok(x)
     }
+}
+
+fn motion<const D: usize>(
+    velocity: &[f64],
+    angular_velocity: &[f32],
+    center: &[f64],
+    swing: Option<Swing>,
+) -> PyResult<Motion<D>> {
+    let velocity = vector::<D>("velocity", velocity)?;
+    let center = vector::<D>("center", center)?;
+    Ok(Motion::new(velocity, angular_velocity, center, swing).map_err(NativeError)?)
 }

@@ -4,12 +4,11 @@ use std::sync::{Mutex, MutexGuard};
 
 use mpm::{Force, MpmError, Obstacle, Particles, Settings, Substeps, Walls};
 use numpy::{
-    IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadwriteArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
+    PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use rayon::prelude::*;
 
 use crate::convert::{array, contact, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
@@ -121,6 +120,15 @@ impl Arguments<'_> {
 }
 
 impl PySolver {
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Advances with the calling thread, which holds no GIL.
+    pub fn run(&self, frames: usize, force: Force<'_>) -> Result<(), MpmError> {
+        with_solver!(&mut *self.locked(), solver => solver.advance(frames, force, |_, _| ()))
+    }
+
     fn locked(&self) -> MutexGuard<'_, AnySolver> {
         self.inner.lock().expect("no panic under the lock")
     }
@@ -132,6 +140,27 @@ impl PySolver {
         work: impl FnOnce(&mut AnySolver) -> T + Send,
     ) -> T {
         py.detach(|| work(&mut self.locked()))
+    }
+
+    /// The force of an array, checked against this solver's particles.
+    pub fn force<'a>(
+        &self,
+        name: &str,
+        frames: usize,
+        array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
+    ) -> PyResult<Force<'a>> {
+        let (held, per_frame) = ([self.count, self.dim], [frames, self.count, self.dim]);
+        match array {
+            None => Ok(Force::None),
+            Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
+            Some(array) if array.shape() == per_frame => {
+                Ok(Force::PerFrame(slice_of(name, array)?))
+            }
+            Some(array) => Err(config_error(format!(
+                "{name} must be of shape {held:?} or {per_frame:?}, got {:?}",
+                array.shape()
+            ))),
+        }
     }
 
     fn read(
@@ -263,24 +292,11 @@ impl PySolver {
         force: Option<&Bound<'_, PyAny>>,
         out: Option<PyReadwriteArray3<'_, f32>>,
     ) -> PyResult<()> {
-        let (held, per_frame) = (
-            vec![self.count, self.dim],
-            vec![frames, self.count, self.dim],
-        );
+        let per_frame = [frames, self.count, self.dim];
         let force = force
             .map(|force| array::<f32, IxDyn>("force", "float32", force))
             .transpose()?;
-        let force = match &force {
-            None => Force::None,
-            Some(array) if array.shape() == held => Force::Held(slice_of("force", array)?),
-            Some(array) if array.shape() == per_frame => Force::PerFrame(slice_of("force", array)?),
-            Some(array) => {
-                return Err(config_error(format!(
-                    "force must be of shape {held:?} or {per_frame:?}, got {:?}",
-                    array.shape()
-                )));
-            }
-        };
+        let force = self.force("force", frames, force.as_ref())?;
         let mut out = out;
         let out: &mut [f32] = match &mut out {
             None => &mut [],
@@ -402,25 +418,4 @@ impl PySolver {
             frame_dt: self.frame_dt,
         }
     }
-}
-
-/// One thread a scene, on rayon's pool. A solver that stands in the list twice advances twice.
-#[pyfunction]
-#[pyo3(signature = (solvers, frames=1))]
-pub fn advance_all(
-    py: Python<'_>,
-    solvers: Vec<Bound<'_, PySolver>>,
-    frames: usize,
-) -> PyResult<()> {
-    let solvers: Vec<&PySolver> = solvers.iter().map(Bound::get).collect();
-    let results: Vec<Result<(), MpmError>> = py.detach(|| {
-        let advance = |any: &mut AnySolver| {
-            with_solver!(any, solver => solver.advance(frames, Force::None, |_, _| ()))
-        };
-        solvers.par_iter().map(|solver| advance(&mut solver.locked())).collect()
-    });
-    Ok(results
-        .into_iter()
-        .collect::<Result<(), _>>()
-        .map_err(NativeError)?)
 }

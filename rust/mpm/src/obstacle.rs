@@ -1,4 +1,4 @@
-//! Fixed solids: signed distances, contact on grid nodes, and particles kept outside.
+//! Solids at rest or in prescribed motion: contact on grid nodes, and particles kept outside.
 
 use wide::f32x4;
 
@@ -7,132 +7,25 @@ use crate::error::MpmError;
 use crate::grid::{Layout, Span, Window};
 use crate::grid_update::SMALLEST_MASS;
 use crate::math::Vector;
+use crate::motion::{Motion, Pose};
+use crate::shape::{Shape, farthest_corner};
+use crate::swept::{ByRow, Swept};
+use crate::walls::Walls;
 
-/// Geometry of a solid [m].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape<const D: usize> {
-    Ball {
-        center: Vector<D>,
-        radius: f32,
-    },
-    Box {
-        lower: Vector<D>,
-        upper: Vector<D>,
-    },
-    /// All points within half the thickness of a segment.
-    Segment {
-        start: Vector<D>,
-        end: Vector<D>,
-        thickness: f32,
-    },
-    /// Solid on the side that the unit normal points away from.
-    HalfSpace {
-        point: Vector<D>,
-        normal: Vector<D>,
-    },
-}
-
-impl<const D: usize> Shape<D> {
-    /// Signed distance, negative inside, and the unit normal of the nearest surface point.
-    pub fn distance(&self, x: &Vector<D>) -> (f32, Vector<D>) {
-        match self {
-            Self::Ball { center, radius } => distance_to_point(x, center, *radius),
-            Self::Segment {
-                start,
-                end,
-                thickness,
-            } => {
-                let along = end - start;
-                let t = ((x - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-                distance_to_point(x, &(start + along * t), 0.5 * thickness)
-            }
-            Self::HalfSpace { point, normal } => ((x - point).dot(normal), *normal),
-            Self::Box { lower, upper } => {
-                let nearest = Vector::from_fn(|axis, _| x[axis].clamp(lower[axis], upper[axis]));
-                let outside = x - nearest;
-                let distance = outside.norm();
-                if distance > 0.0 {
-                    return (distance, outside / distance);
-                }
-                let (mut depth, mut axis, mut sign) = (f32::NEG_INFINITY, 0, 1.0);
-                for a in 0..D {
-                    for (face, side) in [(lower[a] - x[a], -1.0), (x[a] - upper[a], 1.0)] {
-                        if face > depth {
-                            (depth, axis, sign) = (face, a, side);
-                        }
-                    }
-                }
-                let mut normal = Vector::zeros();
-                normal[axis] = sign;
-                (depth, normal)
-            }
-        }
-    }
-}
-
-fn distance_to_point<const D: usize>(
-    x: &Vector<D>,
-    center: &Vector<D>,
-    radius: f32,
-) -> (f32, Vector<D>) {
-    let away = x - center;
-    let distance = away.norm();
-    let up = Vector::from_fn(|axis, _| if axis == 1 { 1.0 } else { 0.0 });
-    // On the centre itself every direction is as good.
-    (
-        distance - radius,
-        if distance > 0.0 { away / distance } else { up },
-    )
-}
-
-/// A fixed solid and its surface.
+/// A solid and its surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstacle<const D: usize> {
+    /// At time 0.
     pub shape: Shape<D>,
     pub contact: Contact,
+    /// None for a solid at rest.
+    pub motion: Option<Motion<D>>,
 }
 
 impl<const D: usize> Obstacle<D> {
-    /// Refuses numbers that are not finite, radii and thicknesses of no size, and empty boxes.
+    /// A solid at rest. Refuses what `Shape::check` refuses, and friction that is no number >= 0.
     pub fn new(shape: Shape<D>, contact: Contact) -> Result<Self, MpmError> {
-        let finite = |v: &Vector<D>| v.iter().all(|s| s.is_finite());
-        let (sound, name, allowed) = match &shape {
-            Shape::Ball { center, radius } => (
-                finite(center) && *radius > 0.0 && radius.is_finite(),
-                "ball",
-                "a finite centre with radius > 0",
-            ),
-            Shape::Box { lower, upper } => (
-                finite(lower) && finite(upper) && (0..D).all(|axis| lower[axis] < upper[axis]),
-                "box",
-                "finite with lower < upper on each axis",
-            ),
-            Shape::Segment {
-                start,
-                end,
-                thickness,
-            } => (
-                finite(start)
-                    && finite(end)
-                    && start != end
-                    && *thickness > 0.0
-                    && thickness.is_finite(),
-                "segment",
-                "finite with two different ends and thickness > 0",
-            ),
-            Shape::HalfSpace { point, normal } => (
-                finite(point) && (normal.norm() - 1.0).abs() < 1.0e-4,
-                "half_space",
-                "a finite point with a unit normal",
-            ),
-        };
-        if !sound {
-            return Err(MpmError::parameter(
-                format!("obstacle {name}"),
-                allowed,
-                shape,
-            ));
-        }
+        shape.check()?;
         if contact
             .friction
             .is_some_and(|mu| !(mu >= 0.0 && mu.is_finite()))
@@ -143,14 +36,92 @@ impl<const D: usize> Obstacle<D> {
                 contact.friction,
             ));
         }
-        Ok(Self { shape, contact })
+        Ok(Self {
+            shape,
+            contact,
+            motion: None,
+        })
+    }
+
+    /// The same solid in motion.
+    #[must_use]
+    pub fn moving(self, motion: Motion<D>) -> Self {
+        Self {
+            motion: Some(motion),
+            ..self
+        }
+    }
+
+    /// The solid as it is at a time [s].
+    pub fn at(&self, time: f64) -> Placed<'_, D> {
+        let pose = self.motion.map(|motion| motion.pose(time));
+        Placed {
+            obstacle: self,
+            pose,
+        }
+    }
+
+    /// Signed distance and unit normal in the world.
+    pub(crate) fn distance_in(&self, pose: Option<&Pose<D>>, x: &Vector<D>) -> (f32, Vector<D>) {
+        let Some(pose) = pose else {
+            return self.shape.distance(x);
+        };
+        let (distance, normal) = self.shape.distance(&pose.at_start(x));
+        (distance, pose.turn(&normal))
+    }
+
+    /// Bound on the speed of those points of the solid that can touch material [m/s].
+    pub(crate) fn speed(&self, pose: &Pose<D>) -> f32 {
+        let Some(motion) = self.motion else {
+            return 0.0;
+        };
+        let everywhere =
+            farthest_corner(&Vector::zeros(), &Vector::from_element(1.0), &pose.center());
+        motion.speed(self.shape.reach(&motion.center()).min(everywhere))
+    }
+
+    /// Velocity after contact, at a point with this normal.
+    fn resolve(
+        &self,
+        pose: Option<&Pose<D>>,
+        x: &Vector<D>,
+        v: &Vector<D>,
+        normal: &Vector<D>,
+        friction: f32,
+    ) -> Vector<D> {
+        match pose {
+            None => self.contact.resolve(v, normal, friction),
+            Some(pose) => {
+                let surface = pose.velocity_at(x);
+                self.contact.resolve(&(v - surface), normal, friction) + surface
+            }
+        }
+    }
+}
+
+/// An obstacle at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Placed<'a, const D: usize> {
+    obstacle: &'a Obstacle<D>,
+    pose: Option<Pose<D>>,
+}
+
+impl<const D: usize> Placed<'_, D> {
+    /// Signed distance of a point from the surface [m], negative inside.
+    pub fn distance(&self, x: &Vector<D>) -> f32 {
+        self.obstacle.distance_in(self.pose.as_ref(), x).0
+    }
+
+    /// Where the point of the solid is that was at `x` at time 0.
+    pub fn carry(&self, x: &Vector<D>) -> Vector<D> {
+        self.pose.map_or(*x, |pose| pose.carry(x))
     }
 }
 
 /// Nodes this deep inside are reached by no particle.
-const BAND_CELLS: f32 = 4.0;
+pub(crate) const BAND_CELLS: f32 = 4.0;
 
-/// A grid node inside an obstacle.
+/// A grid node inside an obstacle at rest.
 #[derive(Debug, Clone, Copy)]
 struct SolidNode<const D: usize> {
     /// Position in its row.
@@ -162,53 +133,91 @@ struct SolidNode<const D: usize> {
 /// All obstacles of a scene, prepared for one grid.
 #[derive(Debug, Clone)]
 pub struct Obstacles<const D: usize> {
-    pub list: Vec<Obstacle<D>>,
-    nodes: Vec<SolidNode<D>>,
-    /// Nodes of row r are `nodes[row_starts[r]..row_starts[r + 1]]`; empty without obstacles.
-    row_starts: Vec<u32>,
-    /// Whether a particle whose stencil starts at this node may touch an obstacle.
+    list: Vec<Obstacle<D>>,
+    walls: Walls<D>,
+    layout: Layout<D>,
+    /// Nodes inside obstacles at rest.
+    solid: ByRow<SolidNode<D>>,
+    /// None where all obstacles are at rest.
+    swept: Option<Swept<D>>,
+    /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
     near: Vec<bool>,
 }
 
 impl<const D: usize> Obstacles<D> {
-    pub fn new(list: Vec<Obstacle<D>>, layout: &Layout<D>) -> Self {
+    pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
         let mut prepared = Self {
             list,
-            nodes: Vec::new(),
-            row_starts: Vec::new(),
+            walls: *walls,
+            layout: *layout,
+            solid: ByRow::EMPTY,
+            swept: None,
             near: Vec::new(),
         };
         if prepared.list.is_empty() {
             return prepared;
         }
-        let dx = layout.dx();
-        // From a stencil's base to its particle is at most 1.5 cells on each axis.
-        let reach = 1.5 * dx * (D as f32).sqrt();
-        prepared.row_starts.push(0);
+        prepared.find_solid_nodes();
+        if prepared
+            .list
+            .iter()
+            .any(|obstacle| obstacle.motion.is_some())
+        {
+            prepared.swept = Some(Swept::new(prepared.list.len(), prepared.near.clone()));
+            prepared.move_to(0.0, 0.0);
+        }
+        prepared
+    }
+
+    fn find_solid_nodes(&mut self) {
+        let layout = self.layout;
+        self.solid.clear();
         for row in 0..layout.row_count() {
             let mut node = layout.row_coordinates(row);
             for column in 0..layout.extent {
                 node[D - 1] = column;
                 let x = layout.position(node);
                 let mut near = false;
-                for (index, obstacle) in prepared.list.iter().enumerate() {
+                for (index, obstacle) in self.list.iter().enumerate() {
+                    if obstacle.motion.is_some() {
+                        continue;
+                    }
                     let (distance, normal) = obstacle.shape.distance(&x);
-                    near |= distance < reach;
-                    if distance <= 0.0 && distance > -BAND_CELLS * dx {
-                        prepared.nodes.push(SolidNode {
+                    near |= distance < stencil_reach(&layout);
+                    if holds(distance, &layout) {
+                        self.solid.nodes.push(SolidNode {
                             column: column as u32,
                             obstacle: index as u32,
                             normal,
                         });
                     }
                 }
-                prepared.near.push(near);
+                self.near.push(near);
             }
             let padding = layout.row_length - layout.extent;
-            prepared.near.extend(std::iter::repeat_n(false, padding));
-            prepared.row_starts.push(prepared.nodes.len() as u32);
+            self.near.extend(std::iter::repeat_n(false, padding));
+            self.solid.end_row();
         }
-        prepared
+    }
+
+    /// Puts the moving obstacles where they are at a time [s], the end of a substep of length `dt` [s].
+    pub fn move_to(&mut self, time: f64, dt: f32) {
+        if let Some(swept) = &mut self.swept {
+            swept.move_to(&self.list, &self.layout, time, dt, &mut self.near);
+        }
+    }
+
+    /// Bound on the speed of the moving solids [m/s]; 0 where all are at rest.
+    pub fn speed(&self) -> f32 {
+        self.swept.as_ref().map_or(0.0, |swept| swept.speed)
+    }
+
+    /// Bound on how far a particle with this speed moves in a substep, being pushed out included [m].
+    pub fn travel(&self, speed: f32, dt: f32) -> f32 {
+        match &self.swept {
+            None => speed * dt,
+            Some(swept) => speed * dt + swept.longest_push(speed, dt),
+        }
     }
 
     /// Applies contact to the grid velocities of some planes.
@@ -227,20 +236,34 @@ impl<const D: usize> Obstacles<D> {
         span: Span,
         material_friction: &MaterialFriction,
     ) {
-        let nodes = self.row_starts[span.row] as usize..self.row_starts[span.row + 1] as usize;
-        for node in &self.nodes[nodes] {
-            let column = node.column as usize;
-            if column < span.lo || column >= span.hi {
-                continue;
-            }
-            let index = span.row * window.layout.row_length + column - window.first;
-            let lanes = window.nodes[index].to_array();
-            if lanes[3] > SMALLEST_MASS {
-                let v = Vector::from_fn(|axis, _| lanes[axis]);
-                let friction = material_friction.at(window, index, lanes[3]);
+        let within = |column: u32| (span.lo..span.hi).contains(&(column as usize));
+        let start = span.row * self.layout.row_length - window.first;
+        for node in self.solid.row(span.row) {
+            if within(node.column) {
                 let contact = self.list[node.obstacle as usize].contact;
-                let v = contact.resolve(&v, &node.normal, friction);
-                window.nodes[index] = with_velocity(lanes, &v);
+                let index = start + node.column as usize;
+                change_velocity(window, index, material_friction, |v, friction| {
+                    contact.resolve(v, &node.normal, friction)
+                });
+            }
+        }
+        let Some(swept) = &self.swept else {
+            return;
+        };
+        let mut place = self.layout.row_coordinates(span.row);
+        for node in swept.nodes.row(span.row) {
+            if within(node.column) {
+                place[D - 1] = node.column as usize;
+                let x = self.layout.position(place);
+                let obstacle = &self.list[node.obstacle as usize];
+                let pose = swept.poses[node.obstacle as usize].as_ref();
+                let (distance, normal) = obstacle.distance_in(pose, &x);
+                if holds(distance, &self.layout) {
+                    let index = start + node.column as usize;
+                    change_velocity(window, index, material_friction, |v, friction| {
+                        obstacle.resolve(pose, &x, v, &normal, friction)
+                    });
+                }
             }
         }
     }
@@ -258,13 +281,58 @@ impl<const D: usize> Obstacles<D> {
 
     /// Moves a particle that got into an obstacle back to its surface.
     pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
-        for obstacle in &self.list {
-            let (distance, normal) = obstacle.shape.distance(x);
+        for (index, obstacle) in self.list.iter().enumerate() {
+            let pose = self
+                .swept
+                .as_ref()
+                .and_then(|swept| swept.poses[index].as_ref());
+            let (distance, normal) = obstacle.distance_in(pose, x);
             if distance < 0.0 {
-                *x -= normal * distance;
-                *v = obstacle.contact.resolve(v, &normal, material_friction);
+                *x -= normal * self.correction(distance, pose, v);
+                if pose.is_some() {
+                    // A particle between an obstacle and a wall stays in the box; the obstacle passes it.
+                    *x = Vector::from_fn(|axis, _| {
+                        x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis])
+                    });
+                }
+                *v = obstacle.resolve(pose, x, v, &normal, material_friction);
             }
         }
+    }
+
+    /// How far a particle at this negative distance is moved.
+    ///
+    /// An obstacle at rest is entered by what one substep moves a particle. One that moves may have trapped
+    /// it deep inside against a wall; led out at once, it would leave the nodes that are active around it.
+    fn correction(&self, distance: f32, pose: Option<&Pose<D>>, v: &Vector<D>) -> f32 {
+        match (&self.swept, pose) {
+            (Some(swept), Some(_)) => distance.max(-swept.longest_push(v.norm(), swept.dt)),
+            _ => distance,
+        }
+    }
+}
+
+/// Whether an obstacle acts on a node at this distance.
+fn holds<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
+    distance <= 0.0 && distance > -BAND_CELLS * layout.dx()
+}
+
+/// From a stencil's base to its particle is at most 1.5 cells on each axis [m].
+pub(crate) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
+    1.5 * layout.dx() * (D as f32).sqrt()
+}
+
+fn change_velocity<const D: usize>(
+    window: &mut Window<'_, D>,
+    index: usize,
+    material_friction: &MaterialFriction,
+    change: impl Fn(&Vector<D>, f32) -> Vector<D>,
+) {
+    let lanes = window.nodes[index].to_array();
+    if lanes[3] > SMALLEST_MASS {
+        let v = Vector::from_fn(|axis, _| lanes[axis]);
+        let friction = material_friction.at(window, index, lanes[3]);
+        window.nodes[index] = with_velocity(lanes, &change(&v, friction));
     }
 }
 
@@ -290,30 +358,4 @@ impl MaterialFriction {
 pub fn with_velocity<const D: usize>(mut lanes: [f32; 4], v: &Vector<D>) -> f32x4 {
     lanes[..D].copy_from_slice(v.as_slice());
     f32x4::from(lanes)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn distances_are_euclidean_outside_and_negative_inside() {
-        let (lower, upper) = (Vector::<2>::new(0.2, 0.2), Vector::<2>::new(0.4, 0.5));
-        let square = Shape::Box { lower, upper };
-        assert!((square.distance(&Vector::<2>::new(0.43, 0.54)).0 - 0.05).abs() < 1e-6);
-        let (depth, normal) = square.distance(&Vector::<2>::new(0.39, 0.3));
-        assert!((depth + 0.01).abs() < 1e-6 && normal == Vector::<2>::new(1.0, 0.0));
-        let (start, end) = (
-            Vector::<3>::new(0.2, 0.2, 0.5),
-            Vector::<3>::new(0.6, 0.2, 0.5),
-        );
-        let ramp = Shape::Segment {
-            start,
-            end,
-            thickness: 0.1,
-        };
-        let (distance, normal) = ramp.distance(&Vector::<3>::new(0.4, 0.3, 0.5));
-        assert!((distance - 0.05).abs() < 1e-6 && (normal.y - 1.0).abs() < 1e-6);
-        assert!((ramp.distance(&Vector::<3>::new(0.7, 0.2, 0.5)).0 - 0.05).abs() < 1e-6);
-    }
 }

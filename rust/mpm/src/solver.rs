@@ -84,7 +84,7 @@ impl<const D: usize> Solver<D> {
             chooser,
             bounds: Bounds::new(settings.walls, &grid.layout),
             walls: WallContact::new(&settings.walls, &grid.layout),
-            obstacles: Obstacles::new(settings.obstacles.clone(), &grid.layout),
+            obstacles: Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout),
             material_friction: if uniform {
                 MaterialFriction::Uniform(settings.materials[0].wall_friction)
             } else {
@@ -177,22 +177,30 @@ impl<const D: usize> Solver<D> {
             + force.map_or(0.0, |force| {
                 force.chunks_exact(D).map(norm).fold(0.0, f32::max)
             });
-        let mut remaining = self.settings.frame_dt;
+        let frame_dt = self.settings.frame_dt;
+        // The clock of moving obstacles is a function of the frame's number.
+        let start = self.state.frame as f64 * f64::from(frame_dt);
+        self.obstacles.move_to(start, 0.0);
+        let mut remaining = frame_dt;
         // Sorting at the start of a frame makes a frame a function of the state alone.
         let mut travelled = f32::INFINITY;
         while remaining > 0.0 {
             // A substep is at most dx / signal speed long, so speeds gain at most this.
             let speed = self.state.max_speed + pull * dx / self.chooser.signal_speed;
-            let (dt, bound) = self.chooser.next(remaining, speed)?;
+            let (dt, bound) = self
+                .chooser
+                .next(remaining, speed, self.obstacles.speed())?;
             if travelled >= dx {
                 self.sort();
                 travelled = 0.0;
             }
+            let end = start + f64::from(frame_dt - remaining + dt);
+            self.obstacles.move_to(end, dt);
             let outcome = self.substep(Step { dt, force });
             if !outcome {
                 return Err(self.diagnose());
             }
-            travelled += self.state.max_speed * dt;
+            travelled += self.obstacles.travel(self.state.max_speed, dt);
             remaining -= dt;
             // What is left after the last substep is rounding.
             if remaining < 1.0e-3 * dt {

@@ -14,7 +14,8 @@ const MOST_SUBSTEPS: f32 = 20_000.0;
 /// Who chooses the substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Substeps {
-    /// The fewest with dt <= cfl dx / max(signal speed, largest speed), chosen anew as speeds change.
+    /// The fewest with dt <= cfl dx / max(signal speed, largest speed of a particle and of an obstacle
+    /// together), chosen anew as speeds change.
     Cfl(f32),
     /// floor(frame / (0.02 dx)) + 1 equal ones, the rule of the ground truth.
     Reference,
@@ -29,6 +30,8 @@ pub enum Bound {
     Sound,
     /// The fastest particle.
     Speed,
+    /// The fastest moving obstacle.
+    Obstacle,
     /// The frame itself.
     Frame,
     /// The reference rule.
@@ -42,6 +45,7 @@ impl Bound {
         match self {
             Self::Sound => "sound",
             Self::Speed => "speed",
+            Self::Obstacle => "obstacle",
             Self::Frame => "frame",
             Self::Reference => "reference",
             Self::Fixed => "fixed",
@@ -104,10 +108,26 @@ impl StepChooser {
         })
     }
 
-    /// The next step and what chose it. `speed` bounds the particle speeds during it [m/s].
-    pub fn next(&self, remaining: f32, speed: f32) -> Result<(f32, Bound), MpmError> {
+    /// The next step and what chose it. `particles` bounds the speeds of particles during it, `obstacles`
+    /// those of obstacles [m/s].
+    ///
+    /// A particle and an obstacle close by the sum of both, and must not pass through each other in a step.
+    pub fn next(
+        &self,
+        remaining: f32,
+        particles: f32,
+        obstacles: f32,
+    ) -> Result<(f32, Bound), MpmError> {
+        let speed = particles + obstacles;
+        let bound = if speed <= self.signal_speed {
+            Bound::Sound
+        } else if obstacles > particles {
+            Bound::Obstacle
+        } else {
+            Bound::Speed
+        };
         let count = match self.substeps {
-            Substeps::Cfl(cfl) => return self.under_cfl(cfl, remaining, speed),
+            Substeps::Cfl(cfl) => return self.under_cfl(cfl, remaining, speed, bound),
             Substeps::Reference => reference_substeps(self.frame_dt, self.dx),
             Substeps::Fixed { count, .. } => count,
         };
@@ -125,7 +145,7 @@ impl StepChooser {
             return Err(MpmError::UnstableStep {
                 dt,
                 limit,
-                bound: self.signal(speed).name(),
+                bound: bound.name(),
                 substeps: (self.frame_dt / limit).ceil() as u32,
             });
         }
@@ -137,16 +157,23 @@ impl StepChooser {
         Ok((dt, bound))
     }
 
-    fn under_cfl(&self, cfl: f32, remaining: f32, speed: f32) -> Result<(f32, Bound), MpmError> {
+    fn under_cfl(
+        &self,
+        cfl: f32,
+        remaining: f32,
+        speed: f32,
+        bound: Bound,
+    ) -> Result<(f32, Bound), MpmError> {
         let limit = cfl * self.dx / self.signal_speed.max(speed);
         let count = (remaining / limit).ceil().max(1.0);
         if count > MOST_SUBSTEPS || !count.is_finite() {
-            let (signal, speed, remedy) = match self.signal(speed) {
+            let (signal, speed, remedy) = match bound {
                 Bound::Speed => (
                     "particles",
                     speed,
                     "lower the velocities or the external force",
                 ),
+                Bound::Obstacle => ("obstacles", speed, "slow their motion down"),
                 _ => (
                     "waves",
                     self.signal_speed,
@@ -165,17 +192,9 @@ impl StepChooser {
         let bound = if limit >= self.frame_dt {
             Bound::Frame
         } else {
-            self.signal(speed)
+            bound
         };
         Ok((remaining / count, bound))
-    }
-
-    fn signal(&self, speed: f32) -> Bound {
-        if speed > self.signal_speed {
-            Bound::Speed
-        } else {
-            Bound::Sound
-        }
     }
 }
 
@@ -197,13 +216,20 @@ mod tests {
     #[test]
     fn the_bound_that_is_active_is_named() {
         let cfl = chooser(Substeps::Cfl(0.5));
-        let (dt, bound) = cfl.next(0.0025, 1.0).unwrap();
+        let (dt, bound) = cfl.next(0.0025, 1.0, 0.0).unwrap();
         assert_eq!(bound, Bound::Sound);
         // sqrt(2 * 277 778 / 1000) m/s in two dimensions.
         assert!(dt <= 0.5 / 128.0 / 23.57 && dt > 0.45 / 128.0 / 23.57);
-        assert_eq!(cfl.next(0.0025, 40.0).unwrap().1, Bound::Speed);
+        assert_eq!(cfl.next(0.0025, 40.0, 0.0).unwrap().1, Bound::Speed);
+        // Each alone would be slower than sound; the step is that of both together.
+        let (dt, bound) = cfl.next(0.0025, 20.0, 21.0).unwrap();
+        assert_eq!(bound, Bound::Obstacle);
+        assert!(dt <= 0.5 / 128.0 / 41.0 && dt > 0.45 / 128.0 / 41.0);
         assert_eq!(
-            chooser(Substeps::Reference).next(0.0025, 1.0).unwrap().1,
+            chooser(Substeps::Reference)
+                .next(0.0025, 1.0, 0.0)
+                .unwrap()
+                .1,
             Bound::Reference
         );
     }
@@ -214,7 +240,7 @@ mod tests {
             count: 4,
             allow_unstable: false,
         });
-        let error = refused.next(0.0025, 0.0).unwrap_err();
+        let error = refused.next(0.0025, 0.0, 0.0).unwrap_err();
         assert!(
             matches!(error, MpmError::UnstableStep { substeps: 10, .. }),
             "{error}"
@@ -224,12 +250,18 @@ mod tests {
                 count: 4,
                 allow_unstable: true
             })
-            .next(0.0025, 0.0)
+            .next(0.0025, 0.0, 0.0)
             .is_ok()
         );
-        assert!(matches!(
-            chooser(Substeps::Cfl(0.5)).next(0.0025, 1.0e9),
-            Err(MpmError::TooFast { .. })
-        ));
+        for (particles, obstacles, signal) in [(1.0e9, 0.0, "particles"), (0.0, 1.0e9, "obstacles")]
+        {
+            let error = chooser(Substeps::Cfl(0.5))
+                .next(0.0025, particles, obstacles)
+                .unwrap_err();
+            assert!(
+                matches!(error, MpmError::TooFast { signal: named, .. } if named == signal),
+                "{error}"
+            );
+        }
     }
 }

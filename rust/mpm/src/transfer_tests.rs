@@ -145,7 +145,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         &team,
     );
     let momentum = grid.clone();
-    let obstacles = Obstacles::new(Vec::new(), &layout);
+    let obstacles = Obstacles::new(Vec::new(), &walls, &layout);
     let forces = GridForces {
         gravity: Vector::zeros(),
         walls: &WallContact::new(&walls, &layout),

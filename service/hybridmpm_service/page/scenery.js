@@ -1,23 +1,30 @@
-// Walls, obstacles, the box of a 3D scene: everything that stands still. Drawn with Canvas2D, hence crisp.
+// Walls, obstacles, the box of a 3D scene: everything but the particles. Drawn with Canvas2D, hence crisp.
+
+import { cornersOf, placed } from "./motion.js";
 
 const WALL_COLOR = "#3a4a5f";
 const OBSTACLE_FILL = "#4a5a70";
 const OBSTACLE_EDGE = "#93a7c0";
 const GRID_STEP = 0.1;
 
-/** Behind the particles. */
-export function drawBackdrop(context, view, scene) {
+/** Behind the particles, at a simulated time [s]. */
+export function drawBackdrop(context, view, scene, time) {
   if (scene.dim === 2) drawTank(context, view, scene);
-  else drawBox(context, view, scene);
+  else drawBox(context, view, scene, time);
 }
 
-/** In front of the particles. */
-export function drawForeground(context, view, scene) {
+/** Whether the backdrop changes with time. */
+export function backdropMoves(scene) {
+  return scene.dim === 3 && scene.obstacles.some((obstacle) => obstacle.motion !== undefined);
+}
+
+/** In front of the particles, at a simulated time [s]. */
+export function drawForeground(context, view, scene, time) {
   if (scene.dim === 2) {
-    scene.obstacles.forEach((obstacle) => drawFlatObstacle(context, view, scene, obstacle));
+    scene.obstacles.forEach((obstacle) => drawFlatObstacle(context, view, placed(obstacle, time)));
     drawFlatWalls(context, view, scene);
   } else {
-    drawEdges(context, view, scene, true);
+    drawEdges(context, view, cornersOf(scene.walls), true);
   }
 }
 
@@ -74,7 +81,7 @@ function drawFlatWalls(context, view, { walls }) {
   context.stroke();
 }
 
-function drawFlatObstacle(context, view, scene, obstacle) {
+function drawFlatObstacle(context, view, obstacle) {
   const scale = view.pixelsPerMetre;
   context.fillStyle = OBSTACLE_FILL;
   context.strokeStyle = OBSTACLE_EDGE;
@@ -95,6 +102,9 @@ function drawFlatObstacle(context, view, scene, obstacle) {
     const [px, py] = view.project(obstacle.center);
     context.beginPath();
     context.arc(px, py, obstacle.radius * scale, 0, 2 * Math.PI);
+  } else if (obstacle.corners !== undefined) {
+    const [a, b, d, c] = obstacle.corners;
+    path(context, view, [a, b, c, d], true);
   } else if (obstacle.shape === "box") {
     context.beginPath();
     context.roundRect(...rectangleOf(view, obstacle), 2);
@@ -115,7 +125,7 @@ function halfSpaceOutline({ point, normal }) {
 
 // ---- 3D -------------------------------------------------------------------------------------------------
 
-function drawBox(context, view, scene) {
+function drawBox(context, view, scene, time) {
   const { lower, upper } = scene.walls;
   const corners = [
     [lower[0], lower[1], lower[2]],
@@ -141,14 +151,13 @@ function drawBox(context, view, scene) {
       context.stroke();
     }
   }
-  drawEdges(context, view, scene, false);
-  scene.obstacles.forEach((obstacle) => drawSolidObstacle(context, view, obstacle));
+  drawEdges(context, view, cornersOf(scene.walls), false);
+  scene.obstacles.forEach((obstacle) => drawSolidObstacle(context, view, placed(obstacle, time)));
 }
 
 /** The twelve edges; those that meet in the corner nearest to the viewer lie in front of the particles. */
-function drawEdges(context, view, { walls }, inFront) {
-  const corner = (bits) => walls.lower.map((low, axis) => ((bits >> axis) & 1 ? walls.upper[axis] : low));
-  const depth = (bits) => view.project(corner(bits))[2];
+function drawEdges(context, view, corners, inFront) {
+  const depth = (bits) => view.project(corners[bits])[2];
   const nearest = [0, 1, 2, 3, 4, 5, 6, 7].reduce((best, bits) => (depth(bits) > depth(best) ? bits : best));
   context.strokeStyle = inFront ? "rgb(150 178 212 / 0.28)" : "rgb(150 178 212 / 0.5)";
   context.lineWidth = 1.25;
@@ -156,7 +165,7 @@ function drawEdges(context, view, { walls }, inFront) {
     for (let axis = 0; axis < 3; axis += 1) {
       const other = bits | (1 << axis);
       if (other === bits || (bits === nearest || other === nearest) !== inFront) continue;
-      path(context, view, [corner(bits), corner(other)], false);
+      path(context, view, [corners[bits], corners[other]], false);
       context.stroke();
     }
   }
@@ -167,8 +176,9 @@ function drawSolidObstacle(context, view, obstacle) {
   context.strokeStyle = OBSTACLE_EDGE;
   context.lineWidth = 1.25;
   if (obstacle.shape === "box") {
-    drawEdges(context, view, { walls: obstacle }, true);
-    drawEdges(context, view, { walls: obstacle }, false);
+    const corners = obstacle.corners ?? cornersOf(obstacle);
+    drawEdges(context, view, corners, true);
+    drawEdges(context, view, corners, false);
   } else if (obstacle.shape === "ball") {
     drawRings(context, view, obstacle.center, obstacle.radius);
   } else if (obstacle.shape === "segment") {

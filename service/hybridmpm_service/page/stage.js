@@ -4,7 +4,7 @@ import { FlatView, OrbitView } from "./camera.js";
 import { drawFittedEllipse, drawGuess, drawPlan, drawSketch } from "./drawing.js";
 import { SpeedEstimate, spacingOf } from "./particles.js";
 import { createRenderer } from "./renderer/index.js";
-import { drawBackdrop, drawForeground } from "./scenery.js";
+import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
 const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get warm
 
@@ -16,6 +16,7 @@ export class Stage {
   #canvases;
   #renderer;
   #speeds = null;
+  #time = 0; // of the frame that is shown [s]
   #steering;
   #still = true; // nothing has changed since the last drawing
   #backdropStale = true;
@@ -42,6 +43,7 @@ export class Stage {
     this.#scene = scene;
     this.#types = types;
     this.#speeds = null;
+    this.#time = 0;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.#resize();
   }
@@ -55,6 +57,8 @@ export class Stage {
       this.#renderer.setScene({ dim: frame.dim, types: this.#types, spacing, floor: this.#scene.walls.lower[1] });
     }
     this.#speeds.update(frame);
+    this.#time = frame.time;
+    if (backdropMoves(this.#scene)) this.#backdropStale = true;
     this.#renderer.update(frame.positions, this.#speeds.bytes);
     this.invalidate();
   }
@@ -89,7 +93,7 @@ export class Stage {
     this.#still = true;
     if (this.#backdropStale) {
       this.#backdropStale = false;
-      drawBackdrop(this.#clear(this.#canvases.backdrop), this.view, this.#scene);
+      drawBackdrop(this.#clear(this.#canvases.backdrop), this.view, this.#scene, this.#time);
     }
     this.#renderer.draw(this.view);
     this.#drawOverlay();
@@ -107,7 +111,7 @@ export class Stage {
   #drawOverlay() {
     const context = this.#clear(this.#canvases.overlay);
     const { sketch, plan, phase, done } = this.#steering;
-    drawForeground(context, this.view, this.#scene);
+    drawForeground(context, this.view, this.#scene, this.#time);
     if (sketch !== null) {
       const faded = phase === "following" || phase === "done";
       drawSketch(context, this.view, this.#scene, sketch, faded ? 0.55 : 1);
