@@ -1,6 +1,5 @@
 """Benchmarks: their rows are complete and true, whatever the machine's speed."""
 
-import importlib.util
 import json
 import math
 import sys
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import ConfigError, MpmSolver, SceneError
+from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError
 from hybridmpm.bench import mpm, provenance, scaling, timing
 from hybridmpm.cli import cli
 
@@ -47,10 +46,10 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
         assert [row[name] for name in FIELDS if "peer" in name or name == "ratio"] == [None] * 6
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("taichi") is None, reason="needs Taichi: pip install 'hybridmpm[bench]'"
-)
 def test_the_peer_is_measured_beside_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip(
+        "hybridmpm.bench.peers.taichi_mpm", reason="needs Taichi: pip install 'hybridmpm[bench]'"
+    )
     monkeypatch.setattr(mpm, "CASES", mpm.CASES[:2])  # in 3D Taichi compiles for a minute
     chart = tmp_path / "speed.svg"
     printed, rows = bench(tmp_path, "mpm", "--particles", "216", "--peer", "taichi", "--chart", str(chart))
@@ -65,6 +64,15 @@ def test_the_peer_is_measured_beside_ours(tmp_path: Path, monkeypatch: pytest.Mo
     assert "ratio" in printed
     assert "Taichi" in chart.read_text()
     assert chart.with_suffix(".png").stat().st_size > 10_000
+
+
+def test_a_peer_that_computes_something_else_is_refused() -> None:
+    class Stranger:
+        positions = np.full((512, 2), np.nan)
+
+    solver = MpmSolver(mpm.falling_block(2, "water", 512))
+    with pytest.raises(SimulationError, match="half a cell"):
+        mpm._require_agreement(solver, [Stranger()])
 
 
 def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,9 +19,10 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.materials import Sand, Water
 from hybridmpm.scene import Scene
 
-# Taichi greets when imported, and asks its server for news when started.
+# Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 import taichi as ti
 
 NAME = "taichi " + ".".join(str(part) for part in ti.__version__)
