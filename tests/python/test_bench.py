@@ -17,7 +17,8 @@ from hybridmpm.cli import cli
 SOURCE = {"machine", "date", "commit", "command"}
 FIELDS = SOURCE | {
     "dim", "material", "particles", "resolution", "threads", "substeps", "ns_per_particle_substep",
-    "ms_per_frame", "peer", "peer_ns", "peer_threads", "peer_ns_1_thread", "peer_ns_2_threads", "ratio",
+    "ms_per_frame", "peer", "peer_ns", "peer_threads", "peer_ns_serial", "peer_ns_serial_scatter",
+    "peer_ns_atomic", "ratio",
 }  # fmt: skip
 
 
@@ -43,7 +44,7 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
         per_frame = row["ms_per_frame"] * 1e6 / (row["particles"] * row["substeps"])
         assert row["ns_per_particle_substep"] == pytest.approx(per_frame, rel=0.01)
         assert row["command"] == " ".join(["hybridmpm bench mpm", *arguments, "--repeats 1"])
-        assert [row[name] for name in FIELDS if "peer" in name or name == "ratio"] == [None] * 6
+        assert [row[name] for name in FIELDS if "peer" in name or name == "ratio"] == [None] * 7
 
 
 def test_the_peer_is_measured_beside_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,8 +58,9 @@ def test_the_peer_is_measured_beside_ours(tmp_path: Path, monkeypatch: pytest.Mo
     for row in rows:
         assert set(row) == FIELDS
         assert row["peer"].startswith("taichi 1.")
-        assert row["peer_ns"] == min(row["peer_ns_1_thread"], row["peer_ns_2_threads"])
-        assert row["peer_ns"] == row["peer_ns_1_thread" if row["peer_threads"] == 1 else "peer_ns_2_threads"]
+        by_setting = [row[f"peer_ns_{name}"] for name in ("serial", "serial_scatter", "atomic")]
+        assert row["peer_ns"] == min(by_setting)
+        assert row["peer_threads"] == (1 if row["peer_ns_serial"] == row["peer_ns"] else 2)
         assert row["ratio"] == pytest.approx(row["peer_ns"] / row["ns_per_particle_substep"], rel=0.01)
         assert row["command"].endswith("--repeats 1 --peer taichi")
     assert "ratio" in printed

@@ -103,20 +103,28 @@ def blob(resolution: int) -> Scene:
 def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     """Draw both series as SVG and PNG; raises as `charts.panels` and `charts.save`."""
     figure, axes = charts.panels(columns=3)
-    for dim, marker in ((2, "o"), (3, "s")):
-        mine = [row for row in rows if (row["series"], row["dim"]) == ("particles", dim)]
-        particles = [row["particles"] for row in mine]
-        axes[0, 0].plot(
-            particles, [row["ms_per_substep"] for row in mine], marker=marker, label=f"water {dim}D"
-        )
-        axes[0, 1].plot(particles, [row["ns_per_particle_substep"] for row in mine], marker=marker)
-    axes[0, 0].set(xscale="log", yscale="log", xlabel="particles", ylabel="ms per substep")
-    axes[0, 0].legend()
-    axes[0, 1].set(xscale="log", ylim=(0, None), xlabel="particles", ylabel="ns per particle and substep")
+    whole, each, around = axes[0]
+    for dim, marker in zip((2, 3), charts.MARKERS, strict=False):
+        blocks = [row for row in rows if (row["series"], row["dim"]) == ("particles", dim)]
+        particles = [row["particles"] for row in blocks]
+        for panel, field in ((whole, "ms_per_substep"), (each, "ns_per_particle_substep")):
+            panel.plot(particles, [row[field] for row in blocks], marker=marker, label=f"water {dim}D")
     blobs = [row for row in rows if row["series"] == "grid"]
     nodes = [row["resolution"] for row in blobs]
-    axes[0, 2].plot(nodes, [row["ns_per_particle_substep"] for row in blobs], marker="o")
-    axes[0, 2].set(xscale="log", ylim=(0, None), xticks=nodes, xticklabels=[f"${n}^3$" for n in nodes])
-    axes[0, 2].minorticks_off()
-    axes[0, 2].set(xlabel="grid around the same blob", ylabel="ns per particle and substep")
+    around.plot(nodes, [row["ns_per_particle_substep"] for row in blobs], marker=charts.MARKERS[0])
+    whole.set(
+        xscale="log", yscale="log", xlabel="particles", ylabel="ms per substep", title="growing block, in all"
+    )
+    whole.legend(frameon=False)
+    each.set(
+        xscale="log",
+        xlabel="particles",
+        ylabel="ns per particle and substep",
+        title="growing block, each particle",
+    )
+    around.set(xscale="log", xticks=nodes, xticklabels=[f"${n}^3$" for n in nodes], xlabel="grid")
+    around.set(ylabel="ns per particle and substep", title="one blob, growing grid")
+    around.minorticks_off()
+    for panel in (each, around):
+        panel.set_ylim(0, 1.1 * panel.dataLim.y1)
     charts.save(figure, file)

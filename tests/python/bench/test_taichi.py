@@ -55,9 +55,11 @@ def paths(simulator: Any, frames: int) -> np.ndarray:
     return np.array(states)
 
 
-@pytest.mark.parametrize(("dim", "threads"), [(2, (1, 2)), (3, (1,))], ids=["2D", "3D"])
+@pytest.mark.parametrize(
+    ("dim", "settings"), [(2, tuple(taichi_mpm.SETTINGS)), (3, ("serial",))], ids=["2D", "3D"]
+)
 @pytest.mark.parametrize("material", [WATER, SAND], ids=["water", "sand"])
-def test_same_positions(dim: int, threads: tuple[int, ...], material: Material) -> None:
+def test_same_positions(dim: int, settings: tuple[str, ...], material: Material) -> None:
     scene, frames = collision(dim, material), 200 // SUBSTEPS[dim]
     solver = MpmSolver(scene, substeps=SUBSTEPS[dim])
     x, v = solver.positions, solver.velocities
@@ -78,8 +80,8 @@ def test_same_positions(dim: int, threads: tuple[int, ...], material: Material) 
     assert np.max(ours) < 0.9 - 3 * scene.dx
 
     taichi_mpm.start()
-    for count in threads:
-        theirs = paths(taichi_mpm.TaichiMpm(scene, substeps=SUBSTEPS[dim], threads=count), frames)
+    for setting in settings:
+        theirs = paths(taichi_mpm.TaichiMpm(scene, substeps=SUBSTEPS[dim], setting=setting), frames)
         assert np.abs(theirs - ours).max() < TOLERANCE
     for other in NEARBY[material]:
         nearby = paths(MpmSolver(collision(dim, other), substeps=SUBSTEPS[dim]), frames)
@@ -91,10 +93,10 @@ def test_scenes_that_the_peer_lacks_are_refused() -> None:
     sand, elastic = (Ball(material=name, center=(0.6, 0.5), radius=0.05) for name in ("sand", "elastic"))
     for bodies, named in (((water, sand), "got water, sand and 0"), ((elastic,), "got elastic and 0")):
         with pytest.raises(ConfigError, match=named):
-            taichi_mpm.TaichiMpm(Scene(dim=2, bodies=bodies), substeps=20, threads=1)
+            taichi_mpm.TaichiMpm(Scene(dim=2, bodies=bodies), substeps=20, setting="serial")
     ramp = BoxObstacle(lower=(0.5, 0.1), upper=(0.6, 0.2))
     with pytest.raises(ConfigError, match="got water and 1 obstacles"):
-        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), substeps=20, threads=1)
+        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), substeps=20, setting="serial")
     outside = Walls(lower=(0.0, 0.1), upper=(0.9, 0.9))
     with pytest.raises(ConfigError, match="three cells or more inside"):
-        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), walls=outside), substeps=20, threads=1)
+        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), walls=outside), substeps=20, setting="serial")

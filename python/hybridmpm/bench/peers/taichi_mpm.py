@@ -26,8 +26,11 @@ os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 import taichi as ti
 
 NAME = "taichi " + ".".join(str(part) for part in ti.__version__)
-THREADS = (1, 2)
-"""Settings worth measuring. More threads than 2 gained nothing at these sizes, see `TaichiMpm`."""
+SETTINGS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
+"""How loops run, and on how many threads. "serial": each on one thread, which lets Taichi add to the grid
+without atomics. "atomic": each on all threads, as in the examples. "serial_scatter": the one that adds to the
+grid on one thread, the others on all.
+"""
 
 _SMALLEST_STRETCH = 1.0e-4
 """As in our sand, so that the logarithm stays finite."""
@@ -36,7 +39,7 @@ _SMALLEST_STRETCH = 1.0e-4
 def start() -> None:
     """Start Taichi afresh; solvers made before are void."""
     with contextlib.redirect_stdout(io.StringIO()):  # it announces its backend
-        ti.init(arch=ti.cpu, default_fp=ti.f32, cpu_max_num_threads=max(THREADS), log_level=ti.ERROR)
+        ti.init(arch=ti.cpu, default_fp=ti.f32, cpu_max_num_threads=2, log_level=ti.ERROR)
 
 
 @ti.data_oriented
@@ -50,9 +53,8 @@ class TaichiMpm:
         box. They are taken as separating.
     substeps : int
         Equal substeps a frame.
-    threads : 1 or 2
-        With one thread all loops are serial, and Taichi adds to the grid without atomics: twice as fast as
-        one thread with atomics, and as a rule faster than two.
+    setting : str
+        One of `SETTINGS`.
 
     Raises
     ------
@@ -64,14 +66,15 @@ class TaichiMpm:
     N is the number of particles, D the dimension.
     """
 
-    def __init__(self, scene: Scene, *, substeps: int, threads: int) -> None:
+    def __init__(self, scene: Scene, *, substeps: int, setting: str) -> None:
         material = scene.materials[0]
         if len(scene.materials) > 1 or not isinstance(material, Water | Sand) or scene.obstacles:
             raise ConfigError(
                 "the Taichi solver takes scenes of one material, water or sand, and without obstacles; "
                 f"got {', '.join(m.kind for m in scene.materials)} and {len(scene.obstacles)} obstacles"
             )
-        self._substeps, self._serial = substeps, threads == 1
+        self._substeps = substeps
+        self._serial, self._serial_scatter = setting == "serial", setting != "atomic"
         self._dim, self._dt = scene.dim, scene.frame_dt / substeps
         self._dx, self._per_dx = scene.dx, float(scene.resolution)
         self._gravity = ti.Vector(scene.gravity)
@@ -108,7 +111,8 @@ class TaichiMpm:
         if self._water:
             self._J = ti.field(float, n)
         else:
-            self._F, self._volume_gain = ti.Matrix.field(dim, dim, float, n), ti.field(float, n)
+            self._F, self._tau = (ti.Matrix.field(dim, dim, float, n) for _ in range(2))
+            self._volume_gain = ti.field(float, n)
         # Velocity and mass of a node side by side: faster than two arrays.
         self._grid_v, self._grid_m = ti.Vector.field(dim, float), ti.field(float)
         nodes = ti.root.dense(ti.ij if dim == 2 else ti.ijk, scene.resolution)
@@ -142,8 +146,11 @@ class TaichiMpm:
         if self._water:
             self._J.from_numpy(volume_ratio)
         else:
-            stretch = volume_ratio[:, None, None] ** (1 / self._dim)
-            self._F.from_numpy((np.eye(self._dim) * stretch).astype(np.float32))
+            # Sand bears no tension.
+            strain = np.minimum(np.log(volume_ratio), 0)[:, None, None] * np.eye(self._dim) / self._dim
+            self._F.from_numpy((np.exp(strain) * np.eye(self._dim)).astype(np.float32))
+            stiffness = 2 * self._mu + self._dim * self._lambda
+            self._tau.from_numpy((stiffness * strain).astype(np.float32))
             self._volume_gain.fill(0)
 
     def advance(self, frames: int) -> None:
@@ -168,7 +175,7 @@ class TaichiMpm:
                 else:
                     for k in range(self._first[2], self._end[2]):
                         self._clear(ti.Vector([i, j, k]))
-        ti.loop_config(serialize=self._serial)
+        ti.loop_config(serialize=self._serial_scatter)
         for p in range(self._count):
             self._scatter(p)
         ti.loop_config(serialize=self._serial)
@@ -197,7 +204,7 @@ class TaichiMpm:
         if ti.static(self._water):
             tau = ti.Matrix.identity(float, self._dim) * self._water_stress(self._J[p])
         else:
-            tau = self._sand_stress(p)
+            tau = self._tau[p]
         factor = self._dt * 4 * self._per_dx**2 * self._volume[p]
         affine = self._mass[p] * self._C[p] - factor * tau
         momentum = self._mass[p] * self._v[p]
@@ -213,32 +220,6 @@ class TaichiMpm:
     def _water_stress(self, J):
         tau = self._bulk_modulus * J * (J - 1)
         return ti.select(J > 1, self._tension * tau, tau)
-
-    @ti.func
-    def _sand_stress(self, p):
-        """Deform F by the C of the last substep, let it flow plastically, and return tau [Pa]."""
-        dim, mu, lam = ti.static(self._dim, self._mu, self._lambda)
-        U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self._dt * self._C[p]) @ self._F[p])
-        strain = ti.Vector.zero(float, dim)
-        for i in ti.static(range(dim)):
-            strain[i] = ti.log(ti.max(sigma[i, i], _SMALLEST_STRETCH)) + self._volume_gain[p] / dim
-        trace, gained = strain.sum(), 0.0
-        if trace >= 0:
-            strain = ti.zero(strain)
-            if ti.static(self._volume_correction):
-                gained = trace
-        else:
-            deviator = strain - trace / dim
-            norm = deviator.norm()
-            excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self._alpha
-            if excess > 0:
-                strain -= deviator * (excess / norm)
-        stretch, tau, trace = ti.zero(sigma), ti.zero(sigma), strain.sum()
-        for i in ti.static(range(dim)):
-            stretch[i, i] = ti.exp(strain[i])
-            tau[i, i] = 2 * mu * strain[i] + lam * trace
-        self._F[p], self._volume_gain[p] = U @ stretch @ V.transpose(), gained
-        return U @ tau @ U.transpose()
 
     @ti.func
     def _update(self, node):
@@ -273,3 +254,30 @@ class TaichiMpm:
         self._x[p] += self._dt * v
         if ti.static(self._water):
             self._J[p] *= 1 + self._dt * C.trace()
+        else:
+            self._deform_sand(p)
+
+    @ti.func
+    def _deform_sand(self, p):
+        dim, mu, lam = ti.static(self._dim, self._mu, self._lambda)
+        U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self._dt * self._C[p]) @ self._F[p])
+        strain = ti.Vector.zero(float, dim)
+        for i in ti.static(range(dim)):
+            strain[i] = ti.log(ti.max(sigma[i, i], _SMALLEST_STRETCH)) + self._volume_gain[p] / dim
+        trace, gained = strain.sum(), 0.0
+        if trace >= 0:
+            strain = ti.zero(strain)
+            if ti.static(self._volume_correction):
+                gained = trace
+        else:
+            deviator = strain - trace / dim
+            norm = deviator.norm()
+            excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self._alpha
+            if excess > 0:
+                strain -= deviator * (excess / norm)
+        stretch, tau, trace = ti.zero(sigma), ti.zero(sigma), strain.sum()
+        for i in ti.static(range(dim)):
+            stretch[i, i] = ti.exp(strain[i])
+            tau[i, i] = 2 * mu * strain[i] + lam * trace
+        self._F[p], self._volume_gain[p] = U @ stretch @ V.transpose(), gained
+        self._tau[p] = U @ tau @ U.transpose()
