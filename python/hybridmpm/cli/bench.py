@@ -1,26 +1,29 @@
-"""`hybridmpm bench ...`: print a table, and with --json write the same rows."""
+"""`hybridmpm bench ...`: print a table, with --json write the same rows, with --chart draw them."""
 
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from hybridmpm import scenarios
+from hybridmpm import charts, scenarios
 from hybridmpm.bench import batch as batch_bench
 from hybridmpm.bench import mpm as mpm_bench
-from hybridmpm.bench.provenance import provenance, write_rows
+from hybridmpm.bench import scaling as scaling_bench
+from hybridmpm.bench.provenance import Provenance, provenance, write_rows
 from hybridmpm.cli.progress import progress
 
-_COLUMNS = ("dim", "material", "particles", "threads", "substeps", "ns_per_particle_substep", "ms_per_frame")
-
+_MPM_COLUMNS = (
+    "dim", "material", "particles", "resolution", "threads", "substeps", "ns_per_particle_substep",
+    "ms_per_frame",
+)  # fmt: skip
+_PEER_COLUMNS = ("peer", "peer_ns", "peer_threads", "ratio")
+_SCALING_COLUMNS = (
+    "series", "dim", "particles", "resolution", "threads", "ms_per_substep", "ns_per_particle_substep",
+)  # fmt: skip
 _BATCH_COLUMNS = (
-    "scenario",
-    "scenes",
-    "particles",
-    "threads",
-    "ms_per_scene_frame",
-    "frames_per_second",
-    "speedup",
-)
+    "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
+)  # fmt: skip
 
 
 @click.group()
@@ -28,38 +31,99 @@ def bench() -> None:
     """Measure speed on this machine."""
 
 
-@bench.command()
-@click.option("--particles", type=click.IntRange(64, 40_000), default=4000, show_default=True)
-@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
-@click.option(
+def _file_option(name: str, target: str, check: Callable[..., Path | None], text: str) -> Callable[..., Any]:
+    kind = click.Path(dir_okay=False, path_type=Path)
+    return click.option(name, target, type=kind, metavar="FILE", callback=check, help=text)
+
+
+def _in_a_folder(_context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
+    if file is not None and not file.parent.is_dir():
+        raise click.UsageError(f"{option.opts[0]}: the folder {file.parent} does not exist.")
+    return file
+
+
+def _drawable(context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
+    if file is not None:
+        charts.panels()  # Without matplotlib the error comes here, not after the measurement.
+    return _in_a_folder(context, option, file)
+
+
+_json_option = _file_option("--json", "json_file", _in_a_folder, "Also write the rows there.")
+_chart_option = _file_option("--chart", "chart_file", _drawable, "Also draw them there, as SVG and PNG.")
+_repeats_option = click.option(
     "--repeats", type=click.IntRange(1, 1000), default=9, show_default=True, help="The median is reported."
 )
-@click.option(
-    "--json",
-    "file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Also write the rows there.",
-)
-def mpm(*, particles: int, threads: int, repeats: int, file: Path | None) -> None:
+
+
+def _many(name: str, kind: click.IntRange, default: tuple[int, ...], text: str) -> Callable[..., Any]:
+    text += " May be given several times."
+    return click.option(name, type=kind, multiple=True, default=default, show_default=True, help=text)
+
+
+@bench.command()
+@_many("--particles", click.IntRange(64, mpm_bench.MAX_PARTICLES), mpm_bench.Settings.particles, "Sizes.")
+@_many("--threads", click.IntRange(1, 1024), mpm_bench.Settings.threads, "Of our solver.")
+@click.option("--peer", type=click.Choice(["taichi"]), help="Measure it beside ours, by turns.")
+@_repeats_option
+@_json_option
+@_chart_option
+def mpm(
+    *,
+    particles: tuple[int, ...],
+    threads: tuple[int, ...],
+    peer: str | None,
+    repeats: int,
+    json_file: Path | None,
+    chart_file: Path | None,
+) -> None:
     """Time the solver on water and sand in 2D and 3D, mid-splash, at the ground truth's substeps."""
-    if file is not None and not file.parent.is_dir():
-        raise click.UsageError(f"--json: the folder {file.parent} does not exist.")
-    settings = mpm_bench.Settings(particles=particles, threads=threads, repeats=repeats)
-    source = provenance(
-        f"hybridmpm bench mpm --particles {particles} --threads {threads} --repeats {repeats}"
+    settings = mpm_bench.Settings(particles=particles, threads=threads, repeats=repeats, peer=peer)
+    if peer is not None:
+        mpm_bench.peer_module(peer)
+    source = _source("mpm", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
+    rows = _measured(mpm_bench.rows(settings, source), len(mpm_bench.CASES) * len(particles) * len(threads))
+    _report(rows, _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()), source, json_file)
+    if chart_file is not None:
+        mpm_bench.chart(rows, chart_file)
+
+
+@bench.command()
+@_many(
+    "--particles",
+    click.IntRange(512, scaling_bench.MAX_PARTICLES),
+    scaling_bench.Settings.particles,
+    "Of blocks whose grid grows with them.",
+)
+@_many(
+    "--resolution",
+    click.IntRange(32, 256),
+    scaling_bench.Settings.resolutions,
+    "Cells along the grids around one blob.",
+)
+@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
+@_repeats_option
+@_json_option
+@_chart_option
+def scaling(
+    *,
+    particles: tuple[int, ...],
+    resolution: tuple[int, ...],
+    threads: int,
+    repeats: int,
+    json_file: Path | None,
+    chart_file: Path | None,
+) -> None:
+    """Time growing blocks of water, and one blob of water in growing grids."""
+    settings = scaling_bench.Settings(
+        particles=particles, resolutions=resolution, threads=threads, repeats=repeats
     )
-    rows = []
-    with progress("Measuring", len(mpm_bench.CASES)) as bar:
-        for row in mpm_bench.rows(settings, source):
-            rows.append(row)
-            bar.update(1)
-    if file is not None:
-        write_rows(file, rows)
-    click.echo("  ".join(_COLUMNS))
-    for row in rows:
-        click.echo("  ".join(str(row[name]).rjust(len(name)) for name in _COLUMNS))
-    click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")
+    source = _source(
+        "scaling", particles=particles, resolution=resolution, threads=(threads,), repeats=(repeats,)
+    )
+    rows = _measured(scaling_bench.rows(settings, source), 2 * len(particles) + len(resolution))
+    _report(rows, _SCALING_COLUMNS, source, json_file)
+    if chart_file is not None:
+        scaling_bench.chart(rows, chart_file)
 
 
 @bench.command()
@@ -69,36 +133,44 @@ def mpm(*, particles: int, threads: int, repeats: int, file: Path | None) -> Non
 @click.option(
     "--frames", type=click.IntRange(1, 1000), default=10, show_default=True, help="Timed in one go."
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(1, 1000),
-    default=9,
-    show_default=True,
-    help="The least time is reported.",
-)
-@click.option(
-    "--json",
-    "file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Also write the rows there.",
-)
-def batch(*, scenario: str, scenes: int, threads: int, frames: int, repeats: int, file: Path | None) -> None:
+@_repeats_option
+@_json_option
+def batch(
+    *, scenario: str, scenes: int, threads: int, frames: int, repeats: int, json_file: Path | None
+) -> None:
     """Time many scenes of SCENARIO, in the middle of their splash, on one thread and on several."""
-    if file is not None and not file.parent.is_dir():
-        raise click.UsageError(f"--json: the folder {file.parent} does not exist.")
     settings = batch_bench.Settings(
         scenario=scenario, scenes=scenes, threads=threads, frames=frames, repeats=repeats
     )
-    source = provenance(
-        f"hybridmpm bench batch {scenario} --scenes {scenes} --threads {threads} --frames {frames} "
-        f"--repeats {repeats}"
+    source = _source(
+        f"batch {scenario}", scenes=(scenes,), threads=(threads,), frames=(frames,), repeats=(repeats,)
     )
     with progress("Measuring", repeats) as bar:
         rows = batch_bench.rows(settings, source, on_progress=bar.update)
-    if file is not None:
-        write_rows(file, rows)
-    click.echo("  ".join(_BATCH_COLUMNS))
+    _report(rows, _BATCH_COLUMNS, source, json_file)
+
+
+def _source(command: str, **options: tuple[object, ...]) -> Provenance:
+    words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
+    return provenance(" ".join(["hybridmpm bench", command, *words]))
+
+
+def _measured(rows: Iterable[dict[str, Any]], count: int) -> list[dict[str, Any]]:
+    done = []
+    with progress("Measuring", count) as bar:
+        for row in rows:
+            done.append(row)
+            bar.update(1)
+    return done
+
+
+def _report(
+    rows: Sequence[dict[str, Any]], columns: Sequence[str], source: Provenance, json_file: Path | None
+) -> None:
+    if json_file is not None:
+        write_rows(json_file, rows)
+    widths = {name: max(len(name), *(len(str(row[name])) for row in rows)) for name in columns}
+    click.echo("  ".join(name.rjust(widths[name]) for name in columns))
     for row in rows:
-        click.echo("  ".join(str(row[name]).rjust(len(name)) for name in _BATCH_COLUMNS))
+        click.echo("  ".join(str(row[name]).rjust(widths[name]) for name in columns))
     click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")

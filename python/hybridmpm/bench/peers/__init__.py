@@ -1,0 +1,1 @@
+"""Solvers by others that `hybridmpm bench` measures beside ours; each module needs an extra of its own."""
