@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-rust test-python lint format bench clean
+.PHONY: help setup run test test-rust test-python lint format bench validate clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -38,6 +38,9 @@ format: $(VENV)/.dev ## format Python and Rust
 
 bench: setup ## time the solver on one thread
 	$(BIN)/hybridmpm bench mpm --threads 1
+
+validate: setup $(VENV)/.dev ## hold the solver against experiments and closed forms, and write docs/validation
+	$(BIN)/hybridmpm validate --out docs/validation
 
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist

@@ -22,7 +22,6 @@ _STYLE: Any = {
     "figure.constrained_layout.use": True,
     "font.size": 10,
     "grid.alpha": 0.3,
-    "legend.frameon": False,
     "savefig.dpi": 120,
     # The same data give the same file.
     "svg.hashsalt": "hybridmpm",
@@ -65,6 +64,9 @@ def save(figure: "Figure", path: Path) -> None:
     """
     import matplotlib as mpl  # noqa: PLC0415 - an extra
 
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
+    for legend in filter(None, legends):
+        legend.set_frame_on(False)
     with mpl.rc_context(_STYLE):
         for suffix, metadata in ((".svg", {"Date": None}), (".png", {"Software": None})):
             with replacing(path.with_suffix(suffix)) as part:

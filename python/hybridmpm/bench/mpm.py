@@ -217,7 +217,7 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
             panel.plot(*zip(*points, strict=True), marker=marker, label=label)
         panel.set(title=f"{material} {dim}D", xscale="log", ylim=(0, 1.1 * panel.dataLim.y1))
         panel.set(xlabel="particles", ylabel="ns per particle and substep")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     charts.save(figure, file)
 
 

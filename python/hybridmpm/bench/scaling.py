@@ -115,7 +115,7 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     whole.set(
         xscale="log", yscale="log", xlabel="particles", ylabel="ms per substep", title="growing block, in all"
     )
-    whole.legend(frameon=False)
+    whole.legend()
     each.set(
         xscale="log",
         xlabel="particles",

@@ -13,6 +13,7 @@ from hybridmpm.cli.bench import bench
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
+from hybridmpm.cli.validate import validate
 from hybridmpm.errors import ConfigError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]
@@ -52,7 +53,7 @@ def cli() -> None:
     """Real-time, interactive particle fluids."""
 
 
-for command in (simulate, scenarios, schema, serve, bench, doctor):
+for command in (simulate, scenarios, schema, serve, bench, validate, doctor):
     cli.add_command(command)
 
 

@@ -1,0 +1,46 @@
+"""`hybridmpm validate`: the solver against experiments and closed forms."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridmpm import charts, validation
+from hybridmpm.cli.progress import progress
+from hybridmpm.validation import page
+
+if TYPE_CHECKING:
+    from hybridmpm.validation.case import Case, Result
+
+
+@click.command()
+@click.argument("cases", nargs=-1, type=click.Choice(list(validation.CASES)), metavar="[CASE]...")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Also write there a page of these cases: charts and README.md.",
+)
+@click.pass_context
+def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> None:
+    """Run validation cases, all if none is named, and print each figure beside its target.
+
+    Exit status 1 if a figure is outside its tolerance.
+    """
+    if out is not None:
+        if not out.is_dir():
+            raise click.UsageError(f"--out: the folder {out} does not exist.")
+        charts.panels()  # a missing matplotlib shows now, not after the runs
+    chosen = [case for name, case in validation.CASES.items() if name in cases or not cases]
+    results: list[tuple[Case, Result]] = []
+    with progress("Validating", len(chosen)) as bar:
+        for case in chosen:
+            results.append((case, case.run()))
+            bar.update(1)
+    for case, result in results:
+        click.echo(f"{case.title}\n{page.rows(result.checks)}\n")
+    if out is not None:
+        page.write(out, results)
+        click.echo(f"wrote {out / 'README.md'} and its charts")
+    failed = any(check.verdict == "FAIL" for _, result in results for check in result.checks)
+    ctx.exit(1 if failed else 0)
