@@ -303,6 +303,8 @@ class Solver:
         substeps: str | int = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
+        sleep_speed: float | None = None,
+        sleep_frames: int = 20,
         threads: int = 1,
     ) -> Solver:
         """Create a solver; the dimension is `len(gravity)`.
@@ -337,6 +339,10 @@ class Solver:
             CFL number of "cfl" substeps; default `DEFAULT_CFL`.
         allow_unstable : bool
             Let a fixed number of substeps go above the stability limit.
+        sleep_speed : float > 0, optional
+            Regions fall asleep once all of their particles and of their neighbours were slower than
+            this [m/s] at the end of `sleep_frames` frames in a row; None keeps everything awake.
+        sleep_frames : int in [1, 1000000]
         threads : int >= 1
             The result does not depend on it, to the bit.
 
@@ -391,6 +397,10 @@ class Solver:
     @property
     def affine(self) -> npt.NDArray[np.float32]:
         """APIC matrix C, snapshot (N, D, D) [1/s]; a copy."""
+    @property
+    def asleep(self) -> npt.NDArray[np.bool_]:
+        """Which particles sleep, snapshot (N,)."""
+
     @property
     def volume_ratio(self) -> npt.NDArray[np.float32]:
         """J of water, det F of solids, snapshot (N,) [-]; a copy."""

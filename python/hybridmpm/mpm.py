@@ -11,6 +11,7 @@ from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.scene import Scene
+from hybridmpm.sleep import Sleep
 from hybridmpm.snapshots import SavedState, Substeps, read_state, write_state
 
 MAX_FRAMES_AT_ONCE = 1_000_000
@@ -30,6 +31,9 @@ class MpmSolver:
         CFL number of "cfl" substeps; the core's default if absent.
     allow_unstable : bool
         Let a fixed number of substeps go above the stability limit.
+    sleep : Sleep, optional
+        Let regions at rest sleep: their particles keep still and cost nothing until something moves near
+        them, a force acts on them or a moving obstacle approaches. Not for ground truth.
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -54,6 +58,7 @@ class MpmSolver:
         substeps: Substeps = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
+        sleep: Sleep | None = None,
         threads: int = 1,
     ) -> None:
         self._scene = scene
@@ -61,6 +66,7 @@ class MpmSolver:
             substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS)
         )
         self._cfl = cfl
+        self._sleep = sleep
         self._allow_unstable = allow_unstable
         self._particles = scene.sample()
         for constant in (self._particles.types, self._particles.mass):
@@ -82,6 +88,8 @@ class MpmSolver:
             volume=self._particles.volume,
             substeps=self._substeps,
             cfl=cfl,
+            sleep_speed=None if sleep is None else sleep.speed,
+            sleep_frames=1 if sleep is None else sleep.frames,
             allow_unstable=allow_unstable,
             threads=whole("threads", threads, 1, 1024),
         )
@@ -131,6 +139,11 @@ class MpmSolver:
     def volume_ratio(self) -> npt.NDArray[np.float32]:
         """J of water, det F of solids, snapshot (N,) [-]; a copy."""
         return self._solver.volume_ratio
+
+    @property
+    def asleep(self) -> npt.NDArray[np.bool_]:
+        """Which particles sleep, snapshot (N,); a copy. None does unless the solver was given a `Sleep`."""
+        return self._solver.asleep
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
@@ -211,6 +224,7 @@ class MpmSolver:
             substeps=self._substeps,
             cfl=_native.DEFAULT_CFL if self._cfl is None else self._cfl,
             allow_unstable=self._allow_unstable,
+            sleep=self._sleep,
             frame=self.frame,
             state=self.snapshot(),
         )
@@ -242,6 +256,7 @@ class MpmSolver:
                 substeps=saved.substeps,
                 cfl=saved.cfl,
                 allow_unstable=saved.allow_unstable,
+                sleep=saved.sleep,
                 threads=threads,
             )
             solver.restore(saved.state)

@@ -14,6 +14,7 @@ from hybridmpm import _native
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.files import replacing
 from hybridmpm.scene import Scene
+from hybridmpm.sleep import Sleep
 
 Substeps = Literal["cfl", "reference"] | int
 
@@ -33,6 +34,7 @@ class SavedState:
     cfl: float
     """The CFL number in use, also where the caller named none: defaults may change."""
     allow_unstable: bool
+    sleep: Sleep | None
     frame: int
     state: bytes
     """The core's own snapshot."""
@@ -47,6 +49,7 @@ def write_state(path: Path, saved: SavedState) -> None:
             "substeps": saved.substeps,
             "cfl": saved.cfl,
             "allow_unstable": saved.allow_unstable,
+            "sleep": None if saved.sleep is None else saved.sleep.model_dump(),
             "scene": saved.scene.model_dump(mode="json", exclude_none=True),
         }
     ).encode()
@@ -85,6 +88,7 @@ def read_state(path: Path) -> SavedState:
             substeps=header["substeps"],
             cfl=header["cfl"],
             allow_unstable=header["allow_unstable"],
+            sleep=None if header["sleep"] is None else Sleep.model_validate(header["sleep"]),
             frame=header["frame"],
             state=body[state:],
         )

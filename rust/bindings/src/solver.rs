@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use mpm::{Force, MpmError, Obstacle, Particles, Settings, Substeps, Walls};
+use mpm::{Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps, Walls};
 use numpy::{
     IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
     PyReadwriteArray3, PyUntypedArrayMethods,
@@ -92,6 +92,7 @@ struct Arguments<'a> {
     wall_contact: mpm::Contact,
     materials: Vec<mpm::Material>,
     substeps: Substeps,
+    sleep: Option<Sleep>,
     threads: usize,
 }
 
@@ -113,6 +114,7 @@ impl Arguments<'_> {
             materials: self.materials,
             obstacles,
             substeps: self.substeps,
+            sleep: self.sleep,
             threads: self.threads,
         };
         Ok(mpm::Solver::new(settings, particles).map_err(NativeError)?)
@@ -183,10 +185,11 @@ impl PySolver {
     #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
         wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), x, v, material, mass,
         volume, volume_ratio=None, substeps=None, cfl=None,
-        allow_unstable=false, threads=1),
+        allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
         text_signature = "(*, resolution, frame_dt, gravity, wall_lower, wall_upper, \
         wall_contact='separating', wall_friction=None, materials, obstacles=(), x, v, material, mass, \
-        volume, volume_ratio=None, substeps='cfl', cfl=None, allow_unstable=False, threads=1)")]
+        volume, volume_ratio=None, substeps='cfl', cfl=None, allow_unstable=False, \
+        sleep_speed=None, sleep_frames=20, threads=1)")]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -211,6 +214,8 @@ impl PySolver {
         substeps: Option<Bound<'_, PyAny>>,
         cfl: Option<f32>,
         allow_unstable: bool,
+        sleep_speed: Option<f32>,
+        sleep_frames: u32,
         threads: usize,
     ) -> PyResult<Self> {
         let dim = gravity.len();
@@ -240,6 +245,10 @@ impl PySolver {
             wall_contact: contact(wall_contact, wall_friction)?,
             materials: materials.iter().map(|m| m.inner).collect(),
             substeps: self::substeps(substeps.as_ref(), cfl, allow_unstable)?,
+            sleep: sleep_speed.map(|speed| Sleep {
+                speed,
+                frames: sleep_frames,
+            }),
             threads,
         };
         let particles = Particles {
@@ -385,6 +394,17 @@ impl PySolver {
             1,
             |any, out| with_solver!(any, s => s.write_volume_ratios(out)),
         );
+        out.into_pyarray(py)
+    }
+
+    #[getter]
+    fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        let count = self.count;
+        let out = self.detached(py, |any| {
+            let mut out = vec![false; count];
+            with_solver!(any, s => s.write_asleep(&mut out));
+            out
+        });
         out.into_pyarray(py)
     }
 

@@ -9,7 +9,7 @@ use crate::lanes::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, State};
 use crate::math::Vector;
 use crate::obstacle::Obstacles;
-use crate::particle::{Block, Phase};
+use crate::particle::{Activity, Block, Phase};
 use crate::stencil::Stencils;
 use crate::team::Team;
 use crate::wall_fill::WallFill;
@@ -136,8 +136,8 @@ pub fn g2p<const D: usize>(
     for phase in phases {
         with_group!(phase, group => {
             let (material, friction) = (&group.material, group.wall_friction);
-            let share = group.blocks.len().div_ceil(4 * team.size()).max(1);
-            let mut parts: Vec<_> = group.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
+            let share = group.awake.blocks.len().div_ceil(4 * team.size()).max(1);
+            let mut parts: Vec<_> = group.awake.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
             team.for_each(&mut parts, |(blocks, outcome)| {
                 *outcome = run_wide(GatherBlocks { blocks, material, friction, grid, bounds, obstacles, step });
             });
@@ -352,7 +352,7 @@ fn store(lanes: &mut Lanes, from: usize, values: f32x4) {
 fn contain<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bounds<D>) -> bool {
     let mut sound = true;
     for lane in 0..block.count {
-        let mut particle = block.get(lane);
+        let mut particle = block.get(lane, Activity::Awake);
         if !bounds.walls.contain(&particle.x) {
             sound &= bounds.put_back(&mut particle.x, &mut particle.v);
             block.set(lane, &particle);
@@ -370,7 +370,7 @@ fn push_out<const D: usize, S: State>(
 ) {
     for lane in 0..block.count {
         if obstacles.near(stencils.start[lane] as usize) {
-            let mut particle = block.get(lane);
+            let mut particle = block.get(lane, Activity::Awake);
             obstacles.push_out(&mut particle.x, &mut particle.v, friction);
             block.set(lane, &particle);
         }

@@ -4,7 +4,8 @@ use crate::error::MpmError;
 use crate::material::{Constitutive, Material, Model};
 use crate::math::{Matrix, Vector};
 use crate::obstacle::Obstacle;
-use crate::particle::{Group, Particle, Phase};
+use crate::particle::{Activity, Group, Particle, Phase};
+use crate::sleep::Sleep;
 use crate::timestep::Substeps;
 use crate::walls::Walls;
 
@@ -22,6 +23,8 @@ pub struct Settings<const D: usize> {
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
     pub substeps: Substeps,
+    /// Whether regions at rest may sleep; None for the ground truth.
+    pub sleep: Option<Sleep>,
     /// At least 1; no influence on the result.
     pub threads: usize,
 }
@@ -95,6 +98,9 @@ pub(crate) fn check_settings<const D: usize>(settings: &Settings<D>) -> Result<(
     if settings.threads == 0 {
         return Err(MpmError::parameter("threads", "at least 1", 0));
     }
+    if let Some(sleep) = &settings.sleep {
+        sleep.check()?;
+    }
     settings.walls.check(1.0 / settings.resolution as f32)
 }
 
@@ -131,6 +137,8 @@ fn select<const D: usize, M: Constitutive<D>>(
             mass: input.mass[i],
             volume: input.volume[i],
             id: i as u32,
+            calm: 0.0,
+            activity: Activity::Awake,
             state: model.initial_state(input.volume_ratio.map_or(1.0, |ratios| ratios[i])),
         })
         .collect();

@@ -268,6 +268,21 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
+    /// Whether one of them moves.
+    pub fn moving(&self) -> bool {
+        self.swept.is_some()
+    }
+
+    /// Whether a moving one is nearer to `x` than `reach` [m].
+    pub fn moving_within(&self, reach: f32, x: &Vector<D>) -> bool {
+        self.swept.as_ref().is_some_and(|swept| {
+            let mut posed = self.list.iter().zip(&swept.poses);
+            posed.any(|(obstacle, pose)| {
+                pose.is_some() && obstacle.distance_in(pose.as_ref(), x).0 < reach
+            })
+        })
+    }
+
     /// Whether there are any.
     pub fn any(&self) -> bool {
         !self.near.is_empty()

@@ -42,17 +42,18 @@ pub fn p2g<const D: usize>(
         team.for_each(&mut parts, |(slab, window)| {
             for phase in phases {
                 with_group!(phase, group => {
-                    let blocks = &group.blocks[group.runs[*slab].blocks()];
-                    run_wide(Scatter {
-                        blocks,
-                        material: &group.material,
-                        layout: window.layout,
-                        step,
-                        first: window.first,
-                        nodes: window.nodes,
-                    });
-                    if !window.friction_mass.is_empty() {
-                        scatter_friction(blocks, group.wall_friction, window);
+                    for blocks in [group.awake.of_slab(*slab), group.border.of_slab(*slab)] {
+                        run_wide(Scatter {
+                            blocks,
+                            material: &group.material,
+                            layout: window.layout,
+                            step,
+                            first: window.first,
+                            nodes: window.nodes,
+                        });
+                        if !window.friction_mass.is_empty() {
+                            scatter_friction(blocks, group.wall_friction, window);
+                        }
                     }
                 });
             }

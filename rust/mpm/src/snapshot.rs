@@ -5,7 +5,7 @@ use crate::error::MpmError;
 use crate::input::Settings;
 use crate::material::{Constitutive, State};
 use crate::math::{Matrix, Vector};
-use crate::particle::{Group, Particle};
+use crate::particle::{Activity, Group, Particle};
 use crate::solver::SolverState;
 use crate::with_group;
 
@@ -97,7 +97,8 @@ fn read_group<const D: usize, M: Constitutive<D>>(
     let mut restored: Vec<u32> = particles.iter().map(|p| p.id).collect();
     ids.sort_unstable();
     restored.sort_unstable();
-    group.replace(&particles);
+    group.clear();
+    group.append(&particles);
     (ids == restored).then_some(())
 }
 
@@ -108,6 +109,8 @@ fn write<const D: usize, S: State>(p: &Particle<D, S>, put: &mut impl FnMut(f32)
         .for_each(|&word| put(word));
     put(p.mass);
     put(p.volume);
+    put(p.calm);
+    put(f32::from(p.activity as u8));
     p.state.write(put);
 }
 
@@ -119,6 +122,12 @@ fn read<const D: usize, S: State>(id: u32, take: &mut impl FnMut() -> f32) -> Pa
         affine: Matrix::from_fn(|_, _| take()),
         mass: take(),
         volume: take(),
+        calm: take(),
+        activity: match take() as u8 {
+            0 => Activity::Awake,
+            1 => Activity::Border,
+            _ => Activity::Asleep,
+        },
         state: S::read(take),
     }
 }
@@ -132,10 +141,12 @@ fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
         walls,
         materials,
         obstacles,
+        sleep,
         ..
     } = settings;
-    let text =
-        format!("{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?}");
+    let text = format!(
+        "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?} {sleep:?}"
+    );
     fnv1a(text.as_bytes())
 }
 

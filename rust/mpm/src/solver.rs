@@ -11,7 +11,8 @@ use crate::input::{Particles, Settings, check_settings, group, per_rest_mass};
 use crate::math::{Matrix, Vector};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
-use crate::particle::Phase;
+use crate::particle::{Activity, Phase};
+use crate::sleep::{Disturbance, PERIOD, Sleep, count_calm, decide};
 use crate::snapshot;
 use crate::sort::{Place, Slab, sort};
 use crate::team::Team;
@@ -152,8 +153,17 @@ impl<const D: usize> Solver<D> {
             pairs.for_each(|(before, now)| before.copy_particles(now));
         }
         let max_speed = self.state.max_speed;
-        match self.substeps(force) {
+        // The clock of moving obstacles is a function of the frame's number.
+        let start = self.state.frame as f64 * f64::from(self.settings.frame_dt);
+        self.obstacles.move_to(start, 0.0);
+        if let Some(sleep) = self.settings.sleep {
+            self.let_sleep(sleep, force);
+        }
+        match self.substeps(start, force) {
             Ok(report) => {
+                if let Some(sleep) = &self.settings.sleep {
+                    count_calm(&mut self.state.phases, sleep);
+                }
                 self.last_frame = Some(report);
                 self.state.frame += 1;
                 Ok(())
@@ -166,7 +176,24 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    fn substeps(&mut self, force: Option<&[f32]>) -> Result<FrameReport, MpmError> {
+    /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts.
+    fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
+        if self.state.frame.is_multiple_of(PERIOD) || force.is_some() {
+            let disturbance = Disturbance {
+                force,
+                obstacles: &self.obstacles,
+                horizon: PERIOD as f32 * self.settings.frame_dt,
+            };
+            decide(
+                &mut self.state.phases,
+                &self.grid.layout,
+                &sleep,
+                &disturbance,
+            );
+        }
+    }
+
+    fn substeps(&mut self, start: f64, force: Option<&[f32]>) -> Result<FrameReport, MpmError> {
         let dx = self.grid.layout.dx();
         let mut report = FrameReport {
             substeps: 0,
@@ -178,9 +205,6 @@ impl<const D: usize> Solver<D> {
                 force.chunks_exact(D).map(norm).fold(0.0, f32::max)
             });
         let frame_dt = self.settings.frame_dt;
-        // The clock of moving obstacles is a function of the frame's number.
-        let start = self.state.frame as f64 * f64::from(frame_dt);
-        self.obstacles.move_to(start, 0.0);
         let mut remaining = frame_dt;
         // Sorting at the start of a frame makes a frame a function of the state alone.
         let mut travelled = f32::INFINITY;
@@ -329,6 +353,15 @@ impl<const D: usize> Solver<D> {
                     .for_each(|(column, value)| *value = c[(row, column)]);
             }
         });
+    }
+
+    /// Writes for N particles in the caller's order whether they sleep.
+    pub fn write_asleep(&self, out: &mut [bool]) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = p.activity != Activity::Awake;
+            });
+        }
     }
 
     /// Writes N volume ratios in the caller's order.

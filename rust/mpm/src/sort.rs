@@ -2,8 +2,8 @@
 
 use crate::grid::{Layout, PADDING};
 use crate::lanes::LANES;
-use crate::material::{Constitutive, State};
-use crate::particle::{Block, Group, Particle, Phase, Run};
+use crate::material::State;
+use crate::particle::{Activity, Block, Phase, Run, Sorted};
 use crate::stencil::Stencils;
 use crate::team::Team;
 use crate::with_group;
@@ -30,9 +30,9 @@ pub struct Place {
     pub column: u32,
 }
 
-/// Sorts all particles by grid row, and cuts the grid into slabs of about equal numbers of them.
+/// Sorts all particles that carry by grid row, and cuts the grid into slabs of about equal numbers of them.
 ///
-/// The cut depends on the particles alone, never on the number of threads. Writes where all particles are,
+/// The cut depends on the particles alone, never on the number of threads. Writes where these particles are,
 /// in no order, to `places`.
 pub fn sort<const D: usize>(
     phases: &mut [Phase<D>],
@@ -41,28 +41,38 @@ pub fn sort<const D: usize>(
     team: &Team,
 ) -> Vec<Slab> {
     places.clear();
+    let mut ends = Vec::with_capacity(2 * phases.len());
     for phase in phases.iter() {
-        with_group!(phase, group => find_places(group, layout, places));
+        with_group!(phase, group => for blocks in [&group.awake.blocks, &group.border.blocks] {
+            find_places(blocks, layout, places);
+            ends.push(places.len());
+        });
     }
-    let per_plane = count_planes(places, layout);
-    let slabs = cut(&per_plane);
-    let mut rest = &places[..];
+    let slabs = cut(&count_planes(places, layout));
+    let mut start = 0;
+    let mut ends = ends.into_iter();
     for phase in phases {
         with_group!(phase, group => {
-            let (mine, others) = rest.split_at(group.len());
-            sort_group(group, mine, &slabs, layout, team);
-            rest = others;
+            let vacant = group.particles().next().map(|first| group.vacant_like(&first));
+            for (sorted, activity) in [
+                (&mut group.awake, Activity::Awake),
+                (&mut group.border, Activity::Border),
+            ] {
+                let end = ends.next().expect("one end for each");
+                sort_blocks(sorted, activity, &places[start..end], &slabs, layout, vacant.as_ref(), team);
+                start = end;
+            }
         });
     }
     slabs
 }
 
-fn find_places<const D: usize, M: Constitutive<D>>(
-    group: &Group<D, M>,
+fn find_places<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
     layout: &Layout<D>,
     places: &mut Vec<Place>,
 ) {
-    for block in &group.blocks {
+    for block in blocks {
         let base = Stencils::at(&block.x, layout).base;
         places.extend((0..block.count).map(|lane| Place {
             row: (0..D - 1).fold(0, |row, axis| row * layout.extent as u32 + base[axis][lane]),
@@ -83,11 +93,13 @@ fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec<usi
 }
 
 /// Stable counting sort; the order within a row is the previous one. Each slab begins with a new block.
-fn sort_group<const D: usize, M: Constitutive<D>>(
-    group: &mut Group<D, M>,
+fn sort_blocks<const D: usize, S: State>(
+    sorted: &mut Sorted<D, S>,
+    activity: Activity,
     places: &[Place],
     slabs: &[Slab],
     layout: &Layout<D>,
+    vacant: Option<&Block<D, S>>,
     team: &Team,
 ) {
     let mut next = vec![0u32; layout.row_count()];
@@ -107,15 +119,15 @@ fn sort_group<const D: usize, M: Constitutive<D>>(
         });
         slot = slot.next_multiple_of(LANES as u32);
     }
-    let in_place = runs == group.runs && places.is_sorted_by_key(|place| place.row);
-    group.runs = runs;
-    if in_place || places.is_empty() {
+    let in_place = runs == sorted.runs && places.is_sorted_by_key(|place| place.row);
+    sorted.runs = runs;
+    let Some(vacant) = vacant.filter(|_| !in_place) else {
         return;
-    }
+    };
     // Which particle goes to which slot, first as numbers; then each new block fetches its own.
     let mut sources = vec![VACANT; slot as usize];
     let mut places = places.iter();
-    for (index, block) in group.blocks.iter().enumerate() {
+    for (index, block) in sorted.blocks.iter().enumerate() {
         for lane in 0..block.count {
             let place = places.next().expect("one place a particle");
             let slot = &mut next[place.row as usize];
@@ -123,14 +135,9 @@ fn sort_group<const D: usize, M: Constitutive<D>>(
             *slot += 1;
         }
     }
-    let resting = Particle {
-        state: group.material.initial_state(1.0),
-        ..group.blocks[0].get(0)
-    };
-    let vacant = Block::empty(&resting);
-    group.scratch.resize(sources.len() / LANES, vacant);
-    let blocks = &group.blocks;
-    let mut targets: Vec<_> = group
+    sorted.scratch.resize(sources.len() / LANES, *vacant);
+    let blocks = &sorted.blocks;
+    let mut targets: Vec<_> = sorted
         .scratch
         .iter_mut()
         .zip(sources.chunks(LANES))
@@ -139,15 +146,16 @@ fn sort_group<const D: usize, M: Constitutive<D>>(
     let mut parts: Vec<_> = targets.chunks_mut(share).collect();
     team.for_each(&mut parts, |part| {
         part.iter_mut()
-            .for_each(|(target, sources)| fetch(target, sources, blocks, &vacant));
+            .for_each(|(target, sources)| fetch(target, sources, blocks, activity, vacant));
     });
-    std::mem::swap(&mut group.blocks, &mut group.scratch);
+    std::mem::swap(&mut sorted.blocks, &mut sorted.scratch);
 }
 
 fn fetch<const D: usize, S: State>(
     target: &mut Block<D, S>,
     sources: &[u32],
     blocks: &[Block<D, S>],
+    activity: Activity,
     vacant: &Block<D, S>,
 ) {
     let count = sources
@@ -160,7 +168,7 @@ fn fetch<const D: usize, S: State>(
     target.count = count;
     for (lane, &source) in sources.iter().enumerate().take(count) {
         let source = source as usize;
-        target.set(lane, &blocks[source / LANES].get(source % LANES));
+        target.set(lane, &blocks[source / LANES].get(source % LANES, activity));
     }
 }
 

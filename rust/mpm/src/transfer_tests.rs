@@ -10,7 +10,7 @@ use crate::material::Water;
 use crate::math::{Matrix, Vector};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
-use crate::particle::{Group, Particle, Phase};
+use crate::particle::{Activity, Group, Particle, Phase};
 use crate::sort::sort;
 use crate::team::Team;
 use crate::walls::{WallContact, Walls};
@@ -177,6 +177,8 @@ fn sets<const D: usize>() -> impl Strategy<Value = Set<D>> {
                 mass: 1.5 + n[2 * D + D * D],
                 volume: 1.0e-3,
                 id: id as u32,
+                calm: 0.0,
+                activity: Activity::Awake,
                 state: 1.0,
             })
             .collect()

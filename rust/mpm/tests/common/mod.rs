@@ -41,6 +41,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
         substeps: Substeps::Cfl(mpm::DEFAULT_CFL),
+        sleep: None,
         threads: 1,
     }
 }
