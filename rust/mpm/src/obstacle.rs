@@ -182,8 +182,9 @@ impl<const D: usize> Obstacles<D> {
             return prepared;
         }
         let dx = layout.dx();
-        // From a stencil's base to its particle is at most 1.5 cells on each axis.
-        let reach = 1.5 * dx * (D as f32).sqrt();
+        // From a stencil's base to its particle is at most 1.5 cells on each axis, and the particle is
+        // tested after it has moved by up to one more.
+        let reach = (1.5 * (D as f32).sqrt() + 1.0) * dx;
         prepared.row_starts.push(0);
         for row in 0..layout.row_count() {
             let mut node = layout.row_coordinates(row);
