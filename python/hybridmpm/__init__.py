@@ -16,6 +16,7 @@ from hybridmpm.errors import (
     SketchError,
     SnapshotError,
     StepSizeError,
+    ThinObstacleWarning,
     UnknownScenarioError,
 )
 from hybridmpm.materials import Elastic, Sand, Water
@@ -58,6 +59,7 @@ __all__ = [
     "SketchError",
     "SnapshotError",
     "StepSizeError",
+    "ThinObstacleWarning",
     "UnknownScenarioError",
     "Walls",
     "Water",

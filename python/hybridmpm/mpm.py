@@ -1,6 +1,7 @@
 """`MpmSolver`: a scene and the compiled MLS-MPM solver that moves it."""
 
 import copy
+import warnings
 from typing import Literal, Self
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
+from hybridmpm.errors import ThinObstacleWarning
 from hybridmpm.scene import Scene
 
 Substeps = Literal["cfl", "reference"] | int
@@ -37,6 +39,11 @@ class MpmSolver:
         The scene cannot be filled with particles.
     ConfigError
         A setting is out of range.
+
+    Warns
+    -----
+    ThinObstacleWarning
+        An obstacle is thinner than two grid cells.
 
     Notes
     -----
@@ -78,6 +85,8 @@ class MpmSolver:
             allow_unstable=allow_unstable,
             threads=whole("threads", threads, 1, 1024),
         )
+        for text in scene.thin_obstacles():
+            warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self._solver.snapshot()
 
     @property
