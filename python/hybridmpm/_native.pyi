@@ -134,6 +134,9 @@ class Material:
     def sound_speed(self) -> float:
         """Speed of the fastest wave at rest [m/s]."""
 
+    def signal_speed(self, dim: int) -> float:
+        """Speed [m/s] that limits the substep in `dim` dimensions, 2 or 3; see `DEFAULT_CFL`."""
+
 @final
 class Obstacle:
     """A fixed solid. `contact` is "sticky", "slip" or "separating".

@@ -1,10 +1,14 @@
-"""`hybridmpm bench ...`: print a table, and with --json write the same rows."""
+"""`hybridmpm bench ...`: print a table, with --json write its rows, with --chart draw them."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
+from hybridmpm import charts
+from hybridmpm._native import DEFAULT_CFL
 from hybridmpm.bench import mpm as mpm_bench
+from hybridmpm.bench import stability as stability_bench
 from hybridmpm.bench.provenance import provenance, write_rows
 from hybridmpm.cli.progress import progress
 
@@ -48,3 +52,64 @@ def mpm(*, particles: int, threads: int, repeats: int, file: Path | None) -> Non
     for row in rows:
         click.echo("  ".join(str(row[name]).rjust(len(name)) for name in _COLUMNS))
     click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")
+
+
+@bench.command()
+@click.option(
+    "--level",
+    "levels",
+    type=click.FloatRange(0.05, 2.0),
+    multiple=True,
+    help="CFL numbers; 0.2 to 1.2 if absent.",
+)
+@click.option(
+    "--json",
+    "file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Also write the rows there.",
+)
+@click.option(
+    "--chart",
+    "picture",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Also draw the map, as FILE.svg and FILE.png.",
+)
+def stability(*, levels: tuple[float, ...], file: Path | None, picture: Path | None) -> None:
+    """Find the CFL numbers at which each material stops being stable, in splashes and for particles alone."""
+    for option, path in (("--json", file), ("--chart", picture)):
+        if path is not None and not path.parent.is_dir():
+            raise click.UsageError(f"{option}: the folder {path.parent} does not exist.")
+    todo = stability_bench.cases(sorted(set(levels)) or stability_bench.LEVELS)
+    source = provenance(" ".join(["hybridmpm bench stability", *(f"--level {level:g}" for level in levels)]))
+    rows = []
+    with progress("Measuring", len(todo)) as bar:
+        for row in stability_bench.rows(todo, source):
+            rows.append(row)
+            bar.update(1)
+    if file is not None:
+        write_rows(file, rows)
+    if picture is not None:
+        charts.save(stability_bench.chart(rows), picture)
+    _print_stability(rows)
+    click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")
+
+
+def _print_stability(rows: list[dict[str, Any]]) -> None:
+    """Print one line per material, dimension and stress, one letter per level, and the limits."""
+    levels = list(dict.fromkeys(row["level"] for row in rows))
+    click.echo(
+        f"CFL {levels[0]:g} to {levels[-1]:g} in {len(levels)} levels: . survived, d degraded, F failed"
+    )
+    lines: dict[tuple[str, int, str], str] = {}
+    for row in rows:
+        key = (row["material"], row["dim"], row["stress"])
+        letter = {"survived": ".", "degraded": "d", "failed": "F"}[row["outcome"]]
+        lines[key] = lines.get(key, "") + letter
+    for (material, dim, stress), letters in lines.items():
+        click.echo(f"{material:8} {dim}D  {stress:16} {letters}")
+    for (material, dim), limit in stability_bench.limits(rows).items():
+        click.echo(
+            f"{material} {dim}D is stable up to CFL {limit:g}, {limit / DEFAULT_CFL:.2f} times the default"
+        )

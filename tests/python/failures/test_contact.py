@@ -17,6 +17,7 @@ from hybridmpm import (
     SegmentObstacle,
     ThinObstacleWarning,
     Walls,
+    Water,
     _native,
     scenarios,
 )
@@ -216,3 +217,16 @@ def test_each_contact_rubs_as_it_was_told(
     solver.advance(80)
     gained = (np.mean(solver.velocities[:, 0]) - early) / 0.2
     assert gained == pytest.approx(expected, abs=0.1)
+
+
+@pytest.mark.xfail(strict=True, reason="a wall at 0 or 1 has no margin in which a particle is put back")
+def test_walls_may_lie_on_the_edge_of_the_world() -> None:
+    water = Water(density=2000.0, bulk_modulus=1e5, tension=0.75)
+    body = Box(material=water, lower=(0.45, 0.35), upper=(0.68, 0.7), velocity=(-2.0, -0.6))
+    walls = Walls(lower=(0.0, 0.0), upper=(1.0, 1.0), friction=0.5)
+    scene = Scene(
+        dim=2, resolution=34, gravity=(7.5, -20.5), walls=walls, bodies=(body,), particles_per_cell=3
+    )
+    solver = MpmSolver(scene)
+    solver.advance(400)
+    assert ((solver.positions >= 0) & (solver.positions <= 1)).all()
