@@ -24,7 +24,7 @@ test-rust: ## tests of the Rust crates alone; they need no Python
 test-python: setup $(VENV)/.dev ## tests of library, service and page
 	$(BIN)/pytest
 
-test-all: test-rust setup $(VENV)/.dev ## the default suite and the long twins of its tests, about an hour
+test-all: test-rust setup $(VENV)/.dev ## the default suite and the long twins of its tests
 	$(BIN)/pytest -m 'long or not long'
 
 lint: setup $(VENV)/.dev ## ruff, mypy --strict, clippy and rustfmt; changes nothing
