@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-rust test-python lint format bench validate clean
+.PHONY: help setup run test test-rust test-python test-all lint format bench validate clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -23,6 +23,9 @@ test-rust: ## tests of the Rust crates alone; they need no Python
 
 test-python: setup $(VENV)/.dev ## tests of library, service and page
 	$(BIN)/pytest
+
+test-all: test-rust setup $(VENV)/.dev ## the default suite and the long twins of its tests
+	$(BIN)/pytest -m 'long or not long'
 
 lint: setup $(VENV)/.dev ## ruff, mypy --strict, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .

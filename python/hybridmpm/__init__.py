@@ -18,6 +18,7 @@ from hybridmpm.errors import (
     SketchError,
     SnapshotError,
     StepSizeError,
+    ThinObstacleWarning,
     UnknownScenarioError,
 )
 from hybridmpm.materials import Elastic, Sand, Water
@@ -34,6 +35,7 @@ from hybridmpm.shapes import (
     Polygon,
     SegmentObstacle,
 )
+from hybridmpm.sleep import Sleep
 
 __all__ = [
     "Ball",
@@ -62,8 +64,10 @@ __all__ = [
     "SegmentObstacle",
     "SimulationError",
     "SketchError",
+    "Sleep",
     "SnapshotError",
     "StepSizeError",
+    "ThinObstacleWarning",
     "UnknownScenarioError",
     "Walls",
     "Water",

@@ -11,8 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "CFL_LIMIT",
-    "DEFAULT_CFL",
     "BatchError",
     "ConfigError",
     "Diagnostics",
@@ -140,6 +138,20 @@ class Material:
     @property
     def sound_speed(self) -> float:
         """Speed of the fastest wave at rest [m/s]."""
+
+    def signal_speed(self, dim: int) -> float:
+        """Speed [m/s] that limits the substep in `dim` dimensions, 2 or 3.
+
+        sqrt((D lambda + 2 mu) / density), that of the stiffest mode of a particle alone.
+        """
+
+    @property
+    def default_cfl(self) -> float:
+        """CFL number dt signal_speed / dx of "cfl" substeps: 1.5 times below `cfl_limit` at least."""
+
+    @property
+    def cfl_limit(self) -> float:
+        """CFL number up to which splashes and lone particles were stable; fixed steps beyond are refused."""
 
 @final
 class Obstacle:
@@ -336,7 +348,8 @@ class Solver:
             "reference": floor(frame_dt / (0.02 dx)) + 1 a frame, the ground truth's rule.
             An integer: that many equal substeps a frame.
         cfl : float in (0, 1], optional
-            CFL number of "cfl" substeps; default `DEFAULT_CFL`.
+            CFL number of "cfl" substeps, for waves and motion alike. By default each material has its own
+            (`Material.default_cfl`), and a particle crosses at most 0.55 of a cell in a substep.
         allow_unstable : bool
             Let a fixed number of substeps go above the stability limit.
         sleep_speed : float > 0, optional
@@ -503,14 +516,3 @@ def radius_graph(x: npt.NDArray[np.float32], radius: float) -> RadiusGraph:
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""
-
-DEFAULT_CFL: float
-"""CFL number of "cfl" substeps: dt max(signal speed, largest speed) / dx.
-
-The signal speed is sqrt((D lambda + 2 mu) / density), that of the stiffest mode of a particle alone.
-"""
-CFL_LIMIT: float
-"""CFL number above which a fixed number of substeps is refused.
-
-Measured: a splash of water fails between 0.80 and 0.85, of sand and elastic solids above 1.
-"""

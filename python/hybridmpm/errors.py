@@ -1,4 +1,4 @@
-"""Every error that hybridmpm raises on purpose; all descend from `SimulationError`.
+"""Every error that hybridmpm raises on purpose; all descend from `SimulationError`. And its warnings.
 
 Those of the solver come from the compiled core, those of scenes, sketches and files are added here.
 """
@@ -66,3 +66,10 @@ class SketchError(ConfigError):
 
 class ExportError(SimulationError):
     """A result could not be written: unknown format, missing encoder or a folder that refuses it."""
+
+
+class ThinObstacleWarning(UserWarning):
+    """An obstacle is thinner than two grid cells, so that fast material may pass through it.
+
+    Issued when a solver is built. Not an error: slow material respects a thin obstacle too.
+    """

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from hybridmpm.sampling import Particles
 
 DEFAULT_MAX_PARTICLES = 200_000
+LEAST_CELLS_THICK = 2
+"""Cells across an obstacle that lets nothing through: a particle moves less than one in a substep, and one
+that got inside is put back to the nearer surface."""
 _ROUNDING = 1e-9
 """A ball that just touches a wall may reach past it by the rounding of its bounds [m]."""
 _WALLS_APART = 4
@@ -180,6 +183,17 @@ class Scene(Record):
         floor = np.maximum(gravity * self.walls.lower, gravity * self.walls.upper).sum()
         top = min(np.minimum(gravity * lower, gravity * upper).sum() for lower, upper in water)
         return float(floor - top)
+
+    def thin_obstacles(self) -> list[str]:
+        """Describe each obstacle that is thinner than `LEAST_CELLS_THICK` cells, and what to do about it."""
+        needed = LEAST_CELLS_THICK * self.dx
+        return [
+            f"obstacles[{i}] ({obstacle.shape}) is {obstacle.smallest_extent:.3g} m thick, less than "
+            f"{LEAST_CELLS_THICK} cells of {self.dx:.3g} m, so fast material may pass through it: "
+            f"make it at least {needed:.3g} m thick, or raise the resolution"
+            for i, obstacle in enumerate(self.obstacles)
+            if obstacle.smallest_extent < needed - _ROUNDING
+        ]
 
     def sample(self) -> "Particles":
         """Fill the bodies with particles; see `hybridmpm.sampling`.

@@ -149,7 +149,7 @@ class _Obstacle(Record):
 
 
 class SegmentObstacle(_Obstacle):
-    """Ramp: all points within thickness / 2 of the segment. Below 2 dx thick, material may pass through."""
+    """Ramp: all points within thickness / 2 of the segment."""
 
     shape: Literal["segment"] = "segment"
     start: Point = Field(description="[m]")
@@ -165,6 +165,11 @@ class SegmentObstacle(_Obstacle):
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"start": self.start, "end": self.end}
+
+    @property
+    def smallest_extent(self) -> float:
+        """Thickness of the ramp [m]."""
+        return self.thickness
 
     def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.segment(
@@ -188,6 +193,11 @@ class BoxObstacle(_Obstacle):
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"lower": self.lower, "upper": self.upper}
 
+    @property
+    def smallest_extent(self) -> float:
+        """Shortest side [m]."""
+        return min(b - a for a, b in zip(self.lower, self.upper, strict=True))
+
     def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
 
@@ -202,6 +212,11 @@ class BallObstacle(_Obstacle):
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"center": self.center}
+
+    @property
+    def smallest_extent(self) -> float:
+        """Diameter [m]."""
+        return 2 * self.radius
 
     def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
@@ -223,6 +238,11 @@ class HalfSpaceObstacle(_Obstacle):
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
         """Vectors whose length has to be the scene's dimension, by field name."""
         return {"point": self.point, "normal": self.normal}
+
+    @property
+    def smallest_extent(self) -> float:
+        """Infinite: nothing is behind it [m]."""
+        return math.inf
 
     def _at_rest(self) -> _native.Obstacle:
         return _native.Obstacle.half_space(

@@ -17,4 +17,6 @@ class Sleep(Record):
     speed: Annotated[float, Range(0, 1e3, "m/s", open_low=True)] = Field(
         0.02, description="Slower than this [m/s]"
     )
-    frames: Annotated[int, Range(1, 1_000_000)] = Field(20, description="at the end of so many frames in a row.")
+    frames: Annotated[int, Range(1, 1_000_000)] = Field(
+        20, description="at the end of so many frames in a row."
+    )

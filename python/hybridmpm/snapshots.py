@@ -31,8 +31,7 @@ class SavedState:
 
     scene: Scene
     substeps: Substeps
-    cfl: float
-    """The CFL number in use, also where the caller named none: defaults may change."""
+    cfl: float | None
     allow_unstable: bool
     sleep: Sleep | None
     frame: int

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from hybridmpm import MpmSolver, Scene, SceneError, __version__, scenarios
+from hybridmpm import BallObstacle, Box, MpmSolver, Scene, SceneError, __version__, scenarios
 from hybridmpm.cli import cli
 
 
@@ -322,3 +322,22 @@ def test_files_that_cannot_be_resumed_or_saved(tmp_path: Path) -> None:
     assert_fails(run("simulate", "--resume", tmp_path / "notes"), 2, "notes is no snapshot file of hybridmpm")
     result = run("simulate", "water_2d", "--save", tmp_path / "nowhere" / "a")
     assert_fails(result, 2, f"--save: the folder {tmp_path / 'nowhere'} does not exist")
+
+
+def test_warnings_are_one_line(tmp_path: Path) -> None:
+    body = Box(material="water", lower=(0.4, 0.4), upper=(0.6, 0.6))
+    thin = BallObstacle(center=(0.5, 0.3), radius=0.01)
+    Scene(dim=2, resolution=32, bodies=(body,), obstacles=(thin,)).save(tmp_path / "thin.yaml")
+    command = [
+        sys.executable,
+        "-m",
+        "hybridmpm",
+        "simulate",
+        "--scene",
+        tmp_path / "thin.yaml",
+        "--frames",
+        "1",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stderr.startswith("Warning: obstacles[0] (ball) is 0.02 m thick")
+    assert done.stderr.splitlines()[1].startswith("Simulating")

@@ -129,3 +129,14 @@ def test_two_sessions_do_not_disturb_each_other(service: Any, path: str) -> None
     assert service.http.get(other).json()["frame"] == 9
     service.http.delete(other)
     assert service.http.get(path).json()["frame"] == 5
+
+
+@pytest.mark.filterwarnings("ignore::hybridmpm.ThinObstacleWarning")
+def test_a_thin_obstacle_is_no_failure(service: Any) -> None:
+    """The library warns of it, which ends on the server's standard error."""
+    body = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}
+    thin = {"shape": "ball", "center": [0.5, 0.3], "radius": 0.01}
+    scene = {"dim": 2, "resolution": 32, "bodies": [body], "obstacles": [thin]}
+    answer = service.http.post("/v1/sessions", json={"scene": scene})
+    assert answer.status_code == 201, answer.text
+    service.http.delete(answer.json()["links"]["self"])

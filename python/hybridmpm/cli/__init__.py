@@ -4,6 +4,7 @@ A user's error ends in one line on stderr without a traceback: exit status 2 for
 failed, 130 after Ctrl-C.
 """
 
+import warnings
 from typing import Any
 
 import click
@@ -59,4 +60,5 @@ for command in (simulate, scenarios, schema, serve, bench, validate, doctor):
 
 def main() -> None:
     """Run the command line and exit."""
+    warnings.formatwarning = lambda message, *_args, **_more: f"Warning: {message}\n"
     cli(prog_name="hybridmpm")

@@ -70,8 +70,6 @@ fn cpu_features() -> Vec<&'static str> {
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("DEFAULT_CFL", f64::from(mpm::DEFAULT_CFL))?;
-    module.add("CFL_LIMIT", f64::from(mpm::CFL_LIMIT))?;
     error::register(module)?;
     module.add_class::<material::PyMaterial>()?;
     module.add_class::<obstacle::PyObstacle>()?;

@@ -1,6 +1,6 @@
 //! `Material`.
 
-use mpm::Material;
+use mpm::{Material, MpmError};
 use pyo3::prelude::*;
 
 use crate::error::NativeError;
@@ -13,7 +13,7 @@ pub struct PyMaterial {
 }
 
 impl PyMaterial {
-    fn new(material: Result<Material, mpm::MpmError>, kind: &'static str) -> PyResult<Self> {
+    fn new(material: Result<Material, MpmError>, kind: &'static str) -> PyResult<Self> {
         Ok(Self {
             inner: material.map_err(NativeError)?,
             kind,
@@ -92,5 +92,22 @@ impl PyMaterial {
     #[getter]
     fn sound_speed(&self) -> f32 {
         self.inner.sound_speed()
+    }
+
+    #[getter]
+    fn default_cfl(&self) -> f32 {
+        self.inner.default_cfl()
+    }
+
+    #[getter]
+    fn cfl_limit(&self) -> f32 {
+        self.inner.cfl_limit()
+    }
+
+    fn signal_speed(&self, dim: usize) -> PyResult<f32> {
+        if !matches!(dim, 2 | 3) {
+            return Err(NativeError(MpmError::parameter("dim", "2 or 3", dim)).into());
+        }
+        Ok(self.inner.signal_speed(dim))
     }
 }

@@ -48,7 +48,7 @@ fn substeps(
     cfl: Option<f32>,
     allow_unstable: bool,
 ) -> PyResult<Substeps> {
-    let by_cfl = Substeps::Cfl(cfl.unwrap_or(mpm::DEFAULT_CFL));
+    let by_cfl = Substeps::Cfl(cfl);
     let Some(argument) = argument else {
         return Ok(by_cfl);
     };

@@ -37,8 +37,8 @@ impl<const D: usize> Bounds<D> {
         Self {
             walls,
             fill: WallFill::new(&walls, layout),
-            lowest: walls.lower.map(|s| (s - dx).max(0.0)),
-            highest: walls.upper.map(|s| (s + dx).min(1.0)),
+            lowest: walls.lower.add_scalar(-dx),
+            highest: walls.upper.add_scalar(dx),
             inner_lowest: walls.lower.add_scalar(far),
             inner_highest: walls.upper.add_scalar(-far),
         }

@@ -47,5 +47,5 @@ pub use shape::Shape;
 pub use sleep::Sleep;
 pub use solver::{Force, Solver};
 pub use svd::{Svd, svd};
-pub use timestep::{Bound, CFL_LIMIT, DEFAULT_CFL, FrameReport, Substeps, reference_substeps};
+pub use timestep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};
 pub use walls::Walls;

@@ -332,9 +332,9 @@ fn holds<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
     distance <= 0.0 && distance > -BAND_CELLS * layout.dx()
 }
 
-/// From a stencil's base to its particle is at most 1.5 cells on each axis [m].
+/// How far from its stencil's lowest node a particle is tested: it has moved by up to a cell since.
 pub(crate) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
-    1.5 * layout.dx() * (D as f32).sqrt()
+    (1.5 * (D as f32).sqrt() + 1.0) * layout.dx()
 }
 
 fn change_velocity<const D: usize>(

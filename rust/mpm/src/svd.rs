@@ -71,7 +71,11 @@ fn to_principal_axes<const D: usize>(columns: &mut Matrix<D>, v: &mut Matrix<D>)
         1.0
     };
     let larger = (0.5 + 0.5 * ratio).sqrt();
-    let smaller = gamma.abs() / (root.max(1.0e-15) * larger);
+    let smaller = if root > 1.0e-15 {
+        gamma.abs() / (root * larger)
+    } else {
+        0.0
+    };
     let (c, s) = if difference >= 0.0 {
         (larger, smaller)
     } else {
@@ -239,6 +243,28 @@ mod tests {
             (sum - norm).abs() <= 4.0e-6 * norm,
             "sum sigma^2 = {sum}, |A|^2 = {norm}"
         );
+    }
+
+    #[test]
+    fn matrices_within_rounding_of_a_rotation_come_apart_into_rotations() {
+        for exponent in -20..-5 {
+            let small = 10.0f32.powi(exponent);
+            for sign in [1.0, -1.0] {
+                check(&Matrix::<2>::new(1.0, small, sign * small, 1.0));
+                check(&Matrix::<2>::new(1.0, small, 0.0, 1.0 - 6.0e-8));
+                check(&Matrix::<3>::new(
+                    1.0,
+                    small,
+                    0.0,
+                    sign * small,
+                    1.0,
+                    small,
+                    0.0,
+                    0.0,
+                    1.0,
+                ));
+            }
+        }
     }
 
     #[test]

@@ -3,20 +3,19 @@
 use crate::error::MpmError;
 use crate::material::Material;
 
-/// CFL number of `Substeps::Cfl` unless the caller names one. Isolated water particles at a wall
-/// become unstable between 0.80 and 0.85, solids later; the default keeps a factor of 1.5 below.
-pub const DEFAULT_CFL: f32 = 0.55;
-/// CFL number above which fixed substeps are refused.
-pub const CFL_LIMIT: f32 = 0.8;
+/// Part of a cell that a particle may cross in a step, unless the caller names another.
+pub const DEFAULT_SPEED_CFL: f32 = 0.55;
+/// The same, above which fixed substeps are refused.
+const SPEED_LIMIT: f32 = 0.8;
 /// More substeps in one frame than this mean that speeds have no bound.
 const MOST_SUBSTEPS: f32 = 20_000.0;
 
 /// Who chooses the substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Substeps {
-    /// The fewest with dt <= cfl dx / max(signal speed, largest speed of a particle and of an obstacle
-    /// together), chosen anew as speeds change.
-    Cfl(f32),
+    /// The fewest with dt <= cfl dx / max(signal speed, largest speed), chosen anew as speeds change. Without a
+    /// number, each material's own default stands beside its signal speed.
+    Cfl(Option<f32>),
     /// floor(frame / (0.02 dx)) + 1 equal ones, the rule of the ground truth.
     Reference,
     /// That many equal ones.
@@ -77,6 +76,10 @@ pub struct StepChooser {
     pub dx: f32,
     /// Of the stiffest material present [m/s].
     pub signal_speed: f32,
+    /// Largest step that all materials take by default [s].
+    default_dt: f32,
+    /// Largest step at which all materials were stable [s].
+    stable_dt: f32,
 }
 
 impl StepChooser {
@@ -88,7 +91,7 @@ impl StepChooser {
         materials: &[Material],
     ) -> Result<Self, MpmError> {
         match substeps {
-            Substeps::Cfl(cfl) if !(cfl > 0.0 && cfl <= 1.0) => {
+            Substeps::Cfl(Some(cfl)) if !(cfl > 0.0 && cfl <= 1.0) => {
                 return Err(MpmError::parameter("cfl", "in (0, 1]", cfl));
             }
             Substeps::Fixed { count: 0, .. } => {
@@ -100,11 +103,17 @@ impl StepChooser {
             .iter()
             .map(|m| m.signal_speed(dim))
             .fold(0.0, f32::max);
+        let smallest = |cfl: fn(&Material) -> f32| {
+            let steps = materials.iter().map(|m| cfl(m) * dx / m.signal_speed(dim));
+            steps.fold(f32::INFINITY, f32::min)
+        };
         Ok(Self {
             substeps,
             frame_dt,
             dx,
             signal_speed,
+            default_dt: smallest(Material::default_cfl),
+            stable_dt: smallest(Material::cfl_limit),
         })
     }
 
@@ -119,20 +128,23 @@ impl StepChooser {
         obstacles: f32,
     ) -> Result<(f32, Bound), MpmError> {
         let speed = particles + obstacles;
-        let bound = if speed <= self.signal_speed {
-            Bound::Sound
-        } else if obstacles > particles {
+        let moving = if obstacles > particles {
             Bound::Obstacle
         } else {
             Bound::Speed
         };
         let count = match self.substeps {
-            Substeps::Cfl(cfl) => return self.under_cfl(cfl, remaining, speed, bound),
+            Substeps::Cfl(cfl) => return self.under_cfl(cfl, remaining, speed, moving),
             Substeps::Reference => reference_substeps(self.frame_dt, self.dx),
             Substeps::Fixed { count, .. } => count,
         };
         let dt = self.frame_dt / count as f32;
-        let limit = CFL_LIMIT * self.dx / self.signal_speed.max(speed);
+        let motion = SPEED_LIMIT * self.dx / speed;
+        let (limit, bound) = if self.stable_dt <= motion {
+            (self.stable_dt, Bound::Sound)
+        } else {
+            (motion, moving)
+        };
         if dt > limit
             && !matches!(
                 self.substeps,
@@ -159,12 +171,18 @@ impl StepChooser {
 
     fn under_cfl(
         &self,
-        cfl: f32,
+        cfl: Option<f32>,
         remaining: f32,
         speed: f32,
-        bound: Bound,
+        moving: Bound,
     ) -> Result<(f32, Bound), MpmError> {
-        let limit = cfl * self.dx / self.signal_speed.max(speed);
+        let sound = cfl.map_or(self.default_dt, |cfl| cfl * self.dx / self.signal_speed);
+        let motion = cfl.unwrap_or(DEFAULT_SPEED_CFL) * self.dx / speed;
+        let (limit, bound) = if sound <= motion {
+            (sound, Bound::Sound)
+        } else {
+            (motion, moving)
+        };
         let count = (remaining / limit).ceil().max(1.0);
         if count > MOST_SUBSTEPS || !count.is_finite() {
             let (signal, speed, remedy) = match bound {
@@ -215,7 +233,7 @@ mod tests {
 
     #[test]
     fn the_bound_that_is_active_is_named() {
-        let cfl = chooser(Substeps::Cfl(0.5));
+        let cfl = chooser(Substeps::Cfl(Some(0.5)));
         let (dt, bound) = cfl.next(0.0025, 1.0, 0.0).unwrap();
         assert_eq!(bound, Bound::Sound);
         // sqrt(2 * 277 778 / 1000) m/s in two dimensions.
@@ -255,7 +273,7 @@ mod tests {
         );
         for (particles, obstacles, signal) in [(1.0e9, 0.0, "particles"), (0.0, 1.0e9, "obstacles")]
         {
-            let error = chooser(Substeps::Cfl(0.5))
+            let error = chooser(Substeps::Cfl(Some(0.5)))
                 .next(0.0025, particles, obstacles)
                 .unwrap_err();
             assert!(

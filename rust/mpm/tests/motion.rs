@@ -339,14 +339,14 @@ fn substeps_follow_the_speed_of_an_obstacle() {
         let result = solver.advance(1, Force::None, |_, _| ());
         result.map(|()| solver.last_frame().unwrap())
     };
-    let by_cfl = Substeps::Cfl(mpm::DEFAULT_CFL);
+    let by_cfl = Substeps::Cfl(None);
     assert_eq!(fast(10.0, by_cfl).unwrap().bound.name(), "sound");
     // Its corners, 0.2006 m from the centre, at 200 m/s.
     let report = fast(1000.0, by_cfl).unwrap();
     assert_eq!(report.bound.name(), "obstacle");
     let travelled = 200.6 * report.smallest_dt * 64.0;
     assert!(
-        travelled <= mpm::DEFAULT_CFL && travelled > 0.9 * mpm::DEFAULT_CFL,
+        travelled <= mpm::DEFAULT_SPEED_CFL && travelled > 0.9 * mpm::DEFAULT_SPEED_CFL,
         "{travelled}"
     );
     assert!(matches!(

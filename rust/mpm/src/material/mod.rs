@@ -193,6 +193,26 @@ impl Material {
         self.speed_of_modes(dim)
     }
 
+    /// dt times the signal speed over dx at which splashes and single particles were last seen to be stable, the
+    /// lower of 2D and 3D; `hybridmpm bench stability` measures it. Larger fixed steps are refused.
+    pub fn cfl_limit(&self) -> f32 {
+        match self.model {
+            Model::Water(_) => 0.7,
+            Model::Sand(_) => 1.1,
+            Model::Elastic(_) => 0.65,
+        }
+    }
+
+    /// The same for steps that nobody chose: 1.5 times below the limit at least. Elastic solids stiffen as they
+    /// stretch, and a particle alone at twice its rest volume is stable up to 0.3 only.
+    pub fn default_cfl(&self) -> f32 {
+        match self.model {
+            Model::Water(_) => 0.45,
+            Model::Sand(_) => 0.7,
+            Model::Elastic(_) => 0.28,
+        }
+    }
+
     fn speed_of_modes(&self, dim: usize) -> f32 {
         let Lame { mu, lambda } = match &self.model {
             Model::Water(water) => Lame {

@@ -25,6 +25,10 @@ impl Water {
     /// Excess of density that is no contradiction [-]: particles at random places vary by about that.
     const CROWDING_TOLERANCE: f32 = 0.1;
 
+    /// tau = lambda J (J - 1) weakens where J < 1/2 and vanishes with J: what an impact has pressed so far would
+    /// never come back.
+    const SMALLEST_RATIO: f32 = 0.1;
+
     #[inline(always)]
     fn stiffness(&self, volume_ratio: f32) -> f32 {
         if volume_ratio > 1.0 {
@@ -65,7 +69,10 @@ impl<const D: usize> Constitutive<D> for Water {
     ) {
         for i in 0..LANES {
             let divergence: f32 = (0..D).map(|axis| affine[axis][axis][i]).sum();
-            volume_ratios[i] *= 1.0 + dt * divergence;
+            let ratio = volume_ratios[i] * (1.0 + dt * divergence);
+            // An inversion is an error that has to be seen.
+            let floored = ratio > 0.0 && ratio < Self::SMALLEST_RATIO;
+            volume_ratios[i] = if floored { Self::SMALLEST_RATIO } else { ratio };
         }
         if !self.volume_correction {
             return;

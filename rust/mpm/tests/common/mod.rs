@@ -40,7 +40,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         walls,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
-        substeps: Substeps::Cfl(mpm::DEFAULT_CFL),
+        substeps: Substeps::Cfl(None),
         sleep: None,
         threads: 1,
     }
