@@ -10,6 +10,7 @@ from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MAX_FRAMES_AT_ONCE, MpmSolver, acceleration
 from hybridmpm.scene import Scene
+from hybridmpm.sleep import Sleep
 from hybridmpm.snapshots import Substeps
 
 
@@ -23,7 +24,7 @@ class MpmBatch(Sequence[MpmSolver]):
     Parameters
     ----------
     scenes : sequence of Scene
-    substeps, cfl, allow_unstable
+    substeps, cfl, allow_unstable, sleep
         Of every member, as for `MpmSolver`.
     threads : int in [1, 1024], optional
         Scenes that advance at a time; as many as the process may use if absent.
@@ -43,11 +44,13 @@ class MpmBatch(Sequence[MpmSolver]):
         substeps: Substeps = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
+        sleep: Sleep | None = None,
         threads: int | None = None,
     ) -> None:
         self._threads = None if threads is None else whole("threads", threads, 1, 1024)
         self._members = tuple(
-            MpmSolver(scene, substeps=substeps, cfl=cfl, allow_unstable=allow_unstable) for scene in scenes
+            MpmSolver(scene, substeps=substeps, cfl=cfl, allow_unstable=allow_unstable, sleep=sleep)
+            for scene in scenes
         )
 
     def __len__(self) -> int:

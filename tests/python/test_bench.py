@@ -194,3 +194,20 @@ def test_where_a_row_comes_from(tmp_path: Path) -> None:
     untracked = tmp_path / "file.py"
     untracked.write_text("")
     assert provenance._commit(untracked) is None
+
+
+def test_sleeping_saves_time_and_stays_below_the_floor(tmp_path: Path) -> None:
+    chart = tmp_path / "sleeping.svg"
+    file = tmp_path / "rows.json"
+    arguments = ["bench", "sleeping", "--particles", "600", "--frames", "360"]
+    result = CliRunner().invoke(cli, [*arguments, "--json", str(file), "--chart", str(chart)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(file.read_text())
+    assert set(rows[0]) == SOURCE | {
+        "particles", "frame", "asleep", "ms_awake", "ms_sleeping", "ratio", "error", "floor",
+    }  # fmt: skip
+    assert rows[0]["asleep"] == 0
+    assert rows[0]["error"] == 0
+    assert rows[-1]["asleep"] > 0.95
+    assert all(row["error"] < row["floor"] for row in rows)
+    assert chart.with_suffix(".png").stat().st_size > 10_000

@@ -58,7 +58,7 @@ class Draw:
     def walls(self) -> Vector:
         """Half of all walls lie at the default place, the others anywhere."""
         at_default = self.rng.random(self.dim) < 0.5
-        return np.where(at_default, 0.1, self.rng.uniform(0.02, 0.25, self.dim))
+        return np.where(at_default, 0.1, self.rng.uniform(0.0, 0.25, self.dim))
 
     def log_uniform(self, low: float, high: float) -> float:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))

@@ -10,6 +10,7 @@ from hybridmpm import charts, scenarios
 from hybridmpm.bench import batch as batch_bench
 from hybridmpm.bench import mpm as mpm_bench
 from hybridmpm.bench import scaling as scaling_bench
+from hybridmpm.bench import sleeping as sleeping_bench
 from hybridmpm.bench import stability as stability_bench
 from hybridmpm.bench.provenance import Provenance, provenance, write_rows
 from hybridmpm.cli.progress import progress
@@ -22,6 +23,7 @@ _PEER_COLUMNS = ("peer", "peer_ns", "peer_threads", "ratio")
 _SCALING_COLUMNS = (
     "series", "dim", "particles", "resolution", "threads", "ms_per_substep", "ns_per_particle_substep",
 )  # fmt: skip
+_SLEEPING_COLUMNS = ("particles", "frame", "asleep", "ms_awake", "ms_sleeping", "ratio", "error", "floor")
 _BATCH_COLUMNS = (
     "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
 )  # fmt: skip
@@ -175,6 +177,24 @@ def _report(
     for row in rows:
         click.echo("  ".join(str(row[name]).rjust(widths[name]) for name in columns))
     click.echo(f"{source.machine}, {source.date}, commit {source.commit or 'unknown'}")
+
+
+@bench.command()
+@_many("--particles", click.IntRange(500, 100_000), sleeping_bench.Settings.particles, "Of the heaps.")
+@click.option("--frames", type=click.IntRange(10, 10_000), default=400, show_default=True)
+@_json_option
+@_chart_option
+def sleeping(
+    *, particles: tuple[int, ...], frames: int, json_file: Path | None, chart_file: Path | None
+) -> None:
+    """Let a grain fall on a heap of sand at rest, with regions that sleep and without."""
+    settings = sleeping_bench.Settings(particles=particles, frames=frames)
+    source = _source("sleeping", particles=particles, frames=(frames,))
+    with progress("Measuring", len(particles) * (frames // settings.stride)) as bar:
+        rows = sleeping_bench.rows(settings, source, on_progress=bar.update)
+    _report(rows, _SLEEPING_COLUMNS, source, json_file)
+    if chart_file is not None:
+        sleeping_bench.chart(rows, chart_file)
 
 
 @bench.command()

@@ -9,11 +9,12 @@
 
 use std::ops::Range;
 
-use crate::contact::{Contact, ContactKind, remaining_slip};
+use wide::f32x4;
+
+use crate::contact::{Contact, ContactKind};
 use crate::error::MpmError;
 use crate::grid::{Grid, Layout, PADDING, Span, Window};
 use crate::grid_update::SMALLEST_MASS;
-use crate::lanes::{Kernel, LANES, Lanes, run_wide};
 use crate::math::Vector;
 use crate::obstacle::MaterialFriction;
 use crate::stencil::spline;
@@ -60,6 +61,8 @@ impl<const D: usize> Walls<D> {
     }
 }
 
+/// Node lines that are computed together.
+const BATCH: usize = 4;
 /// Where the outermost node has a weight below this, material may rest on the wall without touching
 /// that node, so contact then starts with the middle node.
 const WEAK_OUTER_WEIGHT: f32 = 0.06;
@@ -170,7 +173,7 @@ impl WallContact {
             |middle: usize| [-stride, 0, stride].map(|step| (middle as isize + step) as usize);
         // The node that shows whether material touches the wall.
         let telling = usize::from(side.weights[0] < WEAK_OUTER_WEIGHT);
-        let mut batch = [[0; 3]; LANES];
+        let mut batch = [[0; 3]; BATCH];
         let mut count = 0;
         for middle in lines.iter().cloned().flatten() {
             let nodes = nodes_across(middle - window.first);
@@ -179,147 +182,103 @@ impl WallContact {
             }
             batch[count] = nodes;
             count += 1;
-            if count == LANES {
-                run_wide(Push {
-                    contact: &self.contact,
-                    side,
-                    window,
-                    friction,
-                    lines: &batch,
-                });
+            if count == BATCH {
+                self.push(window, side, &batch, friction);
                 count = 0;
             }
         }
-        run_wide(Push {
-            contact: &self.contact,
-            side,
-            window,
-            friction,
-            lines: &batch[..count],
-        });
+        self.push(window, side, &batch[..count], friction);
     }
-}
 
-/// Contact on up to `LANES` node lines; each is its outer, middle and inner node.
-struct Push<'a, 'w, const D: usize> {
-    contact: &'a Contact,
-    side: &'a Side,
-    window: &'a mut Window<'w, D>,
-    friction: &'a MaterialFriction,
-    lines: &'a [[usize; 3]],
-}
-
-impl<const D: usize> Kernel for Push<'_, '_, D> {
-    type Output = ();
-
+    /// Contact on up to `BATCH` node lines; each is its outer, middle and inner node.
     #[inline(always)]
-    fn run(self) {
-        let Self {
-            contact,
-            side,
-            window,
-            ..
-        } = self;
-        let mut mass = [[0.0; LANES]; 3];
-        let mut v = [[[0.0; LANES]; 3]; D];
-        let mut mu = [contact.friction.unwrap_or(0.0); LANES];
-        for (i, line) in self.lines.iter().enumerate() {
-            for (step, &node) in line.iter().enumerate() {
-                mass[step][i] = window.nodes[node].to_array()[3];
-            }
-            if contact.friction.is_none() {
-                mu[i] = self.friction.at(window, line[1], mass[1][i]);
-            }
-        }
-        let smooth = contact.kind == ContactKind::Slip || mu.iter().all(|&mu| mu == 0.0);
-        // A smooth wall changes the velocity along its normal alone.
-        let axes = if smooth && contact.kind != ContactKind::Sticky {
-            side.axis..side.axis + 1
-        } else {
-            0..D
+    fn push<const D: usize>(
+        &self,
+        window: &mut Window<'_, D>,
+        side: &Side,
+        lines: &[[usize; 3]],
+        friction: &MaterialFriction,
+    ) {
+        // From one vector a node to one vector a component; lines that are missing have no mass.
+        let mut nodes: [[f32x4; BATCH]; 3] = std::array::from_fn(|step| {
+            let of_line = |i: usize| {
+                lines
+                    .get(i)
+                    .map_or(f32x4::ZERO, |line| window.nodes[line[step]])
+            };
+            f32x4::transpose(std::array::from_fn(of_line))
+        });
+        let mu = match (self.contact.friction, friction) {
+            (Some(mu), _) | (None, &MaterialFriction::Uniform(mu)) => f32x4::splat(mu),
+            (None, mixed) => f32x4::from(std::array::from_fn::<f32, BATCH, _>(|i| {
+                lines.get(i).map_or(0.0, |line| {
+                    let mass = window.nodes[line[1]].to_array()[3];
+                    mixed.at(window, line[1], mass.max(SMALLEST_MASS))
+                })
+            })),
         };
-        for axis in axes.clone() {
-            for (i, line) in self.lines.iter().enumerate() {
-                for (step, &node) in line.iter().enumerate() {
-                    v[axis][step][i] = window.nodes[node].to_array()[axis];
-                }
-            }
-        }
-        push(contact.kind, side, &mass, &mu, &mut v);
-        for axis in axes {
-            for (i, line) in self.lines.iter().enumerate() {
-                for (step, &node) in line.iter().enumerate() {
-                    window.nodes[node].as_mut_array()[axis] = v[axis][step][i];
-                }
+        apply_contact::<D>(self.contact.kind, side, mu, &mut nodes);
+        for (step, nodes) in nodes.into_iter().enumerate() {
+            for (line, node) in lines.iter().zip(f32x4::transpose(nodes)) {
+                window.nodes[line[step]] = node;
             }
         }
     }
 }
 
-/// Changes velocities `v[axis][step]` so that the material at the wall obeys the contact. Without branches.
+/// Changes velocities so that the material at the wall obeys the contact. `nodes[step]` are the components of
+/// the outer, middle and inner nodes, the last their mass; each lane is a line of its own.
 #[inline(always)]
-fn push<const D: usize>(
+fn apply_contact<const D: usize>(
     kind: ContactKind,
     side: &Side,
-    mass: &[Lanes; 3],
-    mu: &Lanes,
-    v: &mut [[Lanes; 3]; D],
+    mu: f32x4,
+    nodes: &mut [[f32x4; BATCH]; 3],
 ) {
-    let mut mobility = [[0.0; LANES]; 3];
-    let mut at_wall = [[0.0; LANES]; D];
-    let mut total = [0.0; LANES];
+    let (zero, one) = (f32x4::ZERO, f32x4::ONE);
+    let mut mobility = [zero; 3];
+    let mut at_wall = [zero; D];
+    let mut total = zero;
     for step in 0..3 {
-        let mut weights = [0.0; LANES];
-        for i in 0..LANES {
-            // Empty nodes have no velocity to speak of and take no impulse.
-            let there = mass[step][i] > SMALLEST_MASS;
-            weights[i] = if there { side.weights[step] } else { 0.0 };
-            mobility[step][i] = weights[i] / if there { mass[step][i] } else { 1.0 };
-            total[i] += mobility[step][i] * weights[i];
-        }
+        // Empty nodes have no velocity to speak of and take no impulse.
+        let mass = nodes[step][3];
+        let there = mass.simd_gt(f32x4::splat(SMALLEST_MASS));
+        let weight = there.bitselect(f32x4::splat(side.weights[step]), zero);
+        mobility[step] = weight / there.bitselect(mass, one);
+        total += mobility[step] * weight;
         for axis in 0..D {
-            for i in 0..LANES {
-                at_wall[axis][i] += weights[i] * v[axis][step][i];
-            }
+            at_wall[axis] += weight * nodes[step][axis];
         }
     }
-    let approach = at_wall[side.axis].map(|v| -v * side.inward);
-    at_wall[side.axis] = [0.0; LANES];
-    let slip = at_wall;
-    let mut lost = [if kind == ContactKind::Sticky {
-        1.0
-    } else {
-        0.0
-    }; LANES];
+    let approach = at_wall[side.axis] * f32x4::splat(-side.inward);
+    let mut slip = at_wall;
+    slip[side.axis] = zero;
+    let mut none = total.simd_le(zero);
+    let lost = match kind {
+        ContactKind::Sticky => one,
+        ContactKind::Slip => zero,
+        ContactKind::Separating => {
+            none |= approach.simd_le(zero);
+            let speed = slip
+                .iter()
+                .fold(zero, |sum, &slip| sum + slip * slip)
+                .sqrt();
+            // Coulomb friction takes at most `capacity` of the slip; see `remaining_slip`.
+            let capacity = mu * approach;
+            let stops = speed.simd_le(capacity) | speed.simd_eq(zero);
+            stops.bitselect(one, capacity / stops.bitselect(one, speed))
+        }
+    };
     // Impulse per change of the velocity at the wall; each node takes its share.
-    let mut impulse = [0.0; LANES];
-    for i in 0..LANES {
-        impulse[i] = if total[i] > 0.0 { 1.0 / total[i] } else { 0.0 };
-    }
-    if kind == ContactKind::Separating {
-        for i in 0..LANES {
-            let mut squared = 0.0;
-            for axis in 0..D {
-                squared += slip[axis][i] * slip[axis][i];
-            }
-            lost[i] = 1.0 - remaining_slip(squared.sqrt(), mu[i] * approach[i]);
-            impulse[i] = if approach[i] > 0.0 { impulse[i] } else { 0.0 };
-        }
-    }
+    let impulse = none.bitselect(zero, one / none.bitselect(one, total));
     for axis in 0..D {
-        let mut change = [0.0; LANES];
-        for i in 0..LANES {
-            let normal = if axis == side.axis {
-                approach[i] * side.inward
-            } else {
-                0.0
-            };
-            change[i] = (normal - slip[axis][i] * lost[i]) * impulse[i];
-        }
+        let change = if axis == side.axis {
+            approach * f32x4::splat(side.inward)
+        } else {
+            zero - slip[axis] * lost
+        };
         for step in 0..3 {
-            for i in 0..LANES {
-                v[axis][step][i] += change[i] * mobility[step][i];
-            }
+            nodes[step][axis] += change * impulse * mobility[step];
         }
     }
 }

@@ -18,7 +18,6 @@ SHORTER: dict[str, Callable[[], Result]] = {
 
 KNOWN = {
     "dam_break": ("front", "water without friction, released at once, sends a thin tongue ahead"),
-    "rotation": ("energy of the ball", "rounding adds energy to a ball in 3D"),
 }
 """Checks that fail today, by the beginning of their names, and why."""
 
