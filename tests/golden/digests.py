@@ -1,0 +1,48 @@
+"""Digests of eight scenes: whoever changes the bits has to say so.
+
+    python tests/golden/digests.py            prints them
+    python tests/golden/digests.py --write    takes them as the new truth
+
+The core computes with IEEE operations of one width and its own exponential and logarithm, so the bits are those of
+any processor, with AVX2 or without.
+"""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+from hybridmpm import BallObstacle, Box, MpmSolver, Scene, SegmentObstacle, scenarios
+
+FILE = Path(__file__).with_suffix(".json")
+FRAMES = 80
+SEED = 3
+
+
+def scenes() -> dict[str, Scene]:
+    """One of each scenario, and one with an elastic body, water and obstacles of both contacts."""
+    drawn = {name: scenarios.get(name, SEED) for name in scenarios.NAMES}
+    bodies = (
+        Box(material="elastic", lower=(0.3, 0.6), upper=(0.45, 0.75), velocity=(1.0, -1.0)),
+        Box(material="water", lower=(0.5, 0.4), upper=(0.7, 0.6), velocity=(-1.0, 0.0)),
+    )
+    obstacles = (
+        BallObstacle(center=(0.4, 0.3), radius=0.06, contact="sticky"),
+        SegmentObstacle(start=(0.5, 0.2), end=(0.8, 0.3), thickness=0.05, friction=0.3),
+    )
+    return {**drawn, "elastic_and_obstacles": Scene(dim=2, bodies=bodies, obstacles=obstacles)}
+
+
+def digest(scene: Scene, threads: int = 1) -> dict[str, int | str]:
+    """Number of particles, and SHA-256 of their positions and velocities after `FRAMES` frames."""
+    solver = MpmSolver(scene, substeps="reference", threads=threads)
+    solver.advance(FRAMES)
+    state = solver.positions.astype("<f4").tobytes() + solver.velocities.astype("<f4").tobytes()
+    return {"particles": solver.particle_count, "sha256": hashlib.sha256(state).hexdigest()}
+
+
+if __name__ == "__main__":
+    found = json.dumps({name: digest(scene) for name, scene in scenes().items()}, indent=1)
+    print(found)
+    if "--write" in sys.argv:
+        FILE.write_text(found + "\n", encoding="utf-8")
