@@ -3,8 +3,8 @@
     python tests/golden/digests.py            prints them
     python tests/golden/digests.py --write    takes them as the new truth
 
-The core computes with IEEE operations of one width and its own exponential and logarithm, so the bits are those of
-any processor, with AVX2 or without.
+The core computes with IEEE operations of one width and its own exponential and logarithm, so the bits are
+those of any processor, with AVX2 or without.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ def scenes() -> dict[str, Scene]:
 
 
 def digest(scene: Scene, threads: int = 1) -> dict[str, int | str]:
-    """Number of particles, and SHA-256 of their positions and velocities after `FRAMES` frames."""
+    """Return the number of particles, and the SHA-256 of their positions and velocities after `FRAMES` frames."""
     solver = MpmSolver(scene, substeps="reference", threads=threads)
     solver.advance(FRAMES)
     state = solver.positions.astype("<f4").tobytes() + solver.velocities.astype("<f4").tobytes()

@@ -26,10 +26,11 @@ const SMALLEST_SQUARE: f32 = 1.0e-8;
 impl Sand {
     /// `friction_angle` in degrees.
     pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
-        let sin = friction_angle.to_radians().sin();
+        // In double precision: what the sines of platforms differ by is gone after rounding.
+        let sin = f64::from(friction_angle).to_radians().sin();
         Self {
             lame,
-            alpha: (2.0f32 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin),
+            alpha: ((2.0f64 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin)) as f32,
             volume_correction,
         }
     }
