@@ -102,15 +102,17 @@ def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
     for (upper, lower), size in zip(axes.T, sizes, strict=True):
         mine = [row for row in found if row["particles"] == size]
         frames = [row["frame"] for row in mine]
-        upper.plot(frames, [row["ratio"] for row in mine], label="time of a frame / awake")
+        upper.plot(frames, [row["ratio"] for row in mine], label="time of a frame, sleeping / awake")
         upper.plot(frames, [row["asleep"] for row in mine], "--", label="share asleep")
-        upper.axhline(0.15, color="black", linewidth=0.8, linestyle=":")
-        upper.set(title=f"{size} particles", ylim=(0, 1.3))
-        lower.plot(frames, [row["error"] for row in mine], label="sleeping against awake")
-        lower.plot(frames, [row["floor"] for row in mine], "--", label="other jitter against awake")
+        upper.set(title=f"{size} particles", ylim=(0, 1.1))
+        colours = charts.COLOURS[2:]
+        lower.plot(frames, [row["error"] for row in mine], color=colours[0], label="error of sleeping")
+        lower.plot(
+            frames, [row["floor"] for row in mine], "--", color=colours[1], label="floor: other jitter"
+        )
         lower.set(xlabel="frame", ylabel="grid RMSE", ylim=(0, None))
-        upper.legend(loc="center right")
-        lower.legend(loc="center right")
+    handles = [line for axis in axes[:, 0] for line in axis.get_lines()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
     charts.save(figure, path)
 
 
