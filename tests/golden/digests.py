@@ -34,7 +34,7 @@ def scenes() -> dict[str, Scene]:
 
 
 def digest(scene: Scene, threads: int = 1) -> dict[str, int | str]:
-    """Return the number of particles, and the SHA-256 of their positions and velocities after `FRAMES` frames."""
+    """Return the number of particles, and the SHA-256 of their state after `FRAMES` frames."""
     solver = MpmSolver(scene, substeps="reference", threads=threads)
     solver.advance(FRAMES)
     state = solver.positions.astype("<f4").tobytes() + solver.velocities.astype("<f4").tobytes()

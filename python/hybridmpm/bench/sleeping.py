@@ -107,9 +107,7 @@ def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
         upper.set(title=f"{size} particles", ylim=(0, 1.1))
         colours = charts.COLOURS[2:]
         lower.plot(frames, [row["error"] for row in mine], color=colours[0], label="error of sleeping")
-        lower.plot(
-            frames, [row["floor"] for row in mine], "--", color=colours[1], label="floor: other jitter"
-        )
+        lower.plot(frames, [row["floor"] for row in mine], "--", color=colours[1], label="floor")
         lower.set(xlabel="frame", ylabel="grid RMSE", ylim=(0, None))
     handles = [line for axis in axes[:, 0] for line in axis.get_lines()]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
