@@ -40,6 +40,9 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         walls,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
+        emitters: Vec::new(),
+        sinks: Vec::new(),
+        max_particles: usize::MAX,
         substeps: Substeps::Cfl(mpm::DEFAULT_CFL),
         threads: 1,
     }
