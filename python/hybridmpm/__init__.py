@@ -34,13 +34,22 @@ from hybridmpm.shapes import (
     Polygon,
     SegmentObstacle,
 )
+from hybridmpm.sources import (
+    BallSink,
+    BoxSink,
+    ParticleLimitWarning,
+    RectangularEmitter,
+    RoundEmitter,
+)
 
 __all__ = [
     "Ball",
     "BallObstacle",
+    "BallSink",
     "BatchError",
     "Box",
     "BoxObstacle",
+    "BoxSink",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -53,9 +62,12 @@ __all__ = [
     "MpmBatch",
     "MpmSolver",
     "NonFiniteError",
+    "ParticleLimitWarning",
     "Particles",
     "Polygon",
     "RadiusGraph",
+    "RectangularEmitter",
+    "RoundEmitter",
     "Sand",
     "Scene",
     "SceneError",
