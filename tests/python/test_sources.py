@@ -22,6 +22,7 @@ from hybridmpm import (
     SegmentObstacle,
     SnapshotError,
     Walls,
+    _native,
 )
 from hybridmpm.control import Arrow, follow
 from hybridmpm.export import Style, save
@@ -366,6 +367,51 @@ def test_bad_emitters_are_refused_with_the_path_of_the_field(
     where, text = caught.value.problems[0]
     assert where == f"emitters[0]{field}"
     assert message in text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"material": 3}, r"emitters\[0\]\.material must be an index into materials, got 3"),
+        ({"velocity": [0.0, 0.0]}, r"velocity must be finite and not zero"),
+        ({"spacing": 0.0}, r"spacing must be finite and > 0"),
+        ({"start": 2.0, "stop": 1.0}, r"start must be >= 0 s and before stop"),
+        (
+            {"sites": np.full((1, 2), 0.95, np.float32)},
+            r"sites must be an opening whose material stays inside",
+        ),
+        ({"sites": np.zeros((0, 2), np.float32), "jitter": np.zeros((1, 0, 2), np.float32)}, "one or more"),
+        ({"velocity": [1.0, 0.0, 0.0]}, r"sites must have a shape that ends in \[3\]"),
+        ({"jitter": np.zeros((4, 2, 2), np.float32)}, r"jitter must have a shape that ends in \[1, 2\]"),
+        ({"sites": [0.5, 0.5]}, r"sites must be float32 of shape \(n, D\)"),
+    ],
+)
+def test_the_core_checks_emitters_of_its_own_users(change: dict[str, Any], message: str) -> None:
+    emitter: dict[str, Any] = {
+        "material": 0,
+        "velocity": [0.0, -1.0],
+        "spacing": 0.01,
+        "sites": np.full((1, 2), 0.5, dtype=np.float32),
+        "jitter": np.zeros((2, 1, 2), dtype=np.float32),
+        "mass": 0.1,
+        "volume": 1e-4,
+    }
+    nobody = np.zeros(0, dtype=np.float32)
+    with pytest.raises(ConfigError, match=message):
+        _native.Solver(
+            resolution=32,
+            frame_dt=0.0025,
+            gravity=[0.0, -9.81],
+            wall_lower=[0.1, 0.1],
+            wall_upper=[0.9, 0.9],
+            materials=[_native.Material.water(density=1000.0, bulk_modulus=1e5)],
+            emitters=[_native.Emitter(**emitter | change)],
+            x=nobody.reshape(0, 2),
+            v=nobody.reshape(0, 2),
+            material=nobody.astype(np.uint8),
+            mass=nobody,
+            volume=nobody,
+        )
 
 
 def test_bad_sinks_and_scenes_without_anything_are_refused() -> None:

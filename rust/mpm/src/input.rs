@@ -1,12 +1,12 @@
 //! What a solver is built from, and its checks: after them every stage may trust its input.
 
+use crate::emitter::Emitter;
 use crate::error::MpmError;
 use crate::material::{Constitutive, Material, Model};
 use crate::math::{Matrix, Vector};
 use crate::obstacle::Obstacle;
 use crate::particle::{Group, Particle, Phase};
 use crate::shape::Shape;
-use crate::source::Emitter;
 use crate::timestep::Substeps;
 use crate::walls::Walls;
 

@@ -5,6 +5,7 @@
 
 mod contact;
 mod diagnostics;
+mod emitter;
 mod error;
 mod g2p;
 mod grid;
@@ -36,6 +37,7 @@ mod walls;
 
 pub use contact::{Contact, ContactKind};
 pub use diagnostics::Diagnostics;
+pub use emitter::{Emitter, EmitterStatus};
 pub use error::MpmError;
 pub use input::{Particles, Settings};
 pub use material::Material;
@@ -45,7 +47,6 @@ pub use motion::{Motion, Swing};
 pub use obstacle::{Obstacle, Placed};
 pub use shape::Shape;
 pub use solver::{Force, Solver};
-pub use source::{Emitter, EmitterStatus};
 pub use svd::{Svd, svd};
 pub use timestep::{Bound, CFL_LIMIT, DEFAULT_CFL, FrameReport, Substeps, reference_substeps};
 pub use walls::Walls;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
+use crate::emitter::EmitterStatus;
 use crate::error::MpmError;
 use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
@@ -14,7 +15,7 @@ use crate::p2g::{Step, p2g};
 use crate::particle::Phase;
 use crate::snapshot;
 use crate::sort::{Place, Slab, sort};
-use crate::source::{EmitterStatus, Population, exchange};
+use crate::source::{Population, exchange};
 use crate::team::Team;
 use crate::timestep::{Bound, FrameReport, StepChooser};
 use crate::walls::WallContact;
