@@ -36,13 +36,22 @@ from hybridmpm.shapes import (
     SegmentObstacle,
 )
 from hybridmpm.sleep import Sleep
+from hybridmpm.sources import (
+    BallSink,
+    BoxSink,
+    ParticleLimitWarning,
+    RectangularEmitter,
+    RoundEmitter,
+)
 
 __all__ = [
     "Ball",
     "BallObstacle",
+    "BallSink",
     "BatchError",
     "Box",
     "BoxObstacle",
+    "BoxSink",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -55,9 +64,12 @@ __all__ = [
     "MpmBatch",
     "MpmSolver",
     "NonFiniteError",
+    "ParticleLimitWarning",
     "Particles",
     "Polygon",
     "RadiusGraph",
+    "RectangularEmitter",
+    "RoundEmitter",
     "Sand",
     "Scene",
     "SceneError",

@@ -1,7 +1,8 @@
 """The compiled core: MLS-MPM in 2D and 3D. Usable on its own, without the rest of the package.
 
 All quantities are SI. Arrays of particles are in the caller's order and never change it, whatever
-order the solver keeps inside. N is the number of particles, D the dimension (2 or 3).
+order the solver keeps inside; what emitters add comes last, and what sinks remove closes up. N is
+the number of particles, D the dimension (2 or 3).
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ __all__ = [
     "ConfigError",
     "Diagnostics",
     "DomainError",
+    "Emitter",
     "FrameReport",
     "InvertedError",
     "Material",
@@ -238,6 +240,49 @@ class Obstacle:
         """Where points (N, D) [m] of time 0 that move with the solid are at a time [s]; (N, D) [m]."""
 
 @final
+class Emitter:
+    """An opening that material leaves at a given velocity, in layers one spacing apart.
+
+    At the end of a frame, the layers that have left the opening during it are added where they have got to.
+    A layer comes whole or not at all: while more than a quarter of its place is taken by other material,
+    while an obstacle is in it, or where it would exceed the solver's `max_particles`, nothing comes, and what
+    could not come is not made up for.
+    """
+
+    def __new__(
+        cls,
+        *,
+        material: int,
+        velocity: Sequence[float],
+        spacing: float,
+        sites: npt.NDArray[np.float32],
+        jitter: npt.NDArray[np.float32],
+        mass: float,
+        volume: float,
+        start: float = 0.0,
+        stop: float | None = None,
+    ) -> Emitter:
+        """Describe an emitter; its numbers are checked when a solver takes it up.
+
+        Parameters
+        ----------
+        material : int
+            Index into the solver's materials.
+        velocity : D floats, not zero
+            Of the material [m/s].
+        spacing : float > 0
+            Between layers [m].
+        sites : float32 (n, D)
+            Where the particles of a layer are that has just left the opening [m].
+        jitter : float32 (k, n, D)
+            Offsets from the sites [m]; the k layers are used in turn.
+        mass, volume : float > 0
+            Of each particle: [kg] and rest volume [m^D].
+        start, stop : float >= 0
+            When material comes [s]; without `stop` it never ends.
+        """
+
+@final
 class Diagnostics:
     """Totals over all particles at one instant."""
 
@@ -268,6 +313,12 @@ class Diagnostics:
     @property
     def max_volume_ratio(self) -> float:
         """Largest J (water) or det F (solids) [-]."""
+    @property
+    def emitted_mass(self) -> float:
+        """Added by emitters since frame 0 [kg]."""
+    @property
+    def removed_mass(self) -> float:
+        """Taken away by sinks since frame 0 [kg]."""
 
 @final
 class FrameReport:
@@ -306,6 +357,9 @@ class Solver:
         wall_friction: float | None = None,
         materials: Sequence[Material],
         obstacles: Sequence[Obstacle] = (),
+        emitters: Sequence[Emitter] = (),
+        sinks: Sequence[Obstacle] = (),
+        max_particles: int | None = None,
         x: npt.NDArray[np.float32],
         v: npt.NDArray[np.float32],
         material: npt.NDArray[np.uint8],
@@ -335,6 +389,12 @@ class Solver:
         wall_friction : float >= 0, optional
             Coulomb coefficient of separating walls; None takes each material's own.
         materials : 1 to 255 materials
+        emitters : sequence of Emitter
+            They act at the end of each frame, after the sinks.
+        sinks : sequence of Obstacle
+            Particles that end a frame inside of one, as it is at time 0, are removed. Contact means nothing.
+        max_particles : int, optional
+            Emitters add none beyond; no limit if absent.
         x, v : float32 (N, D)
             Positions [m] inside the walls and velocities [m/s].
         material : uint8 (N,)
@@ -377,9 +437,10 @@ class Solver:
         ----------
         frames : int >= 0
         force : float32 (N, D) or (frames, N, D), optional
-            External acceleration [m/s^2] besides gravity, held over the call or given per frame.
+            External acceleration [m/s^2] besides gravity, held over the call or given per frame. With
+            emitters or sinks, N is that before the call, and `frames` is 1.
         out : float32 (frames, N, D), C-contiguous, optional
-            Receives the positions after each frame.
+            Receives the positions after each frame. Not with emitters or sinks.
 
         Raises
         ------
@@ -401,6 +462,21 @@ class Solver:
     @property
     def time(self) -> float:
         """Seconds [s]."""
+    @property
+    def is_open(self) -> bool:
+        """Whether there are emitters or sinks."""
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) that particles keep for good, ascending; a copy."""
+    @property
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Index into the materials (N,); a copy."""
+    @property
+    def mass(self) -> npt.NDArray[np.float32]:
+        """(N,) [kg]; a copy."""
+    @property
+    def emitters(self) -> list[str]:
+        """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
     @property
     def positions(self) -> npt.NDArray[np.float32]:
         """Snapshot (N, D) [m]; a copy."""

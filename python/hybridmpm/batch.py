@@ -92,3 +92,5 @@ class MpmBatch(Sequence[MpmSolver]):
             [acceleration(f"force[{index}]", one) for index, one in enumerate(held)],
             self._threads,
         )
+        for member in self._members:
+            member._tell_limit()  # noqa: SLF001 - as its own `advance` does

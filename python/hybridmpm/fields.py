@@ -149,6 +149,9 @@ def _message(fault: ErrorDetails) -> str:  # noqa: PLR0911 - one return a kind o
     return fault["msg"].removeprefix("Value error, ")
 
 
+_TAGGED = ("bodies[", "obstacles[", "emitters[", "sinks[")
+
+
 def _path(location: tuple[str | int, ...]) -> str:
     """Join a location, leaving out the union tags that pydantic inserts after list items and some fields."""
     path = ""
@@ -156,7 +159,7 @@ def _path(location: tuple[str | int, ...]) -> str:
     for part in location:
         if isinstance(part, int):
             path += f"[{part}]"
-            may_be_tag = path.startswith(("bodies[", "obstacles[")) and path.count("[") == 1
+            may_be_tag = path.startswith(_TAGGED) and path.count("[") == 1
         elif may_be_tag:
             may_be_tag = False
         else:

@@ -3,17 +3,19 @@
 import copy
 import warnings
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
+from hybridmpm.emission import native_emitters
 from hybridmpm.errors import ConfigError, SnapshotError, ThinObstacleWarning
 from hybridmpm.scene import Scene
 from hybridmpm.sleep import Sleep
 from hybridmpm.snapshots import SavedState, Substeps, read_state, write_state
+from hybridmpm.sources import EmitterStatus, ParticleLimitWarning
 
 MAX_FRAMES_AT_ONCE = 1_000_000
 MAX_SUBSTEPS = 20_000
@@ -55,6 +57,10 @@ class MpmSolver:
     N is the number of particles, D the dimension. Particles keep their order for good. A frame that fails
     raises `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError`, and the state is the one
     before that frame.
+
+    Emitters and sinks act at the end of each frame and so change N: those that stay keep their order, new
+    ones come last, and `ids` tells who is who. An emitter that finds `max_particles` in the scene stops, with
+    a `ParticleLimitWarning`.
     """
 
     def __init__(
@@ -74,9 +80,9 @@ class MpmSolver:
         self._cfl = cfl
         self._sleep = sleep
         self._allow_unstable = allow_unstable
-        self._particles = scene.sample()
-        for constant in (self._particles.types, self._particles.mass):
-            constant.flags.writeable = False
+        particles = scene.sample()
+        self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
+        self._limit_told = False
         self._solver = _native.Solver(
             resolution=scene.resolution,
             frame_dt=scene.frame_dt,
@@ -87,11 +93,14 @@ class MpmSolver:
             wall_friction=scene.walls.friction,
             materials=[material.to_native(scene.potential_drop) for material in scene.materials],
             obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
-            x=self._particles.x,
-            v=self._particles.v,
-            material=self._particles.material,
-            mass=self._particles.mass,
-            volume=self._particles.volume,
+            emitters=native_emitters(scene),
+            sinks=[sink.to_native() for sink in scene.sinks],
+            max_particles=scene.max_particles,
+            x=particles.x,
+            v=particles.v,
+            material=particles.material,
+            mass=particles.mass,
+            volume=particles.volume,
             substeps=self._substeps,
             cfl=cfl,
             sleep_speed=None if sleep is None else sleep.speed,
@@ -125,8 +134,18 @@ class MpmSolver:
 
     @property
     def particle_count(self) -> int:
-        """N."""
+        """N, at present."""
         return self._solver.particle_count
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... in the order in which they came."""
+        return self._solver.ids
+
+    @property
+    def emitters(self) -> tuple[EmitterStatus, ...]:
+        """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
+        return cast("tuple[EmitterStatus, ...]", tuple(self._solver.emitters))
 
     @property
     def positions(self) -> npt.NDArray[np.float32]:
@@ -156,12 +175,12 @@ class MpmSolver:
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
         """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return self._particles.types
+        return _read_only(self._types[self._solver.material])
 
     @property
     def mass(self) -> npt.NDArray[np.float32]:
         """(N,) [kg], read-only; in 2D of a slice one metre deep."""
-        return self._particles.mass
+        return _read_only(self._solver.mass)
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
@@ -176,7 +195,7 @@ class MpmSolver:
         frames : int in [0, 1000000]
         force : (N, D) or (frames, N, D), optional
             External acceleration [m/s^2] besides gravity, held over the call or given per frame. Taken as
-            float32.
+            float32. In a scene with emitters or sinks only for one frame at a time, of the N before it.
 
         Raises
         ------
@@ -186,6 +205,7 @@ class MpmSolver:
             `frames` out of range or `force` of a wrong shape; nothing has moved.
         """
         self._solver.advance(whole("frames", frames, 0, MAX_FRAMES_AT_ONCE), acceleration("force", force))
+        self._tell_limit()
 
     def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
         """Advance, and return where the particles were on the way.
@@ -196,12 +216,32 @@ class MpmSolver:
         -------
         float32 (frames + 1, N, D)
             Positions [m]; the first row is the state before the call.
+
+        Raises
+        ------
+        ConfigError
+            The scene has emitters or sinks, so N may change: `hybridmpm.recording.record` follows them.
         """
         frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+        if self._scene.is_open:
+            raise ConfigError(
+                "rollout needs a fixed number of particles, but this scene has emitters or sinks; "
+                "hybridmpm.recording.record follows particles that come and go"
+            )
         path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
         path[0] = self.positions
         self._solver.advance(frames, acceleration("force", force), path[1:])
         return path
+
+    def _tell_limit(self) -> None:
+        """Warn, once, where an emitter has stopped because of `max_particles`."""
+        if not self._limit_told and "full" in self._solver.emitters:
+            self._limit_told = True
+            warnings.warn(
+                f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}",
+                ParticleLimitWarning,
+                stacklevel=3,
+            )
 
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
@@ -285,6 +325,11 @@ class MpmSolver:
     def diagnostics(self) -> _native.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
         return self._solver.diagnostics()
+
+
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    array.flags.writeable = False
+    return array
 
 
 def acceleration(name: str, force: npt.ArrayLike | None) -> npt.NDArray[np.float32] | None:

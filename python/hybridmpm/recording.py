@@ -10,6 +10,7 @@ from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MAX_FRAMES_AT_ONCE, MpmSolver
 from hybridmpm.scene import Scene
+from hybridmpm.tracks import Tracks
 
 MAX_BYTES = 4 * 2**30
 """A recording is held in memory; one larger than this is refused before it starts."""
@@ -19,9 +20,15 @@ _AT_ONCE = 25
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """States of a simulation at F instants."""
+    """States of a simulation at F instants.
+
+    N counts the particles that were there at one of them at least. Where emitters or sinks change their
+    number, a particle is NaN while it is not there.
+    """
 
     scene: Scene
+    ids: npt.NDArray[np.uint64]
+    """Numbers of the particles (N,), ascending; those of `MpmSolver.ids`."""
     types: npt.NDArray[np.uint8]
     """DeepMind's particle types (N,)."""
     mass: npt.NDArray[np.float32]
@@ -32,6 +39,10 @@ class Recording:
     """(F, N, D) [m]."""
     velocities: npt.NDArray[np.float32]
     """(F, N, D) [m/s]."""
+
+    def present(self, row: int) -> npt.NDArray[np.bool_]:
+        """Whether each particle (N,) is there in a state."""
+        return np.asarray(np.isfinite(self.positions[row, :, 0]))
 
     def time(self, row: int) -> float:
         """Return the simulated time of a state [s]."""
@@ -56,21 +67,16 @@ def record(
     Raises
     ------
     ConfigError
-        A number is out of range, or the recording would exceed `MAX_BYTES`.
+        A number is out of range, or the recording would exceed `MAX_BYTES`; where emitters are at work,
+        this may turn out on the way.
     SimulationError
         A frame failed; see `MpmSolver.advance`.
     """
     frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
     every = whole("every", every, 1, MAX_FRAMES_AT_ONCE)
     stops = [*range(0, frames, every), frames]
-    shape = (len(stops), solver.particle_count, solver.dim)
-    needed = 2 * 4 * int(np.prod(shape, dtype=np.int64))
-    if needed > MAX_BYTES:
-        raise ConfigError(
-            f"a recording must fit in {MAX_BYTES / 2**30:g} GiB, but {len(stops)} states of "
-            f"{solver.particle_count} particles need {needed / 2**30:.1f}; raise `every` or lower `frames`"
-        )
-    positions, velocities = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    _check_size(len(stops), solver.particle_count, solver.dim)
+    tracks = Tracks(solver, len(stops), "positions", "velocities")
     first = solver.frame
     for row, stop in enumerate(stops):
         while solver.frame < first + stop:
@@ -78,12 +84,23 @@ def record(
             solver.advance(step)
             if on_progress is not None:
                 on_progress(step)
-        positions[row], velocities[row] = solver.positions, solver.velocities
+        tracks.take(row)
+        _check_size(len(stops), len(tracks.ids), solver.dim)
     return Recording(
         scene=solver.scene,
-        types=solver.materials,
-        mass=solver.mass,
+        ids=tracks.ids,
+        types=tracks.types,
+        mass=tracks.mass,
         frames=first + np.array(stops, dtype=np.int64),
-        positions=positions,
-        velocities=velocities,
+        positions=tracks["positions"],
+        velocities=tracks["velocities"],
     )
+
+
+def _check_size(states: int, particles: int, dim: int) -> None:
+    needed = 2 * 4 * states * particles * dim
+    if needed > MAX_BYTES:
+        raise ConfigError(
+            f"a recording must fit in {MAX_BYTES / 2**30:g} GiB, but {states} states of "
+            f"{particles} particles need {needed / 2**30:.1f}; raise `every` or lower `frames`"
+        )

@@ -79,8 +79,8 @@ def _particles(scene: Scene, positions: list[npt.NDArray[np.float32]]) -> Partic
         return np.repeat(np.array(values, dtype=dtype), counts, axis=0)
 
     return Particles(
-        x=np.concatenate(positions),
-        v=each([body.velocity or still for body in scene.bodies], np.float32),
+        x=np.concatenate([np.empty((0, scene.dim), dtype=np.float32), *positions]),
+        v=each([body.velocity or still for body in scene.bodies], np.float32).reshape(-1, scene.dim),
         material=each([materials.index(body.material) for body in scene.bodies], np.uint8),
         types=each([body.material.type_id for body in scene.bodies], np.uint8),
         body=each(list(range(len(counts))), np.int32),

@@ -17,6 +17,7 @@ from hybridmpm.fields import Fault, Gravity, Point, Range, Record, refuse, scene
 from hybridmpm.files import replacing
 from hybridmpm.materials import Friction, Material, Water
 from hybridmpm.shapes import Body, Contact, Obstacle, disorder
+from hybridmpm.sources import Emitter, Sink
 
 if TYPE_CHECKING:
     from hybridmpm.sampling import Particles
@@ -81,20 +82,25 @@ class Scene(Record):
         ),
         description="From 0.1 to 0.9 along each axis if absent.",
     )
-    bodies: Annotated[tuple[Body, ...], Field(min_length=1, max_length=1000)]
+    bodies: Annotated[tuple[Body, ...], Field(max_length=1000)] = Field(
+        description="One at least, unless there are emitters."
+    )
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
+    emitters: Annotated[tuple[Emitter, ...], Field(max_length=100)] = ()
+    sinks: Annotated[tuple[Sink, ...], Field(max_length=100)] = ()
     frames: Annotated[int, Range(1, 1_000_000)] = Field(400, description="Suggested length of a run.")
     particles_per_cell: Annotated[int, Range(1, 64)] = Field(
         default_factory=_in_dim(4, 8), description="2**D if absent."
     )
     max_particles: Annotated[int, Range(1, 10_000_000)] = Field(
-        DEFAULT_MAX_PARTICLES, description="A scene that needs more is refused."
+        DEFAULT_MAX_PARTICLES,
+        description="A scene whose bodies need more is refused; emitters stop before they exceed it.",
     )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         refuse("Scene", self._dimension_faults())
-        refuse("Scene", self._range_faults() + self._body_faults())
+        refuse("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
         return self
 
     def _dimension_faults(self) -> list[Fault]:
@@ -118,6 +124,10 @@ class Scene(Record):
                 faults += [
                     (("obstacles", i, obstacle.shape, "motion", *field), text) for field, text in wrong
                 ]
+        parts = [("emitters", self.emitters), ("sinks", self.sinks)]
+        for name, part in ((name, part) for name, group in parts for part in enumerate(group)):
+            fields = part[1].vector_fields().items()
+            vectors += [((name, part[0], part[1].shape, field), value) for field, value in fields]
         return faults + [
             (where, f"must have dim = {self.dim} numbers, got {len(vector)}")
             for where, vector in vectors
@@ -138,6 +148,10 @@ class Scene(Record):
 
     def _body_faults(self) -> list[Fault]:
         faults: list[Fault] = []
+        if not (self.bodies or self.emitters):
+            faults.append(
+                (("bodies",), "must have 1 or more items, got 0; only a scene with emitters needs none")
+            )
         for i, body in enumerate(self.bodies):
             where = ("bodies", i, body.shape)
             lower, upper = body.bounds
@@ -145,14 +159,41 @@ class Scene(Record):
             if (lower < room_lower - _ROUNDING).any() or (upper > room_upper + _ROUNDING).any():
                 room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
                 faults.append((where, f"must lie inside the walls, {room} m, but spans {span} m"))
-            material = body.material
-            if isinstance(material, Water) and material.max_compression and self.potential_drop <= 0:
-                faults.append(((*where, "material", "water", "max_compression"), "needs gravity above 0"))
+            faults += self._stiffness_faults(where, body.material)
         needed = sum(body.measure for body in self.bodies) / self.spacing**self.dim
         if needed > self.max_particles:
             allowed = f"[1, {self.max_particles}] (max_particles)"
             faults.append((("bodies",), f"need about {needed:.0f} particles, allowed are {allowed}"))
         return faults
+
+    def _emitter_faults(self) -> list[Fault]:
+        faults: list[Fault] = []
+        for i, emitter in enumerate(self.emitters):
+            where = ("emitters", i, emitter.shape)
+            lower, upper = emitter.bounds
+            # How far the first layer may have come when it appears, at the end of a frame.
+            way = emitter.direction * (self.spacing + emitter.speed * self.frame_dt)
+            lower, upper = np.minimum(lower, lower + way), np.maximum(upper, upper + way)
+            if (lower < np.array(self.walls.lower) - _ROUNDING).any() or (
+                upper > np.array(self.walls.upper) + _ROUNDING
+            ).any():
+                room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
+                text = (
+                    f"must lie inside the walls, {room} m, with what leaves it in a frame, but spans {span} m"
+                )
+                faults.append((where, text))
+            faults += self._stiffness_faults(where, emitter.material)
+        return faults
+
+    def _stiffness_faults(self, where: tuple[str | int, ...], material: Material) -> list[Fault]:
+        if isinstance(material, Water) and material.max_compression and self.potential_drop <= 0:
+            return [((*where, "material", "water", "max_compression"), "needs gravity above 0")]
+        return []
+
+    @property
+    def is_open(self) -> bool:
+        """Whether particles may come and go."""
+        return bool(self.emitters or self.sinks)
 
     @property
     def dx(self) -> float:
@@ -166,17 +207,18 @@ class Scene(Record):
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The distinct materials of the bodies, in order of first use."""
-        return tuple(dict.fromkeys(body.material for body in self.bodies))
+        """The distinct materials of the bodies and the emitters, in order of first use."""
+        return tuple(dict.fromkeys(part.material for part in (*self.bodies, *self.emitters)))
 
     @property
     def potential_drop(self) -> float:
         """Product g h [m^2/s^2], h being the height of the highest water above the floor; 0 without water.
 
         "High" and "floor" follow gravity, whatever its direction: the largest g . x over the walls' box
-        minus the smallest over the bounding boxes of the water bodies.
+        minus the smallest over the bounding boxes of the water bodies and of the openings of water.
         """
-        water = [body.bounds for body in self.bodies if isinstance(body.material, Water)]
+        parts = (*self.bodies, *self.emitters)
+        water = [part.bounds for part in parts if isinstance(part.material, Water)]
         if not water:
             return 0.0
         gravity = np.array(self.gravity)

@@ -133,7 +133,11 @@ class SessionManager:
         return not session.needed and unused > self._settings.idle_seconds
 
     def _within_limits(self, scene: Scene) -> Scene:
-        """Lower the scene's particle limit to the service's; refuse a grid that is too large."""
+        """Lower the scene's particle limit to the service's; refuse what cannot be served."""
+        for field in ("emitters", "sinks"):
+            if getattr(scene, field):
+                text = "are not served: a session has the same particles throughout; run `hybridmpm simulate`"
+                raise SceneError.of([(field, text)])
         most = self._settings.max_grid_nodes
         nodes = (scene.resolution + 1) ** scene.dim
         if nodes > most:

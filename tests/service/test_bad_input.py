@@ -7,6 +7,14 @@ import httpx
 import pytest
 
 BODY: dict[str, Any] = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}
+JET: dict[str, Any] = {
+    "shape": "round",
+    "center": [0.5, 0.8],
+    "radius": 0.05,
+    "velocity": [0, -1],
+    "material": "water",
+}
+DRAIN: dict[str, Any] = {"shape": "ball", "center": [0.5, 0.2], "radius": 0.05}
 JSON = {"Content-Type": "application/json"}
 
 
@@ -58,6 +66,8 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
         (_scene(gravity=[0.0]), "body.scene.gravity", "2"),
         (_scene(wind=1), "body.scene.wind", "unknown"),
         (_scene(bodies=[]), "body.scene.bodies", "1"),
+        (_scene(emitters=[JET]), "body.scene.emitters", "are not served"),
+        (_scene(sinks=[DRAIN]), "body.scene.sinks", "are not served"),
     ],
 )
 def test_a_bad_session_is_refused_with_field_and_range(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from hybridmpm.arguments import whole
 from hybridmpm.control.sketch import Arrow, Floats, Sketch, depth_of_width
-from hybridmpm.errors import SimulationError
+from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 
 MAX_FRAMES = 10_000
@@ -89,7 +89,8 @@ def follow(
     Raises
     ------
     ConfigError
-        `frames` is out of range.
+        `frames` is out of range, or the scene has emitters or sinks: the centre of mass then moves with the
+        particles that come and go.
     SimulationError
         The solver failed under every acceleration tried; the last failure.
 
@@ -99,6 +100,8 @@ def follow(
     """
     frames = whole("frames", frames, 1, MAX_FRAMES)
     scene = solver.scene
+    if scene.is_open:
+        raise ConfigError("a scene with emitters or sinks cannot be steered: its particles come and go")
     now = solver.diagnostics()
     velocity = np.array(now.momentum, dtype=np.float64) / now.mass
     target = target_displacement(sketch, solver)

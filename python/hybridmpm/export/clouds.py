@@ -12,11 +12,12 @@ from hybridmpm.recording import Recording
 def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
     """Write state `row` as binary PLY: x y z vx vy vz (float) and type (uchar) of each vertex."""
     fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
-    vertices = np.zeros(recording.positions.shape[1], dtype=fields)
-    x, v = _in_3d(recording.positions[row]), _in_3d(recording.velocities[row])
+    there = recording.present(row)
+    vertices = np.zeros(int(there.sum()), dtype=fields)
+    x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])
     for axis, name in enumerate("xyz"):
         vertices[name], vertices[f"v{name}"] = x[:, axis], v[:, axis]
-    vertices["type"] = recording.types
+    vertices["type"] = recording.types[there]
     header = [
         "ply",
         "format binary_little_endian 1.0",
@@ -31,7 +32,8 @@ def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
 
 def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
     """Write state `row` as VTK PolyData with point arrays `velocity` and `type`, and field `TimeValue`."""
-    x, v = _in_3d(recording.positions[row]), _in_3d(recording.velocities[row])
+    there = recording.present(row)
+    x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])
     count = len(x)
     time = np.array([recording.time(row)])
     path.write_text(
@@ -43,7 +45,7 @@ def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
 <Points>{_array("Points", x)}</Points>
 <Verts>{_array("connectivity", np.arange(count))}{_array("offsets", np.arange(1, count + 1))}</Verts>
 <PointData Vectors="velocity" Scalars="type">
-{_array("velocity", v)}{_array("type", recording.types)}
+{_array("velocity", v)}{_array("type", recording.types[there])}
 </PointData>
 </Piece>
 </PolyData>

@@ -25,7 +25,7 @@ class View(Protocol):
     ) -> npt.NDArray[np.uint8]:
         """Picture uint8 (H, W, 3) of particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s].
 
-        Moving obstacles are where they are at `time` [s].
+        Particles at NaN are left out. Moving obstacles are where they are at `time` [s].
         """
 
 

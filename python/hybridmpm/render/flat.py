@@ -51,7 +51,9 @@ class FlatView:
         """Picture of particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]: uint8 (H, W, 3)."""
         image = self._background
         speed = np.linalg.norm(v, axis=1)
-        for kind, members in self._groups.items():
+        there = np.isfinite(x[:, 0])
+        for kind, everybody in self._groups.items():
+            members = everybody[there[everybody]]
             image = self._draw_material(image, kind, x[members], speed[members], self._grain[members])
         for solid in self._moving:
             image = self._draw_moving(image, solid, time)

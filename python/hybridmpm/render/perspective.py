@@ -53,10 +53,12 @@ class PerspectiveView:
         self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
     ) -> npt.NDArray[np.uint8]:
         """Picture of particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]: uint8 (H, W, 3)."""
+        there = np.isfinite(x[:, 0])
+        x, v, types = x[there], v[there], self._kinds[there]
         speed = np.linalg.norm(v, axis=1)
         color = np.empty((len(x), 3), dtype=np.float32)
-        for kind in np.unique(self._kinds):
-            members = self._kinds == kind
+        for kind in np.unique(types):
+            members = types == kind
             color[members] = palette.by_speed(int(kind), speed[members])
         image = self._background * self._shade_of(x)[..., None]
         shells = np.concatenate([x[:0], *self._still_shells, *self._moved_shells(time)])

@@ -29,7 +29,7 @@ pub fn advance_all(
     let mut jobs = Vec::with_capacity(solvers.len());
     for (index, (solver, array)) in solvers.iter().zip(&arrays).enumerate() {
         let solver = solver.get();
-        let force = solver.force(&format!("force[{index}]"), frames, array.as_ref())?;
+        let force = solver.force(py, &format!("force[{index}]"), frames, array.as_ref())?;
         jobs.push((index, solver, force));
     }
     let available = || thread::available_parallelism().map_or(1, usize::from);
@@ -67,7 +67,7 @@ type Job<'a> = (usize, &'a PySolver, Force<'a>);
 /// Runs all jobs and returns the failures by index.
 fn run(mut jobs: Vec<Job<'_>>, frames: usize, threads: usize) -> Vec<(usize, MpmError)> {
     // The largest first, so that no thread is left alone with it at the end.
-    jobs.sort_by_key(|(_, solver, _)| std::cmp::Reverse(solver.count()));
+    jobs.sort_by_cached_key(|(_, solver, _)| std::cmp::Reverse(solver.count()));
     let next = AtomicUsize::new(0);
     let failures = Mutex::new(Vec::new());
     let work = || {

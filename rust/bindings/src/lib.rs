@@ -6,6 +6,7 @@
 
 mod batch;
 mod convert;
+mod emitter;
 mod error;
 mod graph;
 mod material;
@@ -73,6 +74,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     error::register(module)?;
     module.add_class::<material::PyMaterial>()?;
     module.add_class::<obstacle::PyObstacle>()?;
+    module.add_class::<emitter::PyEmitter>()?;
     module.add_class::<report::PyDiagnostics>()?;
     module.add_class::<report::PyFrameReport>()?;
     module.add_class::<solver::PySolver>()?;

@@ -45,6 +45,14 @@ impl PyDiagnostics {
     fn max_volume_ratio(&self) -> f64 {
         self.0.max_volume_ratio
     }
+    #[getter]
+    fn emitted_mass(&self) -> f64 {
+        self.0.emitted_mass
+    }
+    #[getter]
+    fn removed_mass(&self) -> f64 {
+        self.0.removed_mass
+    }
 
     fn __repr__(&self) -> String {
         format!("{:?}", self.0)

@@ -2,7 +2,9 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use mpm::{Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps, Walls};
+use mpm::{
+    Emitter, EmitterStatus, Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps, Walls,
+};
 use numpy::{
     IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
     PyReadwriteArray3, PyUntypedArrayMethods,
@@ -11,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::convert::{array, contact, describe, slice_of, vector};
+use crate::emitter::{AnyEmitter, PyEmitter};
 use crate::error::{NativeError, config_error};
 use crate::material::PyMaterial;
 use crate::obstacle::{AnyObstacle, PyObstacle};
@@ -37,7 +40,6 @@ macro_rules! with_solver {
 pub struct PySolver {
     inner: Mutex<AnySolver>,
     dim: usize,
-    count: usize,
     resolution: usize,
     frame_dt: f64,
 }
@@ -68,18 +70,27 @@ fn substeps(
     }
 }
 
-fn obstacles<const D: usize>(
-    list: &[PyRef<'_, PyObstacle>],
-    pick: impl Fn(&AnyObstacle) -> Option<Obstacle<D>>,
-) -> PyResult<Vec<Obstacle<D>>> {
+/// The items of a list, all of which must have the scene's dimension.
+fn same_dim<'a, T: pyo3::PyClass, U>(
+    name: &str,
+    dim: usize,
+    list: &'a [PyRef<'_, T>],
+    pick: impl Fn(&'a T) -> Option<U>,
+) -> PyResult<Vec<U>> {
     list.iter()
         .enumerate()
-        .map(|(index, obstacle)| {
-            pick(&obstacle.inner).ok_or_else(|| {
-                config_error(format!("obstacles[{index}] must have {D} coordinates"))
-            })
+        .map(|(index, item)| {
+            pick(item)
+                .ok_or_else(|| config_error(format!("{name}[{index}] must have {dim} coordinates")))
         })
         .collect()
+}
+
+/// Solids and openings of a scene, in its dimension.
+struct Parts<const D: usize> {
+    obstacles: Vec<Obstacle<D>>,
+    emitters: Vec<Emitter<D>>,
+    sinks: Vec<Obstacle<D>>,
 }
 
 /// What both dimensions share of the constructor's arguments.
@@ -94,12 +105,13 @@ struct Arguments<'a> {
     substeps: Substeps,
     sleep: Option<Sleep>,
     threads: usize,
+    max_particles: usize,
 }
 
 impl Arguments<'_> {
     fn build<const D: usize>(
         self,
-        obstacles: Vec<Obstacle<D>>,
+        parts: Parts<D>,
         particles: Particles<'_>,
     ) -> PyResult<mpm::Solver<D>> {
         let settings = Settings {
@@ -112,7 +124,10 @@ impl Arguments<'_> {
                 contact: self.wall_contact,
             },
             materials: self.materials,
-            obstacles,
+            obstacles: parts.obstacles,
+            emitters: parts.emitters,
+            sinks: parts.sinks.iter().map(|sink| sink.shape).collect(),
+            max_particles: self.max_particles,
             substeps: self.substeps,
             sleep: self.sleep,
             threads: self.threads,
@@ -123,7 +138,7 @@ impl Arguments<'_> {
 
 impl PySolver {
     pub fn count(&self) -> usize {
-        self.count
+        with_solver!(&*self.locked(), solver => solver.count())
     }
 
     /// Advances with the calling thread, which holds no GIL.
@@ -147,11 +162,13 @@ impl PySolver {
     /// The force of an array, checked against this solver's particles.
     pub fn force<'a>(
         &self,
+        py: Python<'_>,
         name: &str,
         frames: usize,
         array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
     ) -> PyResult<Force<'a>> {
-        let (held, per_frame) = ([self.count, self.dim], [frames, self.count, self.dim]);
+        let count = py.detach(|| self.count());
+        let (held, per_frame) = ([count, self.dim], [frames, count, self.dim]);
         match array {
             None => Ok(Force::None),
             Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
@@ -165,17 +182,30 @@ impl PySolver {
         }
     }
 
-    fn read(
+    /// The N x `width` numbers that `write` fills in.
+    fn read<T: Clone + Default + Send>(
         &self,
         py: Python<'_>,
         width: usize,
-        write: impl Fn(&AnySolver, &mut [f32]) + Sync,
-    ) -> Vec<f32> {
+        write: impl Fn(&AnySolver, &mut [T]) + Sync,
+    ) -> Vec<T> {
         self.detached(py, |any| {
-            let mut out = vec![0.0; self.count * width];
+            let count = with_solver!(&*any, solver => solver.count());
+            let mut out = vec![T::default(); count * width];
             write(any, &mut out);
             out
         })
+    }
+
+    /// The same as an array (N, D).
+    fn read_vectors<'py>(
+        &self,
+        py: Python<'py>,
+        write: impl Fn(&AnySolver, &mut [f32]) + Sync,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let out = self.read(py, self.dim, write);
+        let count = out.len() / self.dim;
+        out.into_pyarray(py).reshape([count, self.dim])
     }
 }
 
@@ -183,13 +213,14 @@ impl PySolver {
 impl PySolver {
     #[new]
     #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
-        wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), x, v, material, mass,
+        wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), emitters=Vec::new(),
+        sinks=Vec::new(), max_particles=None, x, v, material, mass,
         volume, volume_ratio=None, substeps=None, cfl=None,
         allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
         text_signature = "(*, resolution, frame_dt, gravity, wall_lower, wall_upper, \
-        wall_contact='separating', wall_friction=None, materials, obstacles=(), x, v, material, mass, \
-        volume, volume_ratio=None, substeps='cfl', cfl=None, allow_unstable=False, \
-        sleep_speed=None, sleep_frames=20, threads=1)")]
+        wall_contact='separating', wall_friction=None, materials, obstacles=(), emitters=(), sinks=(), \
+        max_particles=None, x, v, material, mass, volume, volume_ratio=None, substeps='cfl', cfl=None, \
+        allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -205,6 +236,9 @@ impl PySolver {
         wall_friction: Option<f32>,
         materials: Vec<PyRef<'_, PyMaterial>>,
         obstacles: Vec<PyRef<'_, PyObstacle>>,
+        emitters: Vec<PyRef<'_, PyEmitter>>,
+        sinks: Vec<PyRef<'_, PyObstacle>>,
+        max_particles: Option<usize>,
         x: &Bound<'_, PyAny>,
         v: &Bound<'_, PyAny>,
         material: &Bound<'_, PyAny>,
@@ -250,6 +284,7 @@ impl PySolver {
                 frames: sleep_frames,
             }),
             threads,
+            max_particles: max_particles.unwrap_or(usize::MAX),
         };
         let particles = Particles {
             x: slice_of("x", &x)?,
@@ -262,32 +297,37 @@ impl PySolver {
                 .map(|r| slice_of("volume_ratio", r))
                 .transpose()?,
         };
+        /// The parts in the dimension of one variant of the enumerations.
+        macro_rules! build {
+            ($variant:ident) => {{
+                let solid = |o: &PyObstacle| match o.inner {
+                    AnyObstacle::$variant(o) => Some(o),
+                    _ => None,
+                };
+                let opening = |e: &PyEmitter| match &e.inner {
+                    AnyEmitter::$variant(e) => Some(e.clone()),
+                    _ => None,
+                };
+                let parts = Parts {
+                    obstacles: same_dim("obstacles", dim, &obstacles, solid)?,
+                    emitters: same_dim("emitters", dim, &emitters, opening)?,
+                    sinks: same_dim("sinks", dim, &sinks, solid)?,
+                };
+                AnySolver::$variant(py.detach(|| arguments.build(parts, particles))?)
+            }};
+        }
         let inner = match dim {
-            2 => {
-                let list = self::obstacles(&obstacles, |o| match o {
-                    AnyObstacle::Plane(o) => Some(*o),
-                    AnyObstacle::Space(_) => None,
-                })?;
-                AnySolver::Plane(py.detach(|| arguments.build(list, particles))?)
-            }
-            3 => {
-                let list = self::obstacles(&obstacles, |o| match o {
-                    AnyObstacle::Space(o) => Some(*o),
-                    AnyObstacle::Plane(_) => None,
-                })?;
-                AnySolver::Space(py.detach(|| arguments.build(list, particles))?)
-            }
+            2 => build!(Plane),
+            3 => build!(Space),
             _ => {
                 return Err(config_error(format!(
                     "gravity must have 2 or 3 components, got {dim}"
                 )));
             }
         };
-        let count = with_solver!(&inner, solver => solver.count());
         Ok(Self {
             inner: Mutex::new(inner),
             dim,
-            count,
             resolution,
             frame_dt,
         })
@@ -301,11 +341,12 @@ impl PySolver {
         force: Option<&Bound<'_, PyAny>>,
         out: Option<PyReadwriteArray3<'_, f32>>,
     ) -> PyResult<()> {
-        let per_frame = [frames, self.count, self.dim];
+        let count = py.detach(|| self.count());
+        let per_frame = [frames, count, self.dim];
         let force = force
             .map(|force| array::<f32, IxDyn>("force", "float32", force))
             .transpose()?;
-        let force = self.force("force", frames, force.as_ref())?;
+        let force = self.force(py, "force", frames, force.as_ref())?;
         let mut out = out;
         let out: &mut [f32] = match &mut out {
             None => &mut [],
@@ -319,15 +360,22 @@ impl PySolver {
                 )));
             }
         };
-        let size = self.count * self.dim;
-        let result: Result<(), MpmError> = self.detached(py, |any| {
-            with_solver!(any, solver => solver.advance(frames, force, |index, solver| {
-                if !out.is_empty() {
-                    solver.write_positions(&mut out[index * size..][..size]);
+        let size = count * self.dim;
+        self.detached(py, |any| {
+            with_solver!(any, solver => {
+                if !out.is_empty() && (solver.settings().is_open() || solver.count() != count) {
+                    return Err(config_error(
+                        "out must be absent where emitters or sinks change the number of particles",
+                    ));
                 }
-            }))
-        });
-        Ok(result.map_err(NativeError)?)
+                let advanced = solver.advance(frames, force, |index, solver| {
+                    if !out.is_empty() {
+                        solver.write_positions(&mut out[index * size..][..size]);
+                    }
+                });
+                advanced.map_err(|error| NativeError(error).into())
+            })
+        })
     }
 
     #[getter]
@@ -336,8 +384,8 @@ impl PySolver {
     }
 
     #[getter]
-    fn particle_count(&self) -> usize {
-        self.count
+    fn particle_count(&self, py: Python<'_>) -> usize {
+        py.detach(|| self.count())
     }
 
     #[getter]
@@ -356,23 +404,58 @@ impl PySolver {
     }
 
     #[getter]
-    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let out = self.read(
+    fn is_open(&self, py: Python<'_>) -> bool {
+        self.detached(py, |any| with_solver!(any, s => s.settings().is_open()))
+    }
+
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        let ids = self.detached(py, |any| with_solver!(any, s => s.ids().to_vec()));
+        ids.into_pyarray(py)
+    }
+
+    #[getter]
+    fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        self.read(
             py,
-            self.dim,
+            1,
+            |any, out| with_solver!(any, s => s.write_materials(out)),
+        )
+        .into_pyarray(py)
+    }
+
+    #[getter]
+    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.read(
+            py,
+            1,
+            |any, out| with_solver!(any, s => s.write_masses(out)),
+        )
+        .into_pyarray(py)
+    }
+
+    #[getter]
+    fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
+        self.detached(
+            py,
+            |any| with_solver!(any, s => s.emitters().map(EmitterStatus::name).collect()),
+        )
+    }
+
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.read_vectors(
+            py,
             |any, out| with_solver!(any, s => s.write_positions(out)),
-        );
-        out.into_pyarray(py).reshape([self.count, self.dim])
+        )
     }
 
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let out = self.read(
+        self.read_vectors(
             py,
-            self.dim,
             |any, out| with_solver!(any, s => s.write_velocities(out)),
-        );
-        out.into_pyarray(py).reshape([self.count, self.dim])
+        )
     }
 
     #[getter]
@@ -383,8 +466,8 @@ impl PySolver {
             width,
             |any, out| with_solver!(any, s => s.write_affine(out)),
         );
-        out.into_pyarray(py)
-            .reshape([self.count, self.dim, self.dim])
+        let count = out.len() / width;
+        out.into_pyarray(py).reshape([count, self.dim, self.dim])
     }
 
     #[getter]
@@ -399,11 +482,12 @@ impl PySolver {
 
     #[getter]
     fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        let count = self.count;
         let out = self.detached(py, |any| {
-            let mut out = vec![false; count];
-            with_solver!(any, s => s.write_asleep(&mut out));
-            out
+            with_solver!(any, s => {
+                let mut out = vec![false; s.count()];
+                s.write_asleep(&mut out);
+                out
+            })
         });
         out.into_pyarray(py)
     }
@@ -433,7 +517,6 @@ impl PySolver {
         Self {
             inner,
             dim: self.dim,
-            count: self.count,
             resolution: self.resolution,
             frame_dt: self.frame_dt,
         }

@@ -1,7 +1,7 @@
 //! Totals over all particles, summed in double precision.
 
 use crate::math::Vector;
-use crate::particle::Phase;
+use crate::solver::SolverState;
 use crate::with_group;
 
 /// Conserved and extreme quantities at one instant. In 2D, per metre of depth.
@@ -24,10 +24,14 @@ pub struct Diagnostics {
     /// Extremes of J or det F [-]; 1 without particles.
     pub min_volume_ratio: f64,
     pub max_volume_ratio: f64,
+    /// Added by emitters since frame 0 [kg].
+    pub emitted_mass: f64,
+    /// Removed by sinks since frame 0 [kg].
+    pub removed_mass: f64,
 }
 
 impl Diagnostics {
-    pub(crate) fn of<const D: usize>(phases: &[Phase<D>], gravity: &Vector<D>) -> Self {
+    pub(crate) fn of<const D: usize>(state: &SolverState<D>, gravity: &Vector<D>) -> Self {
         let mut total = Self {
             mass: 0.0,
             momentum: vec![0.0; D],
@@ -38,8 +42,10 @@ impl Diagnostics {
             max_speed: 0.0,
             min_volume_ratio: f64::INFINITY,
             max_volume_ratio: f64::NEG_INFINITY,
+            emitted_mass: state.population.emitted_mass,
+            removed_mass: state.population.removed_mass,
         };
-        for phase in phases {
+        for phase in &state.phases {
             with_group!(phase, group => for p in group.particles() {
                 let v = p.v;
                 let mass = f64::from(p.mass);

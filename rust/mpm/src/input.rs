@@ -1,10 +1,12 @@
 //! What a solver is built from, and its checks: after them every stage may trust its input.
 
+use crate::emitter::Emitter;
 use crate::error::MpmError;
 use crate::material::{Constitutive, Material, Model};
 use crate::math::{Matrix, Vector};
 use crate::obstacle::Obstacle;
 use crate::particle::{Activity, Group, Particle, Phase};
+use crate::shape::Shape;
 use crate::sleep::Sleep;
 use crate::timestep::Substeps;
 use crate::walls::Walls;
@@ -22,11 +24,24 @@ pub struct Settings<const D: usize> {
     /// 1 to 255.
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
+    /// They act at the end of each frame.
+    pub emitters: Vec<Emitter<D>>,
+    /// Particles that end a frame inside of one are removed.
+    pub sinks: Vec<Shape<D>>,
+    /// Emitters add none beyond.
+    pub max_particles: usize,
     pub substeps: Substeps,
     /// Whether regions at rest may sleep; None for the ground truth.
     pub sleep: Option<Sleep>,
     /// At least 1; no influence on the result.
     pub threads: usize,
+}
+
+impl<const D: usize> Settings<D> {
+    /// Whether the number of particles may change.
+    pub fn is_open(&self) -> bool {
+        !(self.emitters.is_empty() && self.sinks.is_empty())
+    }
 }
 
 /// Initial particles, N of each, vectors as N x D numbers.
@@ -48,13 +63,15 @@ pub struct Particles<'a> {
 
 /// One over the mass that fills a cell at rest; 0 where particles differ in density by more than 1 %,
 /// because the mass of a node then says nothing about how full it is.
-pub(crate) fn per_rest_mass<const D: usize>(particles: Particles<'_>, dx: f32) -> f32 {
+pub(crate) fn per_rest_mass<const D: usize>(
+    particles: Particles<'_>,
+    emitters: &[Emitter<D>],
+    dx: f32,
+) -> f32 {
     let densities = || {
-        particles
-            .mass
-            .iter()
-            .zip(particles.volume)
-            .map(|(mass, volume)| mass / volume)
+        let present = particles.mass.iter().zip(particles.volume);
+        let coming = emitters.iter().map(|e| (&e.mass, &e.volume));
+        present.chain(coming).map(|(mass, volume)| mass / volume)
     };
     let (lightest, heaviest) = densities().fold((f32::INFINITY, 0.0f32), |(low, high), rho| {
         (low.min(rho), high.max(rho))
@@ -101,7 +118,10 @@ pub(crate) fn check_settings<const D: usize>(settings: &Settings<D>) -> Result<(
     if let Some(sleep) = &settings.sleep {
         sleep.check()?;
     }
-    settings.walls.check(1.0 / settings.resolution as f32)
+    settings.walls.check(1.0 / settings.resolution as f32)?;
+    settings.sinks.iter().try_for_each(Shape::check)?;
+    let mut numbered = settings.emitters.iter().enumerate();
+    numbered.try_for_each(|(i, emitter)| emitter.check(&format!("emitters[{i}]"), settings))
 }
 
 /// Checks the particles and groups them by material.

@@ -5,6 +5,7 @@
 
 mod contact;
 mod diagnostics;
+mod emitter;
 mod error;
 mod g2p;
 mod grid;
@@ -23,6 +24,7 @@ mod sleep;
 mod snapshot;
 mod solver;
 mod sort;
+mod source;
 mod spectrum;
 mod stencil;
 mod svd;
@@ -36,6 +38,7 @@ mod walls;
 
 pub use contact::{Contact, ContactKind};
 pub use diagnostics::Diagnostics;
+pub use emitter::{Emitter, EmitterStatus};
 pub use error::MpmError;
 pub use input::{Particles, Settings};
 pub use material::Material;

@@ -294,6 +294,13 @@ impl<const D: usize> Obstacles<D> {
         self.near[node]
     }
 
+    /// Whether a point lies inside of one, as they are now.
+    pub fn hold(&self, x: &Vector<D>) -> bool {
+        let pose = |index: usize| self.swept.as_ref()?.poses[index].as_ref();
+        let mut numbered = self.list.iter().enumerate();
+        numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
+    }
+
     /// Moves a particle that got into an obstacle back to its surface.
     pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
         for (index, obstacle) in self.list.iter().enumerate() {

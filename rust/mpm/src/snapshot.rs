@@ -1,16 +1,18 @@
 //! Complete state as bytes: magic, version, fingerprint of the scene, particles in the solver's own
 //! order, checksum. All little-endian.
 
+use crate::emitter::EmitterStatus;
 use crate::error::MpmError;
 use crate::input::Settings;
 use crate::material::{Constitutive, State};
 use crate::math::{Matrix, Vector};
 use crate::particle::{Activity, Group, Particle};
 use crate::solver::SolverState;
+use crate::source::{Flow, Population};
 use crate::with_group;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Magic, version, fingerprint, frame, speed.
 const HEADER: usize = 8 + 4 + 8 + 8 + 4;
 const CHECKSUM: usize = 8;
@@ -31,6 +33,7 @@ pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &SolverState
             }
         });
     }
+    write_population(&state.population, &mut out);
     let checksum = fnv1a(&out);
     out.extend_from_slice(&checksum.to_le_bytes());
     out
@@ -68,27 +71,84 @@ pub(crate) fn decode<const D: usize>(
         frame: reader.u64(),
         max_speed: reader.f32(),
         phases: present.phases.clone(),
+        population: present.population.clone(),
     };
+    let other = || refuse("it belongs to a scene with other particles".into());
     for phase in &mut state.phases {
-        with_group!(phase, group => read_group(group, &mut reader)
-            .ok_or_else(|| refuse("it belongs to a scene with other particles".into()))?);
+        with_group!(phase, group => read_group(group, &mut reader, settings.is_open()).ok_or_else(other)?);
     }
-    if !reader.rest.is_empty() {
-        return Err(refuse("it belongs to a scene with other particles".into()));
+    state.population = read_population(&state.population, &mut reader).ok_or_else(other)?;
+    if !reader.rest.is_empty() || !is_numbered(&state) {
+        return Err(other());
     }
     Ok(state)
 }
 
-/// None when the group has another size, or ids that the present one lacks.
+/// Whether the particles have the places 0 .. N, each once.
+fn is_numbered<const D: usize>(state: &SolverState<D>) -> bool {
+    let mut taken = vec![false; state.population.ids.len()];
+    let mut count = 0;
+    for phase in &state.phases {
+        with_group!(phase, group => for p in group.particles() {
+            count += 1;
+            if let Some(taken) = taken.get_mut(p.id as usize) {
+                *taken = true;
+            }
+        });
+    }
+    count == taken.len() && taken.iter().all(|&taken| taken)
+}
+
+fn write_population(population: &Population, out: &mut Vec<u8>) {
+    let numbers = [population.ids.len() as u64, population.next_id];
+    for number in numbers.iter().chain(&population.ids) {
+        out.extend_from_slice(&number.to_le_bytes());
+    }
+    out.extend_from_slice(&population.emitted_mass.to_le_bytes());
+    out.extend_from_slice(&population.removed_mass.to_le_bytes());
+    for flow in &population.flows {
+        out.extend_from_slice(&flow.travelled.to_le_bytes());
+        out.extend_from_slice(&flow.layers.to_le_bytes());
+        out.extend_from_slice(&(flow.status as u32).to_le_bytes());
+    }
+}
+
+/// None when there are more ids than bytes. As many emitters as at present are read.
+fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Population> {
+    let count = reader.u64();
+    if count > reader.rest.len() as u64 / 8 {
+        return None;
+    }
+    let next_id = reader.u64();
+    Some(Population {
+        next_id,
+        ids: (0..count).map(|_| reader.u64()).collect(),
+        emitted_mass: reader.f64(),
+        removed_mass: reader.f64(),
+        flows: (0..present.flows.len())
+            .map(|_| {
+                Some(Flow {
+                    travelled: reader.f64(),
+                    layers: reader.u64(),
+                    status: EmitterStatus::from_number(reader.u32())?,
+                })
+            })
+            .collect::<Option<_>>()?,
+    })
+}
+
+/// None when the group has another size, or ids that the present one lacks; not so where both may change.
 fn read_group<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     reader: &mut Reader<'_>,
+    is_open: bool,
 ) -> Option<()> {
-    if reader.rest.len() < 4 || reader.u32() as usize != group.len() {
+    let count = reader.u32() as usize;
+    if count > reader.rest.len() || !(is_open || count == group.len()) {
         return None;
     }
     let mut ids: Vec<u32> = group.particles().map(|p| p.id).collect();
-    let particles: Vec<_> = (0..ids.len())
+    let particles: Vec<_> = (0..count)
         .map(|_| {
             let id = reader.u32();
             read(id, &mut || reader.f32())
@@ -99,7 +159,7 @@ fn read_group<const D: usize, M: Constitutive<D>>(
     restored.sort_unstable();
     group.clear();
     group.append(&particles);
-    (ids == restored).then_some(())
+    (is_open || ids == restored).then_some(())
 }
 
 fn write<const D: usize, S: State>(p: &Particle<D, S>, put: &mut impl FnMut(f32)) {
@@ -141,11 +201,14 @@ fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
         walls,
         materials,
         obstacles,
+        emitters,
+        sinks,
         sleep,
         ..
     } = settings;
     let text = format!(
-        "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?} {sleep:?}"
+        "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?} \
+         {emitters:?} {sinks:?} {sleep:?}"
     );
     fnv1a(text.as_bytes())
 }
@@ -178,6 +241,10 @@ impl Reader<'_> {
 
     fn u64(&mut self) -> u64 {
         u64::from_le_bytes(self.take())
+    }
+
+    fn f64(&mut self) -> f64 {
+        f64::from_le_bytes(self.take())
     }
 
     fn f32(&mut self) -> f32 {

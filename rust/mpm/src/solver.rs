@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
+use crate::emitter::EmitterStatus;
 use crate::error::MpmError;
 use crate::g2p::{Bounds, Gather, g2p};
 use crate::grid::Grid;
@@ -15,6 +16,7 @@ use crate::particle::{Activity, Phase};
 use crate::sleep::{Disturbance, PERIOD, Sleep, count_calm, decide};
 use crate::snapshot;
 use crate::sort::{Place, Slab, sort};
+use crate::source::{Population, exchange};
 use crate::team::Team;
 use crate::timestep::{Bound, FrameReport, StepChooser};
 use crate::walls::WallContact;
@@ -50,7 +52,6 @@ pub struct Solver<const D: usize> {
     /// State before the frame in progress; kept to reuse its memory.
     before: Vec<Phase<D>>,
     last_frame: Option<FrameReport>,
-    count: usize,
 }
 
 /// What a snapshot has to hold.
@@ -61,6 +62,7 @@ pub(crate) struct SolverState<const D: usize> {
     pub frame: u64,
     /// Of all particles [m/s].
     pub max_speed: f32,
+    pub population: Population,
 }
 
 impl<const D: usize> Solver<D> {
@@ -91,7 +93,7 @@ impl<const D: usize> Solver<D> {
             } else {
                 MaterialFriction::Mixed
             },
-            per_rest_mass: per_rest_mass::<D>(particles, dx),
+            per_rest_mass: per_rest_mass(particles, &settings.emitters, dx),
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
@@ -101,9 +103,9 @@ impl<const D: usize> Solver<D> {
                 phases,
                 frame: 0,
                 max_speed,
+                population: Population::new(particles.mass.len(), settings.emitters.len()),
             },
             last_frame: None,
-            count: particles.mass.len(),
             settings,
         })
     }
@@ -117,7 +119,7 @@ impl<const D: usize> Solver<D> {
         force: Force<'_>,
         mut after: impl FnMut(usize, &Self),
     ) -> Result<(), MpmError> {
-        let size = self.count * D;
+        let size = self.count() * D;
         let (forces, expected) = match force {
             Force::None => (&[][..], 0),
             Force::Held(forces) => (forces, size),
@@ -129,6 +131,10 @@ impl<const D: usize> Solver<D> {
                 expected,
                 got: forces.len(),
             });
+        }
+        if self.settings.is_open() && expected > 0 && frames > 1 {
+            let allowed = "1 with a force where emitters or sinks change the number of particles";
+            return Err(MpmError::parameter("frames", allowed, frames));
         }
         if let Some(bad) = forces.iter().find(|a| !a.is_finite()) {
             return Err(MpmError::parameter("force", "finite", bad));
@@ -166,6 +172,7 @@ impl<const D: usize> Solver<D> {
                 }
                 self.last_frame = Some(report);
                 self.state.frame += 1;
+                exchange(&mut self.state, &self.settings, &self.obstacles);
                 Ok(())
             }
             Err(error) => {
@@ -176,9 +183,11 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts.
+    /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
+    /// particles may have come.
     fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
-        if self.state.frame.is_multiple_of(PERIOD) || force.is_some() {
+        let stirred = force.is_some() || !self.settings.emitters.is_empty();
+        if self.state.frame.is_multiple_of(PERIOD) || stirred {
             let disturbance = Disturbance {
                 force,
                 obstacles: &self.obstacles,
@@ -320,7 +329,7 @@ impl<const D: usize> Solver<D> {
 
     /// Number of particles.
     pub fn count(&self) -> usize {
-        self.count
+        self.state.population.ids.len()
     }
 
     /// Frames done.
@@ -331,6 +340,35 @@ impl<const D: usize> Solver<D> {
     /// How the latest frame was cut; None before the first.
     pub fn last_frame(&self) -> Option<FrameReport> {
         self.last_frame
+    }
+
+    /// N numbers, ascending, that particles keep for good.
+    pub fn ids(&self) -> &[u64] {
+        &self.state.population.ids
+    }
+
+    /// What each emitter did in the latest frame.
+    pub fn emitters(&self) -> impl Iterator<Item = EmitterStatus> + '_ {
+        let flows = self.state.population.flows.iter();
+        flows.map(|flow| flow.status)
+    }
+
+    /// Writes N indices into the materials.
+    pub fn write_materials(&self, out: &mut [u8]) {
+        for (material, phase) in (0..).zip(&self.state.phases) {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = material;
+            });
+        }
+    }
+
+    /// Writes N masses [kg].
+    pub fn write_masses(&self, out: &mut [f32]) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = p.mass;
+            });
+        }
     }
 
     /// Writes N x D positions [m] in the caller's order.
@@ -388,7 +426,7 @@ impl<const D: usize> Solver<D> {
 
     /// Totals over all particles.
     pub fn diagnostics(&self) -> Diagnostics {
-        Diagnostics::of(&self.state.phases, &self.settings.gravity)
+        Diagnostics::of(&self.state, &self.settings.gravity)
     }
 
     /// The complete state. Going on from it gives the same bits.

@@ -1,0 +1,53 @@
+"""States of a solver side by side, although particles may come and go."""
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.mpm import MpmSolver
+
+
+class Tracks:
+    """Arrays (rows, N, D) with one column for each particle that was there at some time, else NaN.
+
+    Parameters
+    ----------
+    solver : MpmSolver
+    rows : int
+        States to be taken.
+    names : str
+        Properties of the solver of shape (N, D).
+    """
+
+    def __init__(self, solver: MpmSolver, rows: int, *names: str) -> None:
+        self._solver = solver
+        self._tables = {name: self._absent(rows, solver.particle_count) for name in names}
+        self.ids = np.empty(0, dtype=np.uint64)
+        """Of the columns, ascending."""
+        self.types = np.empty(0, dtype=np.uint8)
+        self.mass = np.empty(0, dtype=np.float32)
+
+    def __getitem__(self, name: str) -> npt.NDArray[np.float32]:
+        """Return the array of a property, (rows, N, D)."""
+        return self._tables[name][:, : len(self.ids)]
+
+    def take(self, row: int) -> None:
+        """Put the present state into a row; rows come in the order of time."""
+        ids = self._solver.ids
+        fresh = ids > self.ids[-1] if len(self.ids) else np.ones(len(ids), dtype=bool)
+        self.ids = np.append(self.ids, ids[fresh])
+        self.types = np.append(self.types, self._solver.materials[fresh])
+        self.mass = np.append(self.mass, self._solver.mass[fresh])
+        columns = np.searchsorted(self.ids, ids)
+        for name in self._tables:
+            self._grow(name)
+            self._tables[name][row, columns] = getattr(self._solver, name)
+
+    def _grow(self, name: str) -> None:
+        table = self._tables[name]
+        rows, room, _ = table.shape
+        if room < len(self.ids):
+            more = self._absent(rows, max(len(self.ids), room + room // 2) - room)
+            self._tables[name] = np.concatenate([table, more], axis=1)
+
+    def _absent(self, rows: int, columns: int) -> npt.NDArray[np.float32]:
+        return np.full((rows, columns, self._solver.dim), np.nan, dtype=np.float32)
