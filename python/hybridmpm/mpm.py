@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
+from hybridmpm.downsampling import checked_ratio, coarse_resolution, merge
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.scene import Scene
 from hybridmpm.snapshots import SavedState, Substeps, read_state, write_state
@@ -30,6 +31,9 @@ class MpmSolver:
         CFL number of "cfl" substeps; the core's default if absent.
     allow_unstable : bool
         Let a fixed number of substeps go above the stability limit.
+    r_p : float in (0, 1]
+        Ratio of the particles to those of the scene: they are merged (`downsampling.merge`), and the grid is
+        coarsened until a cell holds two (`downsampling.coarse_resolution`).
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -54,6 +58,7 @@ class MpmSolver:
         substeps: Substeps = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
+        r_p: float = 1.0,
         threads: int = 1,
     ) -> None:
         self._scene = scene
@@ -62,11 +67,12 @@ class MpmSolver:
         )
         self._cfl = cfl
         self._allow_unstable = allow_unstable
-        self._particles = scene.sample()
+        self._r_p = checked_ratio(r_p)
+        self._particles = merge(scene.sample(), r_p)
         for constant in (self._particles.types, self._particles.mass):
             constant.flags.writeable = False
         self._solver = _native.Solver(
-            resolution=scene.resolution,
+            resolution=coarse_resolution(scene, r_p),
             frame_dt=scene.frame_dt,
             gravity=scene.gravity,
             wall_lower=scene.walls.lower,
@@ -96,6 +102,11 @@ class MpmSolver:
     def dim(self) -> int:
         """D, 2 or 3."""
         return self._scene.dim
+
+    @property
+    def resolution(self) -> int:
+        """Grid cells per metre; fewer than the scene's where `r_p` asks for a coarser grid."""
+        return self._solver.resolution
 
     @property
     def frame(self) -> int:
@@ -211,6 +222,7 @@ class MpmSolver:
             substeps=self._substeps,
             cfl=_native.DEFAULT_CFL if self._cfl is None else self._cfl,
             allow_unstable=self._allow_unstable,
+            r_p=self._r_p,
             frame=self.frame,
             state=self.snapshot(),
         )
@@ -242,6 +254,7 @@ class MpmSolver:
                 substeps=saved.substeps,
                 cfl=saved.cfl,
                 allow_unstable=saved.allow_unstable,
+                r_p=saved.r_p,
                 threads=threads,
             )
             solver.restore(saved.state)

@@ -33,6 +33,7 @@ class SavedState:
     cfl: float
     """The CFL number in use, also where the caller named none: defaults may change."""
     allow_unstable: bool
+    r_p: float
     frame: int
     state: bytes
     """The core's own snapshot."""
@@ -47,6 +48,7 @@ def write_state(path: Path, saved: SavedState) -> None:
             "substeps": saved.substeps,
             "cfl": saved.cfl,
             "allow_unstable": saved.allow_unstable,
+            "r_p": saved.r_p,
             "scene": saved.scene.model_dump(mode="json", exclude_none=True),
         }
     ).encode()
@@ -85,6 +87,8 @@ def read_state(path: Path) -> SavedState:
             substeps=header["substeps"],
             cfl=header["cfl"],
             allow_unstable=header["allow_unstable"],
+            # Files written before particles could be merged do not name it.
+            r_p=header.get("r_p", 1.0),
             frame=header["frame"],
             state=body[state:],
         )
