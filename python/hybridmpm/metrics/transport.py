@@ -9,7 +9,7 @@ from hybridmpm.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.metrics.particles import checked_particles
 
-MAX_POINTS = 1000
+MAX_POINTS = 500
 """More particles are merged into so many clusters first: the cost grows with their square."""
 BLUR = 0.05
 """Default length of the entropic smoothing [m]."""
@@ -38,7 +38,7 @@ def sinkhorn_distance(
     Parameters
     ----------
     predicted, true : (N, D) or (F, N, D)
-        Positions [m]; N may differ. More than 1000 are merged into 1000 balanced clusters.
+        Positions [m]; N may differ. More than 500 are merged into 500 balanced clusters.
     predicted_mass, true_mass : (N,)
         [kg], > 0.
     blur : float in [0.01, 1]
