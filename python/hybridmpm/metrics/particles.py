@@ -213,7 +213,7 @@ def _earth_movers(one: _Floats, two: _Floats) -> float:
 
 
 def penetration_count(
-    scene: Scene, x: npt.ArrayLike, *, first_frame: int = 0, every: int = 1, tolerance: float = 0.0
+    scene: Scene, x: npt.ArrayLike, *, first_frame: int = 0, every: int = 1, tolerance: float = 1e-6
 ) -> npt.NDArray[np.int64]:
     """Count the particles inside obstacles or past walls.
 
@@ -225,7 +225,7 @@ def penetration_count(
     first_frame, every : int
         Number of the first frame, and frames from one to the next: obstacles may move.
     tolerance : float >= 0
-        Depth that is let pass [m].
+        Depth that is let pass [m]; by default the rounding of particles that lie on a surface.
 
     Returns
     -------
