@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, metrics, scenarios
+from hybridmpm import control, downsampling, metrics, scenarios
 from hybridmpm._native import Diagnostics, FrameReport, RadiusGraph, __version__, radius_graph
 from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
@@ -85,6 +85,7 @@ __all__ = [
     "Water",
     "__version__",
     "control",
+    "downsampling",
     "metrics",
     "radius_graph",
     "scenarios",

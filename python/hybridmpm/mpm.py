@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.arguments import float32, whole
+from hybridmpm.downsampling import checked_ratio, coarse_resolution, merge
 from hybridmpm.emission import native_emitters
 from hybridmpm.errors import ConfigError, SnapshotError, ThinObstacleWarning
 from hybridmpm.scene import Scene
@@ -37,6 +38,9 @@ class MpmSolver:
     sleep : Sleep, optional
         Let regions at rest sleep: their particles keep still and cost nothing until something moves near
         them, a force acts on them or a moving obstacle approaches. Not for ground truth.
+    r_p : float in (0, 1]
+        Ratio of the particles to those of the scene: they are merged (`downsampling.merge`), and the grid is
+        coarsened until a cell holds two (`downsampling.coarse_resolution`).
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -71,6 +75,7 @@ class MpmSolver:
         cfl: float | None = None,
         allow_unstable: bool = False,
         sleep: Sleep | None = None,
+        r_p: float = 1.0,
         threads: int = 1,
     ) -> None:
         self._scene = scene
@@ -80,11 +85,14 @@ class MpmSolver:
         self._cfl = cfl
         self._sleep = sleep
         self._allow_unstable = allow_unstable
-        particles = scene.sample()
+        self._r_p = checked_ratio(r_p)
+        if self._r_p < 1 and scene.emitters:
+            raise ConfigError("r_p below 1 is for scenes without emitters: what they add is not merged")
+        particles = merge(scene.sample(), r_p)
         self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
         self._limit_told = False
         self._solver = _native.Solver(
-            resolution=scene.resolution,
+            resolution=coarse_resolution(scene, r_p),
             frame_dt=scene.frame_dt,
             gravity=scene.gravity,
             wall_lower=scene.walls.lower,
@@ -121,6 +129,11 @@ class MpmSolver:
     def dim(self) -> int:
         """D, 2 or 3."""
         return self._scene.dim
+
+    @property
+    def resolution(self) -> int:
+        """Grid cells per metre; fewer than the scene's where `r_p` asks for a coarser grid."""
+        return self._solver.resolution
 
     @property
     def frame(self) -> int:
@@ -273,6 +286,7 @@ class MpmSolver:
             cfl=self._cfl,
             allow_unstable=self._allow_unstable,
             sleep=self._sleep,
+            r_p=self._r_p,
             frame=self.frame,
             state=self.snapshot(),
         )
@@ -305,6 +319,7 @@ class MpmSolver:
                 cfl=saved.cfl,
                 allow_unstable=saved.allow_unstable,
                 sleep=saved.sleep,
+                r_p=saved.r_p,
                 threads=threads,
             )
             solver.restore(saved.state)

@@ -28,7 +28,7 @@ LEAST_CELLS_THICK = 2
 that got inside is put back to the nearer surface."""
 _ROUNDING = 1e-9
 """A ball that just touches a wall may reach past it by the rounding of its bounds [m]."""
-_WALLS_APART = 4
+WALLS_APART = 4
 """Cells between opposite walls, so that no grid node feels both."""
 _MAX_RESOLUTION_3D = 256
 """A dense grid above this would take gigabytes."""
@@ -139,10 +139,10 @@ class Scene(Record):
         if self.dim == 3 and self.resolution > _MAX_RESOLUTION_3D:
             text = f"must be in [8, {_MAX_RESOLUTION_3D}] for dim 3, got {self.resolution}"
             faults.append((("resolution",), text))
-        needed = _WALLS_APART * self.dx
+        needed = WALLS_APART * self.dx
         for axis, (a, b) in enumerate(zip(self.walls.lower, self.walls.upper, strict=True)):
             if b - a < needed:
-                text = f"must be at least {_WALLS_APART} cells, {needed:g} m, apart along axis {axis}"
+                text = f"must be at least {WALLS_APART} cells, {needed:g} m, apart along axis {axis}"
                 faults.append((("walls",), f"{text}, got {b - a:g} m"))
         return faults
 

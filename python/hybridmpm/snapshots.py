@@ -34,6 +34,7 @@ class SavedState:
     cfl: float | None
     allow_unstable: bool
     sleep: Sleep | None
+    r_p: float
     frame: int
     state: bytes
     """The core's own snapshot."""
@@ -49,6 +50,7 @@ def write_state(path: Path, saved: SavedState) -> None:
             "cfl": saved.cfl,
             "allow_unstable": saved.allow_unstable,
             "sleep": None if saved.sleep is None else saved.sleep.model_dump(),
+            "r_p": saved.r_p,
             "scene": saved.scene.model_dump(mode="json", exclude_none=True),
         }
     ).encode()
@@ -88,6 +90,7 @@ def read_state(path: Path) -> SavedState:
             cfl=header["cfl"],
             allow_unstable=header["allow_unstable"],
             sleep=None if header["sleep"] is None else Sleep.model_validate(header["sleep"]),
+            r_p=header["r_p"],
             frame=header["frame"],
             state=body[state:],
         )

@@ -1,6 +1,7 @@
 """The three grid errors against values worked out by hand, and the laws they obey."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,26 @@ def test_zero_for_equal_states_of_any_mass(error: Callable[[np.ndarray, np.ndarr
 
 def test_states_that_share_no_node() -> None:
     assert metrics.grid_rmse(TRUE[::-1], TRUE) == pytest.approx(np.sqrt(2))
+
+
+@pytest.mark.parametrize("error", [metrics.grid_rmse, metrics.grid_nrmse, metrics.grid_node_error])
+def test_many_frames_are_as_many_grids(error: Any) -> None:
+    frames = np.stack([PREDICTED, TRUE, TRUE[::-1]])
+    errors = error(frames, np.stack([TRUE] * 3), dim=2)
+    assert errors.tolist() == [error(frame, TRUE) for frame in frames]
+
+
+def test_dim_must_fit() -> None:
+    with pytest.raises(ConfigError, match=r"dim must be in \[1, 2\], got 3"):
+        metrics.grid_rmse(TRUE, TRUE, dim=3)
+
+
+def test_grid_mass_of_frames() -> None:
+    x = np.random.default_rng(1).uniform(0.2, 0.8, (3, 50, 2)).astype(np.float32)
+    grids = metrics.grid_mass(x, np.ones(50), 16)
+    assert grids.shape == (3, 17, 17)
+    for grid, frame in zip(grids, x, strict=True):
+        np.testing.assert_array_equal(grid, metrics.grid_mass(frame, np.ones(50), 16))
 
 
 @pytest.mark.parametrize("error", ERRORS)

@@ -1,0 +1,51 @@
+"""Errors between states of a scene, bounds to read them by, and tables over many scenes.
+
+A state is the positions x (N, D) [m] of its particles, where needed with their mass (N,) [kg] and velocities
+v (N, D) [m/s]. Every measure also takes a whole trajectory, with the frames first: x (F, N, D); its result
+then has the shape (F,). Two states may differ in the number of particles.
+
+- `grid_rmse`, `grid_nrmse`, `grid_node_error`: of the mass on a grid from `grid_mass`. `grid_rmse` is the
+  default error of this library.
+- `sinkhorn_distance`, `centroid_error`, `neighbour_histogram_distance`, `energy_error`: of the particles.
+- `kinetic_energy`, `potential_energy`, `density_extremes`, `penetration_count`: of one state alone.
+- `compare` takes most of them between two recordings at once.
+- `other_jitter`, `held_still` and `merged_states` give the floor and the ceiling of an error.
+- `ErrorTable` has mean and standard error over scenes, and paired differences between methods.
+"""
+
+from hybridmpm.metrics.bounds import held_still, merged_states, other_jitter
+from hybridmpm.metrics.grid import EMPTY_BELOW, grid_mass, grid_node_error, grid_nrmse, grid_rmse
+from hybridmpm.metrics.particles import (
+    centroid_error,
+    density_extremes,
+    energy_error,
+    kinetic_energy,
+    neighbour_histogram_distance,
+    penetration_count,
+    potential_energy,
+)
+from hybridmpm.metrics.recordings import compare
+from hybridmpm.metrics.tables import ErrorTable, Estimate
+from hybridmpm.metrics.transport import sinkhorn_distance
+
+__all__ = [
+    "EMPTY_BELOW",
+    "ErrorTable",
+    "Estimate",
+    "centroid_error",
+    "compare",
+    "density_extremes",
+    "energy_error",
+    "grid_mass",
+    "grid_node_error",
+    "grid_nrmse",
+    "grid_rmse",
+    "held_still",
+    "kinetic_energy",
+    "merged_states",
+    "neighbour_histogram_distance",
+    "other_jitter",
+    "penetration_count",
+    "potential_energy",
+    "sinkhorn_distance",
+]

@@ -1,0 +1,50 @@
+"""Quadratic B-splines on the nodes of a grid over [0, 1]^D, for work outside the compiled core."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+_Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stencils:
+    """The 3^D nodes around each of N points (Jiang et al. 2016, Eq. 123).
+
+    As in the core's `grid_mass`, nodes outside the box are replaced by the nearest inside.
+    """
+
+    nodes: npt.NDArray[np.int64]
+    """Numbers of the nodes, (N, 3^D), in the order of a raveled grid."""
+    weights: _Floats
+    """(N, 3^D) [-]; those of a point sum to 1."""
+    shape: tuple[int, ...]
+    """Of the grid: (resolution + 1,) * D."""
+
+    @classmethod
+    def at(cls, x: npt.NDArray[np.floating], resolution: int) -> "Stencils":
+        """Find the nodes and weights of points (N, D) in [0, 1]^D [m]."""
+        cells = np.asarray(x, dtype=np.float64) * resolution
+        count, dim = cells.shape
+        base = np.floor(cells - 0.5).astype(np.int64)
+        offset = cells - base
+        along = np.stack(
+            [0.5 * (1.5 - offset) ** 2, 0.75 - (offset - 1) ** 2, 0.5 * (offset - 0.5) ** 2], axis=-1
+        )
+        nodes, weights = np.zeros((count, 1), dtype=np.int64), np.ones((count, 1))
+        for axis in range(dim):
+            line = np.clip(base[:, axis, None] + np.arange(3), 0, resolution)
+            nodes = (nodes[:, :, None] * (resolution + 1) + line[:, None]).reshape(count, -1)
+            weights = (weights[:, :, None] * along[:, axis][:, None]).reshape(count, -1)
+        return cls(nodes, weights, (resolution + 1,) * dim)
+
+    def scatter(self, values: _Floats) -> _Floats:
+        """Sum values (N,) of the points onto the nodes; returns the grid."""
+        size = int(np.prod(self.shape))
+        sums = np.bincount(self.nodes.ravel(), (self.weights * values[:, None]).ravel(), size)
+        return sums.astype(np.float64).reshape(self.shape)
+
+    def gather(self, grid: _Floats) -> _Floats:
+        """Interpolate a grid to the points; returns (N,)."""
+        return np.asarray((self.weights * grid.ravel()[self.nodes]).sum(axis=1))
