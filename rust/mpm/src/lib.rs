@@ -3,6 +3,9 @@
 //! One substep is `clear`, `p2g`, `grid_update`, `g2p`, each in the file of that name. Dimension is a
 //! const generic; D is 2 or 3. This crate opens no file, reads no clock and knows no Python.
 
+// The stages name it `crate::team`.
+extern crate team;
+
 mod contact;
 mod diagnostics;
 mod error;
@@ -26,7 +29,6 @@ mod spectrum;
 mod stencil;
 mod svd;
 mod swept;
-mod team;
 mod timestep;
 #[cfg(test)]
 mod transfer_tests;
