@@ -80,3 +80,20 @@ mod wide {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_all_lengths_are_sorted() {
+        for length in 0..100 {
+            let entry = |i| (i as u32).wrapping_mul(0x9e37_79b1) >> 1;
+            let row: Vec<u32> = (0..room(length)).map(entry).collect();
+            let (mut sorted, mut expected) = (vec![0; length], row[..length].to_vec());
+            write_sorted(&row, length, &mut sorted);
+            expected.sort_unstable();
+            assert_eq!(sorted, expected);
+        }
+    }
+}

@@ -237,3 +237,34 @@ mod wide {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_instructions_find_the_same() {
+        let points: Vec<f32> = (0..600)
+            .map(|i| (i * 7919 % 1009) as f32 / 1009.0)
+            .collect();
+        let reach = Reach::new(0.3, true);
+        for count in [0, 1, 7, 8, 9, 200] {
+            let mut tile = Tile::<3>::new();
+            let candidates: Vec<u32> = (0..count).map(|i| i * 37 % 200).collect();
+            tile.gather(&candidates, &points);
+            let (mut mine, mut plain) = (vec![0; tile.room()], vec![0; tile.room()]);
+            let found = tile.scan_around(&[0.5; 3], &reach, &mut mine);
+            let x = std::array::from_fn(|axis| &tile.x[axis][..tile.groups]);
+            let expected = scan(
+                &x,
+                &tile.points[..tile.groups],
+                &[0.5; 3],
+                &reach,
+                &mut plain,
+            );
+            assert_eq!(mine[..found.count], plain[..expected.count]);
+            assert_eq!(found.doubtful, expected.doubtful);
+            assert!(found.count > 0 || count < 10);
+        }
+    }
+}
