@@ -11,7 +11,7 @@ pub(crate) struct Rows {
     /// The row of point i has its place at `starts[i]..starts[i + 1]` of the whole.
     pub starts: Vec<u32>,
     places: Vec<Place>,
-    pub parts: Vec<Part>,
+    parts: Vec<Part>,
 }
 
 /// Where the row of a point begins.
@@ -29,10 +29,6 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
     /// Room for a row of at most `most` entries behind those that are there; `keep` is then told how many it got.
     pub fn room(&mut self, most: usize) -> &mut [u32] {
         let needed = self.len + most;
@@ -52,6 +48,15 @@ impl Part {
 }
 
 impl Rows {
+    /// Empty parts, `count` of them; others keep their memory for a call with more.
+    pub fn empty_parts(&mut self, count: usize) -> &mut [Part] {
+        if self.parts.len() < count {
+            self.parts.resize_with(count, Part::default);
+        }
+        self.parts.iter_mut().for_each(|part| part.len = 0);
+        &mut self.parts[..count]
+    }
+
     /// Entries that there is memory for.
     pub fn capacity(&self) -> usize {
         self.parts.iter().map(|part| part.found.capacity()).sum()

@@ -85,7 +85,6 @@ impl<const D: usize> Search<D> {
             lengths,
         } = self;
         let parts = slabs(cells, pieces(cells.points(), team));
-        rows.parts.resize_with(parts.len(), Part::default);
         lengths.resize(cells.points(), 0);
         let sweep = Sweep {
             cells,
@@ -97,7 +96,7 @@ impl<const D: usize> Search<D> {
             settings,
         };
         let mut rest = lengths.as_mut_slice();
-        let mut jobs: Vec<_> = (parts.iter().cloned().zip(&mut rows.parts))
+        let mut jobs: Vec<_> = (parts.iter().cloned().zip(rows.empty_parts(parts.len())))
             .map(|(range, part)| {
                 let slots = cells.slots(range.clone());
                 let (mine, others) = std::mem::take(&mut rest).split_at_mut(slots.len());
@@ -145,7 +144,6 @@ struct Sweep<'a, const D: usize> {
 impl<const D: usize> Sweep<'_, D> {
     /// Finds the rows of the points in a range of cells.
     fn run(&self, range: Range<usize>, part: &mut Part, lengths: &mut [u32]) {
-        part.clear();
         let (mut tile, mut runs, mut row) = (Tile::new(), Vec::new(), Vec::new());
         let mut lengths = lengths.iter_mut();
         for cell in range {

@@ -73,7 +73,7 @@ impl<const D: usize> VerletList<D> {
         let share = count.div_ceil(pieces(count, team)).max(1);
         let ranges = (0..count).step_by(share);
         let ranges = ranges.map(|first| first..(first + share).min(count));
-        self.rows.parts.resize_with(ranges.len(), Part::default);
+        let parts = self.rows.empty_parts(ranges.len());
         self.lengths.resize(count, 0);
         let sweep = Sweep::<D> {
             starts: &self.starts,
@@ -85,7 +85,7 @@ impl<const D: usize> VerletList<D> {
             },
         };
         let lengths = self.lengths.chunks_mut(share);
-        let mut jobs: Vec<_> = ranges.zip(&mut self.rows.parts).zip(lengths).collect();
+        let mut jobs: Vec<_> = ranges.zip(parts).zip(lengths).collect();
         team.for_each(&mut jobs, |((range, part), lengths)| {
             sweep.run(range.clone(), part, lengths);
         });
@@ -151,7 +151,6 @@ struct Sweep<'a, const D: usize> {
 
 impl<const D: usize> Sweep<'_, D> {
     fn run(&self, range: Range<usize>, part: &mut Part, lengths: &mut [u32]) {
-        part.clear();
         let mut tile = Tile::<D>::new();
         let (points, _) = self.filter.points.as_chunks::<D>();
         for (own, length) in range.zip(lengths) {
