@@ -4,13 +4,22 @@ The names in `__all__` are public, and so are the modules among them; the rest m
 """
 
 from hybridmpm import control, downsampling, metrics, scenarios
-from hybridmpm._native import Diagnostics, FrameReport, RadiusGraph, __version__, radius_graph
+from hybridmpm._native import (
+    Diagnostics,
+    FrameReport,
+    PaddedGraph,
+    RadiusGraph,
+    VerletList,
+    __version__,
+    radius_graph,
+)
 from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
     BatchError,
     ConfigError,
     DomainError,
     ExportError,
+    GraphSizeError,
     InvertedError,
     NonFiniteError,
     SceneError,
@@ -58,12 +67,14 @@ __all__ = [
     "Elastic",
     "ExportError",
     "FrameReport",
+    "GraphSizeError",
     "HalfSpaceObstacle",
     "InvertedError",
     "Motion",
     "MpmBatch",
     "MpmSolver",
     "NonFiniteError",
+    "PaddedGraph",
     "ParticleLimitWarning",
     "Particles",
     "Polygon",
@@ -81,6 +92,7 @@ __all__ = [
     "StepSizeError",
     "ThinObstacleWarning",
     "UnknownScenarioError",
+    "VerletList",
     "Walls",
     "Water",
     "__version__",

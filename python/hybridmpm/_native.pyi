@@ -18,15 +18,18 @@ __all__ = [
     "DomainError",
     "Emitter",
     "FrameReport",
+    "GraphSizeError",
     "InvertedError",
     "Material",
     "NonFiniteError",
     "Obstacle",
+    "PaddedGraph",
     "RadiusGraph",
     "SimulationError",
     "SnapshotError",
     "Solver",
     "StepSizeError",
+    "VerletList",
     "__version__",
     "advance_all",
     "cpu_features",
@@ -53,6 +56,9 @@ class InvertedError(SimulationError):
 
 class StepSizeError(SimulationError):
     """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
+
+class GraphSizeError(SimulationError):
+    """A neighbour graph or its padded form would be larger than allowed."""
 
 class BatchError(SimulationError):
     """Scenes of a batch failed. The message names each by its index in the batch."""
@@ -556,9 +562,10 @@ def grid_mass(
 
 @final
 class RadiusGraph:
-    """Edges between points at most a radius apart, in both directions, without self-edges.
+    """Edges between points at most a radius apart, in both directions.
 
-    Ordered by receiver, then by sender. E is the number of edges.
+    Ordered by receiver, then by sender. E is the number of edges. A graph that is given as `out` is
+    overwritten, and so are arrays taken from it before.
     """
 
     @property
@@ -566,29 +573,147 @@ class RadiusGraph:
         """Shape (E,)."""
     @property
     def receivers(self) -> npt.NDArray[np.uint32]:
-        """Shape (E,), ascending."""
+        """Shape (E,), ascending; made from `starts` when first asked for."""
     @property
     def starts(self) -> npt.NDArray[np.uint32]:
         """Shape (N + 1,): the edges into point i are `starts[i]` to `starts[i + 1]`."""
     @property
     def radius(self) -> float:
         """Metres [m]."""
+    def padded(
+        self, width: int | None = None, *, limit: int = 256, out: PaddedGraph | None = None
+    ) -> PaddedGraph:
+        """Return the neighbours of each point as a row of a table, for networks without scatter.
 
-def radius_graph(x: npt.NDArray[np.float32], radius: float) -> RadiusGraph:
-    """Join all pairs of points with a distance of at most `radius` (`<=`); exact, without a cap.
+        Parameters
+        ----------
+        width : int >= 0, optional
+            Columns K; as many as the most neighbours of a point if absent.
+        limit : int
+            Most columns, so that a clump does not fill the memory.
+        out : PaddedGraph, optional
+            Is overwritten and returned; its arrays are kept where their shape fits.
+
+        Raises
+        ------
+        GraphSizeError
+            Some point has more neighbours than `width` or `limit`; the message names it.
+        ConfigError
+            `width` is above `limit`.
+        """
+
+@final
+class PaddedGraph:
+    """Neighbours of N points in K columns."""
+
+    @property
+    def neighbors(self) -> npt.NDArray[np.int32]:
+        """Senders by receiver, shape (N, K): ascending, then the receiver's own index."""
+    @property
+    def mask(self) -> npt.NDArray[np.bool_]:
+        """Where there is a neighbour, shape (N, K)."""
+
+def radius_graph(
+    x: npt.NDArray[np.float32],
+    radius: float,
+    types: npt.NDArray[np.integer] | None = None,
+    *,
+    kinematic: int = 3,
+    inclusive: bool = True,
+    self_edges: bool = False,
+    max_edges: int | None = None,
+    threads: int = 1,
+    out: RadiusGraph | None = None,
+) -> RadiusGraph:
+    """Join all pairs of points that are near each other; exact, without a cap on the neighbours.
+
+    Distances are compared in double precision. The result depends on neither `threads` nor `out`, to the bit.
 
     Parameters
     ----------
     x : float32 (N, 2) or (N, 3)
         Points [m], anywhere.
     radius : float > 0
-        [m]
+        [m], rounded to float32.
+    types : integers (N,), optional
+        Points of the type `kinematic` are not joined to each other: what moves as prescribed needs no
+        messages from its like. Without types all pairs are joined, as in the reference GNS.
+    kinematic : int
+        By default that of the data sets of Sanchez-Gonzalez et al. (2020), arXiv:2002.09405.
+    inclusive : bool
+        Join pairs at exactly the radius (`<=`, as k-d trees do) or leave them out (`<`).
+    self_edges : bool
+        Join each point to itself, whatever its type.
+    max_edges : int, optional
+        Refuse graphs with more edges; 2**32 - 1 if absent.
+    threads : int >= 1
+    out : RadiusGraph, optional
+        Is overwritten and returned. It keeps its arrays, where the edges fit in, and the search its memory.
+
+    Returns
+    -------
+    RadiusGraph
+        `out`, or a new one.
 
     Raises
     ------
     ConfigError
         A radius or a coordinate that is not finite, or an array of another kind.
+    GraphSizeError
+        There are more edges than `max_edges`.
     """
+
+@final
+class VerletList:
+    """Graphs of points that move little from frame to frame (Verlet 1967, doi:10.1103/PhysRev.159.98).
+
+    Pairs within radius + skin are found once, and serve until a point has moved by half the skin. Graphs
+    are those of `radius_graph`, to the bit.
+
+    Parameters
+    ----------
+    radius : float > 0
+        [m], rounded to float32.
+    skin : float > 0
+        [m]: with a wide one the pairs serve longer, but are more.
+    inclusive, self_edges, max_edges, threads
+        As for `radius_graph`.
+
+    Raises
+    ------
+    ConfigError
+        A length is not finite and positive, or `threads` is 0.
+    """
+
+    def __new__(
+        cls,
+        radius: float,
+        skin: float,
+        *,
+        inclusive: bool = True,
+        self_edges: bool = False,
+        max_edges: int | None = None,
+        threads: int = 1,
+    ) -> VerletList: ...
+    def graph(
+        self,
+        x: npt.NDArray[np.float32],
+        types: npt.NDArray[np.integer] | None = None,
+        *,
+        kinematic: int = 3,
+        out: RadiusGraph | None = None,
+    ) -> RadiusGraph:
+        """Return the graph of points; arguments, result and errors as of `radius_graph`."""
+
+    @property
+    def radius(self) -> float:
+        """Metres [m]."""
+    @property
+    def skin(self) -> float:
+        """Metres [m]."""
+    @property
+    def rebuilds(self) -> int:
+        """How often the pairs were found anew."""
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""

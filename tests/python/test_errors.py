@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, Box, MpmBatch, MpmSolver, Scene, errors, export, metrics, scenarios
+from hybridmpm import (
+    Ball,
+    Box,
+    MpmBatch,
+    MpmSolver,
+    Scene,
+    errors,
+    export,
+    metrics,
+    radius_graph,
+    scenarios,
+)
 from hybridmpm.control import parse_png
 
 DROP = Scene(dim=2, resolution=64, bodies=(Ball(material="water", center=(0.5, 0.6), radius=0.06),))
@@ -46,11 +57,20 @@ def collide_in_a_batch() -> None:
     MpmBatch([DROP, COLLISION], substeps=1, allow_unstable=True).advance(3)
 
 
+def clump() -> None:
+    """Ask for a table of the neighbours of nine points in one place."""
+    radius_graph(np.zeros((9, 2), np.float32), 1.0).padded(limit=7)
+
+
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
+    "GraphSizeError": (
+        lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0).padded(limit=7),
+        "raise limit",
+    ),
     "InvertedError": (collide, r"particle \d+ reached volume ratio J = -.* in frame 0"),
     "NonFiniteError": (tear_apart, r"particle \d+ .*frame 0"),
     "SceneError": (lambda: Scene.parse({}), "dim: is required; bodies: is required"),

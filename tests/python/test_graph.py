@@ -1,9 +1,12 @@
-"""The neighbour graph through the Python boundary; its exactness is tested in Rust."""
+"""The neighbour graph through the Python boundary; random clouds are tested in Rust."""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, radius_graph
+from hybridmpm import ConfigError, GraphSizeError, VerletList, radius_graph
 
 
 def test_edges_are_ordered_by_receiver_and_hold_no_self_edge() -> None:
@@ -37,3 +40,147 @@ def test_equals_all_pairs_in_3d() -> None:
 def test_bad_input_is_named(x: np.ndarray, radius: float, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         radius_graph(x, radius)
+
+
+def test_pairs_at_the_radius_and_self_edges_are_chosen_by_name() -> None:
+    x = np.array([[0.0, 0.0], [0.25, 0.0], [0.3, 0.0]], np.float32)
+    assert radius_graph(x, 0.25, inclusive=False).senders.tolist() == [2, 1]
+    graph = radius_graph(x, 0.25, self_edges=True)
+    assert graph.senders.tolist() == [0, 1, 0, 1, 2, 1, 2]
+    assert graph.starts.tolist() == [0, 2, 5, 7]
+
+
+def test_kinematic_points_are_not_joined_to_each_other() -> None:
+    x = np.zeros((4, 2), np.float32)
+    for types in (np.array([3, 5, 3, 6]), np.array([3, 5, 3, 6], np.uint8)):
+        graph = radius_graph(x, 1.0, types, self_edges=True)
+        neighbors = [set(graph.senders[a:b].tolist()) for a, b in itertools.pairwise(graph.starts)]
+        assert neighbors == [{0, 1, 3}, {0, 1, 2, 3}, {1, 2, 3}, {0, 1, 2, 3}]
+    everybody = radius_graph(x, 1.0, types, kinematic=9)
+    assert np.array_equal(everybody.senders, radius_graph(x, 1.0).senders)
+
+
+def clouds() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(11)
+    lattice = np.stack(np.meshgrid(*[np.arange(32)] * 2), axis=-1).reshape(-1, 2) / np.float32(32)
+    return {
+        "nothing": np.empty((0, 2), np.float32),
+        "single": np.zeros((1, 3), np.float32),
+        "coincident": np.full((300, 3), 0.5, np.float32),
+        "clumped": rng.normal(0.5, 0.002, (400, 2)).astype(np.float32),
+        "lattice": lattice.astype(np.float32),
+        "2d": rng.random((1500, 2), dtype=np.float32),
+        "3d": rng.random((1500, 3), dtype=np.float32),
+    }
+
+
+@pytest.mark.parametrize("name", clouds())
+@pytest.mark.parametrize("radius", [1 / 32, 0.1, 5.0])
+def test_equals_all_pairs_whatever_the_options(name: str, radius: float) -> None:
+    x = clouds()[name]
+    types = np.arange(len(x)) % 5
+    fixed = types == 3
+    squared = ((x[:, None].astype(float) - x[None].astype(float)) ** 2).sum(axis=-1)
+    out = radius_graph(x[:1], 1.0)
+    for inclusive, self_edges, threads in itertools.product((True, False), (True, False), (1, 2)):
+        limit = float(np.float32(radius)) ** 2
+        joined = (squared <= limit if inclusive else squared < limit) & ~(fixed[:, None] & fixed)
+        joined[np.diag_indices(len(x))] = self_edges
+        receivers, senders = np.nonzero(joined)
+        options = {"inclusive": inclusive, "self_edges": self_edges, "threads": threads}
+        for target in (None, out):
+            graph = radius_graph(x, radius, types, **options, out=target)
+            assert np.array_equal(graph.receivers, receivers)
+            assert np.array_equal(graph.senders, senders)
+            assert graph.starts.tolist() == [0, *np.cumsum(joined.sum(axis=1))]
+
+
+def test_a_graph_is_overwritten_in_place() -> None:
+    x = np.random.default_rng(5).random((500, 2), dtype=np.float32)
+    graph = radius_graph(x, 0.1)
+    starts, senders = graph.starts, graph.senders
+    assert radius_graph(x, 0.05, out=graph) is graph
+    assert np.shares_memory(graph.starts, starts)
+    assert np.shares_memory(graph.senders, senders)
+    assert graph.radius == np.float32(0.05)
+    assert np.array_equal(graph.senders, radius_graph(x, 0.05).senders)
+    assert radius_graph(x, 0.3, out=graph) is graph
+    assert not np.shares_memory(graph.senders, senders)
+    assert np.array_equal(graph.senders, radius_graph(x, 0.3).senders)
+
+
+def test_too_many_edges_are_refused() -> None:
+    x = np.zeros((100, 3), np.float32)
+    assert len(radius_graph(x, 0.1, max_edges=9900).senders) == 9900
+    with pytest.raises(GraphSizeError, match=r"100 points has more than max_edges = 9899 .* raise max_edges"):
+        radius_graph(x, 0.1, max_edges=9899)
+
+
+def test_padded_rows_end_with_the_point_itself() -> None:
+    x = np.array([[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [2.0, 2.0]], np.float32)
+    graph = radius_graph(x, 0.25)
+    padded = graph.padded()
+    assert padded.neighbors.dtype == np.int32
+    assert padded.neighbors.tolist() == [[1, 0], [0, 2], [1, 2], [3, 3]]
+    assert padded.mask.tolist() == [[True, False], [True, True], [True, False], [False, False]]
+    wider = graph.padded(3)
+    assert wider.neighbors[1].tolist() == [0, 2, 1]
+    assert wider.mask.sum() == len(graph.senders)
+    again = graph.padded(out=padded)
+    assert again is padded
+    table = wider.neighbors
+    assert np.shares_memory(graph.padded(3, out=wider).neighbors, table)
+    assert graph.padded(4, out=wider).neighbors.shape == (4, 4)
+    assert radius_graph(x[:0], 0.25).padded().neighbors.shape == (0, 0)
+
+
+def test_a_clump_does_not_fill_the_memory() -> None:
+    graph = radius_graph(np.zeros((300, 2), np.float32), 0.1)
+    with pytest.raises(GraphSizeError, match=r"point 0 has 299 neighbours, .* at most 256 .* raise limit"):
+        graph.padded()
+    with pytest.raises(GraphSizeError, match=r"at most 40 .* raise width"):
+        graph.padded(40)
+    with pytest.raises(ConfigError, match="width must be at most limit = 256, got 300"):
+        graph.padded(300)
+    assert graph.padded(300, limit=300).mask.sum() == 300 * 299
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_verlet_list_gives_the_fresh_graphs_and_searches_seldom(dim: int) -> None:
+    rng = np.random.default_rng(dim)
+    x, v = rng.random((800, dim), dtype=np.float32), rng.normal(size=(800, dim)).astype(np.float32)
+    types = rng.integers(3, 7, 800)
+    neighbors = VerletList(0.08, 0.02, threads=2)
+    assert (neighbors.radius, neighbors.skin) == (np.float32(0.08), np.float32(0.02))
+    out = radius_graph(x[:1], 1.0)
+    for frame in range(40):
+        expected = radius_graph(x, 0.08, types)
+        graph = neighbors.graph(x, types, out=out if frame % 2 else None)
+        assert np.array_equal(graph.starts, expected.starts)
+        assert np.array_equal(graph.senders, expected.senders)
+        x += np.float32(0.0005) * v
+    assert 2 <= neighbors.rebuilds <= 10
+    other = np.zeros((3, 5 - dim), np.float32)
+    assert neighbors.graph(other).senders.tolist() == [1, 2, 0, 2, 0, 1]
+
+
+def test_bad_options_are_named() -> None:
+    x = np.zeros((2, 2), np.float32)
+    with pytest.raises(ConfigError, match=r"types must be integers of shape \(N,\), got float64"):
+        radius_graph(x, 0.1, np.zeros(2))  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="types must have 2 entries, one a point of x, got 3"):
+        radius_graph(x, 0.1, np.zeros(3, int))
+    with pytest.raises(ConfigError, match="threads must be at least 1"):
+        radius_graph(x, 0.1, threads=0)
+    with pytest.raises(ConfigError, match="skin must be finite and > 0 m, got -1"):
+        VerletList(0.1, -1.0)
+    with pytest.raises(ConfigError, match=r"x\[1\] must be finite"):
+        VerletList(0.1, 0.1).graph(np.array([[0, 0], [np.inf, 0]], np.float32))
+
+
+def test_threads_may_search_side_by_side() -> None:
+    x = np.random.default_rng(8).random((3000, 2), dtype=np.float32)
+    expected = radius_graph(x, 0.05)
+    with ThreadPoolExecutor(4) as pool:
+        graphs = list(pool.map(lambda _: radius_graph(x, 0.05, threads=2), range(40)))
+    assert all(np.array_equal(graph.senders, expected.senders) for graph in graphs)

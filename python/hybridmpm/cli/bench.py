@@ -10,6 +10,7 @@ from hybridmpm import charts, scenarios
 from hybridmpm.bench import batch as batch_bench
 from hybridmpm.bench import downsampling as downsampling_bench
 from hybridmpm.bench import mpm as mpm_bench
+from hybridmpm.bench import neighbors as neighbors_bench
 from hybridmpm.bench import scaling as scaling_bench
 from hybridmpm.bench import sleeping as sleeping_bench
 from hybridmpm.bench import stability as stability_bench
@@ -31,6 +32,9 @@ _BATCH_COLUMNS = (
 _DOWNSAMPLING_COLUMNS = (
     "scenario", "method", "label", "particles", "resolution", "ms_per_frame", "grid_rmse_mean",
     "grid_rmse_mean_se", "grid_nrmse_mean", "grid_node_error_mean", "kinetic_energy_mean", "centroid_mean",
+)  # fmt: skip
+_NEIGHBORS_COLUMNS = (
+    "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "ms_verlet",
 )  # fmt: skip
 
 
@@ -198,6 +202,41 @@ def downsampling(
     _report(rows, _DOWNSAMPLING_COLUMNS, source, json_file)
     if chart_file is not None:
         downsampling_bench.chart(rows, chart_file)
+
+
+@bench.command()
+@_many(
+    "--particles",
+    click.IntRange(64, neighbors_bench.MAX_PARTICLES),
+    neighbors_bench.Settings.particles,
+    "Sizes.",
+)
+@_many("--threads", click.IntRange(1, 1024), neighbors_bench.Settings.threads, "Of ours.")
+@click.option("--peer", type=click.Choice(["scipy"]), help="Measure it beside ours, by turns.")
+@click.option(
+    "--repeats", type=click.IntRange(1, 1000), default=9, show_default=True, help="The least is reported."
+)
+@_json_option
+@_chart_option
+def neighbors(
+    *,
+    particles: tuple[int, ...],
+    threads: tuple[int, ...],
+    peer: str | None,
+    repeats: int,
+    json_file: Path | None,
+    chart_file: Path | None,
+) -> None:
+    """Time the radius graph of clouds in 2D and 3D: fresh, into used memory, and from a Verlet list."""
+    settings = neighbors_bench.Settings(particles=particles, threads=threads, repeats=repeats, peer=peer)
+    if peer is not None:
+        neighbors_bench.peer_module(peer)
+    source = _source("neighbors", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
+    rows = _measured(neighbors_bench.rows(settings, source), 2 * len(particles) * len(threads))
+    columns = ("peer", "peer_ms", "ratio") if peer else ()
+    _report(rows, _NEIGHBORS_COLUMNS + columns, source, json_file)
+    if chart_file is not None:
+        neighbors_bench.chart(rows, chart_file)
 
 
 def _source(command: str, **options: tuple[object, ...]) -> Provenance:

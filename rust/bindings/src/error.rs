@@ -39,6 +39,13 @@ create_exception!(
 
 create_exception!(
     hybridmpm._native,
+    GraphSizeError,
+    SimulationError,
+    "A neighbour graph would be larger than allowed."
+);
+
+create_exception!(
+    hybridmpm._native,
     BatchError,
     SimulationError,
     "Scenes of a batch failed."
@@ -76,6 +83,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SimulationError", py.get_type::<SimulationError>())?;
     module.add("DomainError", py.get_type::<DomainError>())?;
     module.add("NonFiniteError", py.get_type::<NonFiniteError>())?;
+    module.add("GraphSizeError", py.get_type::<GraphSizeError>())?;
     module.add("InvertedError", py.get_type::<InvertedError>())?;
     module.add("BatchError", py.get_type::<BatchError>())?;
     module.add("StepSizeError", py.get_type::<StepSizeError>())

@@ -78,7 +78,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<report::PyDiagnostics>()?;
     module.add_class::<report::PyFrameReport>()?;
     module.add_class::<solver::PySolver>()?;
+    module.add_class::<graph::PyPaddedGraph>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
+    module.add_class::<graph::PyVerletList>()?;
     module.add_function(wrap_pyfunction!(batch::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;

@@ -88,3 +88,13 @@ impl MpmError {
         }
     }
 }
+
+impl From<team::ThreadError> for MpmError {
+    fn from(error: team::ThreadError) -> Self {
+        Self::parameter(
+            "threads",
+            "a number that the system grants",
+            error.to_string(),
+        )
+    }
+}

@@ -11,10 +11,10 @@ use crate::math::Vector;
 use crate::obstacle::Obstacles;
 use crate::particle::{Activity, Block, Phase};
 use crate::stencil::Stencils;
-use crate::team::Team;
 use crate::wall_fill::WallFill;
 use crate::walls::Walls;
 use crate::with_group;
+use team::Team;
 
 /// Where particles may be.
 #[derive(Debug, Clone)]

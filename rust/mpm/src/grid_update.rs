@@ -7,8 +7,8 @@ use crate::lanes::{Kernel, run_wide};
 use crate::math::{Vector, lanes};
 use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::sort::Slab;
-use crate::team::Team;
 use crate::walls::WallContact;
+use team::Team;
 
 /// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
 pub const SMALLEST_MASS: f32 = 1.0e-30;

@@ -29,7 +29,6 @@ mod spectrum;
 mod stencil;
 mod svd;
 mod swept;
-mod team;
 mod timestep;
 #[cfg(test)]
 mod transfer_tests;

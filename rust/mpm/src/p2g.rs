@@ -11,8 +11,8 @@ use crate::math::shear_index;
 use crate::particle::{Block, Phase};
 use crate::sort::Slab;
 use crate::stencil::Stencils;
-use crate::team::Team;
 use crate::with_group;
+use team::Team;
 
 /// What one substep needs besides the state.
 #[derive(Clone, Copy)]

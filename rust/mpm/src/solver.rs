@@ -17,10 +17,10 @@ use crate::sleep::{Disturbance, PERIOD, Sleep, count_calm, decide};
 use crate::snapshot;
 use crate::sort::{Place, Slab, sort};
 use crate::source::{Population, exchange};
-use crate::team::Team;
 use crate::timestep::{Bound, FrameReport, StepChooser};
 use crate::walls::WallContact;
 use crate::with_group;
+use team::Team;
 
 /// External acceleration besides gravity [m/s^2].
 #[derive(Debug, Clone, Copy)]

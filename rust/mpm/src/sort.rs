@@ -5,8 +5,8 @@ use crate::lanes::LANES;
 use crate::material::State;
 use crate::particle::{Activity, Block, Phase, Run, Sorted};
 use crate::stencil::Stencils;
-use crate::team::Team;
 use crate::with_group;
+use team::Team;
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -12,8 +12,8 @@ use crate::obstacle::{MaterialFriction, Obstacles};
 use crate::p2g::{Step, p2g};
 use crate::particle::{Activity, Group, Particle, Phase};
 use crate::sort::sort;
-use crate::team::Team;
 use crate::walls::{WallContact, Walls};
+use team::Team;
 
 const RESOLUTION: usize = 16;
 const DX: f64 = 1.0 / RESOLUTION as f64;

@@ -11,10 +11,18 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use crate::error::MpmError;
+use thiserror::Error;
 
 /// How long an idle worker stays awake: longer than the pauses within a frame, shorter than those between frames.
 const AWAKE: Duration = Duration::from_micros(100);
+
+/// The system grants no further thread.
+#[derive(Debug, Error)]
+#[error("the system grants no thread beside the first {granted}: {source}")]
+pub struct ThreadError {
+    pub granted: usize,
+    pub source: std::io::Error,
+}
 
 /// A caller and the workers that help it.
 #[derive(Debug)]
@@ -69,7 +77,7 @@ impl Phase {
 
 impl Team {
     /// A caller with `threads - 1` workers.
-    pub fn new(threads: usize) -> Result<Self, MpmError> {
+    pub fn new(threads: usize) -> Result<Self, ThreadError> {
         let shared = Arc::new(Shared {
             phase: AtomicU64::new(0),
             job: AtomicPtr::new(std::ptr::null_mut()),
@@ -85,15 +93,14 @@ impl Team {
         };
         for index in 1..threads {
             let shared = Arc::clone(&shared);
-            let builder = Builder::new().name(format!("mpm-{index}"));
+            let builder = Builder::new().name(format!("team-{index}"));
             // Not joined when the team ends: it leaves by itself, and in a forked process it never was.
-            builder.spawn(move || shared.work(index)).map_err(|error| {
-                MpmError::parameter(
-                    "threads",
-                    "a number that the system grants",
-                    error.to_string(),
-                )
-            })?;
+            builder
+                .spawn(move || shared.work(index))
+                .map_err(|source| ThreadError {
+                    granted: index,
+                    source,
+                })?;
             team.workers += 1;
         }
         Ok(team)

@@ -1,0 +1,198 @@
+//! `RadiusGraph`: the arrays of a graph.
+
+use std::sync::{Mutex, MutexGuard};
+
+use neighbors::Settings;
+use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PySlice;
+use team::Team;
+
+use super::finder::{Direct, Finder};
+use super::padded::PyPaddedGraph;
+use super::{Points, in_use, raised};
+
+/// Edges between points at most a radius apart.
+#[pyclass(frozen, name = "RadiusGraph", module = "hybridmpm._native")]
+pub struct PyRadiusGraph {
+    // Only tried, never waited for: whoever holds it may be waiting for the interpreter.
+    held: Mutex<Held>,
+}
+
+struct Held {
+    starts: Py<PyArray1<u32>>,
+    /// The first `edges` entries count; there may be room for more.
+    senders: Py<PyArray1<u32>>,
+    edges: usize,
+    receivers: Option<Py<PyArray1<u32>>>,
+    radius: f32,
+    /// What has found a graph into these arrays, to be used for the next one.
+    search: Option<Direct>,
+}
+
+impl PyRadiusGraph {
+    /// A new graph.
+    pub(super) fn found<'py>(
+        py: Python<'py>,
+        points: &Points<'_>,
+        finder: &mut dyn Finder,
+        team: &Team,
+    ) -> PyResult<Bound<'py, Self>> {
+        let mut held = Held {
+            starts: PyArray1::zeros(py, 0, false).unbind(),
+            senders: PyArray1::zeros(py, 0, false).unbind(),
+            edges: 0,
+            receivers: None,
+            radius: 0.0,
+            search: None,
+        };
+        held.find(py, points, finder, team, 0)?;
+        let held = Mutex::new(held);
+        Bound::new(py, Self { held })
+    }
+
+    /// Overwrites this graph with a new one, found with the memory of the last.
+    pub(super) fn find_again(
+        &self,
+        py: Python<'_>,
+        points: &Points<'_>,
+        settings: Settings,
+        team: &Team,
+    ) -> PyResult<()> {
+        let mut held = self.held()?;
+        let mut search = match held.search.take() {
+            Some(search) if search.dim() == points.dim() => search,
+            _ => Direct::new(points.dim()),
+        };
+        search.set(settings);
+        let done = held.overwrite(py, points, &mut search, team);
+        held.search = Some(search);
+        done
+    }
+
+    /// Overwrites this graph with one that `finder` finds.
+    pub(super) fn take_from(
+        &self,
+        py: Python<'_>,
+        points: &Points<'_>,
+        finder: &mut dyn Finder,
+        team: &Team,
+    ) -> PyResult<()> {
+        self.held()?.overwrite(py, points, finder, team)
+    }
+
+    fn held(&self) -> PyResult<MutexGuard<'_, Held>> {
+        self.held.try_lock().map_err(|_| in_use())
+    }
+}
+
+impl Held {
+    fn overwrite(
+        &mut self,
+        py: Python<'_>,
+        points: &Points<'_>,
+        finder: &mut dyn Finder,
+        team: &Team,
+    ) -> PyResult<()> {
+        // Some room to spare, as the next graph may be a little larger.
+        self.find(py, points, finder, team, 8)
+    }
+
+    /// Finds a graph into these arrays, or into new ones with room for an `eighth`-th more edges (0: none) where it
+    /// does not fit.
+    fn find(
+        &mut self,
+        py: Python<'_>,
+        points: &Points<'_>,
+        finder: &mut dyn Finder,
+        team: &Team,
+        spare: usize,
+    ) -> PyResult<()> {
+        let (x, fixed) = (points.coordinates(), points.fixed.as_deref());
+        let edges = py.detach(|| finder.find(x, fixed, team)).map_err(raised)?;
+        if self.starts.bind(py).len() != points.count() + 1 {
+            self.starts = uninit(py, points.count() + 1);
+        }
+        if self.senders.bind(py).len() < edges {
+            self.senders = uninit(py, edges + edges.checked_div(spare).unwrap_or(0));
+        }
+        let (starts, senders) = (self.starts.bind(py), self.senders.bind(py));
+        // SAFETY: nothing else writes them while `held` is locked; that readers of old views see new numbers is documented.
+        let (starts, senders) = unsafe { (starts.as_slice_mut()?, senders.as_slice_mut()?) };
+        py.detach(|| {
+            starts.copy_from_slice(finder.starts());
+            finder.write_senders(&mut senders[..edges], team);
+        });
+        self.edges = edges;
+        self.receivers = None;
+        self.radius = finder.radius();
+        Ok(())
+    }
+}
+
+/// An array that is written whole before anybody sees it, or as far as anybody sees it.
+fn uninit(py: Python<'_>, count: usize) -> Py<PyArray1<u32>> {
+    // SAFETY: see above; any bits are a u32.
+    unsafe { PyArray1::new(py, count, false) }.unbind()
+}
+
+#[pymethods]
+impl PyRadiusGraph {
+    #[getter]
+    fn senders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let held = self.held()?;
+        let senders = held.senders.bind(py);
+        if senders.len() == held.edges {
+            return Ok(senders.clone().into_any());
+        }
+        senders.get_item(PySlice::new(py, 0, held.edges as isize, 1))
+    }
+
+    #[getter]
+    fn receivers(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
+        let mut held = self.held()?;
+        if let Some(receivers) = &held.receivers {
+            return Ok(receivers.clone_ref(py));
+        }
+        let receivers = uninit(py, held.edges);
+        // SAFETY: the one is new, the other is not written while `held` is locked.
+        let (mut rest, starts) = unsafe {
+            let starts = held.starts.bind(py).as_slice()?;
+            (receivers.bind(py).as_slice_mut()?, starts)
+        };
+        for (receiver, range) in (0u32..).zip(starts.windows(2)) {
+            let (mine, others) = rest.split_at_mut((range[1] - range[0]) as usize);
+            mine.fill(receiver);
+            rest = others;
+        }
+        held.receivers = Some(receivers.clone_ref(py));
+        Ok(receivers)
+    }
+
+    #[getter]
+    fn starts(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
+        Ok(self.held()?.starts.clone_ref(py))
+    }
+
+    #[getter]
+    fn radius(&self) -> PyResult<f32> {
+        Ok(self.held()?.radius)
+    }
+
+    #[pyo3(signature = (width=None, *, limit=256, out=None))]
+    fn padded<'py>(
+        &self,
+        py: Python<'py>,
+        width: Option<usize>,
+        limit: usize,
+        out: Option<Bound<'py, PyPaddedGraph>>,
+    ) -> PyResult<Bound<'py, PyPaddedGraph>> {
+        let held = self.held()?;
+        // SAFETY: neither is written while `held` is locked.
+        let (starts, senders) = unsafe {
+            let (starts, senders) = (held.starts.bind(py), held.senders.bind(py));
+            (starts.as_slice()?, &senders.as_slice()?[..held.edges])
+        };
+        PyPaddedGraph::write(py, starts, senders, width, limit, out)
+    }
+}

@@ -1,0 +1,41 @@
+//! Everything that can go wrong, with the values that a user needs to mend it.
+
+use thiserror::Error;
+
+/// Why a graph could not be built.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum GraphError {
+    /// A length that is none.
+    #[error("{name} must be finite and > 0 m, got {value}")]
+    Length { name: &'static str, value: f32 },
+    /// A point has no place.
+    #[error("x[{index}] must be finite, got {position:?}")]
+    Position { index: usize, position: Vec<f32> },
+    /// Arrays of points disagree.
+    #[error("types must have {points} entries, one a point of x, got {flags}")]
+    Flags { points: usize, flags: usize },
+    /// Indices of points are 31 bits wide.
+    #[error("x must have at most {limit} points, got {points}")]
+    Points { points: usize, limit: usize },
+    /// Memory for the edges would get out of hand.
+    #[error(
+        "the graph of {points} points has more than max_edges = {limit} edges: points have clumped, or the \
+         radius of {radius} m is too large; shorten it or raise max_edges"
+    )]
+    Edges {
+        points: usize,
+        radius: f32,
+        limit: usize,
+    },
+    /// Memory for the padded form would get out of hand, or the shape asked for is too narrow.
+    #[error(
+        "point {point} has {neighbors} neighbours, the padded form holds at most {limit} a point: points have \
+         clumped, or the radius is too large; shorten it or raise {argument}"
+    )]
+    Width {
+        point: usize,
+        neighbors: usize,
+        limit: usize,
+        argument: &'static str,
+    },
+}

@@ -1,0 +1,233 @@
+//! The neighbours of all points at one instant.
+
+use std::ops::Range;
+
+use team::Team;
+
+use crate::cells::CellList;
+use crate::error::GraphError;
+use crate::rank::{self, write_sorted};
+use crate::reach::Reach;
+use crate::rows::{Part, Rows, pieces};
+use crate::tile::{Found, Tile};
+
+/// Which pairs of points become edges.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// [m]
+    pub radius: f32,
+    /// Pairs at exactly the radius are joined too.
+    pub inclusive: bool,
+    /// Each point is a neighbour of itself.
+    pub self_edges: bool,
+    /// A graph with more edges is an error.
+    pub max_edges: u32,
+}
+
+impl Settings {
+    /// All pairs of different points at most `radius` apart.
+    pub fn new(radius: f32) -> Self {
+        Self {
+            radius,
+            inclusive: true,
+            self_edges: false,
+            max_edges: u32::MAX,
+        }
+    }
+}
+
+/// Finds graphs; what it allocates serves the next one too.
+#[derive(Debug)]
+pub struct Search<const D: usize> {
+    cells: CellList<D>,
+    rows: Rows,
+    /// Neighbours of the point in each slot.
+    lengths: Vec<u32>,
+}
+
+impl<const D: usize> Default for Search<D> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const D: usize> Search<D> {
+    pub fn new() -> Self {
+        Self {
+            cells: CellList::new(),
+            rows: Rows::default(),
+            lengths: Vec::new(),
+        }
+    }
+
+    /// Edges that memory is kept for, about.
+    pub fn capacity(&self) -> usize {
+        self.rows.capacity()
+    }
+
+    /// Finds the edges between points, N times D coordinates, and returns their number.
+    ///
+    /// Points that are `fixed`, N flags, are not joined to each other.
+    pub fn find(
+        &mut self,
+        points: &[f32],
+        fixed: Option<&[bool]>,
+        settings: &Settings,
+        team: &Team,
+    ) -> Result<usize, GraphError> {
+        check_length("radius", settings.radius)?;
+        check_points(points.len() / D)?;
+        check_fixed(fixed, points.len() / D)?;
+        self.cells.sort(points, settings.radius)?;
+        let Self {
+            cells,
+            rows,
+            lengths,
+        } = self;
+        let parts = slabs(cells, pieces(cells.points(), team));
+        lengths.resize(cells.points(), 0);
+        let sweep = Sweep {
+            cells,
+            filter: Filter {
+                points,
+                fixed,
+                reach: Reach::new(settings.radius, settings.inclusive),
+            },
+            settings,
+        };
+        let mut rest = lengths.as_mut_slice();
+        let mut jobs: Vec<_> = (parts.iter().cloned().zip(rows.empty_parts(parts.len())))
+            .map(|(range, part)| {
+                let slots = cells.slots(range.clone());
+                let (mine, others) = std::mem::take(&mut rest).split_at_mut(slots.len());
+                rest = others;
+                (range, part, mine)
+            })
+            .collect();
+        team.for_each(&mut jobs, |(range, part, lengths)| {
+            sweep.run(range.clone(), part, lengths);
+        });
+        rows.check_size(cells.points(), settings)?;
+        let slots = parts.into_iter().map(|range| cells.slots(range));
+        let found = slots.map(|slots| (&cells.order[slots.clone()], &lengths[slots]));
+        Ok(rows.locate(cells.points(), found))
+    }
+
+    /// The edges into point i that `find` found are `starts[i]` to `starts[i + 1]`; N + 1 numbers.
+    pub fn starts(&self) -> &[u32] {
+        &self.rows.starts
+    }
+
+    /// Writes the senders of all edges, by receiver, then ascending; `into` has as many places as `find` returned.
+    pub fn write_senders(&self, into: &mut [u32], team: &Team) {
+        self.rows.write(into, team);
+    }
+}
+
+/// Ranges of cells with about equally many points.
+fn slabs<const D: usize>(cells: &CellList<D>, count: usize) -> Vec<Range<usize>> {
+    let cut = |slab| match slab {
+        0 => 0,
+        _ if slab == count => cells.cells(),
+        _ => cells.cell_from(slab * cells.points() / count),
+    };
+    (0..count).map(|slab| cut(slab)..cut(slab + 1)).collect()
+}
+
+/// What all threads read.
+struct Sweep<'a, const D: usize> {
+    cells: &'a CellList<D>,
+    filter: Filter<'a, D>,
+    settings: &'a Settings,
+}
+
+impl<const D: usize> Sweep<'_, D> {
+    /// Finds the rows of the points in a range of cells.
+    fn run(&self, range: Range<usize>, part: &mut Part, lengths: &mut [u32]) {
+        let (mut tile, mut runs, mut row) = (Tile::new(), Vec::new(), Vec::new());
+        let mut lengths = lengths.iter_mut();
+        for cell in range {
+            let slots = self.cells.slots(cell..cell + 1);
+            if slots.is_empty() {
+                continue;
+            }
+            self.cells.runs_around(cell, &mut runs);
+            tile.fill(self.cells, &runs, slots.start);
+            row.resize(row.len().max(rank::room(tile.room())), 0);
+            for (n, (slot, length)) in slots.zip(&mut lengths).enumerate() {
+                let own = self.cells.order[slot] as usize;
+                let with_self = self.settings.self_edges;
+                let found = tile.scan(n, with_self, &self.filter.reach, &mut row);
+                let count = self.filter.keep(own, found, &mut row);
+                write_sorted(&row, count, part.room(count));
+                part.keep(count);
+                *length = count as u32;
+            }
+            if part.len() > self.settings.max_edges as usize {
+                return;
+            }
+        }
+    }
+}
+
+/// What becomes an edge of what a scan found.
+pub(crate) struct Filter<'a, const D: usize> {
+    pub points: &'a [f32],
+    pub fixed: Option<&'a [bool]>,
+    pub reach: Reach,
+}
+
+impl<const D: usize> Filter<'_, D> {
+    /// Moves the edges of a row to its front, in order, and returns their number.
+    pub fn keep(&self, own: usize, found: Found, row: &mut [u32]) -> usize {
+        let mut count = found.count;
+        if found.doubtful {
+            let x = &self.points[own * D..][..D];
+            let joined = |other: usize| self.reach.joins(x, &self.points[other * D..][..D]);
+            count = retain(&mut row[..count], joined);
+        }
+        match self.fixed {
+            Some(fixed) if fixed[own] => {
+                retain(&mut row[..count], |other| !fixed[other] || other == own)
+            }
+            _ => count,
+        }
+    }
+}
+
+/// Moves what is to be kept to the front, in order, and returns how many these are.
+fn retain(row: &mut [u32], keep: impl Fn(usize) -> bool) -> usize {
+    let mut count = 0;
+    for index in 0..row.len() {
+        let entry = row[index];
+        row[count] = entry;
+        count += usize::from(keep(entry as usize));
+    }
+    count
+}
+
+pub(crate) fn check_length(name: &'static str, value: f32) -> Result<(), GraphError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(GraphError::Length { name, value })
+    }
+}
+
+pub(crate) fn check_fixed(fixed: Option<&[bool]>, points: usize) -> Result<(), GraphError> {
+    match fixed {
+        Some(fixed) if fixed.len() != points => Err(GraphError::Flags {
+            points,
+            flags: fixed.len(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn check_points(points: usize) -> Result<(), GraphError> {
+    let limit = i32::MAX as usize;
+    if points > limit {
+        return Err(GraphError::Points { points, limit });
+    }
+    Ok(())
+}

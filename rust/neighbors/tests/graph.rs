@@ -1,0 +1,224 @@
+//! Graphs against the comparison of all pairs, whatever the cloud of points.
+
+use neighbors::{GraphError, Search, Settings, VerletList, most_neighbors, write_padded};
+use proptest::prelude::*;
+use team::Team;
+
+#[derive(Debug, PartialEq)]
+struct Graph {
+    starts: Vec<u32>,
+    senders: Vec<u32>,
+}
+
+/// All pairs, in double precision.
+fn brute_force<const D: usize>(x: &[f32], fixed: Option<&[bool]>, settings: &Settings) -> Graph {
+    let (points, _) = x.as_chunks::<D>();
+    let radius_squared = f64::from(settings.radius).powi(2);
+    let mut graph = Graph {
+        starts: vec![0],
+        senders: Vec::new(),
+    };
+    for (i, a) in points.iter().enumerate() {
+        for (j, b) in points.iter().enumerate() {
+            let squared: f64 = (0..D)
+                .map(|axis| (f64::from(a[axis]) - f64::from(b[axis])).powi(2))
+                .sum();
+            let near =
+                squared < radius_squared || (settings.inclusive && squared == radius_squared);
+            let joined = if i == j {
+                settings.self_edges
+            } else {
+                near && !fixed.is_some_and(|fixed| fixed[i] && fixed[j])
+            };
+            if joined {
+                graph.senders.push(j as u32);
+            }
+        }
+        graph.starts.push(graph.senders.len() as u32);
+    }
+    graph
+}
+
+fn search<const D: usize>(
+    search: &mut Search<D>,
+    x: &[f32],
+    fixed: Option<&[bool]>,
+    settings: &Settings,
+    team: &Team,
+) -> Graph {
+    let edges = search.find(x, fixed, settings, team).unwrap();
+    let mut senders = vec![0; edges];
+    search.write_senders(&mut senders, team);
+    Graph {
+        starts: search.starts().to_vec(),
+        senders,
+    }
+}
+
+/// Coordinates of up to 150 points: a coarse lattice makes coincident points and distances of exactly the radius,
+/// small scales clump, and some are far away.
+fn clouds(dim: usize) -> impl Strategy<Value = Vec<f32>> {
+    let coordinate = prop_oneof![
+        8 => (0i32..40).prop_map(|k| k as f32 / 32.0),
+        8 => 0.0f32..1.0,
+        4 => 0.5f32..0.51,
+        1 => Just(-3.0e3f32),
+    ];
+    let clump = (0usize..150).prop_map(move |count| vec![0.25; count * dim]);
+    let cloud = prop::collection::vec(prop::collection::vec(coordinate, dim), 0..150)
+        .prop_map(|points| points.concat());
+    prop_oneof![15 => cloud, 1 => clump]
+}
+
+fn settings() -> impl Strategy<Value = Settings> {
+    let radius = prop_oneof![
+        Just(1.0f32 / 32.0),
+        Just(1.0 / 16.0),
+        0.001f32..3.0,
+        Just(1.0e-20),
+        Just(1.0e20)
+    ];
+    (radius, any::<bool>(), any::<bool>()).prop_map(|(radius, inclusive, self_edges)| Settings {
+        inclusive,
+        self_edges,
+        ..Settings::new(radius)
+    })
+}
+
+fn same_as_brute_force<const D: usize>(x: &[f32], settings: &Settings, flags: u64) {
+    let fixed: Vec<bool> = (0..x.len() / D)
+        .map(|i| flags >> (i % 64) & 1 == 1)
+        .collect();
+    let (one, three) = (Team::new(1).unwrap(), Team::new(3).unwrap());
+    let mut reused = Search::<D>::new();
+    for fixed in [None, Some(fixed.as_slice())] {
+        let expected = brute_force::<D>(x, fixed, settings);
+        assert_eq!(search(&mut reused, x, fixed, settings, &one), expected);
+        assert_eq!(search(&mut reused, x, fixed, settings, &three), expected);
+    }
+}
+
+proptest! {
+    #[test]
+    fn equals_brute_force_2d(x in clouds(2), settings in settings(), flags: u64) {
+        same_as_brute_force::<2>(&x, &settings, flags);
+    }
+
+    #[test]
+    fn equals_brute_force_3d(x in clouds(3), settings in settings(), flags: u64) {
+        same_as_brute_force::<3>(&x, &settings, flags);
+    }
+
+    #[test]
+    fn verlet_list_equals_a_fresh_graph(
+        x in clouds(2), settings in settings(), skin in 0.001f32..0.5, steps in prop::collection::vec(-0.2f32..0.2, 12)
+    ) {
+        let team = Team::new(2).unwrap();
+        let mut list = VerletList::<2>::new(settings, skin).unwrap();
+        let (mut x, mut fresh) = (x, Search::<2>::new());
+        for (frame, step) in steps.into_iter().enumerate() {
+            for (i, s) in x.iter_mut().enumerate() {
+                *s += step * skin * ((i + frame) % 5) as f32;
+            }
+            let expected = search(&mut fresh, &x, None, &settings, &team);
+            let edges = list.find(&x, None, &team).unwrap();
+            let mut senders = vec![0; edges];
+            list.write_senders(&mut senders, &team);
+            prop_assert_eq!(Graph { starts: list.starts().to_vec(), senders }, expected);
+        }
+    }
+}
+
+/// A jittered lattice with several thousand points, more than one piece of work for each thread.
+fn jittered<const D: usize>(per_axis: usize) -> Vec<f32> {
+    let mut state = 1u64;
+    let mut jitter = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 40) as f32 / 16_777_216.0
+    };
+    (0..per_axis.pow(D as u32))
+        .flat_map(|flat| {
+            std::array::from_fn::<_, D, _>(|axis| {
+                let site = flat / per_axis.pow(axis as u32) % per_axis;
+                (site as f32 + 0.8 * jitter()) / per_axis as f32
+            })
+        })
+        .collect()
+}
+
+#[test]
+fn threads_do_not_change_a_large_graph() {
+    fn check<const D: usize>(x: &[f32], radius: f32) {
+        let settings = Settings::new(radius);
+        let mut reused = Search::<D>::new();
+        let expected = brute_force::<D>(x, None, &settings);
+        for threads in [1, 2, 4] {
+            let team = Team::new(threads).unwrap();
+            assert_eq!(search(&mut reused, x, None, &settings, &team), expected);
+        }
+    }
+    check::<2>(&jittered::<2>(60), 0.05);
+    check::<3>(&jittered::<3>(15), 0.14);
+}
+
+#[test]
+fn candidates_serve_until_a_point_has_moved_half_the_skin() {
+    let team = Team::new(1).unwrap();
+    let mut list = VerletList::<2>::new(Settings::new(0.05), 0.02).unwrap();
+    let mut x = jittered::<2>(20);
+    for (moved, rebuilds) in [(0.0, 1), (0.009, 1), (0.0009, 1), (0.0009, 2), (0.009, 2)] {
+        x[17] += moved;
+        list.find(&x, None, &team).unwrap();
+        assert_eq!(list.rebuilds(), rebuilds, "after {moved} m");
+    }
+    list.find(&x[2..], None, &team).unwrap();
+    assert_eq!(list.rebuilds(), 3);
+    x[3] = f32::NAN;
+    assert!(list.find(&x, None, &team).is_err());
+}
+
+#[test]
+fn padded_rows_hold_the_senders_and_then_the_point_itself() {
+    let (starts, senders) = ([0, 2, 2, 3], [1, 2, 0]);
+    assert_eq!(most_neighbors(&starts, 2, "limit"), Ok(2));
+    let (mut neighbors, mut mask) = ([9; 6], [false; 6]);
+    write_padded(&starts, &senders, 2, &mut neighbors, &mut mask);
+    assert_eq!(neighbors, [1, 2, 1, 1, 0, 2]);
+    assert_eq!(mask, [true, true, false, false, true, false]);
+    let error = most_neighbors(&starts, 1, "limit").unwrap_err().to_string();
+    assert!(error.starts_with("point 0 has 2 neighbours") && error.ends_with("raise limit"));
+}
+
+#[test]
+fn nonsense_is_named() {
+    let team = Team::new(1).unwrap();
+    let error = |x: &[f32], fixed: Option<&[bool]>, settings: &Settings| {
+        let error = Search::<2>::new().find(x, fixed, settings, &team);
+        error.unwrap_err()
+    };
+    assert_eq!(
+        error(&[], None, &Settings::new(0.0)).to_string(),
+        "radius must be finite and > 0 m, got 0"
+    );
+    let bad = error(&[0.0, 0.0, f32::NAN, 0.0], None, &Settings::new(1.0));
+    assert!(bad.to_string().starts_with("x[1] must be finite"));
+    assert_eq!(
+        error(&[0.0; 4], Some(&[true]), &Settings::new(1.0)),
+        GraphError::Flags {
+            points: 2,
+            flags: 1
+        }
+    );
+    let few = Settings {
+        max_edges: 5,
+        ..Settings::new(1.0)
+    };
+    let edges = error(&[0.0; 6], None, &few).to_string();
+    assert!(edges.contains("3 points has more than max_edges = 5"));
+    for (radius, skin) in [(0.1, 0.0), (f32::NAN, 0.1), (3.0e38, 3.0e38)] {
+        let refused = VerletList::<3>::new(Settings::new(radius), skin);
+        assert!(matches!(refused, Err(GraphError::Length { .. })));
+    }
+}
