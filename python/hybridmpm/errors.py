@@ -19,6 +19,7 @@ from hybridmpm._native import (
 __all__ = [
     "BatchError",
     "ConfigError",
+    "DataError",
     "DomainError",
     "ExportError",
     "InvertedError",
@@ -66,6 +67,10 @@ class SketchError(ConfigError):
 
 class ExportError(SimulationError):
     """A result could not be written: unknown format, missing encoder or a folder that refuses it."""
+
+
+class DataError(SimulationError, ValueError):
+    """A data set is damaged, incomplete or foreign; the message names file and key."""
 
 
 class ThinObstacleWarning(UserWarning):
