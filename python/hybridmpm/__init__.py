@@ -3,12 +3,13 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, metrics, scenarios
+from hybridmpm import control, data, metrics, scenarios
 from hybridmpm._native import Diagnostics, FrameReport, RadiusGraph, __version__, radius_graph
 from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
     BatchError,
     ConfigError,
+    DataError,
     DomainError,
     ExportError,
     InvertedError,
@@ -44,6 +45,7 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "ConfigError",
+    "DataError",
     "Diagnostics",
     "DomainError",
     "Elastic",
@@ -73,6 +75,7 @@ __all__ = [
     "Water",
     "__version__",
     "control",
+    "data",
     "metrics",
     "radius_graph",
     "scenarios",

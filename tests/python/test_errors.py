@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, Box, MpmBatch, MpmSolver, Scene, errors, export, metrics, scenarios
+from hybridmpm import Ball, Box, MpmBatch, MpmSolver, Scene, data, errors, export, metrics, scenarios
 from hybridmpm.control import parse_png
 
 DROP = Scene(dim=2, resolution=64, bodies=(Ball(material="water", center=(0.5, 0.6), radius=0.06),))
@@ -49,6 +49,7 @@ def collide_in_a_batch() -> None:
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
+    "DataError": (lambda: data.detect(Path("nowhere")), "nowhere is no folder"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
     "InvertedError": (collide, r"particle \d+ reached volume ratio J = -.* in frame 0"),
@@ -89,7 +90,14 @@ def test_the_substeps_that_the_error_asks_for_are_the_fewest_that_are_taken() ->
 
 
 def test_bad_input_is_a_value_error() -> None:
-    for name in ("ConfigError", "SceneError", "SketchError", "SnapshotError", "UnknownScenarioError"):
+    for name in (
+        "ConfigError",
+        "DataError",
+        "SceneError",
+        "SketchError",
+        "SnapshotError",
+        "UnknownScenarioError",
+    ):
         assert issubclass(getattr(errors, name), ValueError)
 
 
