@@ -183,13 +183,14 @@ def test_resumes_after_kill_9(tmp_path: Path, scene_file: Path) -> None:
 
 def test_an_interrupt_stops_soon_and_keeps_what_is_done(tmp_path: Path, scene_file: Path) -> None:
     folder = tmp_path / "interrupted"
-    arguments = command(folder, scene_file, "--frames", 200_000, "--stride", 1000)
-
-    def heed() -> None:
-        # Python ignores the signal where its parent did, as shells do for what they run in the background.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    process = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, preexec_fn=heed)
+    words = command(folder, scene_file, "--frames", 200_000, "--stride", 1000)
+    # Python ignores the signal where its parent did, as shells do for what they run in the background.
+    heeding = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); import hybridmpm.cli as c"
+    )
+    process = subprocess.Popen(
+        [words[0], "-c", f"{heeding}; c.main()", *words[3:]], stderr=subprocess.PIPE, text=True
+    )
     while not (folder / "shards" / "recipe.json").exists():
         time.sleep(0.01)
     time.sleep(1.0)
