@@ -22,6 +22,14 @@ DROPS: dict[str, Any] = {
     "obstacles": [{"shape": "segment", "start": [0.3, 0.2], "end": [0.6, 0.3], "thickness": 0.04}],
 }
 
+SOME_TOO_STIFF: dict[str, Any] = {
+    **DROPS,
+    "bodies": [
+        {**DROPS["bodies"][0], "material": {"kind": "sand", "youngs_modulus": {"choice": [1e6, 1e11]}}}
+    ],
+}
+"""With 20 substeps a frame: far too few for the stiff sand, more than enough for the other."""
+
 
 @pytest.fixture(scope="session")
 def drops() -> data.Recipe:
