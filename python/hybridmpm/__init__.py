@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, downsampling, metrics, scenarios
+from hybridmpm import control, data, downsampling, metrics, scenarios
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
@@ -17,6 +17,7 @@ from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
     BatchError,
     ConfigError,
+    DataError,
     DomainError,
     ExportError,
     GraphSizeError,
@@ -62,6 +63,7 @@ __all__ = [
     "BoxObstacle",
     "BoxSink",
     "ConfigError",
+    "DataError",
     "Diagnostics",
     "DomainError",
     "Elastic",
@@ -97,6 +99,7 @@ __all__ = [
     "Water",
     "__version__",
     "control",
+    "data",
     "downsampling",
     "metrics",
     "radius_graph",

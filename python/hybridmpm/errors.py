@@ -20,6 +20,7 @@ from hybridmpm._native import (
 __all__ = [
     "BatchError",
     "ConfigError",
+    "DataError",
     "DomainError",
     "ExportError",
     "GraphSizeError",
@@ -68,6 +69,10 @@ class SketchError(ConfigError):
 
 class ExportError(SimulationError):
     """A result could not be written: unknown format, missing encoder or a folder that refuses it."""
+
+
+class DataError(SimulationError, ValueError):
+    """A data set is damaged, incomplete or foreign; the message names file and key."""
 
 
 class ThinObstacleWarning(UserWarning):

@@ -32,7 +32,7 @@ WALLS_APART = 4
 """Cells between opposite walls, so that no grid node feels both."""
 _MAX_RESOLUTION_3D = 256
 """A dense grid above this would take gigabytes."""
-_YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
+YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
 """The loader lets errors of its conversions through: of a date in month 13, or of `!!bool maybe`."""
 
 
@@ -277,7 +277,7 @@ class Scene(Record):
         """Read a scene from YAML; raises `SceneError`, also where the text is not YAML."""
         try:
             data = yaml.safe_load(text)
-        except _YAML_ERRORS as error:
+        except YAML_ERRORS as error:
             raise SceneError(f"the scene is not YAML: {' '.join(str(error).split())}") from None
         return cls.parse(data)
 

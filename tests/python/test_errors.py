@@ -14,6 +14,7 @@ from hybridmpm import (
     MpmBatch,
     MpmSolver,
     Scene,
+    data,
     errors,
     export,
     metrics,
@@ -65,6 +66,7 @@ def clump() -> None:
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
+    "DataError": (lambda: data.detect(Path("nowhere")), "nowhere is no folder"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
     "GraphSizeError": (
@@ -109,7 +111,14 @@ def test_the_substeps_that_the_error_asks_for_are_the_fewest_that_are_taken() ->
 
 
 def test_bad_input_is_a_value_error() -> None:
-    for name in ("ConfigError", "SceneError", "SketchError", "SnapshotError", "UnknownScenarioError"):
+    for name in (
+        "ConfigError",
+        "DataError",
+        "SceneError",
+        "SketchError",
+        "SnapshotError",
+        "UnknownScenarioError",
+    ):
         assert issubclass(getattr(errors, name), ValueError)
 
 

@@ -11,11 +11,12 @@ import click
 
 from hybridmpm import __version__
 from hybridmpm.cli.bench import bench
+from hybridmpm.cli.dataset import dataset
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
 from hybridmpm.cli.validate import validate
-from hybridmpm.errors import ConfigError, SimulationError, SnapshotError
+from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]
 
@@ -35,7 +36,7 @@ class _Commands(click.Group):
         except click.UsageError as error:
             usage = error.ctx.command_path if error.ctx else ctx.command_path
             raise _BadInput(f"{error.format_message()} See {usage} --help") from None
-        except (ConfigError, SnapshotError) as error:
+        except (ConfigError, DataError, SnapshotError) as error:
             raise _BadInput(_one_line(error)) from None
         except SimulationError as error:
             raise click.ClickException(_one_line(error)) from None
@@ -54,7 +55,7 @@ def cli() -> None:
     """Real-time, interactive particle fluids."""
 
 
-for command in (simulate, scenarios, schema, serve, bench, validate, doctor):
+for command in (simulate, dataset, scenarios, schema, serve, bench, validate, doctor):
     cli.add_command(command)
 
 

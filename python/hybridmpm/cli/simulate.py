@@ -14,7 +14,9 @@ from hybridmpm.scene import Scene
 from hybridmpm.snapshots import Substeps
 
 
-class _SubstepsType(click.ParamType[Substeps, object]):
+class SubstepsType(click.ParamType[Substeps, object]):
+    """A rule for substeps, or their number."""
+
     name = "cfl|reference|INT"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Substeps:
@@ -52,7 +54,7 @@ class _SubstepsType(click.ParamType[Substeps, object]):
 )
 @click.option(
     "--substeps",
-    type=_SubstepsType(),
+    type=SubstepsType(),
     default="cfl",
     show_default=True,
     help="Substeps a frame: by the CFL bound, the ground truth's rule, or a fixed number.",

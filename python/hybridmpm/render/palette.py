@@ -17,6 +17,8 @@ FAST = 2.5
 """Speed [m/s] at the bright end of the ramps."""
 
 _RAMPS: dict[int, tuple[tuple[float, float, float], ...]] = {
+    0: ((0.42, 0.30, 0.52), (0.52, 0.40, 0.62), (0.64, 0.54, 0.74), (0.80, 0.74, 0.88)),
+    3: ((0.40, 0.45, 0.55), (0.40, 0.45, 0.55), (0.50, 0.56, 0.66), (0.62, 0.68, 0.78)),
     5: ((0.05, 0.24, 0.58), (0.09, 0.45, 0.85), (0.30, 0.70, 0.98), (0.80, 0.95, 1.00)),
     6: ((0.66, 0.47, 0.22), (0.78, 0.58, 0.29), (0.89, 0.70, 0.39), (0.97, 0.84, 0.56)),
     7: ((0.10, 0.42, 0.24), (0.16, 0.58, 0.32), (0.34, 0.75, 0.42), (0.70, 0.93, 0.62)),
@@ -24,7 +26,7 @@ _RAMPS: dict[int, tuple[tuple[float, float, float], ...]] = {
 
 
 def by_speed(kind: int, speed: npt.NDArray[np.floating]) -> Colors:
-    """Colour of material `kind` (5 water, 6 sand, 7 elastic) at speeds [m/s] of any shape; adds RGB."""
+    """Colour of a type (0 rigid, 3 kinematic, 5 water, 6 sand, 7 elastic) at speeds [m/s]; adds RGB."""
     ramp = np.array(_RAMPS[kind], dtype=np.float32)
     stops = np.linspace(0.0, FAST, len(ramp))
     return np.stack([np.interp(speed, stops, ramp[:, channel]) for channel in range(3)], axis=-1).astype(

@@ -1,0 +1,38 @@
+"""Data sets of trajectories: made from scenarios, described, drawn, and converted between formats.
+
+`plan` and `generate` make the trajectories of a `Recipe`; `FORMATS[name].read(folder, split, None)` yields
+them back, and those of other projects' data sets, as `Trajectory`. docs/datasets.md describes the files. HDF5
+needs h5py: `pip install 'hybridmpm[data]'`.
+"""
+
+from hybridmpm.data.convert import Converted, convert
+from hybridmpm.data.executors import RayTasks, Threads
+from hybridmpm.data.formats import FORMATS, Format, detect
+from hybridmpm.data.generate import Plan, Report, generate, plan
+from hybridmpm.data.recipe import Recipe
+from hybridmpm.data.simulate import simulate
+from hybridmpm.data.splits import Seeds
+from hybridmpm.data.statistics import Statistics, statistics
+from hybridmpm.data.template import SceneTemplate
+from hybridmpm.data.trajectory import Trajectory
+
+__all__ = [
+    "FORMATS",
+    "Converted",
+    "Format",
+    "Plan",
+    "RayTasks",
+    "Recipe",
+    "Report",
+    "SceneTemplate",
+    "Seeds",
+    "Statistics",
+    "Threads",
+    "Trajectory",
+    "convert",
+    "detect",
+    "generate",
+    "plan",
+    "simulate",
+    "statistics",
+]

@@ -1,0 +1,91 @@
+"""From one format to another, a trajectory at a time."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hybridmpm.data import metadata
+from hybridmpm.data.formats import Format
+from hybridmpm.data.particle_types import NAMES, SAME, TO_LAGRANGEBENCH
+from hybridmpm.data.statistics import Statistics
+from hybridmpm.data.trajectory import Trajectory
+from hybridmpm.errors import ConfigError, DataError, ExportError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Converted:
+    """What a conversion did."""
+
+    trajectories: dict[str, int]
+    """By split."""
+    lost: tuple[str, ...]
+    """What the target cannot hold: of "force", "mass" and "scene"."""
+
+
+def convert(
+    source: Path,
+    origin: Format,
+    out: Path,
+    target: Format,
+    *,
+    on_progress: Callable[[int], object] = lambda _count: None,
+) -> Converted:
+    """Write the data set in `source` to a new folder `out`.
+
+    Positions keep their bits, particle types are translated, `metadata.json` keeps what it says and gains the
+    keys that the target's readers look for.
+
+    Raises
+    ------
+    ConfigError
+        The target is only read, or `out` holds something.
+    DataError
+        The source is damaged or incomplete; the message names file and key.
+    ExportError
+        A file cannot be written. Splits done before are whole.
+    """
+    if target.write is None:
+        raise ConfigError(f"the format {target.name} is only read; choose another one to write")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ConfigError(f"{out} is not empty; choose a new folder")
+    about = metadata.read(source)
+    splits = origin.splits(source)
+    if not splits:
+        raise DataError(f"{source} holds no split in the format {origin.name}: {origin.text}")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"cannot write {out}: {error.strerror or error}") from error
+    present: set[str] = set()
+    statistics = {split: Statistics() for split in splits}
+    for split in splits:
+
+        def watched(split: str = split) -> Iterator[Trajectory]:
+            for trajectory in origin.read(source, split, None):
+                statistics[split].add(trajectory)
+                present.update(
+                    key for key in ("force", "mass", "scene") if getattr(trajectory, key) is not None
+                )
+                yield trajectory
+                on_progress(1)
+
+        target.write(out, split, watched())
+    ours = {**about.get("hybridmpm", {}), "format": target.name, "type_names": _type_names(target)}
+    metadata.write(
+        out,
+        {
+            **statistics[splits[0]].metadata(),
+            **about,
+            **metadata.lagrangebench_keys(statistics),
+            "hybridmpm": ours,
+        },
+    )
+    return Converted(
+        trajectories={split: part.trajectories for split, part in statistics.items()},
+        lost=tuple(sorted(present - target.keeps)),
+    )
+
+
+def _type_names(target: Format) -> dict[str, str]:
+    table = TO_LAGRANGEBENCH if target.name == "lagrangebench" else SAME
+    return {str(table[number]): name for number, name in NAMES.items()}

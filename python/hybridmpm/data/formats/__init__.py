@@ -1,0 +1,41 @@
+"""The formats that data sets come in, and how to tell them apart."""
+
+import json
+from pathlib import Path
+
+from hybridmpm.data.formats.gns import GNS
+from hybridmpm.data.formats.groups import HYBRIDMPM, LAGRANGEBENCH
+from hybridmpm.data.formats.layout import Format
+from hybridmpm.data.formats.neuralmpm import NEURALMPM
+from hybridmpm.data.formats.tfrecord import DEEPMIND
+from hybridmpm.errors import DataError
+
+__all__ = ["FORMATS", "Format", "detect"]
+
+FORMATS = {form.name: form for form in (HYBRIDMPM, LAGRANGEBENCH, GNS, NEURALMPM, DEEPMIND)}
+
+
+def detect(folder: Path) -> Format:
+    """Tell the format of a folder by its files, and by what its metadata say where these do not decide.
+
+    Raises
+    ------
+    DataError
+        There is no data set, or it is in LagrangeBench's layout and nothing tells whose particle types
+        it has.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder; a data set is a folder with metadata.json and its splits")
+    for form in (DEEPMIND, GNS, NEURALMPM):
+        if form.splits(folder):
+            return form
+    if not HYBRIDMPM.splits(folder):
+        raise DataError(f"{folder} holds no split of any known format: {', '.join(FORMATS)}")
+    try:
+        name = json.loads((folder / "metadata.json").read_text(encoding="utf-8"))["hybridmpm"]["format"]
+        return FORMATS[name]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise DataError(
+            f"{folder} has LagrangeBench's layout, but nothing tells whose particle types: name the format "
+            "lagrangebench (3 is a rigid body) or hybridmpm (DeepMind's, 3 is kinematic)"
+        ) from None

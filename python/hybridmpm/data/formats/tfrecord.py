@@ -1,0 +1,177 @@
+"""DeepMind's tfrecords, read without tensorflow: the framing of the records and the few protocol buffers.
+
+A record is a length (8 bytes), its checksum (4), a `SequenceExample` and its checksum (4). Its context holds
+`particle_type` as the bytes of int64 (N,), its feature list `position` one string of float32 (N D) a frame
+(Sanchez-Gonzalez et al. 2020, reading_utils.py). Checksums are those of the lengths; a damaged example shows
+in its sizes.
+"""
+
+import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from hybridmpm.data import metadata
+from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
+from hybridmpm.data.particle_types import SAME, translated
+from hybridmpm.data.trajectory import Place, Trajectory
+from hybridmpm.errors import DataError
+
+_LENGTH = struct.Struct("<QI")
+_MASK = 0xA282EAD8
+_POLYNOMIAL = 0x82F63B78
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+
+
+def crc32c(data: bytes) -> int:
+    """CRC-32C (Castagnoli) of a few bytes; bit by bit, so not for many."""
+    crc = 0xFFFFFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (_POLYNOMIAL if crc & 1 else 0)
+    return crc ^ 0xFFFFFFFF
+
+
+def masked(crc: int) -> int:
+    """Return a checksum as records hold it, rotated and shifted."""
+    return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
+
+
+def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, int]]:
+    """Yield place and length of each record's data; leaves reading them to the caller."""
+    size = path.stat().st_size
+    start, number = 0, 0
+    while start < size:
+        file.seek(start)
+        head = file.read(_LENGTH.size)
+        length, checksum = _LENGTH.unpack(head) if len(head) == _LENGTH.size else (0, None)
+        if checksum != masked(crc32c(head[:8])):
+            raise DataError(f"{path}: record {number} is damaged: the checksum of its length does not match")
+        start += _LENGTH.size
+        if start + length + 4 > size:
+            raise DataError(f"{path}: record {number} is cut off")
+        yield start, length
+        start, number = start + length + 4, number + 1
+
+
+def _fields(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+    """Yield number and content of each length-delimited field of a message; others are skipped."""
+    at = 0
+    while at < len(data):
+        tag, at = _varint(data, at)
+        kind = tag & 7
+        if kind == _VARINT:
+            _, at = _varint(data, at)
+        elif kind == _BYTES:
+            length, at = _varint(data, at)
+            if at + length > len(data):
+                raise ValueError("a field is cut off")
+            yield tag >> 3, data[at : at + length]
+            at += length
+        elif kind in {_FIXED64, _FIXED32}:
+            at += 8 if kind == _FIXED64 else 4
+        else:
+            raise ValueError(f"a field of unknown kind {kind}")
+
+
+def _varint(data: memoryview, at: int) -> tuple[int, int]:
+    value = 0
+    for shift in range(0, 70, 7):
+        if at >= len(data):
+            raise ValueError("a number is cut off")
+        value |= (data[at] & 0x7F) << shift
+        at += 1
+        if data[at - 1] < 0x80:
+            return value, at
+    raise ValueError("a number is too long")
+
+
+def _map(data: memoryview) -> dict[str, memoryview]:
+    """Entries of a `map<string, message>`, the first field of both Features and FeatureLists."""
+    entries = {}
+    for number, entry in _fields(data):
+        if number == 1:
+            parts = dict(_fields(entry))
+            entries[bytes(parts[1]).decode()] = parts.get(2, memoryview(b""))
+    return entries
+
+
+def _strings(feature: memoryview) -> list[memoryview]:
+    """Values of a Feature that holds a BytesList."""
+    lists = dict(_fields(feature))
+    if 1 not in lists:
+        raise ValueError("a feature holds no bytes")
+    return [value for number, value in _fields(lists[1]) if number == 1]
+
+
+def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Trajectory:
+    where = f"{path}: record {number}"
+    try:
+        parts = dict(_fields(memoryview(data)))
+        context, lists = _map(parts.get(1, memoryview(b""))), _map(parts.get(2, memoryview(b"")))
+    except (ValueError, KeyError) as error:
+        raise DataError(f"{where} is damaged or no SequenceExample: {error}") from None
+    for key, there in (("particle_type", context), ("position", lists)):
+        if key not in there:
+            raise DataError(
+                f"{where}: the key {key} is missing; the record holds {', '.join(there) or 'nothing'}"
+            )
+    try:
+        types = np.frombuffer(_strings(context["particle_type"])[0], "<i8").astype(np.int64)
+        frames = [_strings(feature)[0] for number, feature in _fields(lists["position"]) if number == 1]
+    except (ValueError, KeyError, IndexError) as error:
+        raise DataError(f"{where} is damaged: {error}") from None
+    sizes = {len(frame) for frame in frames}
+    if len(sizes) != 1 or sizes != {4 * dim * len(types)}:
+        counts = ", ".join(f"{size / (4 * dim):g}" for size in sorted(sizes)[:4]) or "none"
+        raise DataError(f"{where}: position must hold {len(types)} particles in every frame, got {counts}")
+    if len(frames) != states:
+        raise DataError(
+            f"{where}: position must have sequence_length + 1 = {states} frames, as metadata.json says, got "
+            f"{len(frames)}"
+        )
+    return Trajectory(
+        positions=np.stack([np.frombuffer(frame, "<f4").reshape(-1, dim) for frame in frames]).astype(
+            np.float32
+        ),
+        types=translated(types, SAME, where=f"{where}: particle_type"),
+        place=Place(where),
+    )
+
+
+def _file(folder: Path, split: str) -> Path:
+    path = folder / f"{split}.tfrecord"
+    if not path.is_file():
+        raise DataError(f"{path} does not exist")
+    return path
+
+
+def _count(folder: Path, split: str) -> int:
+    path = _file(folder, split)
+    with path.open("rb") as file:
+        return sum(1 for _ in _records(file, path))
+
+
+def _read(folder: Path, split: str, numbers: Iterable[int] | None) -> Iterator[Trajectory]:
+    path = _file(folder, split)
+    about = metadata.read(folder)
+    wanted = None if numbers is None else chosen(numbers, _count(folder, split), path)
+    with path.open("rb") as file:
+        for number, (start, length) in enumerate(_records(file, path)):
+            if wanted is None or number in wanted:
+                file.seek(start)
+                yield _example(file.read(length), path, number, about["dim"], about["sequence_length"] + 1)
+
+
+DEEPMIND = Format(
+    name="deepmind",
+    text='tfrecords of DeepMind\'s "Learning to Simulate": {train,valid,test}.tfrecord; read only',
+    splits=files_as_splits(".tfrecord"),
+    count=_count,
+    read=_read,
+    write=None,
+    keeps=frozenset(),
+)

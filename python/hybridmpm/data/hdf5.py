@@ -1,0 +1,171 @@
+"""Reading and writing trajectories as HDF5 groups, with errors that name file and key.
+
+h5py is imported on first use: the extra `data` installs it, and nothing else of the library needs it.
+"""
+
+import importlib
+import io
+import os
+import re
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.data.trajectory import Place, Trajectory
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.scene import Scene
+
+_CHUNK_BYTES = 2**18
+"""Of a chunk before compression: a training sample of 7 frames then touches few of them."""
+_LEVEL = 1
+"""Of gzip: with the bytes shuffled, higher levels gain little and take several times as long."""
+
+
+def h5py() -> Any:
+    """Return the module, or raise `ConfigError` saying how to install it."""
+    try:
+        return importlib.import_module("h5py")
+    except ImportError:
+        raise ConfigError("data sets need h5py; install it with: pip install 'hybridmpm[data]'") from None
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[Any]:
+    """Open a file to read; raises `DataError` naming it where it is damaged, cut off or no HDF5."""
+    module = h5py()
+    if not path.is_file():
+        raise DataError(f"{path} does not exist")
+    try:
+        file = module.File(path, "r")
+    except OSError as error:
+        raise DataError(f"{path} is no HDF5 file, or damaged or cut off: {error}") from None
+    with file:
+        yield file
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Any]:
+    """Create a file; raises OSError with the system's own reason where that fails, also on closing."""
+    try:
+        with h5py().File(path, "w") as file:
+            yield file
+    except (OSError, RuntimeError) as error:
+        number = re.search(r"errno = (\d+)", str(error))
+        if number is None and isinstance(error, RuntimeError):
+            # h5py reports what HDF5 could not flush as RuntimeError.
+            raise OSError(f"HDF5 could not write it: {error}") from error
+        if number is None:
+            raise
+        raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
+
+
+def read_array(file: Any, key: str, path: Path) -> npt.NDArray[Any]:
+    """Read one array; raises `DataError` naming file and key where it is missing, damaged or no numbers."""
+    found = file.get(key)
+    if not isinstance(found, h5py().Dataset):
+        there = ", ".join(list(file)[:8]) or "nothing"
+        raise DataError(f"{path}: the key {key} is missing; the file holds {there}")
+    if found.dtype.kind not in "iuf":
+        raise DataError(f"{path}: {key} must hold numbers, got {found.dtype}")
+    try:
+        return np.asarray(found[()])
+    except (OSError, RuntimeError) as error:
+        raise DataError(f"{path}: {key} is damaged: {error}") from None
+
+
+def read_text(file: Any, key: str, path: Path) -> str | None:
+    """Read a string, None where there is none; raises `DataError` naming file and key."""
+    if key not in file:
+        return None
+    try:
+        return str(file[key].asstr()[()])
+    except (OSError, RuntimeError, TypeError, AttributeError) as error:
+        raise DataError(f"{path}: {key} is damaged or no text: {error}") from None
+
+
+def write_array(group: Any, key: str, array: npt.NDArray[Any]) -> None:
+    """Write an array; one of frames is compressed in chunks of several."""
+    if array.ndim < 3 or array.size == 0:
+        group.create_dataset(key, data=array)
+        return
+    frames = max(1, min(len(array), _CHUNK_BYTES // (array.itemsize * array[0].size)))
+    made = group.create_dataset(
+        key,
+        shape=array.shape,
+        dtype=array.dtype,
+        chunks=(frames, *array.shape[1:]),
+        compression="gzip",
+        compression_opts=_LEVEL,
+        shuffle=True,
+    )
+    # zlib lets other threads run, HDF5's own compression holds the one lock of h5py.
+    for start in range(0, len(array), frames):
+        chunk = array[start : start + frames]
+        missing = np.zeros((frames - len(chunk), *array.shape[1:]), array.dtype)
+        made.id.write_direct_chunk((start, 0, 0), _filtered(np.concatenate([chunk, missing])))
+
+
+def _filtered(chunk: npt.NDArray[Any]) -> bytes:
+    """Shuffle and compress as HDF5's filters of these names do: first bytes first, then the second ones."""
+    by_byte = chunk.view(np.uint8).reshape(-1, chunk.itemsize).T
+    return zlib.compress(by_byte.tobytes(), _LEVEL)
+
+
+def write_trajectory(group: Any, trajectory: Trajectory, types: npt.NDArray[np.int64]) -> None:
+    """Fill a group in LagrangeBench's layout, and with what we know beyond it.
+
+    `types` are the particle types as the file is to have them; the digest is that of DeepMind's.
+    """
+    write_array(group, "position", trajectory.positions)
+    write_array(group, "particle_type", types)
+    if trajectory.force is not None:
+        write_array(group, "force", trajectory.force)
+    if trajectory.mass is not None:
+        write_array(group, "mass", trajectory.mass)
+    if trajectory.scene is not None:
+        group["scene"] = trajectory.scene.model_dump_json(exclude_none=True)
+    if trajectory.seed is not None:
+        group.attrs["seed"] = trajectory.seed
+    group.attrs["digest"] = trajectory.digest
+
+
+def read_trajectory(file: Any, group: str, path: Path, types: npt.NDArray[np.int64]) -> Trajectory:
+    """Read a group back; `types` are its types in DeepMind's convention.
+
+    Raises
+    ------
+    DataError
+        A key is missing or damaged, shapes disagree, or the data are not those the digest was taken of.
+    """
+
+    def optional(key: str) -> npt.NDArray[np.float32] | None:
+        name = f"{group}/{key}"
+        return read_array(file, name, path).astype(np.float32) if name in file else None
+
+    scene = read_text(file, f"{group}/scene", path)
+    attributes = file[group].attrs
+    trajectory = Trajectory(
+        positions=read_array(file, f"{group}/position", path).astype(np.float32, copy=False),
+        types=types,
+        force=optional("force"),
+        mass=optional("mass"),
+        seed=int(attributes["seed"]) if "seed" in attributes else None,
+        scene=None if scene is None else Scene.from_json(scene),
+        place=Place(str(path)).under(group),
+    )
+    if "digest" in attributes and attributes["digest"] != trajectory.digest:
+        raise DataError(f"{path}: {group} is damaged: its data do not match its digest")
+    return trajectory
+
+
+def image(trajectory: Trajectory, group: str) -> bytes:
+    """Return the bytes of a file with this one trajectory."""
+    memory = io.BytesIO()
+    with h5py().File(memory, "w") as file:
+        write_trajectory(file.create_group(group), trajectory, trajectory.types)
+    return memory.getvalue()

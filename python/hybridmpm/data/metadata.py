@@ -1,0 +1,178 @@
+"""`metadata.json`: DeepMind's keys, those that LagrangeBench reads, and ours under "hybridmpm"."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hybridmpm._native import __version__
+from hybridmpm.data.particle_types import NAMES
+from hybridmpm.data.recipe import Recipe
+from hybridmpm.data.statistics import Statistics
+from hybridmpm.errors import DataError
+from hybridmpm.files import replacing
+from hybridmpm.materials import REFERENCE_BULK_MODULUS
+from hybridmpm.scene import Scene
+
+FILE = "metadata.json"
+FORMAT_VERSION = 1
+REQUIRED = ("bounds", "dim", "dt", "default_connectivity_radius", "sequence_length")
+"""What no reader can do without, and what positions alone do not tell."""
+RADIUS_2D, RADIUS_3D = 0.015 * 256 / 1.75**0.5, 2.0
+"""Connectivity radius in spacings: 0.015 m at r_p = 1/1.75 in 2D, as in DeepMind's sets; 2 in 3D."""
+_MATERIALS = 16
+"""Distinct ones that are listed; with ranges each trajectory has its own, which its scene tells."""
+
+
+def write(folder: Path, data: Mapping[str, Any]) -> None:
+    """Write `metadata.json`, whole or not at all; raises `ExportError`."""
+    with replacing(folder / FILE) as part:
+        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Read `metadata.json`.
+
+    Raises
+    ------
+    DataError
+        It is missing, damaged or lacks a key of `REQUIRED`; the message names it.
+    """
+    path = folder / FILE
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(
+            f"{path} is missing; it must hold {', '.join(REQUIRED)}, which positions do not tell"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} cannot be read: {error}") from None
+    if isinstance(data, dict) and "train" in data and "bounds" not in data:
+        data = data["train"]  # gns may keep one set of keys for training and one for rollouts
+    if isinstance(data, dict):
+        data = _from_lagrangebench(data)
+    missing = [key for key in REQUIRED if not isinstance(data, dict) or key not in data]
+    if missing:
+        raise DataError(f"{path} lacks the key {missing[0]}; needed are {', '.join(REQUIRED)}")
+    _check_bounds(data, path)
+    return dict(data)
+
+
+def _from_lagrangebench(data: dict[str, Any]) -> dict[str, Any]:
+    """Turn its keys into DeepMind's: a length that counts states, and a dt of the solver's own steps."""
+    every, states = data.get("write_every", 1), data.get("sequence_length_train")
+    if every != 1 and "dt" in data:
+        data = {**data, "dt": data["dt"] * every, "write_every": 1}
+    if "sequence_length" not in data and isinstance(states, int):
+        data = {**data, "sequence_length": states - 1}
+    return data
+
+
+def _check_bounds(data: Mapping[str, Any], path: Path) -> None:
+    bounds, dim = data["bounds"], data["dim"]
+    pairs = isinstance(bounds, list) and all(isinstance(pair, list) and len(pair) == 2 for pair in bounds)
+    if dim not in {2, 3} or not pairs or len(bounds) != dim or not all(low < high for low, high in bounds):
+        raise DataError(
+            f"{path}: bounds must be one [low, high] for each of dim = 2 or 3 axes, got {bounds!r}"
+        )
+
+
+def describe(
+    recipe: Recipe,
+    scenes: Sequence[Scene],
+    statistics: Mapping[str, Statistics],
+    *,
+    digests: Mapping[str, Sequence[str]],
+    seeds: Mapping[str, Sequence[int]],
+    failed: Mapping[int, str],
+) -> dict[str, Any]:
+    """Build the metadata of a generated data set.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    scenes : sequence of Scene, at least one
+        Of all trajectories.
+    statistics, digests, seeds : by split
+        The statistics are taken from the first split, "train" unless it is empty.
+    failed : seed to message
+    """
+    scene = scenes[0]
+    spacing = scene.spacing * recipe.r_p ** (-1 / scene.dim)
+    first = next(iter(statistics.values()))
+    dt = scene.frame_dt * recipe.stride
+    return {
+        "bounds": [list(pair) for pair in zip(scene.walls.lower, scene.walls.upper, strict=True)],
+        "sequence_length": recipe.states - 1,
+        "default_connectivity_radius": round((RADIUS_2D if scene.dim == 2 else RADIUS_3D) * spacing, 6),
+        "dim": scene.dim,
+        "dt": dt,
+        **first.metadata(),
+        **lagrangebench_keys(statistics),
+        "case": recipe.name,
+        "solver": "MLS-MPM",
+        "dx": spacing,
+        "t_end": dt * (recipe.states - 1),
+        "write_every": 1,
+        "g_ext_magnitude": sum(g * g for g in scene.gravity) ** 0.5,
+        "hybridmpm": {
+            "format": "hybridmpm",
+            "format_version": FORMAT_VERSION,
+            "version": __version__,
+            "recipe": recipe.to_dict(),
+            "frame_dt": scene.frame_dt,
+            "frame_stride": recipe.stride,
+            "r_p": recipe.r_p,
+            "gravity": list(scene.gravity),
+            "resolution": scene.resolution,
+            "particles_per_cell": scene.particles_per_cell,
+            "materials": _materials(scenes),
+            "type_names": {str(number): name for number, name in NAMES.items()},
+            "noise_std": 0.0,
+            "statistics_of": next(iter(statistics)),
+            "seeds": {split: _runs(numbers) for split, numbers in seeds.items()},
+            "digests": {split: digest_of(parts) for split, parts in digests.items()},
+            "failed": {str(seed): text for seed, text in failed.items()},
+        },
+    }
+
+
+def lagrangebench_keys(statistics: Mapping[str, Statistics]) -> dict[str, Any]:
+    """Return the keys that LagrangeBench reads besides DeepMind's; its lengths count states."""
+    dim = next(iter(statistics.values())).dim
+    keys: dict[str, Any] = {
+        "num_particles_max": max(max(part.particles) for part in statistics.values()),
+        "periodic_boundary_conditions": [False] * dim,
+    }
+    for split, part in statistics.items():
+        keys[f"sequence_length_{split}"] = max(part.states)
+        keys[f"num_trajs_{split}"] = part.trajectories
+    return keys
+
+
+def digest_of(parts: Sequence[str]) -> str:
+    """SHA-256 of the digests of a split's trajectories in their order."""
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _materials(scenes: Sequence[Scene]) -> list[dict[str, Any]]:
+    distinct: dict[str, dict[str, Any]] = {}
+    for scene in scenes:
+        for material in scene.materials:
+            constants = material.model_dump(exclude_none=True)
+            if material.kind == "water" and material.max_compression is None:
+                constants.setdefault("bulk_modulus", REFERENCE_BULK_MODULUS)
+            distinct.setdefault(json.dumps(constants), constants)
+    return list(distinct.values())[:_MATERIALS]
+
+
+def _runs(numbers: Sequence[int]) -> list[list[int]]:
+    """Write increasing numbers as [first, last] of each unbroken run."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and runs[-1][1] == number - 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    return runs

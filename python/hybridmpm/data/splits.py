@@ -1,0 +1,59 @@
+"""Splits by seed: which seeds train, validate and test, and the files of each split."""
+
+from dataclasses import dataclass
+
+from hybridmpm.arguments import whole
+from hybridmpm.errors import ConfigError
+
+NAMES = ("train", "valid", "test")
+FIRST_VALID, FIRST_TEST = 1_000_000, 1_100_000
+"""Seeds below the first train, from there to the second validate, above test."""
+
+
+def split_of(seed: int) -> str:
+    """Return the split that a seed belongs to."""
+    if seed < FIRST_VALID:
+        return "train"
+    return "valid" if seed < FIRST_TEST else "test"
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The seeds of a data set: `first` and those after it, from the start of each split's range.
+
+    Raises
+    ------
+    ConfigError
+        There are none, or more than a range holds.
+    """
+
+    train: int
+    valid: int = 0
+    test: int = 0
+    first: int = 0
+
+    def __post_init__(self) -> None:
+        room = {"train": FIRST_VALID, "valid": FIRST_TEST - FIRST_VALID, "test": FIRST_VALID}
+        whole("seed", self.first, 0, FIRST_VALID - 1)
+        for name, count in self.counts().items():
+            whole(name, count, 0, room[name])
+            if count and self.first + count > room[name]:
+                raise ConfigError(
+                    f"seed + {name} must be at most {room[name]}, the seeds of that split, got "
+                    f"{self.first} + {count}"
+                )
+        if not any(self.counts().values()):
+            raise ConfigError("a data set needs at least one trajectory, got none in any split")
+
+    def counts(self) -> dict[str, int]:
+        """Trajectories of each split."""
+        return {"train": self.train, "valid": self.valid, "test": self.test}
+
+    def of(self, split: str) -> range:
+        """Seeds of one split."""
+        start = {"train": 0, "valid": FIRST_VALID, "test": FIRST_TEST}[split] + self.first
+        return range(start, start + self.counts()[split])
+
+    def all(self) -> list[int]:
+        """Every seed, those for training first."""
+        return [seed for split in NAMES for seed in self.of(split)]

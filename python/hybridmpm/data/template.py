@@ -1,0 +1,155 @@
+"""Scene files with ranges: a template from which each seed draws a scene.
+
+Anywhere under `bodies` and `obstacles` a value may be replaced by one of
+
+- `{uniform: [low, high]}`: a number, or a vector where low and high are lists;
+- `{integer: [low, high]}`: a whole number, both ends included;
+- `{choice: [a, b, ...]}`: any of these, a whole list of bodies among them; chosen values may hold ranges.
+
+A body or obstacle may have a `shift`, D numbers [m] that are added to its place. A body that states no `seed`
+draws one for its particles.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from hybridmpm.errors import SceneError
+from hybridmpm.scene import YAML_ERRORS, Scene
+
+_SALT = 2**20
+"""Keeps templates apart from the scenarios, which salt by small numbers."""
+_DRAWS = 100
+_KINDS = ("uniform", "integer", "choice")
+_PLACES = ("lower", "upper", "center", "start", "end", "point")
+_RANGED = ("bodies", "obstacles")
+
+
+@dataclass(frozen=True)
+class SceneTemplate:
+    """A scene with ranges, as plain data."""
+
+    data: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.data, dict):
+            raise SceneError("a scene file must be an object with named fields")
+        for key, value in self.data.items():
+            if key not in _RANGED and _holds_range(value):
+                raise SceneError.of([(key, "may hold no range: all scenes of a data set share it")])
+        self.draw(0)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "SceneTemplate":
+        """Read a .yaml, .yml or .json file; raises `SceneError` or OSError."""
+        path = Path(path)
+        try:
+            # JSON is YAML too.
+            data = yaml.safe_load(path.read_bytes())
+        except YAML_ERRORS as error:
+            raise SceneError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+        return cls(data)
+
+    def draw(self, seed: int) -> Scene:
+        """Draw the scene of a seed; the same seed always gives the same scene with one version of numpy.
+
+        Raises
+        ------
+        SceneError
+            None of 100 draws is a scene; the message tells what is wrong with the last.
+        """
+        rng = np.random.default_rng([_SALT, seed])
+        for attempt in range(1, _DRAWS + 1):
+            drawn = {key: _drawn(value, rng, key) for key, value in self.data.items()}
+            drawn["name"] = f"{self.data.get('name', 'scene')} seed {seed}"
+            for key in _RANGED:
+                drawn[key] = [_placed(part, rng, body=key == "bodies") for part in _listed(drawn, key)]
+            try:
+                return Scene.parse(drawn)
+            except SceneError as error:
+                if attempt == _DRAWS:
+                    text = f"none of {_DRAWS} draws of seed {seed} is a valid scene; the last: {error}"
+                    raise SceneError(text, error.problems) from None
+        raise AssertionError("unreachable")
+
+
+def _listed(drawn: dict[str, Any], key: str) -> list[Any]:
+    parts = drawn.get(key, [])
+    if not isinstance(parts, list):
+        raise SceneError.of([(key, f"must be a list, got {parts!r}")])
+    return parts
+
+
+def _is_range(value: Any) -> bool:
+    return isinstance(value, dict) and len(value) == 1 and next(iter(value)) in _KINDS
+
+
+def _holds_range(value: Any) -> bool:
+    if _is_range(value):
+        return True
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return any(_holds_range(part) for part in parts)
+
+
+def _drawn(value: Any, rng: np.random.Generator, path: str) -> Any:
+    if _is_range(value):
+        ((kind, given),) = value.items()
+        return _drawn(_pick(kind, given, rng, f"{path}.{kind}"), rng, path)
+    if isinstance(value, dict):
+        return {key: _drawn(part, rng, f"{path}.{key}") for key, part in value.items()}
+    if isinstance(value, list):
+        return [_drawn(part, rng, f"{path}[{index}]") for index, part in enumerate(value)]
+    return value
+
+
+def _pick(kind: str, given: Any, rng: np.random.Generator, path: str) -> Any:
+    if not isinstance(given, list) or not given:
+        raise SceneError.of([(path, f"must be a list, got {given!r}")])
+    if kind == "choice":
+        return given[int(rng.integers(len(given)))]
+    try:
+        low, high = (np.asarray(end, dtype=np.float64) for end in given)
+    except (TypeError, ValueError):
+        low = high = np.array(np.nan)
+    if (
+        low.shape != high.shape
+        or low.ndim > 1
+        or not (low <= high).all()
+        or not np.isfinite(high - low).all()
+    ):
+        text = f"must be [low, high] with low <= high, two numbers or two lists of them, got {given!r}"
+        raise SceneError.of([(path, text)])
+    if kind == "uniform":
+        return np.asarray(rng.uniform(low, high)).tolist()
+    if low.ndim or low != np.floor(low) or high != np.floor(high) or max(abs(low), abs(high)) > 2**53:
+        raise SceneError.of([(path, f"must be two whole numbers, got {given!r}")])
+    return int(rng.integers(int(low), int(high), endpoint=True))
+
+
+def _placed(part: Any, rng: np.random.Generator, *, body: bool) -> Any:
+    """Apply the shift of a body or obstacle, and give a body its seed; `Scene` refuses what is no object."""
+    if not isinstance(part, dict):
+        return part
+    part = dict(part)
+    seed = int(rng.integers(2**31))
+    if body:
+        part.setdefault("seed", seed)
+    shift = part.pop("shift", None)
+    if shift is None:
+        return part
+    try:
+        for key in _PLACES:
+            if key in part:
+                part[key] = _sum(part[key], shift)
+        if "vertices" in part:
+            part["vertices"] = [_sum(vertex, shift) for vertex in part["vertices"]]
+    except (TypeError, ValueError):
+        raise SceneError(f"shift must be as many numbers as the place that it moves, got {shift!r}") from None
+    return part
+
+
+def _sum(place: Any, shift: Any) -> list[float]:
+    return [a + b for a, b in zip(place, shift, strict=True)]

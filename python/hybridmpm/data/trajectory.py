@@ -1,0 +1,95 @@
+"""`Trajectory`: one simulation as data, whatever file it came from."""
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import DataError
+from hybridmpm.scene import Scene
+
+Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a trajectory stands, for messages: its file, and its keys within it."""
+
+    file: str
+    position: str = "position"
+    types: str = "particle_type"
+    force: str = "force"
+    mass: str = "mass"
+
+    def under(self, group: str) -> "Place":
+        """Return the place of the keys in an HDF5 group."""
+        keys = (f"{group}/{key}" for key in (self.position, self.types, self.force, self.mass))
+        return Place(self.file, *keys)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """F states of N particles at equal intervals, checked on construction.
+
+    Raises
+    ------
+    DataError
+        Shapes that disagree, or a number that is not finite; the message names the key in `place`.
+    """
+
+    positions: Floats
+    """(F, N, D) [m], the start first."""
+    types: npt.NDArray[np.int64]
+    """DeepMind's particle types (N,): 0 rigid, 3 kinematic, 5 water, 6 sand, 7 goop."""
+    force: Floats | None = None
+    """External acceleration besides gravity, (F - 1, N, D) [m/s^2]; row t acts from state t to t + 1."""
+    mass: Floats | None = None
+    """(N,) [kg], 0 where kinematic; None where unknown."""
+    seed: int | None = None
+    scene: Scene | None = None
+    place: Place = Place("trajectory")
+
+    def __post_init__(self) -> None:
+        x, place = self.positions, self.place
+        if x.ndim != 3 or x.shape[2] not in {2, 3} or 0 in x.shape:
+            raise DataError(f"{place.file}: {place.position} must have shape (F, N, 2 or 3), got {x.shape}")
+        if self.types.shape != x.shape[1:2]:
+            raise DataError(
+                f"{place.file}: {place.types} must name one type for each of the {x.shape[1]} particles of "
+                f"{place.position}, got shape {self.types.shape}"
+            )
+        _refuse_not_finite(x, place, place.position)
+        if self.force is not None:
+            expected = (x.shape[0] - 1, *x.shape[1:])
+            if self.force.shape != expected:
+                text = f"must have shape {expected}, got {self.force.shape}"
+                raise DataError(f"{place.file}: {place.force} {text}")
+            _refuse_not_finite(self.force, place, place.force)
+        if self.mass is not None and self.mass.shape != self.types.shape:
+            raise DataError(
+                f"{place.file}: {place.mass} must have shape {self.types.shape}, got {self.mass.shape}"
+            )
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of positions, types and force with their shapes: equal for equal data in any file."""
+        total = hashlib.sha256()
+        for name, array in (
+            ("position", self.positions.astype("<f4", copy=False)),
+            ("particle_type", self.types.astype("<i8", copy=False)),
+            ("force", None if self.force is None else self.force.astype("<f4", copy=False)),
+        ):
+            if array is not None:
+                total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
+                total.update(np.ascontiguousarray(array).data)
+        return total.hexdigest()
+
+
+def _refuse_not_finite(array: Floats, place: Place, key: str) -> None:
+    # The sum is finite unless an entry is not, or the entries are beyond all sense.
+    if np.isfinite(array.sum(dtype=np.float64)):
+        return
+    frame, particle, axis = (int(index) for index in np.argwhere(~np.isfinite(array))[0])
+    value = array[frame, particle, axis]
+    raise DataError(f"{place.file}: {key} is {value} at frame {frame}, particle {particle}, axis {axis}")
