@@ -37,6 +37,13 @@ def digests(folder: Path) -> dict[int | None, str]:
     }
 
 
+def test_merged_particles_move_as_the_solver_moves_them() -> None:
+    trajectory = data.simulate(data.Recipe(scenario="water_2d", frames=6, r_p=0.25), 7)
+    whole, merged = (MpmSolver(scenarios.water_2d(7), substeps="reference", r_p=r_p) for r_p in (1.0, 0.25))
+    np.testing.assert_array_equal(trajectory.positions, merged.rollout(6))
+    assert trajectory.positions.shape[1] == pytest.approx(0.25 * whole.particle_count, rel=0.01)
+
+
 def test_a_trajectory_is_what_the_solver_does() -> None:
     recipe = data.Recipe(scenario="water_ramps_2d", frames=12, stride=4)
     trajectory = data.simulate(recipe, 7)
