@@ -260,7 +260,7 @@ mod tests {
         });
         let error = refused.next(0.0025, 0.0, 0.0).unwrap_err();
         assert!(
-            matches!(error, MpmError::UnstableStep { substeps: 11, .. }),
+            matches!(error, MpmError::UnstableStep { substeps: 12, .. }),
             "{error}"
         );
         assert!(

@@ -197,7 +197,7 @@ impl Material {
     /// lower of 2D and 3D; `hybridmpm bench stability` measures it. Larger fixed steps are refused.
     pub fn cfl_limit(&self) -> f32 {
         match self.model {
-            Model::Water(_) => 0.7,
+            Model::Water(_) => 0.675,
             Model::Sand(_) => 1.1,
             Model::Elastic(_) => 0.65,
         }
