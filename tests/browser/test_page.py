@@ -9,6 +9,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import Locator
 
 import hybridmpm_service
 
@@ -170,16 +171,27 @@ def test_a_moving_obstacle_is_seen_moving(open_page: Open, service: LiveService,
     visit = open_page(f"renderer=canvas2d&session={session}")
     visit.wait_for("body.state === 'live' && body.frame === '0'")
     view = visit.page.locator("#view")
-    before = _edges(view.screenshot())
+    before = _edges_at_rest(view)
     service.advance(session, 120)
     visit.wait_for("body.frame === '120'")
-    visit.page.wait_for_timeout(300)
-    after = _edges(view.screenshot())
+    after = _edges_at_rest(view, unlike=before)
     left, right = _middle(before & ~after), _middle(after & ~before)
     width = before.shape[1]
     # 0.3 m to the right, on a stage that shows 0.87 m in 2D, and about twice as much in 3D.
     share = (right - left) / width
     assert share == pytest.approx(0.3 / 0.87, rel=0.1) if dim == 2 else 0.1 < share < 0.3
+
+
+def _edges_at_rest(view: Locator, unlike: np.ndarray | None = None) -> np.ndarray:
+    """Edges of a picture that is drawn to the end: two in a row are equal, and other than `unlike`."""
+    latest = _edges(view.screenshot())
+    for _ in range(60):
+        view.page.wait_for_timeout(200)
+        shot = _edges(view.screenshot())
+        if (shot == latest).all() and shot.any() and (unlike is None or (shot != unlike).any()):
+            return shot
+        latest = shot
+    pytest.fail("the picture did not come to rest within 12 s")
 
 
 def _edges(png: bytes) -> np.ndarray:

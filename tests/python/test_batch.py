@@ -37,7 +37,7 @@ def block(dim: int, height: float, stiffening: float = 1.0) -> _native.Solver:
         material=np.zeros(count, np.uint8),
         mass=np.full(count, 1000.0 * volume, np.float32),
         volume=np.full(count, volume, np.float32),
-        substeps=1,
+        substeps=2,
         allow_unstable=stiffening > 1,
     )
 
