@@ -7,7 +7,7 @@
 use std::hint::spin_loop;
 use std::mem::transmute;
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, TryLockError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
@@ -117,7 +117,13 @@ impl Team {
     /// last time is still near it. Then it takes what others have not begun.
     pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
         let alone = self.workers == 0 || items.len() < 2;
-        let Some(_caller) = self.caller.try_lock().ok().filter(|_| !alone) else {
+        let caller = match self.caller.try_lock() {
+            Ok(caller) => Some(caller),
+            // The lock guards no data that a panic could have left half done.
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        };
+        let Some(_caller) = caller.filter(|_| !alone) else {
             items.iter_mut().for_each(work);
             return;
         };
@@ -294,8 +300,15 @@ mod tests {
             team.for_each(&mut [0; 64], |_| panic!("on purpose"));
         }));
         assert!(attempt.is_err());
-        let mut items = [0; 64];
-        team.for_each(&mut items, |item| *item += 1);
-        assert_eq!(items, [1; 64]);
+        let mut workers = [None; 16];
+        team.for_each(&mut workers, |worker| {
+            *worker = Some(std::thread::current().id());
+            std::thread::sleep(Duration::from_millis(20));
+        });
+        assert!(workers.iter().all(Option::is_some));
+        assert!(
+            workers.iter().any(|worker| *worker != workers[0]),
+            "the caller is left alone"
+        );
     }
 }
