@@ -1,9 +1,54 @@
 """States of a solver side by side, although particles may come and go."""
 
+from typing import Any, Protocol
+
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Scene
+
+
+class Simulator(Protocol):
+    """What all simulators share: `MpmSolver`, `HybridSimulator` and whatever comes."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that it was made from."""
+
+    @property
+    def dim(self) -> int:
+        """D, 2 or 3."""
+
+    @property
+    def frame(self) -> int:
+        """Frames done since the start."""
+
+    @property
+    def particle_count(self) -> int:
+        """N, at present."""
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) that particles keep for good, ascending."""
+
+    @property
+    def materials(self) -> npt.NDArray[np.uint8]:
+        """DeepMind's particle types (N,)."""
+
+    @property
+    def mass(self) -> npt.NDArray[np.float32]:
+        """(N,) [kg]."""
+
+    @property
+    def positions(self) -> npt.NDArray[np.float32]:
+        """(N, D) [m]."""
+
+    @property
+    def velocities(self) -> npt.NDArray[np.float32]:
+        """(N, D) [m/s]."""
+
+    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> Any:
+        """Go on by whole frames, with an external acceleration (N, D) or (frames, N, D) [m/s^2]."""
 
 
 class Tracks:
@@ -11,14 +56,14 @@ class Tracks:
 
     Parameters
     ----------
-    solver : MpmSolver
+    solver : Simulator
     rows : int
         States to be taken.
     names : str
         Properties of the solver of shape (N, D).
     """
 
-    def __init__(self, solver: MpmSolver, rows: int, *names: str) -> None:
+    def __init__(self, solver: Simulator, rows: int, *names: str) -> None:
         self._solver = solver
         self._tables = {name: self._absent(rows, solver.particle_count) for name in names}
         self.ids = np.empty(0, dtype=np.uint64)
