@@ -1,0 +1,68 @@
+"""`LearnedSimulator`: one step of r_t frames, from six positions to the next one."""
+
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.data.particle_types import KINEMATIC
+from hybridmpm.physics.spec import Normalization, NetworkSpec
+from hybridmpm.training.features import edge_features, node_features
+from hybridmpm.training.network import Edges, GraphNetwork
+
+
+class LearnedSimulator(nn.Module):
+    """A graph network with its features, scales and integrator.
+
+    The network predicts the acceleration that is left once the known one, gravity and external, is taken out.
+    A network that answers zero therefore is free fall between walls.
+    """
+
+    velocity_mean: Tensor
+    velocity_std: Tensor
+    acceleration_mean: Tensor
+    acceleration_std: Tensor
+
+    def __init__(self, spec: NetworkSpec, scales: Normalization) -> None:
+        super().__init__()
+        self.spec, self.scales = spec, scales
+        self.network = GraphNetwork(spec)
+        for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
+            self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
+
+    def residual(self, history: Tensor, types: Tensor, walls: Tensor, graph: Edges) -> Tensor:
+        """Normalised acceleration (N, D) that the network predicts; arguments as in `forward`."""
+        radius = self.spec.radius
+        nodes = node_features(history, walls, radius, self.velocity_mean, self.velocity_std)
+        prediction: Tensor = self.network(nodes, types, edge_features(history[-1], graph, radius), graph)
+        return prediction
+
+    def forward(
+        self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
+    ) -> Tensor:
+        """Positions (N, D) [m] one step later, within the walls; kinematic particles stay.
+
+        Parameters
+        ----------
+        history : (6, N, D)
+            Positions [m], one step apart, oldest first.
+        types : int64 (N,)
+            DeepMind's particle types.
+        acceleration : (N, D)
+            Known acceleration [m/s^2], gravity among it, held over the step.
+        walls : (2, D) or (2, N, D)
+            Lower and upper corner [m].
+        graph : Edges
+            Of the latest positions.
+        """
+        return self.integrate(
+            history, types, acceleration, walls, self.residual(history, types, walls, graph)
+        )
+
+    def integrate(
+        self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, residual: Tensor
+    ) -> Tensor:
+        """Take the Euler step of a normalised residual acceleration (N, D)."""
+        x, before = history[-1], history[-2]
+        step = x - before + acceleration * self.spec.step_dt**2
+        step = step + residual * self.acceleration_std + self.acceleration_mean
+        moved = torch.maximum(torch.minimum(x + step, walls[1]), walls[0])
+        return torch.where((types == KINEMATIC).unsqueeze(-1), x, moved)
