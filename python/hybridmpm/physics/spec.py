@@ -63,10 +63,10 @@ class NetworkSpec:
             raise ConfigError(f"radius must be in (0, 1] m, got {self.radius}")
         if not self.scenarios:
             raise ConfigError("a network needs at least one scenario")
-        kinds = {(scene.dim, scene.frame_dt) for scene in map(_example, self.scenarios)}
+        kinds = {(scene.dim, scene.frame_dt, scene.walls) for scene in map(_example, self.scenarios)}
         if len(kinds) > 1:
             raise ConfigError(
-                "one network serves scenarios of one dimension and one frame_dt only, got "
+                "one network serves scenarios of one dimension, one frame_dt and one box only, got "
                 + ", ".join(self.scenarios)
             )
 
@@ -84,6 +84,17 @@ class NetworkSpec:
     def step_dt(self) -> float:
         """Time that one network step spans [s]."""
         return self.frame_dt * self.r_t
+
+    @property
+    def bounds(self) -> list[list[float]]:
+        """Lower and upper wall of each axis [m], as in a data set's metadata."""
+        walls = _example(self.scenarios[0]).walls
+        return [list(pair) for pair in zip(walls.lower, walls.upper, strict=True)]
+
+    @property
+    def spacing(self) -> float:
+        """Mean distance of particles at rest [m]: that of the scene's, r_p^(-1/D) wider."""
+        return float(_example(self.scenarios[0]).spacing * self.r_p ** (-1 / self.dim))
 
     @property
     def node_features(self) -> int:
@@ -123,8 +134,8 @@ class Normalization:
     """Scales of the network's inputs and outputs, one number an axis, in metres per step and step squared.
 
     Standard deviations have the training noise folded in, sqrt(std^2 + noise_std^2), as in the reference
-    implementation of Sanchez-Gonzalez et al. (2020). Accelerations are those left after the known ones, gravity
-    and external, are taken out.
+    implementation of Sanchez-Gonzalez et al. (2020). Accelerations are those left after the known ones,
+    gravity and external, are taken out.
     """
 
     velocity_mean: tuple[float, ...]

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.data.particle_types import KINEMATIC
-from hybridmpm.physics.spec import Normalization, NetworkSpec
+from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.features import edge_features, node_features
 from hybridmpm.training.network import Edges, GraphNetwork
 

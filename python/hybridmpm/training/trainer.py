@@ -10,7 +10,7 @@ from torch import Tensor
 
 from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.spec import Normalization, NetworkSpec
+from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.losses import huber_loss
 from hybridmpm.training.simulator import LearnedSimulator
 from hybridmpm.training.windows import Batch, Windows, edges_of
@@ -161,5 +161,5 @@ class Trainer:
         trainer.simulator.network.load_state_dict(state["weights"])
         trainer.optimizer.load_state_dict(state["optimizer"])
         trainer.step_count, trainer.seconds = state["step"], state["seconds"]
-        trainer._rng.bit_generator.state = json.loads(state["rng"])  # noqa: SLF001 - of this very class
+        trainer._rng.bit_generator.state = json.loads(state["rng"])
         return trainer
