@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hybridmpm.training.datasets import Amount
     from hybridmpm.training.trainer import Trainer
 
-_SPACINGS = {2: 2.2, 3: 1.8}
+_SPACINGS = {2: 2.5, 3: 1.8}
 """Default connectivity radius in spacings: fewer neighbours than the paper's, which are what costs."""
 
 
@@ -51,12 +51,19 @@ def train() -> None:
     metavar="FOLDER",
     help="Data sets; made there from their seeds if missing.",
 )
-@click.option("--latent", type=click.IntRange(1, 1024), default=64, show_default=True)
-@click.option("--layers", type=click.IntRange(1, 64), default=4, show_default=True, help="Message passings.")
+@click.option("--latent", type=click.IntRange(1, 1024), default=48, show_default=True)
+@click.option("--layers", type=click.IntRange(1, 64), default=3, show_default=True, help="Message passings.")
 @click.option("--hidden-layers", type=click.IntRange(1, 8), default=1, show_default=True, help="Of each MLP.")
-@click.option("--radius", type=float, help="Of neighbours [m]. Default: 2.2 spacings in 2D, 1.8 in 3D.")
+@click.option("--radius", type=float, help="Of neighbours [m]. Default: 2.5 spacings in 2D, 1.8 in 3D.")
 @click.option("--r-p", type=RatioType(), default=1 / 8, show_default="1/8", help="Ratio of particles kept.")
 @click.option("--r-t", type=click.IntRange(1, 64), default=4, show_default=True, help="Frames a step.")
+@click.option(
+    "--relaxations",
+    type=click.IntRange(0, 16),
+    default=3,
+    show_default=True,
+    help="Of density, after each step; the paper's network has none.",
+)
 @click.option("--steps", type=click.IntRange(min=1), default=100_000, show_default=True)
 @click.option("--batch", type=click.IntRange(1, 4096), default=2, show_default=True, help="Windows a step.")
 @click.option(
@@ -167,7 +174,7 @@ def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
         return dataclasses.replace(spec, scenarios=names or spec.scenarios)
     if not names:
         raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
-    shape = {key: options[key] for key in ("latent", "layers", "hidden_layers", "r_p", "r_t")}
+    shape = {key: options[key] for key in ("latent", "layers", "hidden_layers", "r_p", "r_t", "relaxations")}
     radius = options["radius"]
     if radius is None:
         bare = NetworkSpec(scenarios=names, radius=1.0, **shape)

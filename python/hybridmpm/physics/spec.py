@@ -50,6 +50,8 @@ class NetworkSpec:
     """Particles over those of the scene, in (0, 1]."""
     r_t: int = 1
     """Frames that one network step spans, in [1, 64]."""
+    relaxations: int = 0
+    """Relaxations of density after each network step, in [0, 16]; the paper's network has none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenarios", tuple(self.scenarios))
@@ -57,6 +59,7 @@ class NetworkSpec:
         whole("layers", self.layers, 1, _MAX_LAYERS)
         whole("hidden_layers", self.hidden_layers, 1, _MAX_HIDDEN)
         whole("r_t", self.r_t, 1, _MAX_STRIDE)
+        whole("relaxations", self.relaxations, 0, 16)
         if not (0.0 < self.r_p <= 1.0):
             raise ConfigError(f"r_p must be in (0, 1], got {self.r_p}")
         if not (math.isfinite(self.radius) and 0.0 < self.radius <= 1.0):
