@@ -153,11 +153,11 @@ def _torch() -> Any:
         raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
 
 
-def _device(torch: Any, name: str) -> "torch.device":
-    best = "cuda" if torch.cuda.is_available() else "cpu"
+def _device(library: Any, name: str) -> "torch.device":
+    best = "cuda" if library.cuda.is_available() else "cpu"
     try:
-        device = torch.device(best if name == "auto" else name)
-        torch.zeros(1, device=device)
+        device = library.device(best if name == "auto" else name)
+        library.zeros(1, device=device)
     except (RuntimeError, AssertionError) as error:
         reason = str(error).splitlines()[0]
         raise ConfigError(f"--device {name} cannot be used: {reason}; choose cpu, cuda or auto") from None

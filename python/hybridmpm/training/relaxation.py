@@ -1,4 +1,4 @@
-"""Relaxation of density after a network step, in the manner of Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
+"""Relaxation of density after a network step, as in Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
 
 Particles that a step has crowded together push each other apart, along the edges that the network used.
 """

@@ -56,7 +56,7 @@ class LearnedSimulator(nn.Module):
             Of the latest positions.
         """
         residual = self.residual(history, types, walls, graph)
-        return self.integrate(history, types, acceleration, walls, graph, residual)
+        return self.integrate(history, types, acceleration, walls, graph, residual=residual)
 
     def integrate(
         self,
@@ -65,6 +65,7 @@ class LearnedSimulator(nn.Module):
         acceleration: Tensor,
         walls: Tensor,
         graph: Edges,
+        *,
         residual: Tensor,
     ) -> Tensor:
         """Take the Euler step of a normalised residual acceleration (N, D), and relax densities."""
