@@ -127,9 +127,8 @@ class Trainer:
             graph = edges_of(history[-1], batch.types, batch.counts, self.spec.radius)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
                 residual = self.simulator.residual(history, batch.types, batch.walls, graph)
-            x = self.simulator.integrate(
-                history, batch.types, push, batch.walls, graph, residual=residual.float()
-            )
+            known = (history, batch.types, push, batch.walls, graph)
+            x = self.simulator.integrate(*known, residual=residual.float())
             scale = self.simulator.acceleration_std
             losses.append(huber_loss(x[moving], target[moving], scale, k))
             history = torch.cat([history[1:], x.unsqueeze(0)])
