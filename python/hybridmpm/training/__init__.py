@@ -1,0 +1,1 @@
+"""Training of learned simulators with torch: pip install 'hybridmpm[train]'."""

@@ -1,0 +1,85 @@
+"""`LearnedSimulator`: one step of r_t frames, from six positions to the next one."""
+
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.data.particle_types import KINEMATIC
+from hybridmpm.physics.spec import NetworkSpec, Normalization
+from hybridmpm.training.features import edge_features, node_features
+from hybridmpm.training.network import Edges, GraphNetwork
+from hybridmpm.training.relaxation import relaxation, rest_density
+
+
+class LearnedSimulator(nn.Module):
+    """A graph network with its features, scales and integrator.
+
+    The network predicts the acceleration that is left once the known one, gravity and external, is taken out.
+    A network that answers zero therefore is free fall between walls.
+    """
+
+    velocity_mean: Tensor
+    velocity_std: Tensor
+    acceleration_mean: Tensor
+    acceleration_std: Tensor
+
+    def __init__(self, spec: NetworkSpec, scales: Normalization) -> None:
+        super().__init__()
+        self.spec, self.scales = spec, scales
+        self.network = GraphNetwork(spec)
+        self._rest = rest_density(spec)
+        for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
+            self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
+
+    def residual(self, history: Tensor, types: Tensor, walls: Tensor, graph: Edges) -> Tensor:
+        """Normalised acceleration (N, D) that the network predicts; arguments as in `forward`."""
+        radius = self.spec.radius
+        nodes = node_features(history, walls, radius, self.velocity_mean, self.velocity_std)
+        prediction: Tensor = self.network(nodes, types, edge_features(history[-1], graph, radius), graph)
+        return prediction
+
+    def forward(
+        self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
+    ) -> Tensor:
+        """Positions (N, D) [m] one step later, within the walls; kinematic particles stay.
+
+        Parameters
+        ----------
+        history : (6, N, D)
+            Positions [m], one step apart, oldest first.
+        types : int64 (N,)
+            DeepMind's particle types.
+        acceleration : (N, D)
+            Known acceleration [m/s^2], gravity among it, held over the step.
+        walls : (2, D) or (2, N, D)
+            Lower and upper corner [m].
+        graph : Edges
+            Of the latest positions.
+        """
+        residual = self.residual(history, types, walls, graph)
+        return self.integrate(history, types, acceleration, walls, graph, residual=residual)
+
+    def integrate(
+        self,
+        history: Tensor,
+        types: Tensor,
+        acceleration: Tensor,
+        walls: Tensor,
+        graph: Edges,
+        *,
+        residual: Tensor,
+    ) -> Tensor:
+        """Take the Euler step of a normalised residual acceleration (N, D), and relax densities."""
+        start = history[-1]
+        step = start - history[-2] + acceleration * self.spec.step_dt**2
+        x = start + step + residual * self.acceleration_std + self.acceleration_mean
+        still = (types == KINEMATIC).unsqueeze(-1)
+        x = torch.where(still, start, within(x, walls))
+        for _ in range(self.spec.relaxations):
+            moved = x + relaxation(x, graph, self.spec.radius, self._rest)
+            x = torch.where(still, start, within(moved, walls))
+        return x
+
+
+def within(x: Tensor, walls: Tensor) -> Tensor:
+    """Move what is outside the walls (2, D) or (2, N, D) onto them."""
+    return torch.maximum(torch.minimum(x, walls[1]), walls[0])
