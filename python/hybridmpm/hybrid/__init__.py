@@ -5,6 +5,8 @@
 - `Decision` is an entry of the log that a run can be replayed from.
 """
 
+from hybridmpm.hybrid.free_fall import FreeFall
+from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
     DEFAULT,
     GUARDS,
@@ -13,16 +15,13 @@ from hybridmpm.hybrid.guards import (
     Density,
     Divergence,
     Energy,
-    Guard,
     Impact,
     NonFinite,
     Outside,
-    Stage,
-    View,
 )
 from hybridmpm.hybrid.log import Decision
 from hybridmpm.hybrid.simulator import HybridSimulator
-from hybridmpm.hybrid.stepper import FreeFall, Stepper
+from hybridmpm.physics.stepper import Stepper
 
 __all__ = [
     "DEFAULT",
