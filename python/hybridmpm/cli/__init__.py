@@ -15,6 +15,7 @@ from hybridmpm.cli.dataset import dataset
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
+from hybridmpm.cli.train import train
 from hybridmpm.cli.validate import validate
 from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotError
 
@@ -55,7 +56,7 @@ def cli() -> None:
     """Real-time, interactive particle fluids."""
 
 
-for command in (simulate, dataset, scenarios, schema, serve, bench, validate, doctor):
+for command in (simulate, dataset, train, scenarios, schema, serve, bench, validate, doctor):
     cli.add_command(command)
 
 

@@ -10,6 +10,7 @@ import click
 from hybridmpm import data, export, scenarios
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.cli.simulate import SubstepsType
+from hybridmpm.cli.types import RatioType
 from hybridmpm.data import metadata
 from hybridmpm.data.particle_types import NAMES
 from hybridmpm.data.view import recording_of, write_sheet
@@ -26,17 +27,6 @@ _SHEET_ROWS = 6
 @click.group()
 def dataset() -> None:
     """Make, describe, draw and convert data sets of trajectories (docs/datasets.md)."""
-
-
-class _RatioType(click.ParamType[float, object]):
-    name = "number or a/b"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        above, slash, below = str(value).partition("/")
-        try:
-            return float(above) / float(below) if slash else float(above)
-        except (ValueError, ZeroDivisionError):
-            self.fail(f"{value!r} is no number such as 0.25 or 1/1.75", param, ctx)
 
 
 @dataset.command()
@@ -56,7 +46,7 @@ class _RatioType(click.ParamType[float, object]):
 @click.option(
     "--stride", type=click.IntRange(min=1), default=1, show_default=True, help="Frames between states kept."
 )
-@click.option("--r-p", type=_RatioType(), default=1.0, show_default=True, help="Ratio of particles kept.")
+@click.option("--r-p", type=RatioType(), default=1.0, show_default=True, help="Ratio of particles kept.")
 @click.option("--max-compression", type=float, help="Of all water at rest, e.g. 0.01: its stiffness.")
 @click.option(
     "--substeps", type=SubstepsType(), help="As in simulate. Default: reference; cfl with --max-compression."

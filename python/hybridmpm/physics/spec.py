@@ -53,6 +53,8 @@ class NetworkSpec:
     """Particles over those of the scene, in (0, 1]."""
     r_t: int = 1
     """Frames that one network step spans, in [1, 64]."""
+    relaxations: int = 0
+    """Relaxations of density after each network step, in [0, 16]; the paper's network has none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenarios", tuple(self.scenarios))
@@ -60,16 +62,17 @@ class NetworkSpec:
         whole("layers", self.layers, 1, _MAX_LAYERS)
         whole("hidden_layers", self.hidden_layers, 1, _MAX_HIDDEN)
         whole("r_t", self.r_t, 1, MAX_STRIDE)
+        whole("relaxations", self.relaxations, 0, 16)
         if not (0.0 < self.r_p <= 1.0):
             raise ConfigError(f"r_p must be in (0, 1], got {self.r_p}")
         if not (math.isfinite(self.radius) and 0.0 < self.radius <= 1.0):
             raise ConfigError(f"radius must be in (0, 1] m, got {self.radius}")
         if not self.scenarios:
             raise ConfigError("a network needs at least one scenario")
-        kinds = {(scene.dim, scene.frame_dt) for scene in map(_example, self.scenarios)}
+        kinds = {(scene.dim, scene.frame_dt, scene.walls) for scene in map(_example, self.scenarios)}
         if len(kinds) > 1:
             raise ConfigError(
-                "one network serves scenarios of one dimension and one frame_dt only, got "
+                "one network serves scenarios of one dimension, one frame_dt and one box only, got "
                 + ", ".join(self.scenarios)
             )
 
@@ -87,6 +90,17 @@ class NetworkSpec:
     def step_dt(self) -> float:
         """Time that one network step spans [s]."""
         return self.frame_dt * self.r_t
+
+    @property
+    def bounds(self) -> list[list[float]]:
+        """Lower and upper wall of each axis [m], as in a data set's metadata."""
+        walls = _example(self.scenarios[0]).walls
+        return [list(pair) for pair in zip(walls.lower, walls.upper, strict=True)]
+
+    @property
+    def spacing(self) -> float:
+        """Mean distance of particles at rest [m]: that of the scene's, r_p^(-1/D) wider."""
+        return float(_example(self.scenarios[0]).spacing * self.r_p ** (-1 / self.dim))
 
     @property
     def node_features(self) -> int:
@@ -126,8 +140,8 @@ class Normalization:
     """Scales of the network's inputs and outputs, one number an axis, in metres per step and step squared.
 
     Standard deviations have the training noise folded in, sqrt(std^2 + noise_std^2), as in the reference
-    implementation of Sanchez-Gonzalez et al. (2020). Accelerations are those left after the known ones, gravity
-    and external, are taken out.
+    implementation of Sanchez-Gonzalez et al. (2020). Accelerations are those left after the known ones,
+    gravity and external, are taken out.
     """
 
     velocity_mean: tuple[float, ...]

@@ -1,4 +1,4 @@
-"""What the network sees of particles. The one place for it: the exported graph holds these very operations."""
+"""What the network sees of particles. The one place for it: the exported graph holds these operations."""
 
 import torch
 from torch import Tensor

@@ -38,4 +38,5 @@ def relative_loss(predicted: Tensor, true: Tensor, floor: float = 0.0) -> Tensor
         In the same unit.
     """
     length = torch.linalg.vector_norm(true, dim=-1)
-    return (torch.linalg.vector_norm(predicted - true, dim=-1) / (length + floor)).mean()
+    error = torch.linalg.vector_norm(predicted - true, dim=-1) / (length + floor)
+    return torch.as_tensor(error.mean())

@@ -1,4 +1,4 @@
-"""The graph network: encoder, processor, decoder (Sanchez-Gonzalez et al. 2020, arXiv:2002.09405, section 3)."""
+"""The graph network: encoder, processor, decoder (Sanchez-Gonzalez et al. 2020, arXiv:2002.09405)."""
 
 from typing import Protocol
 

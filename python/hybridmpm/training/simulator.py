@@ -4,9 +4,10 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.data.particle_types import KINEMATIC
-from hybridmpm.physics.spec import Normalization, NetworkSpec
+from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.features import edge_features, node_features
 from hybridmpm.training.network import Edges, GraphNetwork
+from hybridmpm.training.relaxation import relaxation, rest_density
 
 
 class LearnedSimulator(nn.Module):
@@ -25,6 +26,7 @@ class LearnedSimulator(nn.Module):
         super().__init__()
         self.spec, self.scales = spec, scales
         self.network = GraphNetwork(spec)
+        self._rest = rest_density(spec)
         for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
             self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
 
@@ -53,16 +55,31 @@ class LearnedSimulator(nn.Module):
         graph : Edges
             Of the latest positions.
         """
-        return self.integrate(
-            history, types, acceleration, walls, self.residual(history, types, walls, graph)
-        )
+        residual = self.residual(history, types, walls, graph)
+        return self.integrate(history, types, acceleration, walls, graph, residual=residual)
 
     def integrate(
-        self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, residual: Tensor
+        self,
+        history: Tensor,
+        types: Tensor,
+        acceleration: Tensor,
+        walls: Tensor,
+        graph: Edges,
+        *,
+        residual: Tensor,
     ) -> Tensor:
-        """Take the Euler step of a normalised residual acceleration (N, D)."""
-        x, before = history[-1], history[-2]
-        step = x - before + acceleration * self.spec.step_dt**2
-        step = step + residual * self.acceleration_std + self.acceleration_mean
-        moved = torch.maximum(torch.minimum(x + step, walls[1]), walls[0])
-        return torch.where((types == KINEMATIC).unsqueeze(-1), x, moved)
+        """Take the Euler step of a normalised residual acceleration (N, D), and relax densities."""
+        start = history[-1]
+        step = start - history[-2] + acceleration * self.spec.step_dt**2
+        x = start + step + residual * self.acceleration_std + self.acceleration_mean
+        still = (types == KINEMATIC).unsqueeze(-1)
+        x = torch.where(still, start, within(x, walls))
+        for _ in range(self.spec.relaxations):
+            moved = x + relaxation(x, graph, self.spec.radius, self._rest)
+            x = torch.where(still, start, within(moved, walls))
+        return x
+
+
+def within(x: Tensor, walls: Tensor) -> Tensor:
+    """Move what is outside the walls (2, D) or (2, N, D) onto them."""
+    return torch.maximum(torch.minimum(x, walls[1]), walls[0])

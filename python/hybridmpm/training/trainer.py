@@ -10,7 +10,7 @@ from torch import Tensor
 
 from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.spec import Normalization, NetworkSpec
+from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.losses import huber_loss
 from hybridmpm.training.simulator import LearnedSimulator
 from hybridmpm.training.windows import Batch, Windows, edges_of
@@ -127,7 +127,8 @@ class Trainer:
             graph = edges_of(history[-1], batch.types, batch.counts, self.spec.radius)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
                 residual = self.simulator.residual(history, batch.types, batch.walls, graph)
-            x = self.simulator.integrate(history, batch.types, push, batch.walls, residual.float())
+            known = (history, batch.types, push, batch.walls, graph)
+            x = self.simulator.integrate(*known, residual=residual.float())
             scale = self.simulator.acceleration_std
             losses.append(huber_loss(x[moving], target[moving], scale, k))
             history = torch.cat([history[1:], x.unsqueeze(0)])
@@ -161,5 +162,5 @@ class Trainer:
         trainer.simulator.network.load_state_dict(state["weights"])
         trainer.optimizer.load_state_dict(state["optimizer"])
         trainer.step_count, trainer.seconds = state["step"], state["seconds"]
-        trainer._rng.bit_generator.state = json.loads(state["rng"])  # noqa: SLF001 - of this very class
+        trainer._rng.bit_generator.state = json.loads(state["rng"])
         return trainer

@@ -89,8 +89,8 @@ class Windows:
         for trajectory in trajectories:
             if trajectory.scene is None:
                 raise DataError(
-                    f"{trajectory.place.file}: {trajectory.place.position} comes without its scene, which knows "
-                    "walls and gravity; train on a data set that hybridmpm made"
+                    f"{trajectory.place.file}: {trajectory.place.position} comes without its scene, which "
+                    "knows walls and gravity; train on a data set that hybridmpm made"
                 )
         length = HISTORY + unroll
         self._trajectories = [t for t in trajectories if len(t.positions) >= length]
@@ -151,7 +151,7 @@ def known_acceleration(trajectory: Trajectory, first: int, count: int) -> tuple[
 
 
 def _turn(rng: np.random.Generator, states: _Floats, push: _Floats, corners: _Floats) -> None:
-    """Mirror each axis but the vertical one at random: the box and the physics do not tell left from right."""
+    """Mirror each axis but the vertical one at random: physics does not tell left from right."""
     for axis in (0, 2)[: states.shape[-1] - 1]:
         if rng.random() < 0.5:
             states[..., axis] = corners[0, axis] + corners[1, axis] - states[..., axis]
