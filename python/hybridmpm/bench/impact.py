@@ -6,8 +6,8 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 
 PUSH = 5.0
-"""An acceleration other than gravity above this [m/s^2], about half of gravity, is a contact: rounding in free
-fall leaves less than 0.1, a body at rest is pushed by 9.8, and impacts push by hundreds."""
+"""An acceleration other than gravity above this [m/s^2], half of gravity, is a contact: rounding in free fall
+leaves less than 0.1, a body at rest is pushed by 9.8, and impacts push by hundreds."""
 SHARE = 0.01
 """Of the particles must be pushed: a face of a body that touches down is more, a stray particle is less."""
 
@@ -25,9 +25,9 @@ def first_impact(solver: MpmSolver, limit: int) -> int:
     Returns
     -------
     int
-        The first frame over which more than `SHARE` of the particles accelerated otherwise than by gravity, by
-        more than `PUSH`. The solver feels a wall or another body from some cells away, so it may be a frame or
-        two before the surfaces meet.
+        The first frame over which more than `SHARE` of the particles accelerated otherwise than by gravity,
+        by more than `PUSH`. The solver feels a wall or another body from some cells away, so it may be a
+        frame or two before the surfaces meet.
 
     Raises
     ------

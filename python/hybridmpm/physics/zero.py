@@ -62,4 +62,4 @@ class ZeroStepper:
         x, before = history[-1], history[-2]
         dt = np.float32(self._frame_dt * self._r_t)
         moved = np.clip(x + (x - before) + acceleration * dt**2, walls[0], walls[1])
-        return np.where((types == KINEMATIC)[:, None], x, moved)
+        return np.asarray(np.where((types == KINEMATIC)[:, None], x, moved), dtype=np.float32)
