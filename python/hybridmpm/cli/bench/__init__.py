@@ -2,7 +2,7 @@
 
 import click
 
-from hybridmpm.cli.bench.errors import downsampling
+from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 
@@ -14,5 +14,5 @@ def bench() -> None:
     """Measure speed and errors on this machine."""
 
 
-for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, stability):
+for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, stability):
     bench.add_command(command)
