@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, data, downsampling, metrics, scenarios
+from hybridmpm import control, data, downsampling, metrics, physics, scenarios
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
@@ -34,6 +34,7 @@ from hybridmpm.errors import (
 from hybridmpm.materials import Elastic, Sand, Water
 from hybridmpm.motion import Motion
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics import NeuralPhysics
 from hybridmpm.sampling import Particles
 from hybridmpm.scene import Scene, Walls
 from hybridmpm.shapes import (
@@ -75,6 +76,7 @@ __all__ = [
     "Motion",
     "MpmBatch",
     "MpmSolver",
+    "NeuralPhysics",
     "NonFiniteError",
     "PaddedGraph",
     "ParticleLimitWarning",
@@ -102,6 +104,7 @@ __all__ = [
     "data",
     "downsampling",
     "metrics",
+    "physics",
     "radius_graph",
     "scenarios",
 ]

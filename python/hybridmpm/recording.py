@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
-from hybridmpm.mpm import MAX_FRAMES_AT_ONCE, MpmSolver
+from hybridmpm.mpm import MAX_FRAMES_AT_ONCE
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
 from hybridmpm.tracks import Tracks
 
 MAX_BYTES = 4 * 2**30
@@ -50,13 +51,13 @@ class Recording:
 
 
 def record(
-    solver: MpmSolver, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None
+    solver: Simulator, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None
 ) -> Recording:
     """Advance `solver` and keep its state now, after each `every` frames, and at the end.
 
     Parameters
     ----------
-    solver : MpmSolver
+    solver : Simulator
         Left at the last frame.
     frames : int in [0, 1000000]
     every : int in [1, 1000000]

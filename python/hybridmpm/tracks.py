@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.simulator import Simulator
 
 
 class Tracks:
@@ -11,14 +11,14 @@ class Tracks:
 
     Parameters
     ----------
-    solver : MpmSolver
+    solver : Simulator
     rows : int
         States to be taken.
     names : str
         Properties of the solver of shape (N, D).
     """
 
-    def __init__(self, solver: MpmSolver, rows: int, *names: str) -> None:
+    def __init__(self, solver: Simulator, rows: int, *names: str) -> None:
         self._solver = solver
         self._tables = {name: self._absent(rows, solver.particle_count) for name in names}
         self.ids = np.empty(0, dtype=np.uint64)
