@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, data, downsampling, hybrid, metrics, scenarios
+from hybridmpm import control, data, downsampling, hybrid, metrics, physics, scenarios
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
@@ -35,6 +35,7 @@ from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.materials import Elastic, Sand, Water
 from hybridmpm.motion import Motion
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics import NeuralPhysics
 from hybridmpm.sampling import Particles
 from hybridmpm.scene import Scene, Walls
 from hybridmpm.shapes import (
@@ -77,6 +78,7 @@ __all__ = [
     "Motion",
     "MpmBatch",
     "MpmSolver",
+    "NeuralPhysics",
     "NonFiniteError",
     "PaddedGraph",
     "ParticleLimitWarning",
@@ -105,6 +107,7 @@ __all__ = [
     "downsampling",
     "hybrid",
     "metrics",
+    "physics",
     "radius_graph",
     "scenarios",
 ]

@@ -10,7 +10,8 @@ from hybridmpm.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MAX_FRAMES_AT_ONCE
 from hybridmpm.scene import Scene
-from hybridmpm.tracks import Simulator, Tracks
+from hybridmpm.simulator import Simulator
+from hybridmpm.tracks import Tracks
 
 MAX_BYTES = 4 * 2**30
 """A recording is held in memory; one larger than this is refused before it starts."""
@@ -56,7 +57,7 @@ def record(
 
     Parameters
     ----------
-    solver : MpmSolver, HybridSimulator or their like
+    solver : Simulator
         Left at the last frame.
     frames : int in [0, 1000000]
     every : int in [1, 1000000]

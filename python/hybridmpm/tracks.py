@@ -1,54 +1,9 @@
 """States of a solver side by side, although particles may come and go."""
 
-from typing import Any, Protocol
-
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.scene import Scene
-
-
-class Simulator(Protocol):
-    """What all simulators share: `MpmSolver`, `HybridSimulator` and whatever comes."""
-
-    @property
-    def scene(self) -> Scene:
-        """The scene that it was made from."""
-
-    @property
-    def dim(self) -> int:
-        """D, 2 or 3."""
-
-    @property
-    def frame(self) -> int:
-        """Frames done since the start."""
-
-    @property
-    def particle_count(self) -> int:
-        """N, at present."""
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending."""
-
-    @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,)."""
-
-    @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg]."""
-
-    @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """(N, D) [m]."""
-
-    @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """(N, D) [m/s]."""
-
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> Any:
-        """Go on by whole frames, with an external acceleration (N, D) or (frames, N, D) [m/s^2]."""
+from hybridmpm.simulator import Simulator
 
 
 class Tracks:

@@ -12,6 +12,7 @@ import click
 from hybridmpm import __version__
 from hybridmpm.cli.bench import bench
 from hybridmpm.cli.dataset import dataset
+from hybridmpm.cli.export import export
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
@@ -56,7 +57,7 @@ def cli() -> None:
     """Real-time, interactive particle fluids."""
 
 
-for command in (simulate, dataset, train, scenarios, schema, serve, bench, validate, doctor):
+for command in (simulate, dataset, train, export, scenarios, schema, serve, bench, validate, doctor):
     cli.add_command(command)
 
 

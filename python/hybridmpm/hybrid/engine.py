@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.errors import NonFiniteError, SimulationError
+from hybridmpm.errors import GraphSizeError, NonFiniteError, SimulationError
 from hybridmpm.hybrid import handoff as handoffs
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Safeguard
@@ -101,17 +101,20 @@ class Engine:
     @property
     def positions(self) -> _Floats:
         """(N, D) [m], as shown."""
-        return self.mpm.positions if self._step is None else self._between(self._step.x)
+        return self.mpm.positions if self._step is None else self._step.x.at(self._moment)
 
     @property
     def velocities(self) -> _Floats:
         """(N, D) [m/s], as shown."""
-        return self.mpm.velocities if self._step is None else self._between(self._step.v)
+        if self._step is None:
+            return self.mpm.velocities
+        begin, end = self._step.v
+        return np.asarray(begin + np.float32(self._moment) * (end - begin))
 
-    def _between(self, ends: tuple[_Floats, _Floats]) -> _Floats:
-        """Interpolate between the ends of the step under way."""
-        share = np.float32((self.frame % self._network.r_t) / self._network.r_t)
-        return np.asarray(ends[0] + share * (ends[1] - ends[0]), dtype=np.float32)
+    @property
+    def _moment(self) -> float:
+        """Part of the step under way that is over."""
+        return (self.frame % self._network.r_t) / self._network.r_t
 
     def advance_frame(self, force: _Floats | None) -> None:
         """Go on by one frame, under a force (N, D) [m/s^2] that is not zero everywhere, or None."""
@@ -190,7 +193,14 @@ class Engine:
         if decision is not None and decision.mode == "mpm":
             self._leave(decision.reason, decision.value, noticed=decision.noticed)
             return
-        x = self._network.step(self._path)
+        try:
+            x = self._network.step(self._path)
+        except GraphSizeError:
+            if not self._guards:
+                raise
+            self._patience.renew(is_fault=True)
+            self._roll_back("unsound", None)
+            return
         if self._is_alarmed(Stage.RAW, x):
             return
         if not np.isfinite(x).all():
@@ -206,7 +216,8 @@ class Engine:
         self.value = self._read(signal)
         latest = self._path[-1]
         v = handoffs.velocity([self._path[-2], latest, x], -1, self._network.dt)
-        self._step = Step(x=(latest, x), v=(self.mpm.velocities, v))
+        between = self._network.between(self._path[-2], latest, x)
+        self._step = Step(x=between, v=(self.mpm.velocities, v))
 
     def _end_step(self) -> None:
         """Arrive where the network's step leads, and look whether that state is sound."""
@@ -214,7 +225,7 @@ class Engine:
         assert step is not None  # noqa: S101 - a step ends where one began
         try:
             report = self.mpm.prescribe(
-                step.x[1], step.v[1], self.frame, deform=self._settings.handoff == "shadow"
+                step.x.end, step.v[1], self.frame, deform=self._settings.handoff == "shadow"
             )
         except SimulationError:
             if not self._guards:

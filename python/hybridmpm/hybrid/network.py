@@ -11,6 +11,7 @@ from hybridmpm.data.particle_types import KINEMATIC
 from hybridmpm.downsampling import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import StepPath
 from hybridmpm.scene import Scene
 
 _Floats = npt.NDArray[np.float32]
@@ -38,6 +39,7 @@ class Network:
         self._count = len(types)
         self._types = np.concatenate([types.astype(np.int64), np.full(len(self._solids), KINEMATIC)])
         self._known = np.tile(np.array(scene.gravity, dtype=np.float32), (len(self._types), 1))
+        self._bend = self._known[: self._count] * np.float32(self.dt**2)
 
     def step(self, path: Sequence[_Floats]) -> _Floats:
         """Return where the network says that particles are one step after the last of 6 states (N, D)."""
@@ -48,3 +50,7 @@ class Network:
         if x.shape != history.shape[1:]:
             raise ConfigError(f"the network must answer positions {history.shape[1:]}, got {x.shape}")
         return x[: self._count]
+
+    def between(self, before: _Floats, now: _Floats, after: _Floats) -> StepPath:
+        """Join two successive states (N, D) [m], given the one before."""
+        return StepPath.between(before, now, after, self._bend)

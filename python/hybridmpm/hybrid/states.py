@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.hybrid.guard import Guard
+from hybridmpm.physics.track import StepPath
 
 _Floats = npt.NDArray[np.float32]
 _MAX_DOUBLINGS = 6
@@ -16,8 +17,9 @@ _MAX_DOUBLINGS = 6
 class Step:
     """A step of the network under way, from one state to the next, `r_t` frames later."""
 
-    x: tuple[_Floats, _Floats]
+    x: StepPath
     v: tuple[_Floats, _Floats]
+    """At its two ends."""
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,13 @@ from hybridmpm.physics.spec import TYPE_EMBEDDING, TYPES, NetworkSpec
 
 
 class Edges(Protocol):
-    """How nodes are joined: N nodes, edges in any shape (..., H)."""
+    """How nodes are joined: N nodes, E edges."""
 
     def from_senders(self, nodes: Tensor) -> Tensor:
         """Node rows (N, H) at the sending end of each edge."""
 
     def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Node rows (N, H) at the receiving end of each edge, or what broadcasts to it."""
+        """Node rows (N, H) at the receiving end of each edge."""
 
     def sum(self, edges: Tensor) -> Tensor:
         """Sum (N, H) of the edges that arrive at each node."""
@@ -47,31 +47,36 @@ class EdgeList:
         return edges.new_zeros(self._count, edges.shape[-1]).index_add(0, self._receivers, edges)
 
 
-class PaddedEdges:
-    """K neighbours a node, the surplus masked: for inference, without scattered writes.
+class SortedEdges:
+    """E edges ordered by receiver, and where each node finds its own: for inference.
+
+    Nodes gather the messages that arrive, at most K, instead of edges scattering them, which onnxruntime does
+    one by one. Only this table is padded: the perceptrons see each edge once.
 
     Parameters
     ----------
-    neighbors : integer (N, K)
+    senders, receivers : integer (E,)
+    arrivals : integer (N, K)
+        Edges into each node; surplus entries may name any.
     mask : bool (N, K)
+        Which entries count.
     """
 
-    def __init__(self, neighbors: Tensor, mask: Tensor) -> None:
-        self._flat = neighbors.reshape(-1)
-        self._shape = neighbors.shape
-        self._mask = mask.to(torch.float32).unsqueeze(-1)
+    def __init__(self, senders: Tensor, receivers: Tensor, arrivals: Tensor, mask: Tensor) -> None:
+        self._senders, self._receivers, self._arrivals = senders, receivers, arrivals
+        self._weights = mask.to(torch.float32).unsqueeze(1)
 
     def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return (N, K, H)."""
-        return nodes.index_select(0, self._flat).reshape(*self._shape, nodes.shape[-1])
+        """Return (E, H)."""
+        return nn.functional.embedding(self._senders, nodes)
 
     def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return (N, 1, H)."""
-        return nodes.unsqueeze(1)
+        """Return (E, H)."""
+        return nn.functional.embedding(self._receivers, nodes)
 
     def sum(self, edges: Tensor) -> Tensor:
         """Return (N, H)."""
-        return (edges * self._mask).sum(dim=1)
+        return torch.matmul(self._weights, nn.functional.embedding(self._arrivals, edges)).squeeze(1)
 
 
 class Perceptron(nn.Module):

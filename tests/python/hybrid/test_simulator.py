@@ -37,8 +37,7 @@ def test_the_recorded_truth_rolls_out_to_exactly_that(drop: Scene, recorded: Mak
     assert (sim.mode, reasons(sim)) == ("neural", ["warm-up"])
     assert sim.mpm_share == WARM_UP * r_t / 60
     np.testing.assert_array_equal(path[::r_t], network.path[::r_t])
-    # Free fall between two steps, taken for a straight line.
-    assert np.abs(path - network.path).max() <= 9.81 * (0.0025 * r_t) ** 2 / 8 + 1e-6
+    assert np.abs(path - network.path).max() <= 1e-6
 
 
 def test_the_network_gets_what_it_was_promised(fake: Make) -> None:

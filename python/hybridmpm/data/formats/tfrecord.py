@@ -18,11 +18,11 @@ from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
 from hybridmpm.data.particle_types import SAME, translated
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
+from hybridmpm.protobuf import messages
 
 _LENGTH = struct.Struct("<QI")
 _MASK = 0xA282EAD8
 _POLYNOMIAL = 0x82F63B78
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def crc32c(data: bytes) -> int:
@@ -57,60 +57,28 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, int]]:
         start, number = start + length + 4, number + 1
 
 
-def _fields(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Yield number and content of each length-delimited field of a message; others are skipped."""
-    at = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
-        kind = tag & 7
-        if kind == _VARINT:
-            _, at = _varint(data, at)
-        elif kind == _BYTES:
-            length, at = _varint(data, at)
-            if at + length > len(data):
-                raise ValueError("a field is cut off")
-            yield tag >> 3, data[at : at + length]
-            at += length
-        elif kind in {_FIXED64, _FIXED32}:
-            at += 8 if kind == _FIXED64 else 4
-        else:
-            raise ValueError(f"a field of unknown kind {kind}")
-
-
-def _varint(data: memoryview, at: int) -> tuple[int, int]:
-    value = 0
-    for shift in range(0, 70, 7):
-        if at >= len(data):
-            raise ValueError("a number is cut off")
-        value |= (data[at] & 0x7F) << shift
-        at += 1
-        if data[at - 1] < 0x80:
-            return value, at
-    raise ValueError("a number is too long")
-
-
 def _map(data: memoryview) -> dict[str, memoryview]:
     """Entries of a `map<string, message>`, the first field of both Features and FeatureLists."""
     entries = {}
-    for number, entry in _fields(data):
+    for number, entry in messages(data):
         if number == 1:
-            parts = dict(_fields(entry))
+            parts = dict(messages(entry))
             entries[bytes(parts[1]).decode()] = parts.get(2, memoryview(b""))
     return entries
 
 
 def _strings(feature: memoryview) -> list[memoryview]:
     """Values of a Feature that holds a BytesList."""
-    lists = dict(_fields(feature))
+    lists = dict(messages(feature))
     if 1 not in lists:
         raise ValueError("a feature holds no bytes")
-    return [value for number, value in _fields(lists[1]) if number == 1]
+    return [value for number, value in messages(lists[1]) if number == 1]
 
 
 def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Trajectory:
     where = f"{path}: record {number}"
     try:
-        parts = dict(_fields(memoryview(data)))
+        parts = dict(messages(memoryview(data)))
         context, lists = _map(parts.get(1, memoryview(b""))), _map(parts.get(2, memoryview(b"")))
     except (ValueError, KeyError) as error:
         raise DataError(f"{where} is damaged or no SequenceExample: {error}") from None
@@ -121,7 +89,7 @@ def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Tra
             )
     try:
         types = np.frombuffer(_strings(context["particle_type"])[0], "<i8").astype(np.int64)
-        frames = [_strings(feature)[0] for number, feature in _fields(lists["position"]) if number == 1]
+        frames = [_strings(feature)[0] for number, feature in messages(lists["position"]) if number == 1]
     except (ValueError, KeyError, IndexError) as error:
         raise DataError(f"{where} is damaged: {error}") from None
     sizes = {len(frame) for frame in frames}

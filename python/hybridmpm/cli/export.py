@@ -1,0 +1,66 @@
+"""`hybridmpm export`: from a checkpoint to a model that needs no torch."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.files import replacing
+
+
+@click.command()
+@click.argument("checkpoint", type=click.Path(dir_okay=False, path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.onnx",
+    help="Where to write the model.",
+)
+@click.option(
+    "--errors",
+    "error_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    help="A list of flat objects, errors measured with the model, to be kept in it.",
+)
+@click.option(
+    "--publish",
+    "name",
+    metavar="NAME",
+    help="Put it among the models that come with the library, with a card and an entry in the manifest.",
+)
+def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: str | None) -> None:
+    """Write the network of CHECKPOINT as one ONNX file; needs torch: pip install 'hybridmpm[train]'."""
+    if out is None and name is None:
+        raise click.UsageError("Give --out FILE.onnx, --publish NAME or both.")
+    if out is not None and out.suffix != ".onnx":
+        raise ConfigError(f"--out must end in .onnx, got {out.name!r}")
+    errors = [] if error_file is None else _rows(error_file)
+    try:
+        from hybridmpm.training.export import export_checkpoint  # noqa: PLC0415 - an extra
+        from hybridmpm.training.publish import publish  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"exporting needs {error.name}; install it with: pip install 'hybridmpm[train]'"
+        ) from None
+    data, info = export_checkpoint(checkpoint, errors)
+    files = []
+    if out is not None:
+        with replacing(out) as part:
+            part.write_bytes(data)
+        files.append(out)
+    if name is not None:
+        files += publish(name, data, info)
+    click.echo(f"{info.parameters} parameters, {len(data) / 1e3:.0f} kB: wrote {', '.join(map(str, files))}")
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} cannot be read as JSON: {error}") from None
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise DataError(f"{path} must be a JSON list of objects, one a row of errors")
+    return rows

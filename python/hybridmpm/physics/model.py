@@ -1,0 +1,208 @@
+"""`NeuralModel`: a trained network under onnxruntime."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import scenarios
+from hybridmpm._native import RadiusGraph, radius_graph
+from hybridmpm.arguments import whole
+from hybridmpm.data.particle_types import KINEMATIC, NAMES
+from hybridmpm.errors import ConfigError, DataError, GraphSizeError
+from hybridmpm.physics.manifest import read_model
+from hybridmpm.physics.model_info import ModelInfo, check_file
+from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.scene import Scene
+
+if TYPE_CHECKING:
+    import onnxruntime
+
+_MOST_NEIGHBORS = 256
+"""Of a particle. Ten times what water at rest has; a clump of more would only fill the memory."""
+_NEAR = 1e-3
+"""Relative difference of lengths and times that count as the same."""
+
+
+class NeuralModel:
+    """A trained network, its features and its integrator, under onnxruntime; a `Stepper`.
+
+    Safe to share between threads and simulators: it remembers nothing between steps.
+
+    Parameters
+    ----------
+    data : bytes
+        An ONNX file that `hybridmpm export` wrote.
+    where : str
+        Begins the messages of errors.
+    threads : int in [1, 1024]
+
+    Raises
+    ------
+    DataError
+        Damaged, of another format or opset, or with weights in other files.
+    ConfigError
+        Of other features, or `threads` is out of range.
+    """
+
+    def __init__(self, data: bytes, *, where: str, threads: int = 1) -> None:
+        check_file(data, where=where)
+        self._session = _session(data, whole("threads", threads, 1, 1024), where)
+        properties = self._session.get_modelmeta().custom_metadata_map
+        self._info = ModelInfo.from_properties(properties, where=where)
+        self._where = where
+
+    @classmethod
+    def load(cls, name: str | Path, *, threads: int = 1) -> Self:
+        """Load a model that comes with the library, by name, or a file whose name ends in .onnx.
+
+        Raises
+        ------
+        DataError, ConfigError
+            As the constructor; there is no such model or file; or the file of a name is not the one whose
+            SHA-256 the library knows.
+        """
+        path = Path(name)
+        if path.suffix != ".onnx":
+            return cls(read_model(str(name)), where=f"model {name}", threads=threads)
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise DataError(f"cannot read {path}: {error.strerror or error}") from None
+        return cls(data, where=str(path), threads=threads)
+
+    @property
+    def info(self) -> ModelInfo:
+        """Its network, scales and origin."""
+        return self._info
+
+    @property
+    def spec(self) -> NetworkSpec:
+        """Its network."""
+        return self._info.spec
+
+    @property
+    def r_p(self) -> float:
+        """Particles over those of the scene, in (0, 1]."""
+        return self.spec.r_p
+
+    @property
+    def r_t(self) -> int:
+        """Frames that one step spans."""
+        return self.spec.r_t
+
+    def check(self, scene: Scene) -> None:
+        """Refuse a scene of another kind than the model was trained on.
+
+        Raises
+        ------
+        ConfigError
+            Dimension, frame_dt, particle spacing, a material, or obstacles where there were none: the
+            message names both values. Or particles come and go, or obstacles move.
+        """
+        trained = [scenarios.get(name, 0) for name in self.spec.scenarios]
+        like = trained[0]
+        pairs = {
+            "dim": (scene.dim, like.dim),
+            "frame_dt": (scene.frame_dt, like.frame_dt),
+            "particle spacing": (scene.spacing, like.spacing),
+        }
+        for name, (there, needed) in pairs.items():
+            if abs(there - needed) > _NEAR * needed:
+                raise ConfigError(f"{self._for()}, with {name} {needed:g}; the scene has {name} {there:g}")
+        known = {material.type_id for one in trained for material in one.materials}
+        foreign = sorted({material.type_id for material in scene.materials} - known)
+        if foreign:
+            had = ", ".join(NAMES[number] for number in sorted(known))
+            raise ConfigError(f"{self._for()}, with {had}; the scene has {NAMES[foreign[0]]}")
+        if scene.obstacles and not any(one.obstacles for one in trained):
+            raise ConfigError(f"{self._for()}, without obstacles; the scene has {len(scene.obstacles)}")
+        if any(obstacle.motion is not None for obstacle in scene.obstacles):
+            raise ConfigError(f"{self._for()}, with obstacles at rest; the scene has one that moves")
+        if scene.is_open:
+            raise ConfigError(f"{self._for()}, with fixed particles; the scene has emitters or sinks")
+
+    def _for(self) -> str:
+        return f"{self._where} was trained on {', '.join(self.spec.scenarios)}"
+
+    def step(
+        self,
+        history: npt.NDArray[np.float32],
+        types: npt.NDArray[np.int64],
+        acceleration: npt.NDArray[np.float32],
+        walls: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Return positions one step later; see `Stepper.step`.
+
+        Raises
+        ------
+        ConfigError
+            The latest positions are not finite.
+        GraphSizeError
+            A particle has more than 256 neighbours.
+        """
+        if not len(types):
+            return np.array(history[-1], dtype=np.float32)
+        graph = radius_graph(
+            history[-1],
+            self.spec.radius,
+            types,
+            kinematic=KINEMATIC,
+            max_edges=_MOST_NEIGHBORS * len(types),
+        )
+        feed = {"history": history, "types": types, "acceleration": acceleration, "walls": walls}
+        return np.asarray(self._session.run(None, feed | edge_inputs(graph))[0], dtype=np.float32)
+
+
+def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:
+    """Return the edges as the exported graph takes them: each once, and a table of those into each node.
+
+    Where there is no edge, one that counts for nothing stands in: onnxruntime does not concatenate arrays
+    without rows.
+
+    Returns
+    -------
+    dict
+        `senders`, `receivers` int32 (E,), `arrivals` int32 (N, K) and `mask` bool (N, K).
+
+    Raises
+    ------
+    GraphSizeError
+        K would exceed 256; the message names the particle.
+    """
+    starts = graph.starts.view(np.int32)
+    degrees = np.diff(starts)
+    most = int(degrees.max())
+    if most > _MOST_NEIGHBORS:
+        raise GraphSizeError(
+            f"particle {int(degrees.argmax())} has {most} neighbours within {graph.radius:g} m, more than "
+            f"{_MOST_NEIGHBORS}: the particles have clumped"
+        )
+    columns = np.arange(max(most, 1), dtype=np.int32)
+    edges = (graph.senders.view(np.int32), graph.receivers.view(np.int32))
+    if most == 0:
+        edges = (np.zeros(1, np.int32), np.zeros(1, np.int32))
+    arrivals = np.minimum(starts[:-1, None] + columns, len(edges[0]) - 1)
+    return {
+        "senders": edges[0],
+        "receivers": edges[1],
+        "arrivals": arrivals,
+        "mask": columns < degrees[:, None],
+    }
+
+
+def _session(data: bytes, threads: int, where: str) -> "onnxruntime.InferenceSession":
+    import onnxruntime  # noqa: PLC0415 - takes a moment, and only networks need it
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.log_severity_level = 4
+    # Threads that spin while they wait would take the cores from the solver.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    try:
+        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 - onnxruntime's own errors share no other parent
+        raise DataError(f"{where} is no model that onnxruntime can load: {error}") from None

@@ -1,0 +1,175 @@
+"""A trained simulator as one ONNX file, features and integrator included: serving it needs no torch."""
+
+import contextlib
+import datetime as dt
+import io
+import json
+import logging
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.errors import DataError
+from hybridmpm.physics.model_info import OPSET, ModelInfo
+from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
+from hybridmpm.training import checkpoint
+from hybridmpm.training.network import SortedEdges
+from hybridmpm.training.simulator import LearnedSimulator
+
+INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask")
+OUTPUT = "positions"
+
+
+class _Served(nn.Module):
+    """The simulator with its graph as plain inputs."""
+
+    def __init__(self, simulator: LearnedSimulator) -> None:
+        super().__init__()
+        self.simulator = simulator
+
+    def forward(  # noqa: PLR0917 - the exporter names inputs by their place
+        self,
+        history: Tensor,
+        types: Tensor,
+        acceleration: Tensor,
+        walls: Tensor,
+        senders: Tensor,
+        receivers: Tensor,
+        arrivals: Tensor,
+        mask: Tensor,
+    ) -> Tensor:
+        graph = SortedEdges(senders, receivers, arrivals, mask)
+        positions: Tensor = self.simulator(history, types, acceleration, walls, graph)
+        return positions
+
+
+def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
+    """Return a simulator as an ONNX model with its description.
+
+    Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
+    gives them, its output the next positions (N, D). N, E and K are free, E and K from 1 on.
+    """
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
+        warnings.simplefilter("ignore")
+        program = torch.onnx.export(
+            _Served(simulator).eval().cpu(),
+            _example(simulator.spec),
+            dynamo=True,
+            # The optimizer takes 1e-12 for zero, and drops it where it keeps a root apart from zero.
+            optimize=False,
+            opset_version=OPSET,
+            input_names=INPUTS,
+            output_names=[OUTPUT],
+            dynamic_shapes=_free_sizes(),
+        )
+    if program is None:
+        raise RuntimeError("torch exported nothing")
+    model = program.model_proto
+    _forget_origin(model)
+    onnx.helper.set_model_props(model, info.to_properties())
+    onnx.checker.check_model(model)
+    data: bytes = model.SerializeToString()
+    return data
+
+
+def export_checkpoint(path: Path, errors: Sequence[Mapping[str, Any]] = ()) -> tuple[bytes, ModelInfo]:
+    """Return the network of a checkpoint as an ONNX model, and its description.
+
+    Parameters
+    ----------
+    path : Path
+        What `hybridmpm train` wrote.
+    errors : sequence of mappings
+        Rows of errors measured with it, to be kept in the file.
+
+    Raises
+    ------
+    DataError
+        As `checkpoint.read`, or weights are not those of its network.
+    ConfigError
+        It is of other features; the message names both versions.
+    """
+    state = checkpoint.read(path)
+    simulator, about = _simulator(state, path), dict(state["about"])
+    info = ModelInfo(
+        spec=simulator.spec,
+        scales=simulator.scales,
+        parameters=sum(parameter.numel() for parameter in simulator.parameters()),
+        training={
+            "command": about.get("command", ""),
+            "data": about.get("data", ""),
+            "machine": about.get("machine", ""),
+            "seconds": f"{state['seconds']:.0f}",
+            "steps": str(state["step"]),
+            "exported": dt.datetime.now(dt.UTC).date().isoformat(),
+        },
+        errors=[dict(row) for row in errors],
+    )
+    return to_onnx(simulator, info), info
+
+
+def _simulator(state: Mapping[str, Any], path: Path) -> LearnedSimulator:
+    spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=str(path))
+    simulator = LearnedSimulator(spec, Normalization(**json.loads(state["scales"])))
+    try:
+        simulator.network.load_state_dict(state["weights"])
+    except RuntimeError as error:
+        raise DataError(f"{path}: its weights are not those of its network: {error}") from None
+    return simulator
+
+
+def _example(spec: NetworkSpec) -> tuple[Tensor, ...]:
+    """Return inputs of three particles, two of which are neighbours."""
+    count, dim = 3, spec.dim
+    return (
+        torch.rand(HISTORY, count, dim),
+        torch.zeros(count, dtype=torch.int64),
+        torch.zeros(count, dim),
+        torch.tensor([[0.0] * dim, [1.0] * dim]),
+        torch.tensor([1, 0], dtype=torch.int32),
+        torch.tensor([0, 1], dtype=torch.int32),
+        torch.tensor([[0, 1], [1, 1], [1, 1]], dtype=torch.int32),
+        torch.tensor([[True, False], [True, False], [False, False]]),
+    )
+
+
+def _free_sizes() -> dict[str, dict[int, Any]]:
+    free = torch.export.Dim.DYNAMIC
+    return {
+        "history": {1: free},
+        "types": {0: free},
+        "acceleration": {0: free},
+        "walls": {},
+        "senders": {0: free},
+        "receivers": {0: free},
+        "arrivals": {0: free, 1: free},
+        "mask": {0: free, 1: free},
+    }
+
+
+def _forget_origin(model: onnx.ModelProto) -> None:
+    """Drop what the exporter notes about each node: traces with paths of this machine."""
+    for node in model.graph.node:
+        node.ClearField("metadata_props")
+        node.ClearField("doc_string")
+    for part in (*model.graph.value_info, *model.graph.input, *model.graph.output, *model.graph.initializer):
+        part.ClearField("metadata_props")
+    model.graph.ClearField("value_info")
+    model.graph.ClearField("metadata_props")
+    model.graph.ClearField("doc_string")
+
+
+@contextlib.contextmanager
+def _quiet_logs() -> Any:
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
