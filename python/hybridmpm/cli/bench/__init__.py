@@ -3,6 +3,7 @@
 import click
 
 from hybridmpm.cli.bench.errors import downsampling, models
+from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 
@@ -14,5 +15,9 @@ def bench() -> None:
     """Measure speed and errors on this machine."""
 
 
-for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, stability):
+_COMMANDS = (
+    mpm, scaling, batch, neighbors, sleeping, downsampling, models, stability, safeguard, handoff, hybrid,
+)  # fmt: skip
+
+for command in _COMMANDS:
     bench.add_command(command)
