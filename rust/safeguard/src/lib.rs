@@ -51,7 +51,7 @@ pub struct Settings {
     pub window: usize,
     /// Time between two positions [s].
     pub dt: f32,
-    /// A particle is calm whose root mean square acceleration is below this in both windows [m/s^2].
+    /// A particle is calm whose root mean square acceleration is not above this in both windows [m/s^2].
     pub floor: f32,
     /// With a smaller share of particles that are not calm the scene is calm.
     pub quorum: f32,
@@ -77,9 +77,13 @@ impl Products {
 }
 
 /// Accelerations of the last two windows, from positions that are pushed one after the other.
+///
+/// Vectors are kept axis by axis, and as many zeros behind the particles as fill the last lanes.
 #[derive(Debug, Clone)]
 pub struct AccelerationHistory {
     settings: Settings,
+    /// Numbers of one axis.
+    stride: usize,
     /// Positions pushed so far.
     pushed: usize,
     /// The last two positions, then the one that an undo would need.
@@ -126,15 +130,17 @@ impl AccelerationHistory {
         if !(0.0..=1.0).contains(&quorum) {
             return refuse("quorum", "in [0, 1]", quorum.to_string());
         }
-        let size = particles * dim;
+        let stride = particles.next_multiple_of(LANES);
+        let size = stride * dim;
         Ok(Self {
             settings,
+            stride,
             pushed: 0,
             positions: std::array::from_fn(|_| vec![0.0; size]),
             ring: vec![vec![0.0; size]; 2 * window],
             replaced: vec![0.0; size],
-            products: Products::zeros(particles),
-            before: Products::zeros(particles),
+            products: Products::zeros(stride),
+            before: Products::zeros(stride),
             undoable: false,
         })
     }
@@ -158,14 +164,18 @@ impl AccelerationHistory {
                 got: x.len(),
             });
         }
-        if self.pushed >= 2 {
-            match dim {
-                2 => self.accelerate::<2>(x),
-                _ => self.accelerate::<3>(x),
+        self.positions.rotate_right(1);
+        for (axis, latest) in self.positions[0]
+            .chunks_exact_mut(self.stride.max(1))
+            .enumerate()
+        {
+            for (latest, x) in latest.iter_mut().zip(x.chunks_exact(dim)) {
+                *latest = x[axis];
             }
         }
-        self.positions.rotate_right(1);
-        self.positions[0].copy_from_slice(x);
+        if self.pushed >= 2 {
+            self.accelerate();
+        }
         self.pushed += 1;
         self.undoable = true;
         Ok(self.signal())
@@ -193,34 +203,42 @@ impl AccelerationHistory {
         (self.pushed - 2 + length - ago) % length
     }
 
-    /// Puts the acceleration between the last two positions and x into the ring, and updates the products.
-    fn accelerate<const D: usize>(&mut self, x: &[f32]) {
+    /// Puts the acceleration between the last three positions into the ring, and updates the products.
+    fn accelerate(&mut self) {
         let (newest, middle) = (self.slot(0), self.slot(self.settings.window));
         std::mem::swap(&mut self.replaced, &mut self.ring[newest]);
         std::mem::swap(&mut self.products, &mut self.before);
-        // With w = 1 of two slots; they are never the same one.
         let [acceleration, middle] = self
             .ring
             .get_disjoint_mut([newest, middle])
             .expect("two slots of a ring of 2 w");
         let per_square = 1.0 / (self.settings.dt * self.settings.dt);
-        let [latest, earlier, _] = &self.positions;
-        for k in 0..x.len() {
-            acceleration[k] = ((x[k] - latest[k]) - (latest[k] - earlier[k])) * per_square;
+        let [x, latest, earlier] = &self.positions;
+        for (((a, x), latest), earlier) in acceleration.iter_mut().zip(x).zip(latest).zip(earlier) {
+            *a = ((x - latest) - (latest - earlier)) * per_square;
         }
-        let vectors = |of: &[f32], i: usize| -> [f64; D] {
-            std::array::from_fn(|axis| f64::from(of[i * D + axis]))
-        };
-        let dot = |a: &[f64; D], b: &[f64; D]| -> f64 { (0..D).map(|k| a[k] * b[k]).sum() };
-        for i in 0..self.settings.particles {
-            let enters = vectors(acceleration, i);
-            let passes = vectors(middle, i);
-            let leaves = vectors(&self.replaced, i);
-            let passing = dot(&passes, &passes);
-            self.products.across[i] =
-                self.before.across[i] + dot(&passes, &enters) - dot(&leaves, &passes);
-            self.products.newer[i] = self.before.newer[i] + dot(&enters, &enters) - passing;
-            self.products.older[i] = self.before.older[i] + passing - dot(&leaves, &leaves);
+        let (products, before) = (&mut self.products, &self.before);
+        products.across.copy_from_slice(&before.across);
+        products.older.copy_from_slice(&before.older);
+        products.newer.copy_from_slice(&before.newer);
+        let stride = self.stride.max(1);
+        let axes = acceleration
+            .chunks_exact(stride)
+            .zip(middle.chunks_exact(stride))
+            .zip(self.replaced.chunks_exact(stride));
+        for ((enters, passes), leaves) in axes {
+            let sums = products
+                .across
+                .iter_mut()
+                .zip(&mut products.older)
+                .zip(&mut products.newer);
+            let vectors = enters.iter().zip(passes).zip(leaves);
+            for (((across, older), newer), ((&enters, &passes), &leaves)) in sums.zip(vectors) {
+                let [enters, passes, leaves] = [enters, passes, leaves].map(f64::from);
+                *across += passes * enters - leaves * passes;
+                *older += passes * passes - leaves * leaves;
+                *newer += enters * enters - passes * passes;
+            }
         }
     }
 
@@ -232,31 +250,44 @@ impl AccelerationHistory {
             quorum,
             ..
         } = self.settings;
-        let threshold = f64::from(floor).powi(2) * window as f64;
-        let mut plain = [0.0f64; LANES];
-        let mut moving = [0.0f64; LANES];
-        let mut active = [0.0f64; LANES];
+        let threshold = floor * floor * window as f32;
+        let mut plain = [0.0f32; LANES];
+        let mut moving = [0.0f32; LANES];
+        let mut active = [0.0f32; LANES];
         let Products {
             across,
             older,
             newer,
         } = &self.products;
-        for i in 0..particles {
-            let lane = i % LANES;
-            // Rounding may leave a little below zero of what was zero.
-            let product = older[i].max(0.0) * newer[i].max(0.0);
-            let cosine = if product > 0.0 {
-                (across[i] / product.sqrt()).clamp(-1.0, 1.0)
-            } else {
-                0.0
-            };
-            let awake = f64::from(u8::from(older[i] >= threshold || newer[i] >= threshold));
-            plain[lane] += cosine;
-            moving[lane] += cosine * awake;
-            active[lane] += awake;
+        let blocks = across
+            .as_chunks::<LANES>()
+            .0
+            .iter()
+            .zip(older.as_chunks::<LANES>().0)
+            .zip(newer.as_chunks::<LANES>().0);
+        for ((across, older), newer) in blocks {
+            for i in 0..LANES {
+                // Rounding may leave a little below zero of what was zero.
+                let (o, n) = (older[i].max(0.0) as f32, newer[i].max(0.0) as f32);
+                let length = o.sqrt() * n.sqrt();
+                let ratio = across[i] as f32 / if length > 0.0 { length } else { 1.0 };
+                let cosine = if length > 0.0 {
+                    ratio.clamp(-1.0, 1.0)
+                } else {
+                    0.0
+                };
+                let awake = if (o > threshold) | (n > threshold) {
+                    1.0
+                } else {
+                    0.0
+                };
+                plain[i] += cosine;
+                moving[i] += cosine * awake;
+                active[i] += awake;
+            }
         }
         let count = particles.max(1) as f64;
-        let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
+        let total = |lanes: [f32; LANES]| lanes.iter().copied().map(f64::from).sum::<f64>();
         let (active, full) = (total(active), self.is_full());
         let cosine = if active / count >= f64::from(quorum) && active > 0.0 {
             total(moving) / active
@@ -276,13 +307,22 @@ impl AccelerationHistory {
         if self.pushed < 3 || particles == 0 {
             return 0.0;
         }
-        let newest = (self.pushed - 3) % self.ring.len();
-        let mut sums = [0.0f64; LANES];
-        for (i, a) in self.ring[newest].chunks_exact(dim).enumerate() {
-            let square: f32 = a.iter().map(|s| s * s).sum();
-            sums[i % LANES] += f64::from(square).powi(2);
+        let a = &self.ring[(self.pushed - 3) % self.ring.len()];
+        let mut sums = [0.0f32; LANES];
+        for start in (0..self.stride).step_by(LANES) {
+            let mut squares = [0.0f32; LANES];
+            for axis in 0..dim {
+                let block = &a[axis * self.stride + start..][..LANES];
+                for i in 0..LANES {
+                    squares[i] += block[i] * block[i];
+                }
+            }
+            for i in 0..LANES {
+                sums[i] += squares[i] * squares[i];
+            }
         }
-        (sums.iter().sum::<f64>() / particles as f64).sqrt().sqrt() as f32
+        let sum: f64 = sums.iter().copied().map(f64::from).sum();
+        (sum / particles as f64).sqrt().sqrt() as f32
     }
 }
 
