@@ -5,6 +5,7 @@ import click
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
+from hybridmpm.cli.bench.sweep import sweep
 
 __all__ = ["bench"]
 
@@ -14,5 +15,5 @@ def bench() -> None:
     """Measure speed and errors on this machine."""
 
 
-for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, stability):
+for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability):
     bench.add_command(command)
