@@ -143,7 +143,7 @@ class NeuralModel:
             A particle has more than 256 neighbours.
         """
         if not len(types):
-            return history[-1].copy()
+            return np.array(history[-1], dtype=np.float32)
         graph = radius_graph(
             history[-1],
             self.spec.radius,
