@@ -7,13 +7,16 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from hybridmpm.bench.front import compared, dominating
 from hybridmpm.bench.methods import RATIOS
 from hybridmpm.bench.provenance import Provenance, write_rows
 from hybridmpm.errors import ConfigError, DataError, ExportError
 from hybridmpm.physics.spec import NetworkSpec
+
+if TYPE_CHECKING:
+    from hybridmpm.bench.laboratory import Laboratory
 
 SCENARIOS = ("water_2d", "sand_2d")
 STRIDES = (1, 2, 4, 8, 16)
@@ -117,16 +120,6 @@ def matching(patterns: Sequence[str]) -> list[Point]:
     ]
 
 
-class Measuring(Protocol):
-    """What makes rows: `bench.laboratory.Laboratory`, which needs torch, as this module does not."""
-
-    def references(self, scenario: str) -> list[dict[str, Any]]:
-        """Rows of MPM, of the zero networks and of the bounds."""
-
-    def measure(self, point: Point, minutes: float) -> dict[str, Any]:
-        """Train for so long, 0 for not at all, and return the row."""
-
-
 class Sweep:
     """A folder of results, one file a point, that grows until all points are there.
 
@@ -172,11 +165,13 @@ class Sweep:
         self,
         points: Sequence[Point],
         minutes: float,
-        laboratory: Measuring,
+        laboratory: "Laboratory",
         source: Provenance,
         on_progress: Callable[[int], object],
     ) -> None:
         """Measure what is missing; each point is written as soon as it is done.
+
+        The laboratory needs torch, this module does not.
 
         Raises
         ------
