@@ -139,7 +139,8 @@ def physics(
         bar.update(trainer.step_count)
 
         def show(_trainer: "Trainer", loss: float) -> None:
-            bar.label = f"Training, loss {loss:.4f}"
+            if sys.stderr.isatty():
+                bar.label = f"Training, loss {loss:.4f}"
             bar.update(1)
 
         run.train(trainer, out, training, held_out, about=about, rhythm=run.Rhythm(), on_step=show)

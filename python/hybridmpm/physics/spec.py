@@ -21,7 +21,10 @@ TYPE_EMBEDDING = 16
 FEATURES_VERSION = 1
 """Raised when the same inputs give other features; checkpoints and models of another version are refused."""
 
-_MAX_LATENT, _MAX_LAYERS, _MAX_HIDDEN, _MAX_STRIDE = 1024, 64, 8, 64
+MAX_STRIDE = 64
+"""Largest r_t."""
+
+_MAX_LATENT, _MAX_LAYERS, _MAX_HIDDEN = 1024, 64, 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +61,7 @@ class NetworkSpec:
         whole("latent", self.latent, 1, _MAX_LATENT)
         whole("layers", self.layers, 1, _MAX_LAYERS)
         whole("hidden_layers", self.hidden_layers, 1, _MAX_HIDDEN)
-        whole("r_t", self.r_t, 1, _MAX_STRIDE)
+        whole("r_t", self.r_t, 1, MAX_STRIDE)
         whole("relaxations", self.relaxations, 0, 16)
         if not (0.0 < self.r_p <= 1.0):
             raise ConfigError(f"r_p must be in (0, 1], got {self.r_p}")

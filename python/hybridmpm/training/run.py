@@ -97,7 +97,11 @@ def look(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None
     for trajectory, path in zip(held_out, paths, strict=True):
         errors = rollouts.errors(path, trajectory)[HISTORY:]
         at = {f"step_{step}": errors[step - 1] for step in (10, 25, 50) if step <= len(errors)}
-        row = {"trained_steps": trainer.step_count, "trajectory": trajectory.place.position, **at}
+        row = {
+            "trained_steps": trainer.step_count,
+            "scene": trajectory.scene.name if trajectory.scene else "",
+            **at,
+        }
         _append(folder / ROLLOUTS, row | {"mean": errors.mean()})
     rollouts.write_picture(folder / "rollout.png", held_out, paths)
 

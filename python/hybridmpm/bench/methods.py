@@ -1,0 +1,87 @@
+"""The methods of a comparison: ways to simulate a scene, by name."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from hybridmpm import scenarios
+from hybridmpm.bench.rollouts import FIRST_SEED
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics.neural import NeuralPhysics
+from hybridmpm.physics.spec import HISTORY
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.scene import Scene
+
+RATIOS = {"1": 1.0, "1/1.75": 1 / 1.75, "1/4": 1 / 4, "1/8": 1 / 8, "1/16": 1 / 16}
+"""r_p of the ladder of MPM by label."""
+
+_CROWD = 100
+"""Test seeds of which the one with the most particles is timed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A way to simulate any scene of a scenario."""
+
+    kind: str
+    """"neural", "zero" or "mpm"."""
+    label: str
+    r_p: float
+    r_t: int
+    make: Callable[[Scene], Any]
+    """Gives a simulator at frame 0."""
+    parameters: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Kind and label, unique in a table."""
+        return f"{self.kind} {self.label}"
+
+    @property
+    def warm_up(self) -> int:
+        """Frames that MPM makes before the first prediction."""
+        return 0 if self.kind == "mpm" else warm_up(self.r_t)
+
+
+def warm_up(r_t: int) -> int:
+    """Frames of which a network with steps of r_t frames needs to know the outcome."""
+    return (HISTORY - 1) * r_t
+
+
+def mpm(label: str, r_p: float, *, threads: int) -> Method:
+    """MPM with merged particles on a coarse grid, at CFL substeps."""
+    return Method(kind="mpm", label=label, r_p=r_p, r_t=1, make=partial(MpmSolver, r_p=r_p, threads=threads))
+
+
+def neural(label: str, stepper: Stepper, *, threads: int, parameters: int) -> Method:
+    """Return a learned simulator."""
+
+    def make(scene: Scene) -> NeuralPhysics:
+        return NeuralPhysics(scene, stepper, threads=threads)
+
+    return Method(
+        kind="neural", label=label, r_p=stepper.r_p, r_t=stepper.r_t, make=make, parameters=parameters
+    )
+
+
+def zero(r_p: float, r_t: int, *, threads: int) -> Method:
+    """Return free fall between walls, with the warm-up of a network."""
+
+    def make(scene: Scene) -> NeuralPhysics:
+        return NeuralPhysics(scene, ZeroStepper(scene.frame_dt, r_p=r_p, r_t=r_t), threads=threads)
+
+    label = f"r_p {ratio_label(r_p)}, r_t {r_t}"
+    return Method(kind="zero", label=label, r_p=r_p, r_t=r_t, make=make, parameters=0)
+
+
+def ratio_label(r_p: float) -> str:
+    """Label of an r_p: that of the ladder if it is on it."""
+    return next((label for label, rung in RATIOS.items() if abs(rung - r_p) < 1e-6), f"{r_p:.3g}")
+
+
+def reference_scene(scenario: str) -> Scene:
+    """Return the test scene with the most particles of a hundred: latencies are taken there."""
+    scenes = [scenarios.get(scenario, seed) for seed in range(FIRST_SEED, FIRST_SEED + _CROWD)]
+    return max(scenes, key=lambda scene: len(scene.sample().x))
