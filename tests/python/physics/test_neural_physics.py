@@ -20,37 +20,29 @@ from hybridmpm import (
 )
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.track import StepPath, Track, warmup_frames
+from hybridmpm.physics.zero import ZeroStepper
 from hybridmpm.recording import record
 from hybridmpm.training.simulator import LearnedSimulator
 
 _Floats = npt.NDArray[np.float32]
 DROP = Ball(material="water", center=(0.4, 0.7), radius=0.06, velocity=(0.5, 0.0), seed=3)
 FALL = Scene(dim=2, resolution=128, bodies=(DROP,))
+FREE_FALL = ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=4)
 
 
 class Stand:
     """A network's place, taken by a function."""
 
-    def __init__(self, step: Callable[..., _Floats], r_t: int = 4, r_p: float = 1 / 8) -> None:
-        self.step, self.r_t, self.r_p = step, r_t, r_p
+    def __init__(self, step: Callable[..., _Floats]) -> None:
+        self.step, self.r_t, self.r_p = step, 4, 1 / 8
 
     def check(self, scene: Scene) -> None:
         """Take any scene."""
 
 
-def free_fall(dt: float) -> Callable[..., _Floats]:
-    """Return the step of the zero network."""
-
-    def step(history: _Floats, types: Any, acceleration: _Floats, walls: _Floats) -> _Floats:
-        moved = 2 * history[-1] - history[-2] + acceleration * np.float32(dt**2)
-        return np.clip(moved, walls[0], walls[1])
-
-    return step
-
-
-def falling(**settings: Any) -> NeuralPhysics:
-    stand = Stand(free_fall(0.0025 * settings.get("r_t", 4)), **settings)
-    return NeuralPhysics(FALL, stand)
+def falling(r_t: int = 4) -> NeuralPhysics:
+    """Return the drop under the zero network."""
+    return NeuralPhysics(FALL, ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=r_t))
 
 
 @pytest.mark.parametrize("r_t", [1, 4, 16])
@@ -169,7 +161,7 @@ def test_long_rollouts_stay_within_the_walls(model: NeuralModel) -> None:
 
 def test_a_force_is_as_good_as_gravity() -> None:
     heavy = Scene(dim=2, resolution=128, bodies=(DROP,), gravity=(1.5, -12.0))
-    one = NeuralPhysics(heavy, Stand(free_fall(0.01)))
+    one = NeuralPhysics(heavy, ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=4))
     two = falling()
     push = np.tile(np.array([1.5, -12.0 + 9.81], np.float32), (two.particle_count, 1))
     paths = [one.rollout(40), two.rollout(40, push)]
@@ -229,7 +221,7 @@ def test_a_force_that_is_not_finite_is_refused(frame: int) -> None:
     ],
 )
 def test_failing_networks_are_told(value: float, kind: type[Exception], message: str) -> None:
-    fall, calls = free_fall(0.01), []
+    fall, calls = FREE_FALL.step, []
 
     def step(*known: Any) -> _Floats:
         calls.append(1)
@@ -251,7 +243,7 @@ def test_failing_networks_are_told(value: float, kind: type[Exception], message:
 
 def test_obstacles_take_part_as_particles() -> None:
     seen: list[tuple[_Floats, npt.NDArray[np.int64]]] = []
-    fall = free_fall(0.01)
+    fall = FREE_FALL.step
 
     def step(history: _Floats, types: npt.NDArray[np.int64], *rest: Any) -> _Floats:
         seen.append((history, types))
@@ -298,7 +290,7 @@ def test_changed_paths_have_no_jump() -> None:
 
 
 def test_a_track_needs_its_history() -> None:
-    track = Track(Stand(free_fall(0.01)), FALL, np.full(3, 5))
+    track = Track(FREE_FALL, FALL, np.full(3, 5))
     track.observe(np.full((3, 2), 0.5, np.float32))
     assert not track.ready
     with pytest.raises(RuntimeError, match="the network needs 21 frames, got 1"):
