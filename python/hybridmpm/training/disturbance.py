@@ -9,7 +9,7 @@ _QUIET = 0.01
 """Square of a disturbance, in units of the acceleration's deviation, that lets 63 % of the answer count."""
 
 _UNNOTICED = 1e-4
-"""In the same unit: a hundredth of the deviation. Rounding is far below it, and does not pile up over hops."""
+"""In the same unit: a hundredth of the deviation. Rounding is far below it and does not pile up over hops."""
 
 
 def disturbance(
