@@ -65,6 +65,11 @@ def train() -> None:
     help="Of density, after each step; the paper's network has none.",
 )
 @click.option("--steps", type=click.IntRange(min=1), default=100_000, show_default=True)
+@click.option(
+    "--until",
+    type=click.IntRange(min=1),
+    help="Stop after this step, with the schedule of --steps; a later run goes on.",
+)
 @click.option("--batch", type=click.IntRange(1, 4096), default=2, show_default=True, help="Windows a step.")
 @click.option(
     "--unroll",
@@ -130,7 +135,7 @@ def physics(
         spec = _spec(names, options)
         _make_data(options["root"], spec, amount)
         trainer = _new(spec, options, device)
-        about = {"command": shlex.join(["hybridmpm", *sys.argv[1:]]), "data": _described(spec, amount)}
+        about = {"command": _command(options["finetune"]), "data": _described(spec, amount)}
     training = datasets.trajectories(options["root"], trainer.spec, "train")
     held_out = list(datasets.held_out(options["root"], trainer.spec))
     weights = sum(weight.numel() for weight in trainer.simulator.parameters())
@@ -143,8 +148,28 @@ def physics(
                 bar.label = f"Training, loss {loss:.4f}"
             bar.update(1)
 
-        run.train(trainer, out, training, held_out, about=about, rhythm=run.Rhythm(), on_step=show)
+        run.train(
+            trainer,
+            out,
+            training,
+            held_out,
+            about=about,
+            rhythm=run.Rhythm(),
+            on_step=show,
+            until=options["until"],
+        )
     click.echo(f"wrote {file}, and losses and rollouts beside it")
+
+
+def _command(finetuned: Path | None) -> str:
+    """Return what makes these weights: this command, after that of the weights it begins with."""
+    this = shlex.join(["hybridmpm", *sys.argv[1:]])
+    if finetuned is None:
+        return this
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+
+    older = checkpoint.read(finetuned)
+    return f"{older['about']['command']} --until {older['step']}; {this}"
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:

@@ -144,6 +144,7 @@ class NeuralModel:
         """
         if not len(types):
             return np.array(history[-1], dtype=np.float32)
+        history = np.ascontiguousarray(history)
         graph = radius_graph(
             history[-1],
             self.spec.radius,
