@@ -1,18 +1,18 @@
 """`hybridmpm train ...`: networks from data that their seeds make."""
 
 import dataclasses
-import importlib
 import json
 import math
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from hybridmpm import scenarios
+from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.types import RatioType
 from hybridmpm.errors import ConfigError
@@ -115,14 +115,14 @@ def physics(
     The same command goes on from the last checkpoint in the folder, and gives the weights that an
     uninterrupted run does. Losses and rollouts on held-out scenes are logged there.
     """
-    torch = _torch()
+    torch = require_torch()
     from hybridmpm.training import checkpoint, datasets, run  # noqa: PLC0415 - needs torch
 
     if threads is not None:
         torch.set_num_threads(threads)
     # Numbers too small to matter would take a hundred times as long.
     torch.set_flush_denormal(True)
-    device = _device(torch, options["device"])
+    device = torch_device(torch, options["device"])
     amount = datasets.Amount(train=options["trajectories"], frames=options["frames"])
     file = out / run.CHECKPOINT
     out.mkdir(parents=True, exist_ok=True)
@@ -170,24 +170,6 @@ def _command(finetuned: Path | None) -> str:
 
     older = checkpoint.read(finetuned)
     return f"{older['about']['command']} --until {older['step']}; {this}"
-
-
-def _torch() -> Any:
-    try:
-        return importlib.import_module("torch")
-    except ImportError:
-        raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
-
-
-def _device(library: Any, name: str) -> "torch.device":
-    best = "cuda" if library.cuda.is_available() else "cpu"
-    try:
-        device = library.device(best if name == "auto" else name)
-        library.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(f"--device {name} cannot be used: {reason}; choose cpu, cuda or auto") from None
-    return cast("torch.device", device)
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
