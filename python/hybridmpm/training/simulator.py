@@ -4,11 +4,12 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.data.particle_types import KINEMATIC
+from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.disturbance import disturbance
 from hybridmpm.training.features import edge_features, node_features
 from hybridmpm.training.network import Edges, GraphNetwork
-from hybridmpm.training.relaxation import relaxation, rest_density
+from hybridmpm.training.relaxation import relaxation
 
 
 class LearnedSimulator(nn.Module):

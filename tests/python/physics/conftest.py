@@ -29,7 +29,7 @@ def make_simulator(*, scale: float = 0.2, seed: int = 0, **changes: Any) -> Lear
         "radius": 0.0275,
         "r_p": 1 / 8,
         "r_t": 4,
-        "relaxations": 1,
+        "relaxations": 3,
     }
     spec = NetworkSpec(**{**settings, **changes})
     scales = Normalization(

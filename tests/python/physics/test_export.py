@@ -119,8 +119,9 @@ def test_rollout_of_50_frames_is_that_of_torch(
     for physics in (served, trained):
         physics.advance(20)
         paths.append(physics.rollout(50))
-    way = np.sqrt(np.mean(np.square(paths[0][4:] - paths[0][:-4])))
-    assert way > 1e-3
+    # Of what particles travel. One unit in the last place on torch's own first step makes twice as much.
+    way = np.sqrt(np.mean(np.square(paths[0][-1] - paths[0][0])))
+    assert way > 0.1
     assert np.abs(paths[0] - paths[1]).max() <= 1e-4 * way
 
 
