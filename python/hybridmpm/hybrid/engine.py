@@ -246,7 +246,7 @@ class Engine:
         self._steps += 1
         if self._is_alarmed(Stage.STATE, x, report=report):
             return
-        if self._steps % (2 * self._settings.window) == 0:
+        if self._steps % self._settings.window == 0:
             self._keep()
 
     def _is_alarmed(

@@ -53,6 +53,8 @@ class Cosine(Guard):
 class Impact(Guard):
     """Jump of the largest accelerations: their power mean over that of the steps before.
 
+    Late, because MPM feels a wall from more than a cell away: an impact has begun before a network shows it.
+
     Parameters
     ----------
     threshold : float > 1
@@ -66,6 +68,7 @@ class Impact(Guard):
     name = "impact"
     stage = Stage.MOTION
     is_fault = False
+    late = True
 
     def __init__(self, threshold: float = 3.0, *, memory: int = 10, floor: float = 3.0) -> None:
         self.threshold = _within("threshold", threshold, 1, 1e6)
@@ -215,7 +218,7 @@ class Audit(Guard):
 
     Looks at the first step after the network took over, and then at each `period`-th: a step of MPM is what
     the network is meant to save. The value is sqrt(|a - a_MPM|^2 / (|a_fall - a_MPM|^2 + floor^2)) with means
-    over the particles; at 1 the network is no better than predicting nothing.
+    over the particles: nearly 1 for the network that predicts nothing but free fall.
 
     Parameters
     ----------
@@ -230,7 +233,7 @@ class Audit(Guard):
     stage = Stage.MOTION
     late = True
 
-    def __init__(self, threshold: float = 1.0, *, period: int = 20, floor: float = 2.5) -> None:
+    def __init__(self, threshold: float = 0.9, *, period: int = 20, floor: float = 2.5) -> None:
         self.threshold = _within("threshold", threshold, 0, 1e6)
         self._period, self._floor = period, floor
 

@@ -39,17 +39,21 @@ def test_the_safeguard_is_measured(tmp_path: Path) -> None:
     assert (tmp_path / "safeguard.png").stat().st_size > 10_000
 
 
-def test_a_warm_handoff_is_the_gentlest(tmp_path: Path) -> None:
-    rows = list(handoff.rows(SOURCE, ignore))
-    assert len(rows) == handoff.COUNT
+# The others are its long twins: a fall takes 3000 frames until all is at rest.
+@pytest.mark.parametrize(
+    "material",
+    ["water", *(pytest.param(name, marks=pytest.mark.long) for name in handoff.MATERIALS if name != "water")],
+)
+def test_a_warm_handoff_is_gentler_than_a_cold_one(tmp_path: Path, material: str) -> None:
+    rows = list(handoff.rows(SOURCE, ignore, [material]))
+    assert len(rows) == handoff.COUNT / len(handoff.MATERIALS)
     shock = {(row["material"], row["phase"], row["handoff"]): row for row in rows}
-    for material in handoff.MATERIALS:
-        for phase in handoff.PHASES:
-            warm, cold = (shock[material, phase, kind] for kind in ("warm", "cold"))
-            for after in handoff.AFTER:
-                assert warm[f"grid_{after}"] <= 1.01 * cold[f"grid_{after}"]
-            calm = [abs(one["acceleration"] - one["acceleration_mpm"]) for one in (warm, cold)]
-            assert calm[0] <= calm[1] + 1e-3
+    for phase in handoff.PHASES:
+        warm, cold = (shock[material, phase, kind] for kind in ("warm", "cold"))
+        for after in handoff.AFTER:
+            assert warm[f"grid_{after}"] <= 1.01 * cold[f"grid_{after}"]
+        jumps = [abs(one["acceleration"] - one["acceleration_mpm"]) for one in (warm, cold)]
+        assert jumps[0] <= jumps[1] + 1e-3
     pytest.importorskip("matplotlib")
     handoff.chart(rows, tmp_path / "handoff.svg")
     assert (tmp_path / "handoff.png").stat().st_size > 10_000
