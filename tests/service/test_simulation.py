@@ -9,6 +9,7 @@ from hybridmpm import Box, DomainError, MpmSolver, Scene
 from hybridmpm.control import Arrow
 from hybridmpm_service.frames import decode
 from hybridmpm_service.simulation import Simulation
+from hybridmpm_service.solvers import ChosenSolver
 
 SCENE = Scene(
     dim=2,
@@ -29,7 +30,7 @@ class _Clock:
 
 
 def _simulation() -> Simulation:
-    return Simulation(SCENE, threads=1, clock=_Clock())
+    return Simulation(ChosenSolver("mpm", MpmSolver(SCENE)), clock=_Clock())
 
 
 def test_it_computes_what_the_library_computes() -> None:
