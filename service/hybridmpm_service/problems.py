@@ -81,6 +81,11 @@ def row_of(error: Exception) -> Row:
     )
 
 
+def urn_of(row: Row) -> str:
+    """Return the name of a kind of problem."""
+    return f"urn:hybridmpm:problem:{row.slug}"
+
+
 def problem_response(
     instance: str,
     row: Row,
@@ -90,7 +95,7 @@ def problem_response(
 ) -> Response:
     """Return the answer for one problem; `errors` are (field, message)."""
     body: dict[str, Any] = {
-        "type": f"urn:hybridmpm:problem:{row.slug}",
+        "type": urn_of(row),
         "title": row.title,
         "status": row.status,
         "detail": detail,

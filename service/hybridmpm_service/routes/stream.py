@@ -13,7 +13,7 @@ from hybridmpm_service.answers import SessionBody
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError
 from hybridmpm_service.learned import HistoryBody
 from hybridmpm_service.mailbox import Mailbox, MailboxClosed, Signal
-from hybridmpm_service.problems import field_path, row_of
+from hybridmpm_service.problems import field_path, row_of, urn_of
 from hybridmpm_service.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
 from hybridmpm_service.routes.dependencies import Limits, Sessions
 from hybridmpm_service.session import CLOSE_DELETED, Session
@@ -143,7 +143,13 @@ def _status(session: Session) -> dict[str, Any]:
 
 def _problem(err: Exception) -> dict[str, Any]:
     row = row_of(err)
-    return {"type": "problem", "title": row.title, "detail": str(err), "status": row.status}
+    return {
+        "type": "problem",
+        "problem": urn_of(row),
+        "title": row.title,
+        "detail": str(err),
+        "status": row.status,
+    }
 
 
 def _session(session: Session) -> dict[str, Any]:
