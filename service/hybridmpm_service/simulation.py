@@ -16,7 +16,7 @@ from hybridmpm import Scene
 from hybridmpm.control import ControlledTrajectory, Sketch, follow
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm_service.frames import Frame, encode
-from hybridmpm_service.solvers import ChosenSolver, Mode, mode_of, ratio_of, report_of
+from hybridmpm_service.solvers import ChosenSolver, Mode, mode_of, ratio_of, report_of, stride_of
 from hybridmpm_service.watch import Safeguard, SafeguardRecorder
 
 Clock = Callable[[], float]
@@ -53,7 +53,10 @@ class Timing:
     """How fast frames come."""
 
     ms_per_frame: float
-    """Median solver time of the latest frames [ms]; 0 before the first."""
+    """Median solver time of the latest frames [ms]; 0 before the first.
+
+    With a network, of means over as many frames as one of its steps spans: all its work falls into the first.
+    """
     ms_p95: float
     time_scale: float
     """Simulated seconds per second, over the last second."""
@@ -199,9 +202,11 @@ class Simulation:
 
     def timing(self) -> Timing:
         """Tell how fast frames come at present. Safe to call while another thread computes."""
-        times = sorted(self._milliseconds.copy())
-        if not times:
+        latest = list(self._milliseconds.copy())
+        if not latest:
             return Timing(0.0, 0.0, 0.0)
+        span = min(stride_of(self._solver), len(latest))
+        times = sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1))
         since = self._clock() - _PACE_WINDOW_SECONDS
         recent = sum(moment > since for moment in self._finished.copy())
         p95 = times[min(len(times) - 1, int(0.95 * len(times)))]

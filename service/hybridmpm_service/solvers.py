@@ -164,6 +164,13 @@ def ratio_of(solver: Solver) -> float:
     return solver.model.r_p if isinstance(solver, NeuralPhysics) else 1.0
 
 
+def stride_of(solver: Solver) -> int:
+    """Return r_t, the frames that a network computes at once; 1 for MPM."""
+    if isinstance(solver, HybridSimulator):
+        return solver.physics.r_t
+    return solver.model.r_t if isinstance(solver, NeuralPhysics) else 1
+
+
 def report_of(solver: Solver) -> _native.FrameReport | None:
     """Return how MPM cut the latest frame; None where a network made it, or before the first."""
     if isinstance(solver, NeuralPhysics) or solver.frame == 0:
