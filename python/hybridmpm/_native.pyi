@@ -38,6 +38,7 @@ __all__ = [
     "cpu_features",
     "grid_mass",
     "radius_graph",
+    "relaxed",
 ]
 
 __version__: str
@@ -823,6 +824,55 @@ class VerletList:
     @property
     def rebuilds(self) -> int:
         """How often the pairs were found anew."""
+
+def relaxed(
+    x: npt.NDArray[np.float32],
+    fixed: npt.NDArray[np.bool_],
+    starts: npt.NDArray[np.uint32],
+    senders: npt.NDArray[np.uint32],
+    *,
+    radius: float,
+    rest_density: float,
+    strength: float,
+    rounds: int,
+    lower: Sequence[float],
+    upper: Sequence[float],
+) -> npt.NDArray[np.float32]:
+    """Move points that have crowded together apart, as in Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
+
+    The kernel is (1 - d/R)^2, and a density the sum of it over the edges into a point. Each pair moves apart
+    by equal and opposite displacements, in proportion to the sum of both densities' excess over that of rest
+    and to the kernel's slope. A point that is NaN stays so, and moves no other.
+
+    Parameters
+    ----------
+    x : float32 (N, 2) or (N, 3)
+        Points [m].
+    fixed : bool (N,)
+        Which do not move.
+    starts, senders : uint32 (N + 1,) and (E,)
+        Edges, as in `RadiusGraph`; also those of an earlier state of the points.
+    radius : float > 0
+        R [m].
+    rest_density : float > 0
+        Density of points at rest [-].
+    strength : float
+        Displacement over R that one neighbour at distance 0 gives at twice the density of rest.
+    rounds : int >= 0
+        How often.
+    lower, upper : D floats
+        Corners of the box that nothing leaves [m].
+
+    Returns
+    -------
+    float32, like x
+        [m].
+
+    Raises
+    ------
+    ConfigError
+        Arrays that do not fit together, or a number out of range.
+    """
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""

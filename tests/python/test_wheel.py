@@ -14,6 +14,8 @@ from hybridmpm import MpmSolver, scenarios
 assert hybridmpm.__file__.startswith({folder!r}), hybridmpm.__file__
 solver = MpmSolver(scenarios.water_2d(0))
 solver.advance(2)
+for name in hybridmpm.physics.models():
+    hybridmpm.physics.NeuralModel.load(name)
 print(solver.frame)
 """
 
@@ -38,6 +40,9 @@ def test_wheel_runs_outside_the_checkout(tmp_path: Path) -> None:
     )
     for name in ("py.typed", "_native.pyi", "cli/__init__.py", "control/__init__.py"):
         assert (site / "hybridmpm" / name).is_file(), name
+    weights = "python/hybridmpm/physics/weights"
+    carried = {file.name for file in (site / "hybridmpm/physics/weights").iterdir()}
+    assert carried == {file.name for file in (ROOT / weights).iterdir()}
     program = f"import sys; sys.path.insert(0, {str(site)!r})" + PROGRAM.format(folder=str(site))
     result = subprocess.run(
         [sys.executable, "-c", program], cwd=tmp_path, check=True, capture_output=True, text=True

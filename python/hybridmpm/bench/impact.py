@@ -11,6 +11,9 @@ leaves less than 0.1, a body at rest is pushed by 9.8, and impacts push by hundr
 SHARE = 0.01
 """Of the particles must be pushed: a face of a body that touches down is more, a stray particle is less."""
 
+LONGEST_FALL = 400
+"""Frames: one second, more than any fall between the walls takes."""
+
 
 def first_impact(solver: MpmSolver, limit: int) -> int:
     """Advance a solver until its particles no longer fall freely.

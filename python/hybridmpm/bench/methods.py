@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from hybridmpm import scenarios
 from hybridmpm.bench.rollouts import FIRST_SEED
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.neural import NeuralPhysics
-from hybridmpm.physics.spec import HISTORY
 from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import warmup_frames
 from hybridmpm.physics.zero import ZeroStepper
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
 
 RATIOS = {"1": 1.0, "1/1.75": 1 / 1.75, "1/4": 1 / 4, "1/8": 1 / 8, "1/16": 1 / 16}
 """r_p of the ladder of MPM by label."""
@@ -30,7 +30,7 @@ class Method:
     label: str
     r_p: float
     r_t: int
-    make: Callable[[Scene], Any]
+    make: Callable[[Scene], Simulator]
     """Gives a simulator at frame 0."""
     parameters: int | None = None
 
@@ -42,12 +42,7 @@ class Method:
     @property
     def warm_up(self) -> int:
         """Frames that MPM makes before the first prediction."""
-        return 0 if self.kind == "mpm" else warm_up(self.r_t)
-
-
-def warm_up(r_t: int) -> int:
-    """Frames of which a network with steps of r_t frames needs to know the outcome."""
-    return (HISTORY - 1) * r_t
+        return 0 if self.kind == "mpm" else warmup_frames(self.r_t)
 
 
 def mpm(label: str, r_p: float, *, threads: int) -> Method:

@@ -2,16 +2,16 @@
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hybridmpm import metrics
-from hybridmpm.bench.impact import first_impact
+from hybridmpm.bench.impact import LONGEST_FALL, first_impact
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
 
 FIRST_SEED = 1_100_000
 """Of the scenes: no data set for training or validation draws from these on."""
@@ -29,9 +29,6 @@ MEASURES = (
 )
 """What `errors` may hold."""
 
-_LONGEST_FALL = 400
-"""Frames: one second, more than any fall between the walls takes."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
@@ -46,7 +43,7 @@ class Truth:
     def of(cls, scene: Scene, *, latest_warm_up: int, span: int) -> "Truth":
         """Simulate until `span` frames after the first impact, or after `latest_warm_up` if that is later."""
         solver = MpmSolver(scene, substeps="reference")
-        impact = first_impact(solver, _LONGEST_FALL)
+        impact = first_impact(solver, LONGEST_FALL)
         solver.reset()
         return cls(impact=impact, states=record(solver, max(impact, latest_warm_up) + span))
 
@@ -60,7 +57,7 @@ class Truth:
         return max(self.impact, warm_up)
 
 
-def rollout(simulator: Any, frames: int) -> Recording | None:
+def rollout(simulator: Simulator, frames: int) -> Recording | None:
     """Record each frame of a simulator from where it is; None where it fails on the way."""
     try:
         return record(simulator, frames)

@@ -1,18 +1,18 @@
 """`hybridmpm train ...`: networks from data that their seeds make."""
 
 import dataclasses
-import importlib
 import json
 import math
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from hybridmpm import scenarios
+from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.types import RatioType
 from hybridmpm.errors import ConfigError
@@ -65,6 +65,11 @@ def train() -> None:
     help="Of density, after each step; the paper's network has none.",
 )
 @click.option("--steps", type=click.IntRange(min=1), default=100_000, show_default=True)
+@click.option(
+    "--until",
+    type=click.IntRange(min=1),
+    help="Stop after this step, with the schedule of --steps; a later run goes on.",
+)
 @click.option("--batch", type=click.IntRange(1, 4096), default=2, show_default=True, help="Windows a step.")
 @click.option(
     "--unroll",
@@ -110,14 +115,14 @@ def physics(
     The same command goes on from the last checkpoint in the folder, and gives the weights that an
     uninterrupted run does. Losses and rollouts on held-out scenes are logged there.
     """
-    torch = _torch()
+    torch = require_torch()
     from hybridmpm.training import checkpoint, datasets, run  # noqa: PLC0415 - needs torch
 
     if threads is not None:
         torch.set_num_threads(threads)
     # Numbers too small to matter would take a hundred times as long.
     torch.set_flush_denormal(True)
-    device = _device(torch, options["device"])
+    device = torch_device(torch, options["device"])
     amount = datasets.Amount(train=options["trajectories"], frames=options["frames"])
     file = out / run.CHECKPOINT
     out.mkdir(parents=True, exist_ok=True)
@@ -130,7 +135,7 @@ def physics(
         spec = _spec(names, options)
         _make_data(options["root"], spec, amount)
         trainer = _new(spec, options, device)
-        about = {"command": shlex.join(["hybridmpm", *sys.argv[1:]]), "data": _described(spec, amount)}
+        about = {"command": _command(options["finetune"]), "data": _described(spec, amount)}
     training = datasets.trajectories(options["root"], trainer.spec, "train")
     held_out = list(datasets.held_out(options["root"], trainer.spec))
     weights = sum(weight.numel() for weight in trainer.simulator.parameters())
@@ -143,26 +148,28 @@ def physics(
                 bar.label = f"Training, loss {loss:.4f}"
             bar.update(1)
 
-        run.train(trainer, out, training, held_out, about=about, rhythm=run.Rhythm(), on_step=show)
+        run.train(
+            trainer,
+            out,
+            training,
+            held_out,
+            about=about,
+            rhythm=run.Rhythm(),
+            on_step=show,
+            until=options["until"],
+        )
     click.echo(f"wrote {file}, and losses and rollouts beside it")
 
 
-def _torch() -> Any:
-    try:
-        return importlib.import_module("torch")
-    except ImportError:
-        raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
+def _command(finetuned: Path | None) -> str:
+    """Return what makes these weights: this command, after that of the weights it begins with."""
+    this = shlex.join(["hybridmpm", *sys.argv[1:]])
+    if finetuned is None:
+        return this
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
 
-
-def _device(library: Any, name: str) -> "torch.device":
-    best = "cuda" if library.cuda.is_available() else "cpu"
-    try:
-        device = library.device(best if name == "auto" else name)
-        library.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(f"--device {name} cannot be used: {reason}; choose cpu, cuda or auto") from None
-    return cast("torch.device", device)
+    older = checkpoint.read(finetuned)
+    return f"{older['about']['command']} --until {older['step']}; {this}"
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:

@@ -175,6 +175,15 @@ class Engine:
         held = [decision for decision in self.script or () if decision.frame <= self.frame]
         return held[-1] if held else None
 
+    def left_by_script(self) -> bool:
+        """Let MPM take over from the network here if the log that is replayed says so."""
+        decision = self._scripted()
+        if self.mode == "mpm" or self._step is not None or decision is None or decision.mode == "neural":
+            return False
+        self._patience.renew()
+        self._leave(decision.reason, decision.value, noticed=decision.noticed)
+        return True
+
     def _enter(self) -> None:
         self._decide("neural", "calm" if self.log else "warm-up", self.value)
         self._steps = 0
@@ -189,9 +198,7 @@ class Engine:
 
     def _begin_step(self) -> None:
         """Ask the network for a step, or leave it to MPM."""
-        decision = self._scripted()
-        if decision is not None and decision.mode == "mpm":
-            self._leave(decision.reason, decision.value, noticed=decision.noticed)
+        if self.left_by_script():
             return
         try:
             x = self._network.step(self._path)

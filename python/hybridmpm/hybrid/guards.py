@@ -67,7 +67,7 @@ class Impact(Guard):
     stage = Stage.MOTION
     is_fault = False
 
-    def __init__(self, threshold: float = 3.0, *, memory: int = 10, floor: float = 9.81) -> None:
+    def __init__(self, threshold: float = 3.0, *, memory: int = 10, floor: float = 3.0) -> None:
         self.threshold = _within("threshold", threshold, 1, 1e6)
         self._memory, self._floor = memory, floor
         self._before: tuple[float, ...] = ()
@@ -94,7 +94,9 @@ class NonFinite(Guard):
     late = True
 
     def value(self, view: View) -> float:
-        return float(np.count_nonzero(~np.isfinite(view.x).all(axis=1)))
+        finite = np.isfinite(view.x)
+        # Along the particles it takes ten times as long.
+        return 0.0 if finite.all() else float(np.count_nonzero(~finite.all(axis=1)))
 
     def alarms(self, value: float) -> bool:
         return value > 0
@@ -114,7 +116,7 @@ class Outside(Guard):
         upper = np.minimum(np.array(walls.upper) + margin, 1).astype(np.float32)
         # False for NaN, which another guard tells.
         past = (view.x < lower) | (view.x > upper)
-        return float(np.count_nonzero(past.any(axis=1)))
+        return float(np.count_nonzero(past.any(axis=1))) if past.any() else 0.0
 
     def alarms(self, value: float) -> bool:
         return value > 0
@@ -126,14 +128,15 @@ class Density(Guard):
     Parameters
     ----------
     threshold : float > 1
-        Alarming growth. At its start the network finds MPM's own packing, which differs between scenes.
+        Alarming growth. What MPM itself does in the seven scenarios grows by up to 1.46, where sand falls on
+        ramps.
     """
 
     name = "density"
     stage = Stage.STATE
     late = True
 
-    def __init__(self, threshold: float = 1.5) -> None:
+    def __init__(self, threshold: float = 1.7) -> None:
         self.threshold = _within("threshold", threshold, 1, 1e6)
         self._start = 1.0
 
@@ -155,14 +158,15 @@ class Energy(Guard):
     Parameters
     ----------
     threshold : float > 0
-        Alarming growth. Elastic energy, which may turn into kinetic energy, is not counted.
+        Alarming growth. Elastic energy, which may turn into kinetic energy, is not counted: what MPM itself
+        does in the seven scenarios grows by up to 0.09.
     """
 
     name = "energy"
     stage = Stage.STATE
     late = True
 
-    def __init__(self, threshold: float = 0.05) -> None:
+    def __init__(self, threshold: float = 0.15) -> None:
         self.threshold = _within("threshold", threshold, 0, 1e6)
         self._least = self._scale = np.inf
 
@@ -196,7 +200,7 @@ class Divergence(Guard):
     stage = Stage.STATE
     is_fault = False
 
-    def __init__(self, threshold: float = 20.0) -> None:
+    def __init__(self, threshold: float = 15.0) -> None:
         self.threshold = _within("threshold", threshold, 0, 1e9)
 
     def value(self, view: View) -> float | None:

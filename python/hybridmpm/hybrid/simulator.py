@@ -240,6 +240,8 @@ class HybridSimulator:
     def replay(self, log: Iterable[Decision], frames: int, force: npt.ArrayLike | None = None) -> None:
         """Start again and advance as a log says, whatever the guards would; the result has the same bits.
 
+        What the log says of the last frame is done too: where MPM takes over there, it has.
+
         Parameters
         ----------
         log : iterable of Decision
@@ -264,6 +266,7 @@ class HybridSimulator:
         self._engine.script = script
         try:
             self.advance(frames, force)
+            self._engine.left_by_script()
         finally:
             self._engine.script = None
 

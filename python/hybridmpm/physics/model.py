@@ -7,12 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm._native import RadiusGraph, radius_graph
+from hybridmpm._native import RadiusGraph, radius_graph, relaxed
 from hybridmpm.arguments import whole
 from hybridmpm.data.particle_types import KINEMATIC, NAMES
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
 from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo, check_file
+from hybridmpm.physics.relaxation import STRENGTH, rest_density
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.scene import Scene
 
@@ -52,6 +53,7 @@ class NeuralModel:
         properties = self._session.get_modelmeta().custom_metadata_map
         self._info = ModelInfo.from_properties(properties, where=where)
         self._where = where
+        self._rest_density = rest_density(self.spec)
 
     @classmethod
     def load(cls, name: str | Path, *, threads: int = 1) -> Self:
@@ -144,6 +146,7 @@ class NeuralModel:
         """
         if not len(types):
             return np.array(history[-1], dtype=np.float32)
+        history = np.ascontiguousarray(history)
         graph = radius_graph(
             history[-1],
             self.spec.radius,
@@ -152,7 +155,21 @@ class NeuralModel:
             max_edges=_MOST_NEIGHBORS * len(types),
         )
         feed = {"history": history, "types": types, "acceleration": acceleration, "walls": walls}
-        return np.asarray(self._session.run(None, feed | edge_inputs(graph))[0], dtype=np.float32)
+        positions = np.asarray(self._session.run(None, feed | edge_inputs(graph))[0], dtype=np.float32)
+        if not self.spec.relaxations:
+            return positions
+        return relaxed(
+            positions,
+            types == KINEMATIC,
+            graph.starts,
+            graph.senders,
+            radius=graph.radius,
+            rest_density=self._rest_density,
+            strength=STRENGTH,
+            rounds=self.spec.relaxations,
+            lower=walls[0],
+            upper=walls[1],
+        )
 
 
 def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:

@@ -1,6 +1,7 @@
 """A trained simulator as one ONNX file, features and integrator included: serving it needs no torch."""
 
 import contextlib
+import dataclasses
 import datetime as dt
 import io
 import json
@@ -52,12 +53,14 @@ def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     """Return a simulator as an ONNX model with its description.
 
     Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
-    gives them, its output the next positions (N, D). N, E and K are free, E and K from 1 on.
+    gives them, its output the next positions (N, D). N, E and K are free, E and K from 1 on. Relaxation of
+    density is not among its operations: it takes many small ones, which onnxruntime needs longer for than for
+    a small network, so whoever serves it does it.
     """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            _Served(simulator).eval().cpu(),
+            _Served(_without_relaxation(simulator)).eval(),
             _example(simulator.spec),
             dynamo=True,
             # The optimizer takes 1e-12 for zero, and drops it where it keeps a root apart from zero.
@@ -121,6 +124,12 @@ def _simulator(state: Mapping[str, Any], path: Path) -> LearnedSimulator:
     except RuntimeError as error:
         raise DataError(f"{path}: its weights are not those of its network: {error}") from None
     return simulator
+
+
+def _without_relaxation(simulator: LearnedSimulator) -> LearnedSimulator:
+    bare = LearnedSimulator(dataclasses.replace(simulator.spec, relaxations=0), simulator.scales)
+    bare.load_state_dict(simulator.state_dict())
+    return bare
 
 
 def _example(spec: NetworkSpec) -> tuple[Tensor, ...]:

@@ -1,30 +1,17 @@
 """Relaxation of density after a network step, as in Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
 
 Particles that a step has crowded together push each other apart, along the edges that the network used.
+This is the form with gradients, for training; models are served with the compiled
+`hybridmpm._native.relaxed`, which a test holds against it.
 """
-
-import itertools
 
 import torch
 from torch import Tensor
 
-from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.physics.relaxation import STRENGTH
 from hybridmpm.training.network import Edges
 
-STRENGTH = 0.15
-"""Displacement over the radius that one neighbour at distance 0 gives at twice the density of rest."""
 _SMALLEST = 1e-12
-
-
-def rest_density(spec: NetworkSpec) -> float:
-    """Sum of the kernel over the neighbours of a particle in a lattice of the spec's spacing."""
-    reach = int(spec.radius / spec.spacing) + 1
-    total = 0.0
-    for site in itertools.product(range(-reach, reach + 1), repeat=spec.dim):
-        distance = spec.spacing * sum(number**2 for number in site) ** 0.5
-        if 0 < distance < spec.radius:
-            total += (1 - distance / spec.radius) ** 2
-    return total
 
 
 def relaxation(x: Tensor, graph: Edges, radius: float, rest: float) -> Tensor:

@@ -39,6 +39,7 @@ def train(
     about: Mapping[str, str],
     rhythm: Rhythm,
     on_step: Callable[[Trainer, float], object],
+    until: int | None = None,
 ) -> None:
     """Train to the last step of the settings, with a checkpoint at the end and on any exception.
 
@@ -53,6 +54,8 @@ def train(
     rhythm : Rhythm
     on_step : callable
         Called with the trainer and the latest loss.
+    until : int, optional
+        Stop after this step already.
 
     Raises
     ------
@@ -65,10 +68,12 @@ def train(
     began = time.monotonic() - trainer.seconds
     saved = shown = time.monotonic()
     losses: list[float] = []
+    last = min(trainer.settings.steps, until or trainer.settings.steps)
     healthy = True
     try:
-        while trainer.step_count < trainer.settings.steps:
-            losses.append(trainer.step(windows))
+        while trainer.step_count < last:
+            latest = trainer.step(windows)
+            losses.append(latest)
             now = time.monotonic()
             trainer.seconds = now - began
             if len(losses) == _LOGGED_STEPS:
@@ -81,7 +86,7 @@ def train(
                 look(trainer, folder, held_out)
                 began += time.monotonic() - now
                 shown = time.monotonic()
-            on_step(trainer, losses[-1] if losses else float("nan"))
+            on_step(trainer, latest)
     except FloatingPointError as error:
         healthy = False
         raise ConfigError(str(error)) from None

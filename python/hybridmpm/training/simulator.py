@@ -4,10 +4,12 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.data.particle_types import KINEMATIC
+from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
+from hybridmpm.training.disturbance import disturbance
 from hybridmpm.training.features import edge_features, node_features
 from hybridmpm.training.network import Edges, GraphNetwork
-from hybridmpm.training.relaxation import relaxation, rest_density
+from hybridmpm.training.relaxation import relaxation
 
 
 class LearnedSimulator(nn.Module):
@@ -30,7 +32,7 @@ class LearnedSimulator(nn.Module):
         for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
             self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
 
-    def residual(self, history: Tensor, types: Tensor, walls: Tensor, graph: Edges) -> Tensor:
+    def answer(self, history: Tensor, types: Tensor, walls: Tensor, graph: Edges) -> Tensor:
         """Normalised acceleration (N, D) that the network predicts; arguments as in `forward`."""
         radius = self.spec.radius
         nodes = node_features(history, walls, radius, self.velocity_mean, self.velocity_std)
@@ -55,8 +57,8 @@ class LearnedSimulator(nn.Module):
         graph : Edges
             Of the latest positions.
         """
-        residual = self.residual(history, types, walls, graph)
-        return self.integrate(history, types, acceleration, walls, graph, residual=residual)
+        answer = self.answer(history, types, walls, graph)
+        return self.integrate(history, types, acceleration, walls, graph, answer=answer)
 
     def integrate(
         self,
@@ -66,16 +68,23 @@ class LearnedSimulator(nn.Module):
         walls: Tensor,
         graph: Edges,
         *,
-        residual: Tensor,
+        answer: Tensor,
     ) -> Tensor:
-        """Take the Euler step of a normalised residual acceleration (N, D), and relax densities."""
-        start = history[-1]
-        step = start - history[-2] + acceleration * self.spec.step_dt**2
-        x = start + step + residual * self.acceleration_std + self.acceleration_mean
+        """Take the Euler step of a network's answer (N, D), and relax densities.
+
+        Both act only where `disturbance` sees anything happen: an undisturbed body falls freely.
+        """
+        radius, start = self.spec.radius, history[-1]
+        known = acceleration * self.spec.step_dt**2
+        share = disturbance(
+            history, known, walls, graph, radius=radius, scale=self.acceleration_std, hops=self.spec.layers
+        )
+        residual = answer * self.acceleration_std + self.acceleration_mean
+        x = start + (start - history[-2]) + known + share * residual
         still = (types == KINEMATIC).unsqueeze(-1)
         x = torch.where(still, start, within(x, walls))
         for _ in range(self.spec.relaxations):
-            moved = x + relaxation(x, graph, self.spec.radius, self._rest)
+            moved = x + share * relaxation(x, graph, radius, self._rest)
             x = torch.where(still, start, within(moved, walls))
         return x
 

@@ -126,9 +126,9 @@ class Trainer:
         for k, (target, push) in enumerate(zip(batch.targets, batch.acceleration, strict=True), start=1):
             graph = edges_of(history[-1], batch.types, batch.counts, self.spec.radius)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-                residual = self.simulator.residual(history, batch.types, batch.walls, graph)
+                answer = self.simulator.answer(history, batch.types, batch.walls, graph)
             known = (history, batch.types, push, batch.walls, graph)
-            x = self.simulator.integrate(*known, residual=residual.float())
+            x = self.simulator.integrate(*known, answer=answer.float())
             scale = self.simulator.acceleration_std
             losses.append(huber_loss(x[moving], target[moving], scale, k))
             history = torch.cat([history[1:], x.unsqueeze(0)])

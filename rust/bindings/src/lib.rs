@@ -12,6 +12,7 @@ mod graph;
 mod history;
 mod material;
 mod obstacle;
+mod relaxation;
 mod report;
 mod solver;
 
@@ -88,5 +89,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(batch::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
+    module.add_function(wrap_pyfunction!(relaxation::relaxed, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

@@ -8,6 +8,7 @@ mod error;
 mod padded;
 mod rank;
 mod reach;
+mod relaxation;
 mod rows;
 mod search;
 mod tile;
@@ -15,5 +16,6 @@ mod verlet;
 
 pub use error::GraphError;
 pub use padded::{most_neighbors, write_padded};
+pub use relaxation::Relaxation;
 pub use search::{Search, Settings};
 pub use verlet::VerletList;

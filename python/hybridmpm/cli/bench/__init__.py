@@ -1,18 +1,54 @@
 """`hybridmpm bench ...`: print a table, with --json write the same rows, with --chart draw them."""
 
+from pathlib import Path
+
 import click
 
+from hybridmpm.bench import stale as stale_results
 from hybridmpm.cli.bench.errors import downsampling, models
+from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
+from hybridmpm.cli.bench.sweep import sweep
 
 __all__ = ["bench"]
 
 
-@click.group()
-def bench() -> None:
+@click.group(invoke_without_command=True)
+@click.option(
+    "--stale", is_flag=True, help="Name the results whose code has changed since, and measure nothing."
+)
+@click.option(
+    "--results",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("docs/results"),
+    show_default=True,
+    metavar="FOLDER",
+    help="With --stale.",
+)
+@click.pass_context
+def bench(ctx: click.Context, *, stale: bool, folder: Path) -> None:
     """Measure speed and errors on this machine."""
+    if ctx.invoked_subcommand is None and not stale:
+        click.echo(ctx.get_help())
+    if stale:
+        _print_stale(folder)
+        ctx.exit()
 
 
-for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, stability):
+def _print_stale(folder: Path) -> None:
+    found = stale_results.results(folder)
+    for one in found:
+        if one.changed:
+            click.echo(f"{one.file}: since {one.commit[:10]} changed {', '.join(one.changed)}")
+    if not any(one.changed for one in found):
+        click.echo(f"all {len(found)} results are those of the present code")
+
+
+_COMMANDS = (
+    mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff, hybrid,
+)  # fmt: skip
+
+for command in _COMMANDS:
     bench.add_command(command)

@@ -1,0 +1,307 @@
+"""`NeuralModel`: symmetries of a step, odd numbers of particles, and files and scenes that it refuses."""
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+
+from hybridmpm import (
+    BallObstacle,
+    BoxSink,
+    ConfigError,
+    DataError,
+    GraphSizeError,
+    Motion,
+    Scene,
+    UnknownScenarioError,
+    physics,
+    scenarios,
+)
+from hybridmpm.physics import NeuralModel, manifest
+from hybridmpm.training.publish import publish
+
+Inputs = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def weights(tmp_path: Path, model_file: Path, model: NeuralModel) -> Path:
+    """Return a folder with one published model, `small`."""
+    (tmp_path / "manifest.json").write_text("{}")
+    publish("small", model_file.read_bytes(), model.info, tmp_path)
+    return tmp_path
+
+
+def test_a_shifted_scene_moves_the_same(model: NeuralModel, inputs: Inputs) -> None:
+    given = inputs(np.random.default_rng(0), 80, 2, kinematic=10, width=0.15)
+    shift = np.array([0.0625, -0.03125], np.float32)
+    moved = {key: given[key] + shift if key in {"history", "walls"} else given[key] for key in given}
+    np.testing.assert_allclose(model.step(**moved), model.step(**given) + shift, atol=2e-6)
+
+
+def test_the_order_of_particles_does_not_matter(model: NeuralModel, inputs: Inputs) -> None:
+    rng = np.random.default_rng(1)
+    given = inputs(rng, 80, 2, kinematic=10, width=0.15)
+    order = rng.permutation(80)
+    shuffled = {
+        "history": given["history"][:, order],
+        "types": given["types"][order],
+        "acceleration": given["acceleration"][order],
+        "walls": given["walls"],
+    }
+    np.testing.assert_allclose(model.step(**shuffled), model.step(**given)[order], atol=2e-7)
+
+
+def test_a_far_particle_changes_nothing(model: NeuralModel, inputs: Inputs) -> None:
+    near = inputs(np.random.default_rng(2), 40, 2, width=0.15)
+    far = inputs(np.random.default_rng(3), 1, 2, width=0.01)
+    far["history"] += np.float32(0.7)
+    both = {
+        key: np.concatenate([near[key], far[key]], axis=near[key].ndim - 2) for key in near if key != "types"
+    }
+    both |= {"types": np.full(41, 5), "walls": near["walls"]}
+    found = model.step(**both)
+    np.testing.assert_allclose(found[:40], model.step(**near), atol=2e-7)
+    np.testing.assert_allclose(found[40:], model.step(**far), atol=2e-7)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+@pytest.mark.parametrize("kinematic", [0, 1, 2])
+def test_few_particles(
+    model: NeuralModel, model_3d: NeuralModel, inputs: Inputs, count: int, kinematic: int
+) -> None:
+    for one, dim in ((model, 2), (model_3d, 3)):
+        given = inputs(np.random.default_rng(0), count, dim, kinematic=min(count, kinematic))
+        after = one.step(**given)
+        assert after.shape == (count, dim)
+        assert np.isfinite(after).all()
+
+
+def test_positions_end_at_the_walls(model: NeuralModel, inputs: Inputs) -> None:
+    given = inputs(np.random.default_rng(0), 30, 2)
+    given["acceleration"][:15, 0] = -1e5
+    after = model.step(**given)
+    assert (after[:15, 0] == np.float32(0.1)).all()
+    assert ((after >= np.float32(0.1)) & (after <= np.float32(0.9))).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_not_finite_does_not_hide_at_a_wall(model: NeuralModel, inputs: Inputs, value: float) -> None:
+    given = inputs(np.random.default_rng(0), 10, 2)
+    given["history"][2, 4] = value
+    after = model.step(**given)
+    assert np.isnan(after[4]).any()
+
+
+def test_a_clump_is_refused(model: NeuralModel) -> None:
+    x = np.full((6, 300, 2), 0.5, np.float32)
+    walls = np.array([[0.1, 0.1], [0.9, 0.9]], np.float32)
+    with pytest.raises(GraphSizeError):
+        model.step(x, np.full(300, 5), np.zeros((300, 2), np.float32), walls)
+    # A clump among many others passes the limit on all edges, and is found by its own neighbours.
+    spread = np.stack(np.meshgrid(*[np.linspace(0.1, 0.9, 25)] * 2), axis=-1).reshape(-1, 2)
+    x = np.concatenate([x, np.broadcast_to(spread, (6, 625, 2))], axis=1).astype(np.float32)
+    with pytest.raises(
+        GraphSizeError, match=r"particle \d+ has 3\d\d neighbours within 0.0275 m, more than 256"
+    ):
+        model.step(x, np.full(925, 5), np.zeros((925, 2), np.float32), walls)
+
+
+def test_threads_may_share_a_model(model: NeuralModel, inputs: Inputs) -> None:
+    given = [inputs(np.random.default_rng(seed), 60 + 10 * seed, 2, width=0.15) for seed in range(4)]
+    wanted = [model.step(**one) for one in given]
+    found: dict[int, list[bool]] = {seed: [] for seed in range(4)}
+
+    def work(seed: int) -> None:
+        for _ in range(20):
+            found[seed].append(np.array_equal(model.step(**given[seed]), wanted[seed]))
+
+    workers = [threading.Thread(target=work, args=(seed,)) for seed in range(4)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert all(len(same) == 20 and all(same) for same in found.values())
+
+
+def test_more_threads_compute_the_same(model_file: Path, model: NeuralModel, inputs: Inputs) -> None:
+    given = inputs(np.random.default_rng(0), 200, 2, width=0.2)
+    two = NeuralModel.load(model_file, threads=2)
+    np.testing.assert_allclose(two.step(**given), model.step(**given), atol=1e-7)
+    with pytest.raises(ConfigError, match=r"threads must be in \[1, 1024\], got 0"):
+        NeuralModel.load(model_file, threads=0)
+
+
+def test_serving_imports_neither_torch_nor_onnx(model_file: Path) -> None:
+    program = (
+        "import sys\n"
+        "from hybridmpm import NeuralPhysics, scenarios\n"
+        f"physics = NeuralPhysics.load({str(model_file)!r}, scenarios.water_2d(0))\n"
+        "physics.advance(30)\n"
+        "print(physics.frame, sorted({'torch', 'onnx', 'h5py', 'matplotlib'} & set(sys.modules)))\n"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout == "30 []\n"
+
+
+SCENES = [
+    ("water_3d", "with dim 2; the scene has dim 3"),
+    ("sand_2d", "with water; the scene has sand"),
+    ("water_sand_2d", "with water; the scene has sand"),
+]
+
+
+@pytest.mark.parametrize(("name", "message"), SCENES)
+def test_scenes_of_another_kind_are_refused(model: NeuralModel, name: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=f"trained on water_2d, water_ramps_2d, {message}"):
+        model.check(scenarios.get(name, 0))
+
+
+def test_scenes_of_other_numbers_are_refused(model: NeuralModel, model_3d: NeuralModel) -> None:
+    scene = scenarios.water_2d(0)
+    moving = BallObstacle(center=(0.5, 0.85), radius=0.03, motion=Motion(velocity=(0.1, 0.0)))
+    sink = BoxSink(lower=(0.8, 0.1), upper=(0.9, 0.2))
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"frame_dt": 0.005}, "with frame_dt 0.0025; the scene has frame_dt 0.005"),
+        ({"resolution": 64}, "with particle spacing 0.00390625; the scene has particle spacing 0.0078125"),
+        ({"obstacles": (moving,)}, "with obstacles at rest; the scene has one that moves"),
+        ({"sinks": (sink,)}, "with fixed particles; the scene has emitters or sinks"),
+    ]
+    for change, message in cases:
+        with pytest.raises(ConfigError, match=message):
+            model.check(scene.model_copy(update=change))
+    ball = BallObstacle(center=(0.5, 0.5, 0.5), radius=0.1)
+    with pytest.raises(ConfigError, match="trained on sand_3d, without obstacles; the scene has 1"):
+        model_3d.check(scenarios.sand_3d(0).model_copy(update={"obstacles": (ball,)}))
+    model.check(scenarios.water_ramps_2d(1))
+
+
+def _changed(data: bytes, change: Callable[[onnx.ModelProto], None]) -> bytes:
+    model = onnx.load_from_string(data)
+    change(model)
+    changed: bytes = model.SerializeToString()
+    return changed
+
+
+def _outside(model: onnx.ModelProto) -> None:
+    tensor = model.graph.initializer[0]
+    onnx.external_data_helper.set_external_data(tensor, location="weights.bin")
+    tensor.ClearField("raw_data")
+
+
+def _property(key: str, value: str | None) -> Callable[[onnx.ModelProto], None]:
+    def change(model: onnx.ModelProto) -> None:
+        properties = {entry.key: entry.value for entry in model.metadata_props}
+        del model.metadata_props[:]
+        kept = {k: v for k, v in properties.items() if k != key}
+        onnx.helper.set_model_props(model, kept if value is None else kept | {key: value})
+
+    return change
+
+
+def _opset(model: onnx.ModelProto) -> None:
+    model.opset_import[0].version = 17
+
+
+def _spec(**changes: Any) -> Callable[[onnx.ModelProto], None]:
+    def change(model: onnx.ModelProto) -> None:
+        spec = next(json.loads(entry.value) for entry in model.metadata_props if entry.key == "spec")
+        _property("spec", json.dumps(spec | changes))(model)
+
+    return change
+
+
+FILES: list[tuple[Callable[[onnx.ModelProto], None], type[Exception], str]] = [
+    (_outside, DataError, r"keeps .+ in another file \(external data\)"),
+    (_opset, DataError, "is of ONNX opset 17; this library serves opset 18"),
+    (_property("format", "1"), DataError, "has model format 1; this library serves format 2"),
+    (_property("format", None), DataError, "has model format none; this library serves format 2"),
+    (_property("scales", None), DataError, "its metadata is damaged: KeyError.'scales'"),
+    (_property("training", "{"), DataError, "its metadata is damaged: JSONDecodeError"),
+    (_spec(features=9), ConfigError, "has features version 9; this library has 1"),
+    (_spec(latent=0), ConfigError, r"latent must be in \[1, 1024\], got 0"),
+    (lambda model: model.graph.ClearField("node"), DataError, "no model that onnxruntime can load"),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "message"), FILES)
+def test_foreign_files_are_refused(
+    model_file: Path, change: Callable[[onnx.ModelProto], None], kind: type[Exception], message: str
+) -> None:
+    data = _changed(model_file.read_bytes(), change)
+    with pytest.raises(kind, match=message):
+        NeuralModel(data, where="model foreign")
+
+
+def test_files_that_are_no_models_are_refused(tmp_path: Path, model_file: Path) -> None:
+    path = tmp_path / "broken.onnx"
+    for data in (b"", b"text", bytes(100), model_file.read_bytes()[:-7]):
+        path.write_bytes(data)
+        with pytest.raises(DataError, match=r"broken.onnx is no ONNX model, or damaged or cut off"):
+            NeuralModel.load(path)
+    with pytest.raises(DataError, match=r"cannot read .*none.onnx: No such file"):
+        NeuralModel.load(tmp_path / "none.onnx")
+
+
+def test_a_flipped_byte_is_noticed(weights: Path) -> None:
+    path = weights / "small.onnx"
+    data = bytearray(path.read_bytes())
+    good = manifest.models(weights)["small"].sha256
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(DataError, match=rf"its SHA-256 is [0-9a-f]{{64}}, the manifest has {good}"):
+        manifest.read_model("small", weights)
+    path.unlink()
+    with pytest.raises(DataError, match=r"cannot read .*small.onnx"):
+        manifest.read_model("small", weights)
+
+
+def test_models_by_name(weights: Path) -> None:
+    entry = manifest.models(weights)["small"]
+    assert (entry.r_t, entry.latent, entry.layers, entry.scenarios) == (
+        4,
+        8,
+        2,
+        ("water_2d", "water_ramps_2d"),
+    )
+    assert manifest.default_model("water_2d", weights) == "small"
+    with pytest.raises(ConfigError, match="no model serves sand_2d; there are models for water_2d, water_r"):
+        manifest.default_model("sand_2d", weights)
+    with pytest.raises(UnknownScenarioError):
+        manifest.default_model("sand_4d", weights)
+    with pytest.raises(ConfigError, match="there is no model 'large'; known are small"):
+        manifest.read_model("large", weights)
+    (weights / "manifest.json").write_text('{"small": {}}')
+    with pytest.raises(DataError, match=r"manifest.json is missing or damaged"):
+        manifest.models(weights)
+
+
+def test_the_models_that_come_with_the_library_are_whole() -> None:
+    for name, entry in physics.models().items():
+        model = NeuralModel.load(name)
+        spec = model.spec
+        for key in ("scenarios", "r_p", "r_t", "radius", "latent", "layers"):
+            assert getattr(spec, key) == getattr(entry, key)
+        assert model.info.parameters == entry.parameters
+        for scenario in spec.scenarios:
+            model.check(scenarios.get(scenario, 1))
+        card = (manifest.WEIGHTS / f"{name}.md").read_text(encoding="utf-8")
+        assert "Apache-2.0" in card
+
+
+def test_every_file_among_the_weights_is_in_the_manifest() -> None:
+    entries = physics.models()
+    known = {f"{name}.md" for name in entries} | {entry.file for entry in entries.values()}
+    assert {file.name for file in manifest.WEIGHTS.iterdir()} == known | {"manifest.json"}
+
+
+def test_scene_is_checked_before_anything_is_made(model: NeuralModel) -> None:
+    scene = Scene.parse(scenarios.sand_2d(0).model_dump())
+    with pytest.raises(ConfigError, match="the scene has sand"):
+        physics.NeuralPhysics(scene, model)

@@ -1,0 +1,299 @@
+"""`NeuralPhysics`: laws that hold whatever the network, and what it shares with other simulators."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import torch
+
+from hybridmpm import (
+    Ball,
+    ConfigError,
+    DomainError,
+    MpmSolver,
+    NeuralPhysics,
+    NonFiniteError,
+    Scene,
+    scenarios,
+)
+from hybridmpm.physics import NeuralModel
+from hybridmpm.physics.track import StepPath, Track, warmup_frames
+from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.recording import record
+from hybridmpm.training.simulator import LearnedSimulator
+
+_Floats = npt.NDArray[np.float32]
+DROP = Ball(material="water", center=(0.4, 0.7), radius=0.06, velocity=(0.5, 0.0), seed=3)
+FALL = Scene(dim=2, resolution=128, bodies=(DROP,))
+FREE_FALL = ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=4)
+
+
+class Stand:
+    """A network's place, taken by a function."""
+
+    def __init__(self, step: Callable[..., _Floats]) -> None:
+        self.step, self.r_t, self.r_p = step, 4, 1 / 8
+
+    def check(self, scene: Scene) -> None:
+        """Take any scene."""
+
+
+def falling(r_t: int = 4) -> NeuralPhysics:
+    """Return the drop under the zero network."""
+    return NeuralPhysics(FALL, ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=r_t))
+
+
+@pytest.mark.parametrize("r_t", [1, 4, 16])
+def test_zero_decoder_is_free_fall(simulator_of: Any, torch_stepper: Any, r_t: int) -> None:
+    """A network that answers zero leaves the known acceleration: g within 2 %, here to rounding."""
+    simulator = simulator_of(scale=0.0, r_t=r_t, relaxations=0)
+    simulator.acceleration_mean.zero_()
+    physics = NeuralPhysics(FALL, torch_stepper(simulator))
+    physics.advance(5 * r_t)
+    start, v = physics.positions.mean(0), physics.velocities.mean(0)
+    path = physics.rollout(24).mean(1)
+    t = np.arange(25)[:, None] * 0.0025
+    wanted = start + v * t + np.array([0.0, -9.81]) * t**2 / 2
+    np.testing.assert_allclose(path, wanted, atol=2e-4 * r_t)
+    a = (path[24] - 2 * path[12] + path[0]) / (12 * 0.0025) ** 2 if r_t <= 4 else None
+    if a is not None:
+        np.testing.assert_allclose(a, [0.0, -9.81], atol=0.02 * 9.81)
+
+
+def test_frames_within_a_step_are_those_of_free_fall() -> None:
+    physics = falling(r_t=8)
+    physics.advance(40)
+    path = physics.rollout(16).astype(np.float64)
+    bend = np.diff(path, n=2, axis=0) / 0.0025**2
+    # Two steps, each an exact parabola; and the same g across the seam, since the steps of the solver
+    # before them fall with g too.
+    np.testing.assert_allclose(bend.mean((0, 1)), [0.0, -9.81], atol=0.2)
+    np.testing.assert_allclose(bend[:7].mean(1), np.tile([0.0, -9.81], (7, 1)), atol=0.1)
+    v = physics.velocities.mean(0)
+    before = falling(r_t=8)
+    before.advance(48)
+    np.testing.assert_allclose(v - before.velocities.mean(0), [0.0, -9.81 * 8 * 0.0025], atol=1e-3)
+
+
+def test_first_frames_are_the_solvers() -> None:
+    physics, solver = falling(), MpmSolver(FALL, r_p=1 / 8)
+    assert warmup_frames(4) == 20
+    for frame in range(21):
+        assert physics.frame == frame
+        assert physics.time == pytest.approx(solver.time)
+        np.testing.assert_array_equal(physics.positions, solver.positions)
+        np.testing.assert_array_equal(physics.velocities, solver.velocities)
+        if frame < 20:
+            physics.advance()
+            solver.advance()
+    physics.advance()
+    assert not np.array_equal(physics.positions, MpmSolver(FALL, r_p=1 / 8).rollout(21)[-1])
+    for name in ("materials", "mass", "ids", "particle_count", "dim"):
+        np.testing.assert_array_equal(getattr(physics, name), getattr(solver, name))
+    assert physics.positions.dtype == physics.velocities.dtype == np.float32
+
+
+def test_the_copying_test(simulator_of: Any, torch_stepper: Any) -> None:
+    """A network that is handed the recorded accelerations rolls out to the recorded positions."""
+    simulator = simulator_of(relaxations=0)
+    scene, steps, r_t = scenarios.water_ramps_2d(2), 30, 4
+    truth = MpmSolver(scene, r_p=1 / 8).rollout((5 + steps) * r_t)[::r_t].astype(np.float64)
+    answers = iter(_residuals(truth, simulator))
+
+    def answer(nodes: torch.Tensor, types: torch.Tensor, *_: Any) -> torch.Tensor:
+        found = torch.zeros(len(nodes), 2)
+        found[types != 3] = next(answers)
+        return found
+
+    simulator.network.forward = answer
+    physics = NeuralPhysics(scene, torch_stepper(simulator))
+    path = physics.rollout((5 + steps) * r_t)[::r_t]
+    # Rounding to float32 at each step, 6e-8, adds up twice over 30 steps.
+    np.testing.assert_allclose(path, truth, atol=2e-5)
+    assert np.abs(path[-1] - path[5]).max() > 0.01
+
+
+def _residuals(truth: npt.NDArray[np.float64], simulator: LearnedSimulator) -> list[torch.Tensor]:
+    """Return normalised accelerations of a path (S, N, D) [m], gravity taken out, from state 5 on."""
+    scales = simulator.scales
+    bend = np.diff(truth, n=2, axis=0)[4:] - np.array([0.0, -9.81]) * simulator.spec.step_dt**2
+    normal = (bend - scales.acceleration_mean) / scales.acceleration_std
+    return [torch.tensor(row, dtype=torch.float32) for row in normal]
+
+
+def test_advancing_in_parts_is_the_same(model: NeuralModel) -> None:
+    scene = scenarios.water_2d(5)
+    whole, parts = NeuralPhysics(scene, model), NeuralPhysics(scene, model)
+    path = whole.rollout(50)
+    for count in (0, 1, 2, 19, 5, 3, 20):
+        parts.advance(count)
+    np.testing.assert_array_equal(parts.positions, path[-1])
+    np.testing.assert_array_equal(parts.velocities, whole.velocities)
+    twin = parts.copy()
+    twin.advance(7)
+    np.testing.assert_array_equal(parts.positions, path[-1])
+    parts.advance(7)
+    np.testing.assert_array_equal(parts.positions, twin.positions)
+    parts.reset()
+    assert (parts.frame, parts.time) == (0, 0.0)
+    np.testing.assert_array_equal(parts.rollout(50), path)
+
+
+def test_recording(model: NeuralModel) -> None:
+    physics = NeuralPhysics(scenarios.water_ramps_2d(1), model)
+    recording = record(physics, 30, every=10)
+    assert recording.frames.tolist() == [0, 10, 20, 30]
+    np.testing.assert_array_equal(recording.positions[-1], physics.positions)
+    assert recording.positions.shape[1] == physics.particle_count
+    assert set(recording.types) == {5}
+    assert np.isfinite(recording.positions).all()
+    assert np.isfinite(recording.velocities).all()
+
+
+def test_long_rollouts_stay_within_the_walls(model: NeuralModel) -> None:
+    physics = NeuralPhysics(scenarios.water_2d(1), model)
+    path = physics.rollout(400)
+    assert np.isfinite(path).all()
+    assert ((path > 0.0999) & (path < 0.9001)).all()
+
+
+def test_a_force_is_as_good_as_gravity() -> None:
+    heavy = Scene(dim=2, resolution=128, bodies=(DROP,), gravity=(1.5, -12.0))
+    one = NeuralPhysics(heavy, ZeroStepper(FALL.frame_dt, r_p=1 / 8, r_t=4))
+    two = falling()
+    push = np.tile(np.array([1.5, -12.0 + 9.81], np.float32), (two.particle_count, 1))
+    paths = [one.rollout(40), two.rollout(40, push)]
+    np.testing.assert_allclose(paths[0], paths[1], atol=2e-5)
+
+
+def test_a_force_within_a_step_gives_its_impulse() -> None:
+    """A force of a few frames changes the velocity by its time integral, wherever in a step it begins."""
+    gain = np.array([8.0, 0.0], np.float32)
+    for first in range(20, 25):
+        pushed, plain = falling(), falling()
+        force = np.zeros((20, pushed.particle_count, 2), np.float32)
+        force[first - 20 : first - 17] = gain
+        pushed.advance(20)
+        plain.advance(20)
+        path = pushed.rollout(20, force) - plain.rollout(20)
+        # Nothing moves before the force, all goes on evenly after it, and there is no jump.
+        assert np.abs(path[: first - 19]).max() <= 1e-6
+        np.testing.assert_allclose(
+            (pushed.velocities - plain.velocities).mean(0), 3 * gain * 0.0025, atol=1e-4
+        )
+        assert np.abs(np.diff(path, axis=0)).max() <= 1.6 * 3 * 8.0 * 0.0025 * 0.0025
+
+
+def test_force_is_checked() -> None:
+    physics = falling()
+    n = physics.particle_count
+    for shape in ((n + 1, 2), (n, 3), (4, n, 2)):
+        with pytest.raises(ConfigError, match=r"force must have shape \(\d+, 2\) or \(3, \d+, 2\), got "):
+            physics.advance(3, np.zeros(shape))
+    with pytest.raises(ConfigError, match=r"frames must be in \[0, 1000000\], got -1"):
+        physics.advance(-1)
+    assert physics.frame == 0
+
+
+@pytest.mark.parametrize("frame", [20, 22])
+def test_a_force_that_is_not_finite_is_refused(frame: int) -> None:
+    physics = falling()
+    physics.advance(frame)
+    before = physics.positions
+    push = np.zeros((physics.particle_count, 2))
+    push[7, 1] = np.nan
+    with pytest.raises(NonFiniteError, match=f"particle 7 became non-finite in frame {frame + 1}"):
+        physics.advance(1, push)
+    assert physics.frame == frame
+    np.testing.assert_array_equal(physics.positions, before)
+    physics.advance(4)
+    assert physics.frame == frame + 4
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "message"),
+    [
+        (np.nan, NonFiniteError, "particle 3 became non-finite in frame 25"),
+        (np.inf, NonFiniteError, "particle 3 became non-finite in frame 25"),
+        (1.5, DomainError, "particle 3 left the domain in frame 25"),
+    ],
+)
+def test_failing_networks_are_told(value: float, kind: type[Exception], message: str) -> None:
+    fall, calls = FREE_FALL.step, []
+
+    def step(*known: Any) -> _Floats:
+        calls.append(1)
+        after = fall(*known)
+        if len(calls) == 2:
+            after[3, 1] = value
+        return after
+
+    physics = NeuralPhysics(FALL, Stand(step))
+    physics.advance(22)
+    with pytest.raises(kind, match=message):
+        physics.advance(10)
+    assert physics.frame == 24
+    good = falling()
+    good.advance(24)
+    np.testing.assert_array_equal(physics.positions, good.positions)
+    np.testing.assert_array_equal(physics.velocities, good.velocities)
+
+
+def test_obstacles_take_part_as_particles() -> None:
+    seen: list[tuple[_Floats, npt.NDArray[np.int64]]] = []
+    fall = FREE_FALL.step
+
+    def step(history: _Floats, types: npt.NDArray[np.int64], *rest: Any) -> _Floats:
+        seen.append((history, types))
+        return fall(history, types, *rest)
+
+    scene = scenarios.water_ramps_2d(3)
+    physics = NeuralPhysics(scene, Stand(step))
+    physics.advance(21)
+    history, types = seen[0]
+    n = physics.particle_count
+    assert (types[:n] == 5).all()
+    assert (types[n:] == 3).all()
+    assert len(types) > n
+    assert (history[:, n:] == history[0, n:]).all()
+    np.testing.assert_array_equal(history[:, :n], MpmSolver(scene, r_p=1 / 8).rollout(20)[::4])
+
+
+def test_an_impact_is_a_straight_line() -> None:
+    """What comes to rest on the floor is not thrown back between frames."""
+    before, now, after = (np.array([[0.5, y]], np.float32) for y in (0.14, 0.11, 0.1))
+    known = np.array([[0.0, -0.001]], np.float32)
+    path = StepPath.between(before, now, after, known)
+    np.testing.assert_allclose([path.at(s)[0, 1] for s in (0.0, 0.5, 1.0)], [0.11, 0.105, 0.1], atol=1e-7)
+    np.testing.assert_allclose(path.velocity(1.0), [[0.0, -0.01]], atol=1e-7)
+    at_rest = StepPath.between(after, after, after, known)
+    np.testing.assert_array_equal(at_rest.at(0.5), after)
+
+
+def test_changed_paths_have_no_jump() -> None:
+    rng = np.random.default_rng(0)
+    now = rng.uniform(0.3, 0.6, (20, 2)).astype(np.float32)
+    v = rng.normal(0, 0.01, (20, 2)).astype(np.float32)
+    known = np.tile(np.array([0.0, -0.001], np.float32), (20, 1))
+    path = StepPath.between(now - v, now, now + v + known, known)
+    change = np.tile(np.array([0.002, 0.0], np.float32), (20, 1))
+    lower, upper = np.full(2, 0.1, np.float32), np.full(2, 0.9, np.float32)
+    turned = path.pushed(0.25, change, lower, upper)
+    np.testing.assert_array_equal(turned.at(0.25), path.at(0.25))
+    np.testing.assert_allclose(turned.at(1.0), path.at(1.0) + 0.75 * change, atol=1e-7)
+    # Taken back at once, it is as if it had not been.
+    back = turned.pushed(0.25, -change, lower, upper)
+    np.testing.assert_allclose(back.at(0.6), path.at(0.6), atol=1e-7)
+    np.testing.assert_allclose(back.velocity(0.6), path.velocity(0.6), atol=1e-6)
+
+
+def test_a_track_needs_its_history() -> None:
+    track = Track(FREE_FALL, FALL, np.full(3, 5))
+    track.observe(np.full((3, 2), 0.5, np.float32))
+    assert not track.ready
+    with pytest.raises(RuntimeError, match="the network needs 21 frames, got 1"):
+        track.advance(1)
+    with pytest.raises(RuntimeError, match="only after a frame of the network"):
+        _ = track.velocities
