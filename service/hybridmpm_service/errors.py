@@ -25,7 +25,7 @@ class SessionBusyError(UnavailableError):
     """Too many calls wait for this session."""
 
 
-class ModelDamagedError(ServiceError):
+class ModelDamagedError(UnavailableError):
     """The server's copy of a model cannot be loaded."""
 
 

@@ -65,7 +65,7 @@ TABLE: dict[type[Exception], Row] = {
     SceneError: Row(422, "bad-scene", "The scene is not valid"),
     SketchError: Row(422, "bad-sketch", "The sketch cannot be read"),
     SimulationError: Row(422, "simulation-failed", "The simulation cannot go on"),
-    ModelDamagedError: Row(500, "model-damaged", "A model of the server cannot be loaded"),
+    ModelDamagedError: Row(503, "model-damaged", "A model of the server cannot be loaded"),
     TooManySessionsError: Row(503, "too-many-sessions", "No room for another session"),
     SessionBusyError: Row(503, "session-busy", "The session is busy"),
     UnavailableError: Row(503, "unavailable", "The service is not available now"),

@@ -231,7 +231,7 @@ def test_a_damaged_model_is_the_servers_fault_and_disturbs_no_other_solver(
     data = bytearray((tmp_path / "falling.onnx").read_bytes())
     data[len(data) // 2] ^= 1
     (tmp_path / "falling.onnx").write_bytes(data)
-    found = problem(service.http.post("/v1/sessions", json=WATER | {"solver": "hybrid"}), 500)
+    found = problem(service.http.post("/v1/sessions", json=WATER | {"solver": "hybrid"}), 503)
     assert found["type"] == "urn:hybridmpm:problem:model-damaged"
     assert str(tmp_path) not in json.dumps(found)
     assert service.http.post("/v1/sessions", json=WATER | {"solver": "mpm"}).status_code == 201

@@ -16,7 +16,7 @@ router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 _NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
 
 
-@router.post("", status_code=201, responses=problems(413, 415, 422, 500, 503))
+@router.post("", status_code=201, responses=problems(413, 415, 422, 503))
 async def create_session(body: CreateSession, sessions: Sessions, response: Response) -> SessionBody:
     """Start a session from a scenario or a scene."""
     choice = body.choice()
