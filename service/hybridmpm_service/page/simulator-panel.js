@@ -48,7 +48,7 @@ export function showChoice({ scenario, solver }) {
 
 function choiceText(solver, model) {
   if (model === undefined) return "There is no network for this scenario.";
-  const share = `${Math.round(100 * model.r_p)} % of the particles`;
+  const share = `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
   switch (solver) {
     case "hybrid":
       return `A network goes ahead with ${share}. Where its safeguard alarms, MPM takes over.`;
