@@ -51,7 +51,9 @@ def _draw(panel: Any, table: Sequence[dict[str, Any]]) -> None:
     )
     for row in ladder:
         _name(panel, row, row["label"], (5, 5), _LADDER)
-    _models(panel, [row for row in table if row["method"] == "neural"])
+    models = [row for row in table if row["method"] == "neural"]
+    latencies = [row["ms_per_frame"] for row in (*ladder, *models) if row["ms_per_frame"] is not None]
+    _models(panel, models, middle=(min(latencies) * max(latencies)) ** 0.5)
     top = max(row["error"] for row in table if row["method"] in {"mpm", "still", "neural"} and row["error"])
     for method, label, dashes in _LINES:
         for row in (row for row in table if row["method"] == method):
@@ -59,14 +61,15 @@ def _draw(panel: Any, table: Sequence[dict[str, Any]]) -> None:
     for row in (row for row in table if row["method"] == "merged"):
         panel.axhline(row["error"], label="floor of the models' $r_p$", linestyle="-.", color=_MODEL, lw=1)
     zeros = [row["error"] for row in table if row["method"] == "zero"]
-    beyond = " (off the chart)" if min(zeros) > 1.1 * top else ""
+    beyond = " (off the chart)" if min(zeros) > 1.18 * top else ""
     text = "\n".join(sorted({f"free fall {error:.2f}{beyond}" for error in zeros}))
     panel.text(0.98, 0.97, text, transform=panel.transAxes, ha="right", va="top", fontsize=8, color=_BOUND)
-    panel.set(xscale="log", xlabel="ms per frame", ylim=(0, 1.1 * top))
+    panel.set(xscale="log", xlabel="ms per frame", ylim=(0, 1.18 * top))
     panel.margins(x=0.12)
 
 
-def _models(panel: Any, models: Sequence[dict[str, Any]]) -> None:
+def _models(panel: Any, models: Sequence[dict[str, Any]], middle: float) -> None:
+    """Draw them, their names towards the middle of the latencies [ms]."""
     for row in models:
         if row["error"] is None or row["ms_per_frame"] is None:
             continue
@@ -83,9 +86,17 @@ def _models(panel: Any, models: Sequence[dict[str, Any]]) -> None:
             capsize=2,
             label="model, dominated" if dominated else "model",
         )
-        _name(panel, row, row["label"], (6, -10), colour)
+        _name(panel, row, row["label"], (8 if row["ms_per_frame"] < middle else -8, -3), colour)
 
 
 def _name(panel: Any, row: dict[str, Any], text: str, offset: tuple[int, int], colour: str) -> None:
-    at = (row["ms_per_frame"], row["error"])
-    panel.annotate(text, at, offset, textcoords="offset points", fontsize=8, color=colour)
+    panel.annotate(
+        text,
+        (row["ms_per_frame"], row["error"]),
+        offset,
+        textcoords="offset points",
+        ha="left" if offset[0] > 0 else "right",
+        fontsize=8,
+        color=colour,
+        bbox={"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.5},
+    )
