@@ -827,7 +827,7 @@ class VerletList:
 
 def relaxed(
     x: npt.NDArray[np.float32],
-    fixed: npt.NDArray[np.bool_],
+    share: npt.NDArray[np.float32],
     starts: npt.NDArray[np.uint32],
     senders: npt.NDArray[np.uint32],
     *,
@@ -848,8 +848,8 @@ def relaxed(
     ----------
     x : float32 (N, 2) or (N, 3)
         Points [m].
-    fixed : bool (N,)
-        Which do not move.
+    share : float32 (N,)
+        Of its displacement that each point moves by; 0 holds it.
     starts, senders : uint32 (N + 1,) and (E,)
         Edges, as in `RadiusGraph`; also those of an earlier state of the points.
     radius : float > 0

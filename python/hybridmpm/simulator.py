@@ -1,6 +1,6 @@
 """`Simulator`: what all simulators have in common, whatever moves the particles."""
 
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -59,3 +59,6 @@ class Simulator(Protocol):
 
     def reset(self) -> None:
         """Go back to frame 0."""
+
+    def copy(self) -> Self:
+        """Return an independent simulator in the same state."""

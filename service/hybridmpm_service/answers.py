@@ -8,10 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from hybridmpm.control import Arrow, ControlledTrajectory, Sketch
 from hybridmpm.scenarios import ScenarioInfo
+from hybridmpm_service.learned import SafeguardBody
 from hybridmpm_service.session import Session
+from hybridmpm_service.solvers import Kind, Mode
 
 _ID = "6f0c5b0e4c7d4be59f0d0f5c3c1a2b34"
 _LINK = f"/v1/sessions/{_ID}"
+_LINKED = ("stream", "advance", "particles", "sketches", "decisions")
 
 
 class ControlBody(BaseModel):
@@ -26,9 +29,10 @@ class ControlBody(BaseModel):
 class LastFrameBody(BaseModel):
     """How the latest frame was computed."""
 
-    substeps: int
-    bound: str = Field(
-        description='What chose the step: "sound", "speed", "obstacle", "frame", "reference" or "fixed".'
+    substeps: int | None = Field(description="Of MPM; null where a network made the frame.")
+    bound: str | None = Field(
+        description='What chose the step: "sound", "speed", "obstacle", "frame", "reference" or "fixed"; '
+        "null where a network made the frame."
     )
     ms: float = Field(description="Solver time.")
 
@@ -51,6 +55,11 @@ class SessionBody(BaseModel):
                     "playing": False,
                     "speed": 0.25,
                     "centroid": [0.41, 0.52],
+                    "solver": "hybrid",
+                    "model": "fluids_2d",
+                    "r_p": 0.25,
+                    "mode": "mpm",
+                    "safeguard": {"kind": "ours", "r_c": 0.8, "value": 0.62, "mpm_share": 0.75},
                     "control": {"kind": "arrow", "first_frame": 10, "frames_done": 2, "frames": 100},
                     "last_frame": {"substeps": 12, "bound": "sound", "ms": 1.4},
                     "links": {
@@ -59,6 +68,7 @@ class SessionBody(BaseModel):
                         "advance": f"{_LINK}/advance",
                         "particles": f"{_LINK}/particles",
                         "sketches": f"{_LINK}/sketches",
+                        "decisions": f"{_LINK}/decisions",
                     },
                 }
             ]
@@ -76,6 +86,11 @@ class SessionBody(BaseModel):
     playing: bool
     speed: float = Field(description="Simulated seconds per second that the player aims at.")
     centroid: list[float] = Field(description="Centre of mass [m].")
+    solver: Kind
+    model: str | None = Field(description="The network; null without one.")
+    r_p: float = Field(description="Particles over those of the scene.")
+    mode: Mode = Field(description="Who simulates the next frame.")
+    safeguard: SafeguardBody | None = Field(description="Only of a hybrid session.")
     control: ControlBody | None
     last_frame: LastFrameBody | None
     links: dict[str, str]
@@ -97,6 +112,11 @@ class SessionBody(BaseModel):
             playing=session.playing,
             speed=session.speed,
             centroid=list(view.centroid),
+            solver=session.solver,
+            model=session.model,
+            r_p=session.simulation.r_p,
+            mode=view.mode,
+            safeguard=None if view.safeguard is None else SafeguardBody.of(view.safeguard),
             control=None
             if view.control is None
             else ControlBody(
@@ -110,8 +130,7 @@ class SessionBody(BaseModel):
             else LastFrameBody(
                 substeps=view.last_frame.substeps, bound=view.last_frame.bound, ms=view.last_frame.ms
             ),
-            links={"self": link}
-            | {name: f"{link}/{name}" for name in ("stream", "advance", "particles", "sketches")},
+            links={"self": link} | {name: f"{link}/{name}" for name in _LINKED},
         )
 
 

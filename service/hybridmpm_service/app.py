@@ -15,7 +15,7 @@ import hybridmpm
 from hybridmpm_service import problems
 from hybridmpm_service.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
 from hybridmpm_service.requests import SteerSession
-from hybridmpm_service.routes import health, scenarios, sessions, sketches, stream
+from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
 from hybridmpm_service.sessions import SessionManager
 from hybridmpm_service.settings import Settings
 from hybridmpm_service.simulation import Clock
@@ -50,7 +50,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.settings = settings
     app.state.sessions = SessionManager(settings, clock)
     problems.install(app)
-    for module in (health, scenarios, sessions, sketches, stream):
+    for module in (health, models, scenarios, sessions, sketches, stream):
         app.include_router(module.router)
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.

@@ -25,6 +25,10 @@ class SessionBusyError(UnavailableError):
     """Too many calls wait for this session."""
 
 
+class ModelDamagedError(UnavailableError):
+    """The server's copy of a model cannot be loaded."""
+
+
 class UploadTooLargeError(ServiceError):
     """A file is larger than the limit."""
 

@@ -15,6 +15,7 @@ from starlette.responses import Response
 from hybridmpm.errors import SceneError, SimulationError, SketchError
 from hybridmpm_service.errors import (
     FieldError,
+    ModelDamagedError,
     ScenarioNotFoundError,
     ServiceError,
     SessionBusyError,
@@ -64,6 +65,7 @@ TABLE: dict[type[Exception], Row] = {
     SceneError: Row(422, "bad-scene", "The scene is not valid"),
     SketchError: Row(422, "bad-sketch", "The sketch cannot be read"),
     SimulationError: Row(422, "simulation-failed", "The simulation cannot go on"),
+    ModelDamagedError: Row(503, "model-damaged", "A model of the server cannot be loaded"),
     TooManySessionsError: Row(503, "too-many-sessions", "No room for another session"),
     SessionBusyError: Row(503, "session-busy", "The session is busy"),
     UnavailableError: Row(503, "unavailable", "The service is not available now"),
@@ -79,6 +81,11 @@ def row_of(error: Exception) -> Row:
     )
 
 
+def urn_of(row: Row) -> str:
+    """Return the name of a kind of problem."""
+    return f"urn:hybridmpm:problem:{row.slug}"
+
+
 def problem_response(
     instance: str,
     row: Row,
@@ -88,7 +95,7 @@ def problem_response(
 ) -> Response:
     """Return the answer for one problem; `errors` are (field, message)."""
     body: dict[str, Any] = {
-        "type": f"urn:hybridmpm:problem:{row.slug}",
+        "type": urn_of(row),
         "title": row.title,
         "status": row.status,
         "detail": detail,

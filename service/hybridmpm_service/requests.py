@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 from hybridmpm.control import Stroke
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.session import MAX_SPEED, MIN_SPEED
+from hybridmpm_service.solvers import Kind, SafeguardKind, SolverChoice
 
 
 class Request(BaseModel):
@@ -16,7 +17,7 @@ class Request(BaseModel):
 
 
 class CreateSession(Request):
-    """What to simulate: a scenario with a seed, or a whole scene."""
+    """What to simulate, a scenario with a seed or a whole scene, and by what."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -41,6 +42,21 @@ class CreateSession(Request):
     scene: dict[str, Any] | None = Field(
         default=None, description="A scene, as `hybridmpm schema` describes it."
     )
+    solver: Kind = Field(
+        default="mpm",
+        description="Who simulates: MPM, a network that MPM stands in for (hybrid), or the network alone.",
+    )
+    model: str | None = Field(
+        default=None,
+        max_length=100,
+        description="The network, by its name in `GET /v1/models`; if absent the first for the scenario.",
+    )
+    r_c: float | None = Field(
+        default=None, ge=-1, le=1, strict=True, description="Of hybrid: alarming safeguard; 0.8 if absent."
+    )
+    safeguard: SafeguardKind | None = Field(
+        default=None, description="Of hybrid: which mean of the cosines; ours if absent."
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -49,6 +65,16 @@ class CreateSession(Request):
         if self.scene is not None and self.seed is not None:
             raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
         return self
+
+    def choice(self) -> SolverChoice:
+        """Return the solver that is asked for.
+
+        Raises
+        ------
+        FieldError
+            An option belongs to another kind of solver.
+        """
+        return SolverChoice(solver=self.solver, model=self.model, r_c=self.r_c, safeguard=self.safeguard)
 
 
 class AdvanceSession(Request):

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Self, TypeVar
 
-from hybridmpm import Scene, SimulationError
+from hybridmpm import SimulationError
 from hybridmpm.control import ControlledTrajectory, Sketch
 from hybridmpm_service.errors import ServiceError, SessionBusyError, SessionNotFoundError
 from hybridmpm_service.mailbox import Mailbox
 from hybridmpm_service.pace import Pace
 from hybridmpm_service.simulation import Clock, Particles, Simulation, View
+from hybridmpm_service.solvers import ChosenSolver, Kind
 
 DEFAULT_SPEED = 0.25
 """Simulated seconds per second: the eye can follow a splash at a quarter of real time."""
@@ -44,6 +45,10 @@ class Session:
         None where the session was made from a scene.
     seed : int or None
     scene : Scene
+    solver : Kind
+        Who simulates: "mpm", "hybrid" or "neural".
+    model : str or None
+        Name of the network, None where there is none.
     simulation : Simulation
         Only its unchanging properties and `timing` may be used outside of this class.
     view : View
@@ -52,16 +57,18 @@ class Session:
         On the session's clock.
     """
 
-    def __init__(self, name: str, scene: Scene, simulation: Simulation, clock: Clock) -> None:
+    def __init__(self, name: str, simulation: Simulation, clock: Clock) -> None:
         self.id = name
         self.scenario: str | None = None
         self.seed: int | None = None
-        self.scene = scene
+        self.solver: Kind = "mpm"
+        self.model: str | None = None
+        self.scene = simulation.scene
         self.simulation = simulation
         self.view = simulation.look()
         self.last_used = clock()
         self._clock = clock
-        self._pace = Pace(scene.frame_dt, DEFAULT_SPEED)
+        self._pace = Pace(self.scene.frame_dt, DEFAULT_SPEED)
         self._mailboxes: set[Mailbox] = set()
         self._playing = asyncio.Event()
         self._waiting = 0
@@ -72,21 +79,23 @@ class Session:
         self._tasks = [self._loop.create_task(self._play()), self._loop.create_task(self._report())]
 
     @classmethod
-    async def open(cls, name: str, make_scene: Callable[[], Scene], *, threads: int, clock: Clock) -> Self:
+    async def open(cls, name: str, make: Callable[[], ChosenSolver], *, clock: Clock) -> Self:
         """Build scene and solver off the loop.
 
         Raises
         ------
-        ConfigError
-            The scene is refused.
+        ConfigError, FieldError
+            The scene or the model is refused.
         """
 
-        def build() -> tuple[Scene, Simulation]:
-            scene = make_scene()
-            return scene, Simulation(scene, threads=threads, clock=clock)
+        def build() -> tuple[ChosenSolver, Simulation]:
+            chosen = make()
+            return chosen, Simulation(chosen, clock=clock)
 
-        scene, simulation = await asyncio.to_thread(build)
-        return cls(name, scene, simulation, clock)
+        chosen, simulation = await asyncio.to_thread(build)
+        session = cls(name, simulation, clock)
+        session.solver, session.model = chosen.kind, chosen.model
+        return session
 
     @property
     def watched(self) -> bool:
@@ -247,7 +256,7 @@ class Session:
             raise SessionNotFoundError(f"session {self.id!r} has been deleted")
 
     def _show(self, view: View) -> None:
-        turned = (self.view.control is None) != (view.control is None)
+        turned = (self.view.control is None, self.view.mode) != (view.control is None, view.mode)
         self.view = view
         for mailbox in self._mailboxes:
             mailbox.put_frame(view.message)

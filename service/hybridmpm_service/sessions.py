@@ -4,12 +4,15 @@ import asyncio
 import time
 import uuid
 from collections.abc import Callable
+from pathlib import Path
 
 from hybridmpm import Scene, SceneError
+from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
 from hybridmpm_service.session import CLOSE_DELETED, Session
 from hybridmpm_service.settings import Settings
 from hybridmpm_service.simulation import Clock
+from hybridmpm_service.solvers import SolverChoice, SolverFactory
 
 CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
@@ -23,17 +26,35 @@ class SessionManager:
     settings : Settings
     clock : Clock
         For idle times and the players; a test hands in its own.
+
+    Raises
+    ------
+    DataError
+        The folder of models has no manifest, or a damaged one.
     """
 
     def __init__(self, settings: Settings, clock: Clock = time.perf_counter) -> None:
         self._settings = settings
         self._clock = clock
+        self._solvers = SolverFactory(
+            threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
+        )
         self._sessions: dict[str, Session] = {}
         self._being_made = 0
         self._draining = False
 
+    @property
+    def solvers(self) -> SolverFactory:
+        """What makes the solvers, and knows the models."""
+        return self._solvers
+
     async def create(
-        self, make_scene: Callable[[], Scene], *, scenario: str | None = None, seed: int | None = None
+        self,
+        make_scene: Callable[[], Scene],
+        *,
+        scenario: str | None = None,
+        seed: int | None = None,
+        choice: SolverChoice | None = None,
     ) -> Session:
         """Start a session with the scene that `make_scene` returns; it is called off the loop.
 
@@ -41,8 +62,8 @@ class SessionManager:
         ------
         TooManySessionsError, UnavailableError
             No room, or shutting down.
-        ConfigError
-            The scene is refused.
+        ConfigError, FieldError, ModelDamagedError
+            The scene or the model is refused.
         """
         await self.expire()
         reason = self.why_full()
@@ -52,8 +73,9 @@ class SessionManager:
         try:
             session = await Session.open(
                 uuid.uuid4().hex,
-                lambda: self._within_limits(make_scene()),
-                threads=self._settings.threads,
+                lambda: self._solvers.make(
+                    choice or SolverChoice(), self._within_limits(make_scene()), scenario
+                ),
                 clock=self._clock,
             )
         finally:

@@ -41,6 +41,10 @@ class Settings(BaseModel):
         description="A session that nobody watches or asks for ends after this.",
     )
     threads: int = Field(default=1, ge=1, le=256, description="Solver threads of one session.")
+    models: str = Field(
+        default="",
+        description="Folder of models with their manifest.json. Empty: the models of the library.",
+    )
     cors_origins: _Names = Field(
         default=(),
         description="Origins of other front ends that may use this service, e.g. https://a.example.",

@@ -12,9 +12,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import MpmSolver, Scene
+from hybridmpm import Scene
 from hybridmpm.control import ControlledTrajectory, Sketch, follow
+from hybridmpm.hybrid import HybridSimulator
 from hybridmpm_service.frames import Frame, encode
+from hybridmpm_service.solvers import ChosenSolver, Mode, mode_of, ratio_of, report_of, stride_of
+from hybridmpm_service.watch import Safeguard, SafeguardRecorder
 
 Clock = Callable[[], float]
 """Seconds from an arbitrary start, never going back."""
@@ -39,8 +42,9 @@ class Control:
 class LastFrame:
     """How the latest frame was computed."""
 
-    substeps: int
-    bound: str
+    substeps: int | None
+    """Of MPM; None where a network made the frame."""
+    bound: str | None
     ms: float
 
 
@@ -49,7 +53,10 @@ class Timing:
     """How fast frames come."""
 
     ms_per_frame: float
-    """Median solver time of the latest frames [ms]; 0 before the first."""
+    """Median solver time of the latest frames [ms]; 0 before the first.
+
+    With a network, of means over as many frames as one of its steps spans: all its work falls into the first.
+    """
     ms_p95: float
     time_scale: float
     """Simulated seconds per second, over the last second."""
@@ -64,6 +71,10 @@ class View:
     centroid: tuple[float, ...]
     control: Control | None
     last_frame: LastFrame | None
+    mode: Mode
+    """Who simulates the next frame."""
+    safeguard: Safeguard | None
+    """Only of a hybrid session."""
     message: bytes
     """The binary frame for viewers."""
 
@@ -84,25 +95,33 @@ class Simulation:
 
     Parameters
     ----------
-    scene : Scene
-    threads : int
-        Of the solver; the result does not depend on it.
+    chosen : ChosenSolver
+        At frame 0; the simulation's own from now on.
     clock : Clock
-
-    Raises
-    ------
-    ConfigError
-        The scene cannot be filled with particles.
     """
 
-    def __init__(self, scene: Scene, *, threads: int, clock: Clock) -> None:
-        self._solver = MpmSolver(scene, threads=threads)
+    def __init__(self, chosen: ChosenSolver, *, clock: Clock) -> None:
+        self._solver = chosen.solver
+        self._recorder: SafeguardRecorder | None = None
+        if isinstance(chosen.solver, HybridSimulator):
+            self._recorder = SafeguardRecorder(chosen.solver, chosen.safeguard or "ours")
         self._clock = clock
         self._control: Control | None = None
         self._steered = False
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
-        self._frame_dt = scene.frame_dt
+        self._frame_dt = self.scene.frame_dt
+        mass = self._solver.mass.astype(np.float64)
+        self._weights = mass / mass.sum()
+
+    @property
+    def scene(self) -> Scene:
+        return self._solver.scene
+
+    @property
+    def r_p(self) -> float:
+        """Particles over those of the scene."""
+        return ratio_of(self._solver)
 
     @property
     def particle_count(self) -> int:
@@ -145,6 +164,8 @@ class Simulation:
     def reset(self) -> None:
         """Go back to frame 0, without control."""
         self._solver.reset()
+        if self._recorder is not None:
+            self._recorder.clear()
         self._control = None
         self._steered = False
 
@@ -160,39 +181,50 @@ class Simulation:
 
     def look(self) -> View:
         """Take what others may see."""
-        report = self._solver.last_frame
-        ms = self._milliseconds[-1] if self._milliseconds else 0.0
+        positions = self._solver.positions
         frame = Frame(
             number=self._solver.frame,
             time=self._solver.time,
-            solver_ms=ms,
+            solver_ms=self._milliseconds[-1] if self._milliseconds else 0.0,
             steered=self._steered,
-            positions=self._solver.positions,
+            positions=positions,
         )
         return View(
             frame=frame.number,
             time=frame.time,
-            centroid=tuple(self._solver.diagnostics().centroid),
+            centroid=tuple(map(float, self._weights @ positions)),
             control=self._control,
-            last_frame=LastFrame(report.substeps, report.bound, ms) if report and frame.number else None,
+            last_frame=self._last_frame(frame) if frame.number else None,
+            mode=mode_of(self._solver),
+            safeguard=None if self._recorder is None else self._recorder.look(),
             message=encode(frame),
         )
 
     def timing(self) -> Timing:
         """Tell how fast frames come at present. Safe to call while another thread computes."""
-        times = sorted(self._milliseconds.copy())
-        if not times:
+        latest = list(self._milliseconds.copy())
+        if not latest:
             return Timing(0.0, 0.0, 0.0)
+        span = min(stride_of(self._solver), len(latest))
+        times = sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1))
         since = self._clock() - _PACE_WINDOW_SECONDS
         recent = sum(moment > since for moment in self._finished.copy())
         p95 = times[min(len(times) - 1, int(0.95 * len(times)))]
         return Timing(statistics.median(times), p95, recent * self._frame_dt / _PACE_WINDOW_SECONDS)
+
+    def _last_frame(self, frame: Frame) -> LastFrame:
+        report = report_of(self._solver)
+        if report is None:
+            return LastFrame(None, None, frame.solver_ms)
+        return LastFrame(report.substeps, report.bound, frame.solver_ms)
 
     def _one_frame(self) -> None:
         control = self._control
         start = self._clock()
         self._solver.advance(1, force=None if control is None else control.force)
         end = self._clock()
+        if self._recorder is not None:
+            self._recorder.note()
         self._milliseconds.append(1000.0 * (end - start))
         self._finished.append(end)
         while self._finished[0] < end - _PACE_WINDOW_SECONDS:

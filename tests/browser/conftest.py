@@ -40,9 +40,16 @@ def free_port() -> int:
 
 
 class LiveService:
-    """`python -m hybridmpm_service` on a port of its own; may be stopped and started again."""
+    """`python -m hybridmpm_service` on a port of its own; may be stopped and started again.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    settings : str
+        Settings of the service by name.
+    """
+
+    def __init__(self, **settings: str) -> None:
+        self._settings = {f"HYBRIDMPM_{name.upper()}": value for name, value in settings.items()}
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         self._process: subprocess.Popen[bytes] | None = None
@@ -62,7 +69,8 @@ class LiveService:
         RuntimeError
             If the process ends early or is not ready after a minute; carries what it printed.
         """
-        environment = os.environ | {"HYBRIDMPM_PORT": str(self.port), "HYBRIDMPM_HOST": "127.0.0.1"}
+        address = {"HYBRIDMPM_PORT": str(self.port), "HYBRIDMPM_HOST": "127.0.0.1"}
+        environment = os.environ | self._settings | address
         with tempfile.TemporaryFile() as log:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "hybridmpm_service"],
@@ -95,10 +103,13 @@ class LiveService:
         """Return the JSON of a path."""
         return httpx.get(self.url + path, timeout=60).raise_for_status().json()
 
+    def post(self, path: str, body: Any) -> Any:
+        """Post JSON to a path and return the answer's."""
+        return httpx.post(self.url + path, json=body, timeout=120).raise_for_status().json()
+
     def advance(self, session: str, frames: int) -> Any:
         """Advance a session and return its description."""
-        answer = httpx.post(f"{self.url}/v1/sessions/{session}/advance", json={"frames": frames}, timeout=120)
-        return answer.raise_for_status().json()
+        return self.post(f"/v1/sessions/{session}/advance", {"frames": frames})
 
     def _is_ready(self) -> bool:
         try:

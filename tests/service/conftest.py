@@ -131,6 +131,13 @@ def start() -> Iterator[Callable[..., Service]]:
         yield lambda **settings: stack.enter_context(running(Settings(**settings)))
 
 
+@pytest.fixture(scope="module")
+def start_module() -> Iterator[Callable[..., Service]]:
+    """Return a function that starts a server with given settings, for all tests of a module."""
+    with contextlib.ExitStack() as stack:
+        yield lambda **settings: stack.enter_context(running(Settings(**settings)))
+
+
 @pytest.fixture
 def path(service: Service) -> Iterator[str]:
     """Return the path of a fresh session."""

@@ -9,11 +9,12 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm.control import parse_strokes
-from hybridmpm_service import Settings, answers, create_app, requests
+from hybridmpm_service import Settings, answers, create_app, learned, requests
 
 OPERATIONS = {
     ("get", "/livez"),
     ("get", "/readyz"),
+    ("get", "/v1/models"),
     ("get", "/v1/scenarios"),
     ("get", "/v1/scenarios/{name}"),
     ("post", "/v1/sessions"),
@@ -21,6 +22,7 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}"),
     ("delete", "/v1/sessions/{session_id}"),
     ("post", "/v1/sessions/{session_id}/advance"),
+    ("get", "/v1/sessions/{session_id}/decisions"),
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),
 }
@@ -98,6 +100,8 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         answers.SessionBody,
         answers.ScenarioBody,
         answers.ParticlesBody,
+        learned.DecisionBody,
+        learned.ModelBody,
         answers.TrajectoryBody,
     ],
 )

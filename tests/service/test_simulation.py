@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Box, DomainError, MpmSolver, Scene
+from hybridmpm import Box, DomainError, MpmSolver, NeuralPhysics, Scene
 from hybridmpm.control import Arrow
+from hybridmpm.physics.zero import ZeroStepper
 from hybridmpm_service.frames import decode
 from hybridmpm_service.simulation import Simulation
+from hybridmpm_service.solvers import ChosenSolver
 
 SCENE = Scene(
     dim=2,
@@ -29,7 +31,7 @@ class _Clock:
 
 
 def _simulation() -> Simulation:
-    return Simulation(SCENE, threads=1, clock=_Clock())
+    return Simulation(ChosenSolver("mpm", MpmSolver(SCENE)), clock=_Clock())
 
 
 def test_it_computes_what_the_library_computes() -> None:
@@ -119,3 +121,19 @@ def test_it_tells_how_fast_frames_come() -> None:
     assert timing.ms_per_frame == pytest.approx(1.0)
     assert timing.ms_p95 == pytest.approx(1.0)
     assert timing.time_scale == pytest.approx(10 * 0.0025)
+
+
+def test_the_work_of_a_network_step_is_shared_by_its_frames() -> None:
+    clock = _Clock()
+
+    class Slow(ZeroStepper):
+        """Takes 8 ms for 4 frames."""
+
+        def step(self, *arguments: Any, **options: Any) -> Any:
+            clock.now += 0.008
+            return super().step(*arguments, **options)
+
+    physics = NeuralPhysics(SCENE, Slow(SCENE.frame_dt, r_t=4))
+    simulation = Simulation(ChosenSolver("neural", physics, "slow"), clock=clock)
+    simulation.advance(80)
+    assert simulation.timing().ms_per_frame == pytest.approx(1 + 8 / 4)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from hybridmpm.arguments import whole
 from hybridmpm.control.sketch import Arrow, Floats, Sketch, depth_of_width
 from hybridmpm.errors import ConfigError, SimulationError
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.simulator import Simulator
 
 MAX_FRAMES = 10_000
 MAX_ACCELERATION = 100.0
@@ -60,7 +60,7 @@ class ControlledTrajectory:
 
 
 def follow(
-    solver: MpmSolver,
+    solver: Simulator,
     sketch: Sketch,
     frames: int = 100,
     *,
@@ -75,8 +75,9 @@ def follow(
 
     Parameters
     ----------
-    solver : MpmSolver
-        Stays as it is.
+    solver : Simulator
+        Stays as it is. Of a hybrid simulator MPM follows the sketch, because of the force; a network alone
+        gets the acceleration as one that it knows.
     sketch : Arrow or Ellipse
         An arrow asks for tip minus tail, an ellipse for its centre minus the present centre of
         mass. In 3D the widths give the depth; without widths the depth does not change.
@@ -102,8 +103,7 @@ def follow(
     scene = solver.scene
     if scene.is_open:
         raise ConfigError("a scene with emitters or sinks cannot be steered: its particles come and go")
-    now = solver.diagnostics()
-    velocity = np.array(now.momentum, dtype=np.float64) / now.mass
+    velocity = _mean(solver, solver.velocities)
     target = target_displacement(sketch, solver)
     seconds = frames * scene.frame_dt
     gain = np.eye(solver.dim) * seconds**2 / 2
@@ -112,9 +112,9 @@ def follow(
     return shot.run(trial, gain)
 
 
-def target_displacement(sketch: Sketch, solver: MpmSolver) -> Floats:
+def target_displacement(sketch: Sketch, solver: Simulator) -> Floats:
     """Return how far a sketch asks the present centre of mass to move, (D,) [m]."""
-    centroid = np.array(solver.diagnostics().centroid, dtype=np.float64)
+    centroid = _mean(solver, solver.positions)
     front = sketch.displacement if isinstance(sketch, Arrow) else sketch.center - centroid[:2]
     if solver.dim == 2:
         return np.array(front)
@@ -134,13 +134,13 @@ class _Shooting:
     """Tries accelerations on copies of the solver and remembers the nearest result."""
 
     def __init__(
-        self, solver: MpmSolver, target: Floats, frames: int, on_frame: Callable[[], object]
+        self, solver: Simulator, target: Floats, frames: int, on_frame: Callable[[], object]
     ) -> None:
         self._solver = solver
         self._target = target
         self._frames = frames
         self._on_frame = on_frame
-        self._weights = solver.mass.astype(np.float64) / float(solver.mass.sum(dtype=np.float64))
+        self._weights = _weights(solver)
 
     def run(self, trial: Floats, gain: Floats) -> ControlledTrajectory:
         """Return the best trajectory; `gain` is the first guess of d displacement / d acceleration."""
@@ -198,6 +198,17 @@ class _Shooting:
             centroids=centroids,
             first_frame=self._solver.frame,
         )
+
+
+def _weights(solver: Simulator) -> Floats:
+    """Share of each particle in the mass (N,)."""
+    mass = solver.mass.astype(np.float64)
+    return np.asarray(mass / mass.sum())
+
+
+def _mean(solver: Simulator, rows: npt.NDArray[np.float32]) -> Floats:
+    """Mean over the mass of a quantity (N, D) of the particles."""
+    return np.asarray(_weights(solver) @ rows)
 
 
 def _broyden(gain: Floats, shot: tuple[Floats, Floats], last: tuple[Floats, Floats]) -> Floats:

@@ -155,12 +155,13 @@ class NeuralModel:
             max_edges=_MOST_NEIGHBORS * len(types),
         )
         feed = {"history": history, "types": types, "acceleration": acceleration, "walls": walls}
-        positions = np.asarray(self._session.run(None, feed | edge_inputs(graph))[0], dtype=np.float32)
+        moved, share = self._session.run(None, feed | edge_inputs(graph))
+        positions = np.asarray(moved, dtype=np.float32)
         if not self.spec.relaxations:
             return positions
         return relaxed(
             positions,
-            types == KINEMATIC,
+            share.ravel(),
             graph.starts,
             graph.senders,
             radius=graph.radius,

@@ -1,7 +1,7 @@
 """A trained simulator as one ONNX file, features and integrator included: serving it needs no torch."""
 
 import contextlib
-import dataclasses
+import copy
 import datetime as dt
 import io
 import json
@@ -23,7 +23,7 @@ from hybridmpm.training.network import SortedEdges
 from hybridmpm.training.simulator import LearnedSimulator
 
 INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask")
-OUTPUT = "positions"
+OUTPUTS = ("positions", "share")
 
 
 class _Served(nn.Module):
@@ -43,31 +43,31 @@ class _Served(nn.Module):
         receivers: Tensor,
         arrivals: Tensor,
         mask: Tensor,
-    ) -> Tensor:
+    ) -> tuple[Tensor, Tensor]:
         graph = SortedEdges(senders, receivers, arrivals, mask)
-        positions: Tensor = self.simulator(history, types, acceleration, walls, graph)
-        return positions
+        answer = self.simulator.answer(history, types, walls, graph)
+        return self.simulator.moved(history, types, acceleration, walls, graph, answer=answer)
 
 
 def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     """Return a simulator as an ONNX model with its description.
 
     Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
-    gives them, its output the next positions (N, D). N, E and K are free, E and K from 1 on. Relaxation of
-    density is not among its operations: it takes many small ones, which onnxruntime needs longer for than for
-    a small network, so whoever serves it does it.
+    gives them, its outputs those of `LearnedSimulator.moved`. N, E and K are free, E and K from 1 on.
+    Relaxation of density is not in it: its many small operations take onnxruntime almost as long as a small
+    network does, so whoever serves the model does it.
     """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            _Served(_without_relaxation(simulator)).eval(),
+            _Served(copy.deepcopy(simulator)).eval().cpu(),
             _example(simulator.spec),
             dynamo=True,
             # The optimizer takes 1e-12 for zero, and drops it where it keeps a root apart from zero.
             optimize=False,
             opset_version=OPSET,
             input_names=INPUTS,
-            output_names=[OUTPUT],
+            output_names=OUTPUTS,
             dynamic_shapes=_free_sizes(),
         )
     if program is None:
@@ -124,12 +124,6 @@ def _simulator(state: Mapping[str, Any], path: Path) -> LearnedSimulator:
     except RuntimeError as error:
         raise DataError(f"{path}: its weights are not those of its network: {error}") from None
     return simulator
-
-
-def _without_relaxation(simulator: LearnedSimulator) -> LearnedSimulator:
-    bare = LearnedSimulator(dataclasses.replace(simulator.spec, relaxations=0), simulator.scales)
-    bare.load_state_dict(simulator.state_dict())
-    return bare
 
 
 def _example(spec: NetworkSpec) -> tuple[Tensor, ...]:

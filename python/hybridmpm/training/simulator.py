@@ -70,9 +70,28 @@ class LearnedSimulator(nn.Module):
         *,
         answer: Tensor,
     ) -> Tensor:
-        """Take the Euler step of a network's answer (N, D), and relax densities.
+        """Take the Euler step of a network's answer (N, D), and relax densities."""
+        known = (history, types, acceleration, walls, graph)
+        x, share = self.moved(*known, answer=answer)
+        for _ in range(self.spec.relaxations):
+            relaxed = within(x + share * relaxation(x, graph, self.spec.radius, self._rest), walls)
+            x = torch.where(share > 0.0, relaxed, x)
+        return x
 
-        Both act only where `disturbance` sees anything happen: an undisturbed body falls freely.
+    def moved(
+        self,
+        history: Tensor,
+        types: Tensor,
+        acceleration: Tensor,
+        walls: Tensor,
+        graph: Edges,
+        *,
+        answer: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        """Take the Euler step alone.
+
+        Returns positions (N, D) [m] and the share (N, 1) of relaxation that each particle takes part in: the
+        answer and it count only where `disturbance` sees anything happen. An undisturbed body falls freely.
         """
         radius, start = self.spec.radius, history[-1]
         known = acceleration * self.spec.step_dt**2
@@ -82,11 +101,7 @@ class LearnedSimulator(nn.Module):
         residual = answer * self.acceleration_std + self.acceleration_mean
         x = start + (start - history[-2]) + known + share * residual
         still = (types == KINEMATIC).unsqueeze(-1)
-        x = torch.where(still, start, within(x, walls))
-        for _ in range(self.spec.relaxations):
-            moved = x + share * relaxation(x, graph, radius, self._rest)
-            x = torch.where(still, start, within(moved, walls))
-        return x
+        return torch.where(still, start, within(x, walls)), torch.where(still, 0.0, share)
 
 
 def within(x: Tensor, walls: Tensor) -> Tensor:

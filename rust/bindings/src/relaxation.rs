@@ -12,11 +12,11 @@ use crate::error::config_error;
     reason = "they are the arguments of the Python function"
 )]
 #[pyfunction]
-#[pyo3(signature = (x, fixed, starts, senders, *, radius, rest_density, strength, rounds, lower, upper))]
+#[pyo3(signature = (x, share, starts, senders, *, radius, rest_density, strength, rounds, lower, upper))]
 pub fn relaxed<'py>(
     py: Python<'py>,
     x: &Bound<'py, PyAny>,
-    fixed: &Bound<'py, PyAny>,
+    share: &Bound<'py, PyAny>,
     starts: &Bound<'py, PyAny>,
     senders: &Bound<'py, PyAny>,
     radius: f32,
@@ -28,12 +28,12 @@ pub fn relaxed<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let expected = "float32 of shape (N, 2) or (N, 3)";
     let x = array::<f32, Ix2>("x", expected, x)?;
-    let fixed = array::<bool, Ix1>("fixed", "bool of shape (N,)", fixed)?;
+    let share = array::<f32, Ix1>("share", "float32 of shape (N,)", share)?;
     let starts = array::<u32, Ix1>("starts", "uint32 of shape (N + 1,)", starts)?;
     let senders = array::<u32, Ix1>("senders", "uint32 of shape (E,)", senders)?;
     let (count, dim) = (x.shape()[0], x.shape()[1]);
     let graph = Graph {
-        fixed: slice_of("fixed", &fixed)?,
+        share: slice_of("share", &share)?,
         starts: slice_of("starts", &starts)?,
         senders: slice_of("senders", &senders)?,
     };
@@ -61,7 +61,7 @@ pub fn relaxed<'py>(
 }
 
 struct Graph<'a> {
-    fixed: &'a [bool],
+    share: &'a [f32],
     starts: &'a [u32],
     senders: &'a [u32],
 }
@@ -69,7 +69,7 @@ struct Graph<'a> {
 impl Graph<'_> {
     fn check(&self, count: usize) -> PyResult<()> {
         let lengths = [
-            ("fixed", self.fixed.len(), count),
+            ("share", self.share.len(), count),
             ("starts", self.starts.len(), count + 1),
         ];
         for (name, got, needed) in lengths {
@@ -122,7 +122,7 @@ impl Graph<'_> {
                 "lower must be at or below upper, got {lower:?} and {upper:?}"
             )));
         }
-        settings.apply(x.as_chunks_mut().0, self.fixed, self.starts, self.senders);
+        settings.apply(x.as_chunks_mut().0, self.share, self.starts, self.senders);
         Ok(())
     }
 }

@@ -19,9 +19,9 @@ pub struct Relaxation<const D: usize> {
 }
 
 impl<const D: usize> Relaxation<D> {
-    /// Moves the points that are not `fixed`. Edges are ordered by receiver: those into point i come from
-    /// `senders[starts[i]..starts[i + 1]]`.
-    pub fn apply(&self, x: &mut [[f32; D]], fixed: &[bool], starts: &[u32], senders: &[u32]) {
+    /// Moves each point by its `share` of the displacement. Edges are ordered by receiver: those into point i come
+    /// from `senders[starts[i]..starts[i + 1]]`.
+    pub fn apply(&self, x: &mut [[f32; D]], share: &[f32], starts: &[u32], senders: &[u32]) {
         let mut excess = vec![0.0; x.len()];
         for _ in 0..self.rounds {
             let into = |point: usize| {
@@ -35,7 +35,7 @@ impl<const D: usize> Relaxation<D> {
                 *excess = (density / self.rest_density - 1.0).max(0.0);
             }
             let before = x.to_vec();
-            for point in (0..x.len()).filter(|&point| !fixed[point]) {
+            for point in (0..x.len()).filter(|&point| share[point] != 0.0) {
                 let mut push = [0.0; D];
                 for sender in into(point) {
                     let both = excess[sender] + excess[point];
@@ -49,8 +49,9 @@ impl<const D: usize> Relaxation<D> {
                         *push -= size * offset;
                     }
                 }
+                let length = share[point] * (0.5 * self.strength * self.radius);
                 for axis in 0..D {
-                    let moved = x[point][axis] + push[axis] * (0.5 * self.strength * self.radius);
+                    let moved = x[point][axis] + push[axis] * length;
                     // Not `max` and `min`, which would put NaN on a wall.
                     x[point][axis] = moved.clamp(self.lower[axis], self.upper[axis]);
                 }
@@ -99,14 +100,14 @@ mod tests {
     #[test]
     fn points_at_rest_stay() {
         let mut x = pair(0.05);
-        SETTINGS.apply(&mut x, &[false; 2], &[0, 1, 2], &[1, 0]);
+        SETTINGS.apply(&mut x, &[1.0; 2], &[0, 1, 2], &[1, 0]);
         assert_eq!(x, pair(0.05));
     }
 
     #[test]
     fn crowded_points_part_evenly_and_as_far_as_the_formula_says() {
         let mut x = pair(0.02);
-        SETTINGS.apply(&mut x, &[false; 2], &[0, 1, 2], &[1, 0]);
+        SETTINGS.apply(&mut x, &[1.0; 2], &[0, 1, 2], &[1, 0]);
         // near = 0.8, density 0.64, excess 1.56 each; the push is 2 * 1.56 * 0.8 * 0.5 * 0.15 * 0.1.
         let moved = 2.0 * 1.56 * 0.8 * 0.0075;
         assert!((x[1][0] - 0.52 - moved).abs() < 1e-6, "{x:?}");
@@ -115,20 +116,20 @@ mod tests {
     }
 
     #[test]
-    fn fixed_points_and_walls_hold() {
+    fn points_without_a_share_and_walls_hold() {
         let mut x = pair(0.02);
         let narrow = Relaxation {
             upper: [0.521, 1.0],
             ..SETTINGS
         };
-        narrow.apply(&mut x, &[true, false], &[0, 1, 2], &[1, 0]);
+        narrow.apply(&mut x, &[0.0, 1.0], &[0, 1, 2], &[1, 0]);
         assert_eq!(x, [[0.5, 0.5], [0.521, 0.5]]);
     }
 
     #[test]
     fn nan_stays_where_it_is() {
         let mut x = [[0.5, 0.5], [f32::NAN, 0.5], [0.51, 0.5]];
-        SETTINGS.apply(&mut x, &[false; 3], &[0, 2, 4, 6], &[1, 2, 0, 2, 0, 1]);
+        SETTINGS.apply(&mut x, &[1.0; 3], &[0, 2, 4, 6], &[1, 2, 0, 2, 0, 1]);
         assert!(x[1][0].is_nan());
         assert!(x[0][0] < 0.5 && x[2][0] > 0.51, "{x:?}");
     }

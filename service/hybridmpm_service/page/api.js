@@ -8,19 +8,25 @@ const ADVICE = {
   503: "Close a simulation in another tab, or wait a minute, then try again.",
 };
 
+const ADVICE_BY_TYPE = {
+  "urn:hybridmpm:problem:model-damaged": "Let MPM simulate, or ask the operator of the server.",
+  "urn:hybridmpm:problem:simulation-failed": "Go back to the start (r), or begin a new simulation.",
+};
+
 /** A request that the server refused or that never reached it. */
 export class Problem extends Error {
   /**
    * @param {string} title   what went wrong, in a few words
    * @param {string} detail  what exactly, with the field and its range where the server names them
    * @param {number} status  HTTP status, 0 when there was no answer
+   * @param {string} type    name of the kind of problem, where the server gives one
    */
-  constructor(title, detail, status) {
+  constructor(title, detail, status, type = "") {
     super(detail ? `${title}: ${detail}` : title);
     this.title = title;
     this.detail = detail;
     this.status = status;
-    this.advice = ADVICE[status] ?? "";
+    this.advice = ADVICE_BY_TYPE[type] ?? ADVICE[status] ?? "";
   }
 }
 
@@ -29,7 +35,7 @@ async function problemOf(response) {
     const body = await response.json();
     const fields = (body.errors ?? []).map((error) => `${error.field}: ${error.message}`);
     const detail = fields.length > 0 ? fields.join("; ") : body.detail;
-    return new Problem(body.title ?? response.statusText, detail ?? "", response.status);
+    return new Problem(body.title ?? response.statusText, detail ?? "", response.status, body.type);
   } catch {
     return new Problem("The server answered with an error", `status ${response.status}`, response.status);
   }

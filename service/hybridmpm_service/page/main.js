@@ -4,6 +4,7 @@ import { request } from "./api.js";
 import { StagePointer } from "./pointer.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./protocol.js";
 import { SessionClient } from "./session.js";
+import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./simulator-panel.js";
 import { Stage } from "./stage.js";
 import { showSteering } from "./steering-panel.js";
 import { Steering } from "./steering.js";
@@ -13,7 +14,12 @@ const query = new URLSearchParams(window.location.search);
 const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
 const overlay = document.getElementById("overlay");
 const asSeed = (text) => (/^\d{1,9}$/.test(text ?? "") ? Number(text) : 0);
-let chosen = { scenario: query.get("scenario") ?? "water_2d", seed: asSeed(query.get("seed")) };
+const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
+let chosen = {
+  scenario: query.get("scenario") ?? "water_2d",
+  seed: asSeed(query.get("seed")),
+  solver: asSolver(query.get("solver")),
+};
 
 let scene = null; // of the hello message
 let shownId = null; // the session that the stage shows
@@ -75,6 +81,7 @@ function onHello(hello) {
   if (hello.session.id !== shownId) showSession(hello);
   ui.showSpeed(hello.session.speed);
   ui.showStatus({ session: hello.session });
+  showWho(hello.session, null);
   setPlaying(hello.session.playing);
   if (fresh) session.send({ type: "play" });
   fresh = false;
@@ -90,12 +97,14 @@ function showSession(hello) {
   ui.showTools(scene.dim);
   chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);
   if (!hello.session.scenario) return;
-  chosen = { scenario: hello.session.scenario, seed: hello.session.seed };
+  chosen = { scenario: hello.session.scenario, seed: hello.session.seed, solver: hello.session.solver };
   ui.chooseScene(chosen);
+  showChoice(chosen);
 }
 
 function onStatus(status) {
   ui.showStatus(status);
+  showWho(status.session, status.history);
   setPlaying(status.session.playing);
 }
 
@@ -152,16 +161,16 @@ function startScene(wanted) {
     ui.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
   }
-  chosen = wanted;
+  chosen = { ...wanted, solver: solverFor(wanted.scenario, wanted.solver ?? chosenSolver()) };
+  showChoice(chosen);
   const address = new URL(window.location.href);
-  address.searchParams.set("scenario", wanted.scenario);
-  address.searchParams.set("seed", String(wanted.seed));
+  for (const [name, value] of Object.entries(chosen)) address.searchParams.set(name, String(value));
   address.searchParams.delete("session");
   window.history.replaceState(null, "", address);
   steering.clear();
   newest = null;
   fresh = true;
-  session.start(wanted);
+  session.start(chosen);
 }
 
 function chooseTool(name) {
@@ -233,8 +242,16 @@ ui.bind({
 ui.showRenderer(stage.rendererKind);
 ui.showTool(tool);
 refreshSteering();
+const modelsKnown = request("GET", "/v1/models").then(
+  (answer) => setModels(answer.models),
+  () => {
+    // Without networks there is MPM.
+  },
+);
+modelsKnown.then(() => showChoice(chosen));
 if (query.has("session")) session.attach(query.get("session"));
-else startScene(chosen);
+else if (chosen.solver === "mpm") startScene(chosen);
+else modelsKnown.then(() => startScene(chosen));
 request("GET", "/v1/scenarios").then(
   (answer) => ui.showScenarios(answer.scenarios ?? answer, chosen),
   () => {

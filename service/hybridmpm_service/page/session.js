@@ -29,11 +29,11 @@ export class SessionClient {
   }
 
   /** Leave the present session and create another one. */
-  async start({ scenario, seed }) {
+  async start({ scenario, seed, solver }) {
     const generation = this.#leave();
     this.#enter("connecting");
     try {
-      const session = await request("POST", "/v1/sessions", { scenario, seed });
+      const session = await request("POST", "/v1/sessions", { scenario, seed, solver });
       const path = `/v1/sessions/${session.id}`;
       if (generation !== this.#generation) {
         abandon(path);
@@ -145,7 +145,7 @@ export class SessionClient {
     } else if (message.type === "status") {
       this.#handlers.onStatus(message);
     } else if (message.type === "problem") {
-      this.#handlers.onProblem(new Problem(message.title, message.detail, message.status ?? 0));
+      this.#handlers.onProblem(new Problem(message.title, message.detail, message.status ?? 0, message.problem));
     }
   }
 }

@@ -134,7 +134,7 @@ export function showStatus({ session, ms_per_frame: median, ms_p95: high, time_s
   setText("measured", measuredText(session.playing, measured));
   setText("count", session.particles.toLocaleString("en"));
   const last = session.last_frame;
-  setText("substeps", last === null ? "–" : `${last.substeps} (${last.bound})`);
+  setText("substeps", last === null || last.substeps === null ? "–" : `${last.substeps} (${last.bound})`);
 }
 
 export function showPlaying(playing) {
@@ -197,6 +197,7 @@ export function bind(actions) {
     describeScene();
     actions.newScene(chosenScene());
   });
+  byId("solvers").addEventListener("change", () => actions.newScene(chosenScene()));
   byId("dice").addEventListener("click", () => {
     byId("seed").value = String(Math.floor(Math.random() * 1_000_000));
     actions.newScene(chosenScene());

@@ -5,6 +5,7 @@ from fastapi import APIRouter, Request, Response
 from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm_service.answers import ParticlesBody, SessionBody, SessionList
 from hybridmpm_service.errors import FieldError
+from hybridmpm_service.learned import DecisionList
 from hybridmpm_service.replies import NPZ, json_response, npz_response, wants_npz
 from hybridmpm_service.requests import AdvanceSession, CreateSession
 from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
@@ -18,6 +19,7 @@ _NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
 @router.post("", status_code=201, responses=problems(413, 415, 422, 503))
 async def create_session(body: CreateSession, sessions: Sessions, response: Response) -> SessionBody:
     """Start a session from a scenario or a scene."""
+    choice = body.choice()
 
     def make_scene() -> Scene:
         if body.scenario is None:
@@ -28,7 +30,7 @@ async def create_session(body: CreateSession, sessions: Sessions, response: Resp
             raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
 
     seed = None if body.scenario is None else body.seed or 0
-    session = await sessions.create(make_scene, scenario=body.scenario, seed=seed)
+    session = await sessions.create(make_scene, scenario=body.scenario, seed=seed, choice=choice)
     answer = SessionBody.of(session)
     response.headers["Location"] = answer.links["self"]
     return answer
@@ -44,6 +46,12 @@ async def list_sessions(sessions: Sessions) -> SessionList:
 async def get_session(session_id: str, sessions: Sessions) -> SessionBody:
     """Describe a session."""
     return SessionBody.of(sessions.get(session_id))
+
+
+@router.get("/{session_id}/decisions", responses=problems(404))
+async def get_decisions(session_id: str, sessions: Sessions) -> DecisionList:
+    """Tell who simulated since frame 0, and why; nothing unless the session is hybrid."""
+    return DecisionList.of(sessions.get(session_id))
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404))

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from hybridmpm import SimulationError
 from hybridmpm_service.answers import SessionBody
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError
+from hybridmpm_service.learned import HistoryBody
 from hybridmpm_service.mailbox import Mailbox, MailboxClosed, Signal
-from hybridmpm_service.problems import field_path, row_of
+from hybridmpm_service.problems import field_path, row_of, urn_of
 from hybridmpm_service.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
 from hybridmpm_service.routes.dependencies import Limits, Sessions
 from hybridmpm_service.session import CLOSE_DELETED, Session
@@ -131,13 +132,24 @@ def _hello(session: Session) -> dict[str, Any]:
 
 
 def _status(session: Session) -> dict[str, Any]:
-    timing = session.simulation.timing()
-    return {"type": "status", "session": _session(session), **vars(timing)}
+    history = HistoryBody.of(session)
+    return {
+        "type": "status",
+        "session": _session(session),
+        "history": None if history is None else history.model_dump(mode="json"),
+        **vars(session.simulation.timing()),
+    }
 
 
 def _problem(err: Exception) -> dict[str, Any]:
     row = row_of(err)
-    return {"type": "problem", "title": row.title, "detail": str(err), "status": row.status}
+    return {
+        "type": "problem",
+        "problem": urn_of(row),
+        "title": row.title,
+        "detail": str(err),
+        "status": row.status,
+    }
 
 
 def _session(session: Session) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from hybridmpm.training.windows import edges_of
 ALLOWED = {
     *("Add", "Sub", "Mul", "Div", "Neg", "Sqrt", "ReduceSum", "MatMul", "Gemm", "Relu", "LayerNormalization"),
     *("Gather", "Slice", "Concat", "Squeeze", "Unsqueeze", "Reshape", "Cast", "CastLike", "Constant"),
-    *("Clip", "Min", "Max", "Equal", "Where"),
+    *("Clip", "Min", "Max", "Equal", "Greater", "Where", "Exp", "Pow"),
 }
 Inputs = Callable[..., dict[str, Any]]
 CROWDS = [
@@ -70,6 +70,7 @@ def test_sizes_are_free_and_weights_inside(model_file: Path, simulator: LearnedS
         "arrivals": [n, shapes["mask"][1]],
         "mask": [n, shapes["mask"][1]],
         "positions": [n, 2],
+        "share": [n, 1],
     }
     assert [tensor.name for tensor in model.graph.initializer if tensor.external_data] == []
     weights = 4 * sum(parameter.numel() for parameter in simulator.parameters())

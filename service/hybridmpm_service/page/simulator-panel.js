@@ -1,0 +1,93 @@
+// Who simulates: the choice, the badge on the picture, and the card of the safeguard.
+
+import { byId, setText } from "./dom.js";
+import { drawSafeguard, signed } from "./safeguard-chart.js";
+
+const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
+const NAMES = { mpm: "MPM", neural: "Network" };
+const REASONS = {
+  audit: "the network was off",
+  calm: "the motion is calm",
+  cosine: "the motion is complex",
+  density: "particles crowded",
+  divergence: "the flow diverged",
+  energy: "energy grew",
+  force: "a sketch steers",
+  impact: "an impact",
+  "non-finite": "the network failed",
+  outside: "particles left the box",
+  unsound: "the network failed",
+  "warm-up": "enough frames to look back on",
+};
+const EMPTY = { frames: [], values: [], phases: [[0, "mpm"]], decisions: [] };
+
+let models = [];
+let shown = null; // what the chart shows: {history, threshold, frame}
+
+// ---- the choice -----------------------------------------------------------------------------------------
+
+const modelFor = (scenario) => models.find((model) => model.scenarios.includes(scenario));
+
+export function setModels(list) {
+  models = list;
+}
+
+/** The solver wanted, or MPM where no network serves the scenario. */
+export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined ? "mpm" : solver);
+
+export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
+
+export function showChoice({ scenario, solver }) {
+  const model = modelFor(scenario);
+  for (const input of document.querySelectorAll('input[name="solver"]')) {
+    input.checked = input.value === solver;
+    input.disabled = input.value !== "mpm" && model === undefined;
+  }
+  setText("solver-text", choiceText(solver, model));
+}
+
+function choiceText(solver, model) {
+  if (model === undefined) return "There is no network for this scenario.";
+  const share = `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
+  switch (solver) {
+    case "hybrid":
+      return `A network goes ahead with ${share}. Where its safeguard alarms, MPM takes over.`;
+    case "neural":
+      return `A network alone, with ${share}. Nothing watches over it.`;
+    default:
+      return "The material point method, with all particles.";
+  }
+}
+
+// ---- who simulates now ----------------------------------------------------------------------------------
+
+/** @param session of a hello or status message; @param history of a status message, null without one */
+export function showWho({ solver, mode, safeguard, frame }, history) {
+  document.body.dataset.solver = solver;
+  document.body.dataset.mode = mode;
+  byId("mode").hidden = solver === "mpm";
+  // A live region: it speaks only when the text changes.
+  setText("mode-text", solver === "mpm" ? "" : MODES[mode]);
+  byId("safeguard-card").hidden = safeguard === null;
+  if (safeguard === null) {
+    shown = null;
+    return;
+  }
+  shown = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
+  setText("safeguard-value", safeguard.value === null ? "not yet" : signed(safeguard.value));
+  setText("safeguard-threshold", signed(safeguard.r_c));
+  setText("mpm-share", `${Math.round(100 * safeguard.mpm_share)} %`);
+  showDecision(shown.history.decisions.at(-1));
+  draw();
+}
+
+function showDecision(decision) {
+  setText("decision-frame", `${NAMES[decision?.mode ?? "mpm"]}, since frame ${(decision?.frame ?? 0).toLocaleString("en")}`);
+  setText("decision-reason", decision === undefined ? "the start" : (REASONS[decision.reason] ?? decision.reason));
+}
+
+function draw() {
+  if (shown !== null) drawSafeguard(byId("safeguard-chart"), shown.history, shown);
+}
+
+new ResizeObserver(draw).observe(byId("safeguard-chart"));

@@ -1,0 +1,14 @@
+"""The networks that sessions may be simulated with."""
+
+from fastapi import APIRouter
+
+from hybridmpm_service.learned import ModelBody, ModelList
+from hybridmpm_service.routes.dependencies import Sessions
+
+router = APIRouter(prefix="/v1/models", tags=["models"])
+
+
+@router.get("")
+async def list_models(sessions: Sessions) -> ModelList:
+    """List the models, those to be preferred first."""
+    return ModelList(models=[ModelBody.of(*item) for item in sessions.solvers.models.items()])

@@ -1,0 +1,86 @@
+"""Networks that need no training, for the tests of whatever serves networks."""
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from hybridmpm.physics import NetworkSpec
+
+FALLING = "falling"
+"""Free fall between walls: what a network answers that predicts no acceleration but the known one."""
+BROKEN = "broken"
+"""A network that answers NaN."""
+
+
+@pytest.fixture(scope="session")
+def model_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of models for water_2d, with r_p = 1/4 and r_t = 4: `FALLING` and `BROKEN`."""
+    from hybridmpm.physics import NetworkSpec
+    from hybridmpm.physics.manifest import Entry, write_entry
+
+    spec = NetworkSpec(
+        scenarios=("water_2d",), latent=1, layers=1, hidden_layers=1, radius=0.03, r_p=1 / 4, r_t=4
+    )
+    folder = tmp_path_factory.mktemp("models")
+    (folder / "manifest.json").write_text("{}", encoding="utf-8")
+    for name, factor in ((FALLING, 1.0), (BROKEN, float("nan"))):
+        data = _model(spec, factor)
+        (folder / f"{name}.onnx").write_bytes(data)
+        entry = Entry(
+            file=f"{name}.onnx",
+            sha256=hashlib.sha256(data).hexdigest(),
+            scenarios=spec.scenarios,
+            r_p=spec.r_p,
+            r_t=spec.r_t,
+            latent=spec.latent,
+            layers=spec.layers,
+            radius=spec.radius,
+            parameters=0,
+        )
+        write_entry(name, entry, folder)
+    return folder
+
+
+def _model(spec: "NetworkSpec", factor: float) -> bytes:
+    """Return an ONNX file with the inputs of a network: free fall times a factor.
+
+    Written out rather than exported, because torch takes many seconds for the same.
+    """
+    onnx = pytest.importorskip("onnx", reason="the network is written with onnx")
+    from hybridmpm.physics import Normalization
+    from hybridmpm.physics.model_info import OPSET, ModelInfo
+
+    text = f"""
+        <ir_version: 10, opset_import: ["" : {OPSET}]>
+        fall (float[6, n, d] history, int64[n] types, float[n, d] acceleration, float[2, d] walls,
+              int32[e] senders, int32[e] receivers, int32[n, k] arrivals, bool[n, k] mask)
+            => (float[n, d] positions)
+        <int64 now = {{5}}, int64 before = {{4}}, int64 low = {{0}}, int64 high = {{1}},
+         float square = {{{spec.step_dt**2:.9g}}}, float two = {{2}}, float factor = {{{factor}}}>
+        {{
+            x = Gather(history, now)
+            y = Gather(history, before)
+            fallen = Mul(acceleration, square)
+            twice = Mul(two, x)
+            kept = Sub(twice, y)
+            free = Add(kept, fallen)
+            lower = Gather(walls, low)
+            upper = Gather(walls, high)
+            above = Max(free, lower)
+            inside = Min(above, upper)
+            positions = Mul(inside, factor)
+        }}
+    """
+    model = onnx.parser.parse_model(text)
+    ones = (1.0,) * spec.dim
+    scales = Normalization(
+        velocity_mean=ones, velocity_std=ones, acceleration_mean=ones, acceleration_std=ones, noise_std=0.0
+    )
+    info = ModelInfo(spec=spec, scales=scales, parameters=0, training={})
+    onnx.helper.set_model_props(model, info.to_properties())
+    onnx.checker.check_model(model)
+    data: bytes = model.SerializeToString()
+    return data
