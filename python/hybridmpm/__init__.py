@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, data, downsampling, metrics, physics, scenarios
+from hybridmpm import control, data, downsampling, hybrid, metrics, physics, scenarios
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
@@ -31,6 +31,7 @@ from hybridmpm.errors import (
     ThinObstacleWarning,
     UnknownScenarioError,
 )
+from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.materials import Elastic, Sand, Water
 from hybridmpm.motion import Motion
 from hybridmpm.mpm import MpmSolver
@@ -72,6 +73,7 @@ __all__ = [
     "FrameReport",
     "GraphSizeError",
     "HalfSpaceObstacle",
+    "HybridSimulator",
     "InvertedError",
     "Motion",
     "MpmBatch",
@@ -103,6 +105,7 @@ __all__ = [
     "control",
     "data",
     "downsampling",
+    "hybrid",
     "metrics",
     "physics",
     "radius_graph",

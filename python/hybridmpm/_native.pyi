@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "AccelerationHistory",
+    "AccelerationSignal",
     "BatchError",
     "ConfigError",
     "Diagnostics",
@@ -21,6 +23,7 @@ __all__ = [
     "GraphSizeError",
     "InvertedError",
     "Material",
+    "MotionReport",
     "NonFiniteError",
     "Obstacle",
     "PaddedGraph",
@@ -346,6 +349,80 @@ class FrameReport:
         """
 
 @final
+class MotionReport:
+    """What a prescribed motion did, in numbers that tell whether it is sound."""
+
+    @property
+    def density(self) -> float:
+        """Density over rest density that one particle in a hundred exceeds [-]."""
+    @property
+    def divergence(self) -> float:
+        """Root mean square of the divergence of velocity [1/s]."""
+    @property
+    def kinetic_energy(self) -> float:
+        """[J], of the particles' velocities without their affine part."""
+    @property
+    def potential_energy(self) -> float:
+        """-m g . x [J], zero at the origin."""
+
+@final
+class AccelerationSignal:
+    """What the latest accelerations of particles say."""
+
+    @property
+    def cosine(self) -> float | None:
+        """Mean of cos(older window, newer window) over the particles that are not calm in both.
+
+        1 where too few are; None until both windows are full.
+        """
+    @property
+    def plain(self) -> float | None:
+        """The same mean over all particles, 0 for one without acceleration."""
+    @property
+    def active(self) -> float:
+        """Share of the particles that are not calm."""
+    @property
+    def largest(self) -> float:
+        """Power mean of order 4 of the latest accelerations, which the largest dominate [m/s^2]."""
+
+@final
+class AccelerationHistory:
+    """Accelerations of particles over two successive windows of time, and how alike they are.
+
+    Updated step by step: the cost does not depend on the window.
+
+    Parameters
+    ----------
+    particles : int
+    dim : 2 or 3
+    window : int in [1, 1000]
+        Accelerations in each of the two windows.
+    dt : float > 0
+        Time between two positions [s].
+    floor : float >= 0
+        A particle is calm whose root mean square acceleration is below this in both windows [m/s^2].
+    quorum : float in [0, 1]
+        With a smaller share of particles that are not calm the scene counts as calm.
+
+    Raises
+    ------
+    ConfigError
+        Naming parameter and range.
+    """
+
+    def __new__(
+        cls, particles: int, dim: int, *, window: int, dt: float, floor: float, quorum: float
+    ) -> AccelerationHistory: ...
+    def push(self, x: npt.NDArray[np.float32]) -> AccelerationSignal:
+        """Take the next positions, float32 (N, D) [m]; raises `ConfigError` on another shape."""
+
+    def undo(self) -> None:
+        """Take the latest push back; raises `ConfigError` where there is none or it was taken back."""
+
+    def copy(self) -> AccelerationHistory:
+        """Return an independent history in the same state."""
+
+@final
 class Solver:
     """MLS-MPM (Hu et al. 2018) with APIC transfer and quadratic B-splines on [0, 1]^D.
 
@@ -455,6 +532,38 @@ class Solver:
             Naming particle and frame. The state is then the one before the failed frame.
         ConfigError
             Arrays of wrong shape; nothing has moved.
+        """
+
+    def prescribe(
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        frame: int,
+        *,
+        affine: bool = True,
+        deform: bool = False,
+    ) -> MotionReport:
+        """Put the particles where somebody else says that they are at the end of a frame.
+
+        Particles less than a cell past a wall, or in an obstacle, are put back to its surface.
+
+        Parameters
+        ----------
+        x, v : float32 (N, D)
+            Positions [m] and velocities [m/s].
+        frame : int >= 0
+            Its number, which becomes the solver's.
+        affine : bool
+            Take the affine matrices from the grid velocities; else they are 0.
+        deform : bool
+            Deform the materials by these matrices over the frames since; else J, F and the like stay.
+
+        Raises
+        ------
+        NonFiniteError, DomainError, InvertedError
+            Naming the particle. The state is then the one before.
+        ConfigError
+            Arrays of wrong shape, or a scene with emitters, sinks or sleep.
         """
 
     @property

@@ -246,6 +246,46 @@ class MpmSolver:
         self._solver.advance(frames, acceleration("force", force), path[1:])
         return path
 
+    def prescribe(
+        self,
+        x: npt.ArrayLike,
+        v: npt.ArrayLike,
+        frame: int,
+        *,
+        affine: bool = True,
+        deform: bool = False,
+    ) -> _native.MotionReport:
+        """Put the particles where somebody else, e.g. a network, says that they are at the end of a frame.
+
+        Parameters
+        ----------
+        x, v : (N, D)
+            Positions [m] and velocities [m/s]. A particle in an obstacle, or past a wall by less than a grid
+            cell, is put back to its surface.
+        frame : int in [0, 2**53]
+            Its number, which becomes that of the solver.
+        affine : bool
+            Take the affine matrices C from grid velocities, given by a substep's transfers; else C is 0.
+        deform : bool
+            Deform the materials by C over the frames since the present one, with the return mapping of sand;
+            else J, F and the like stay as they are. Nothing leads the stress back while motion is prescribed,
+            so the errors of C add up: within 20 frames J of water strays by ten times its own variation.
+
+        Raises
+        ------
+        NonFiniteError, DomainError, InvertedError
+            Naming the particle. The state is then the one before.
+        ConfigError
+            Wrong shapes, or the scene has emitters, sinks or `sleep`.
+        """
+        return self._solver.prescribe(
+            float32("x", x, "(N, D)"),
+            float32("v", v, "(N, D)"),
+            whole("frame", frame, 0, 2**53),
+            affine=affine,
+            deform=deform,
+        )
+
     def _tell_limit(self) -> None:
         """Warn, once, where an emitter has stopped because of `max_particles`."""
         if not self._limit_told and "full" in self._solver.emitters:

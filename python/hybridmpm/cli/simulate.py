@@ -1,17 +1,35 @@
 """`hybridmpm simulate`."""
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import click
+import numpy as np
 
 from hybridmpm import export, scenarios
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.errors import ExportError
+from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.hybrid.guards import Safeguard
+from hybridmpm.hybrid.models import load_network
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics import NeuralPhysics
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
 from hybridmpm.snapshots import Substeps
+
+
+@dataclass(frozen=True, kw_only=True)
+class Networks:
+    """Which network simulates, and how it is watched."""
+
+    solver: str
+    model: str | None
+    r_c: float
+    safeguard: Safeguard
 
 
 class SubstepsType(click.ParamType[Substeps, object]):
@@ -58,6 +76,33 @@ class SubstepsType(click.ParamType[Substeps, object]):
     default="cfl",
     show_default=True,
     help="Substeps a frame: by the CFL bound, the ground truth's rule, or a fixed number.",
+)
+@click.option(
+    "--solver",
+    "solver_name",
+    type=click.Choice(["mpm", "neural", "hybrid"]),
+    default="mpm",
+    show_default=True,
+    help="hybrid: a network that MPM takes over from at an alarm; neural: the network alone.",
+)
+@click.option(
+    "--model",
+    metavar="NAME",
+    help="Of the network, or its .onnx file; zero is free fall. Default: the first that serves the scenario.",
+)
+@click.option(
+    "--r-c",
+    type=click.FloatRange(-1, 1),
+    default=0.8,
+    show_default=True,
+    help="Of hybrid: mean cosine of accelerations below which MPM takes over.",
+)
+@click.option(
+    "--safeguard",
+    type=click.Choice(get_args(Safeguard)),
+    default="ours",
+    show_default=True,
+    help="Of hybrid: the mean without calm particles, or the paper's plain one.",
 )
 @click.option(
     "--threads",
@@ -115,6 +160,10 @@ def simulate(
     resume_file: Path | None,
     frames: int | None,
     substeps: Substeps,
+    solver_name: str,
+    model: str | None,
+    r_c: float,
+    safeguard: Safeguard,
     threads: int,
     every: int,
     targets: tuple[Path, ...],
@@ -137,11 +186,16 @@ def simulate(
             raise click.UsageError(f"--out: {error}.") from None
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
+    networks = Networks(solver=solver_name, model=model, r_c=r_c, safeguard=safeguard)
+    _refuse_of_others(ctx, networks)
+    solver: Simulator
     if resume_file is not None:
         _refuse_beside_resume(ctx)
         solver = MpmSolver.load(resume_file, threads=threads)
-    else:
+    elif solver_name == "mpm":
         solver = MpmSolver(_scene(scenario, scene_file, seed), substeps=substeps, threads=threads)
+    else:
+        solver = _with_network(_scene(scenario, scene_file, seed), scenario, networks, threads)
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
@@ -152,13 +206,38 @@ def simulate(
             recording = record(solver, frames, every=every, on_progress=bar.update)
     finally:
         # An interrupt comes between frames, and a frame that fails leaves the state before it.
-        if save_file is not None:
+        if save_file is not None and isinstance(solver, MpmSolver):
             solver.save(save_file)
             click.echo(f"saved frame {solver.frame} to {save_file}")
     seconds = time.perf_counter() - began
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
         _write(target, recording, style)
+
+
+def _refuse_of_others(ctx: click.Context, networks: Networks) -> None:
+    """Refuse options that mean nothing to the chosen solver."""
+    means = {
+        "mpm": {"substeps", "resume_file", "save_file"},
+        "neural": {"model"},
+        "hybrid": {"model", "r_c", "safeguard"},
+    }
+    foreign = set().union(*means.values()) - means[networks.solver]
+    for param in ctx.command.params:
+        given = ctx.get_parameter_source(param.name or "") is not click.core.ParameterSource.DEFAULT
+        if given and param.name in foreign:
+            takers = [name for name, options in means.items() if param.name in options]
+            hint = f"{param.get_error_hint(ctx)} is for --solver {' or '.join(takers)}"
+            raise click.UsageError(f"{hint}, not for {networks.solver}.")
+
+
+def _with_network(scene: Scene, scenario: str | None, networks: Networks, threads: int) -> Simulator:
+    if networks.model is None and scenario is None:
+        raise click.UsageError("With --scene, a network has to be chosen by --model NAME.")
+    model = load_network(networks.model, scene, scenario=scenario, threads=threads)
+    if networks.solver == "neural":
+        return NeuralPhysics(scene, model, threads=threads)
+    return HybridSimulator(scene, model, r_c=networks.r_c, safeguard=networks.safeguard, threads=threads)
 
 
 def _refuse_beside_resume(ctx: click.Context) -> None:
@@ -181,14 +260,17 @@ def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
     raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}), --scene FILE or --resume FILE.")
 
 
-def _summary(solver: MpmSolver, frames: int, seconds: float) -> str:
-    totals = solver.diagnostics()
+def _summary(solver: Simulator, frames: int, seconds: float) -> str:
     line = f"{solver.scene.name or 'scene'}: {solver.particle_count} particles, {frames} frames"
-    if frames and solver.last_frame:
-        line += (
-            f", {1e3 * seconds / frames:.2f} ms per frame, {solver.last_frame.substeps} substeps in the last"
-        )
-    return f"{line}; {totals.mass:.4g} kg, fastest {totals.max_speed:.3g} m/s"
+    if frames:
+        line += f", {1e3 * seconds / frames:.2f} ms per frame"
+    if frames and isinstance(solver, MpmSolver) and solver.last_frame:
+        line += f", {solver.last_frame.substeps} substeps in the last"
+    if isinstance(solver, HybridSimulator):
+        line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
+    mass = solver.mass.sum(dtype=np.float64)
+    fastest = np.linalg.norm(solver.velocities, axis=1).max(initial=0.0)
+    return f"{line}; {mass:.4g} kg, fastest {fastest:.3g} m/s"
 
 
 def _write(target: Path, recording: Recording, style: export.Style) -> None:

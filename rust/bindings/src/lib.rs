@@ -9,6 +9,7 @@ mod convert;
 mod emitter;
 mod error;
 mod graph;
+mod history;
 mod material;
 mod obstacle;
 mod relaxation;
@@ -78,6 +79,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<emitter::PyEmitter>()?;
     module.add_class::<report::PyDiagnostics>()?;
     module.add_class::<report::PyFrameReport>()?;
+    module.add_class::<report::PyMotionReport>()?;
+    module.add_class::<history::PyAccelerationHistory>()?;
+    module.add_class::<history::PyAccelerationSignal>()?;
     module.add_class::<solver::PySolver>()?;
     module.add_class::<graph::PyPaddedGraph>()?;
     module.add_class::<graph::PyRadiusGraph>()?;

@@ -1,6 +1,6 @@
-//! `Diagnostics` and `FrameReport`: values read off a solver.
+//! `Diagnostics`, `FrameReport` and `MotionReport`: values read off a solver.
 
-use mpm::{Diagnostics, FrameReport};
+use mpm::{Diagnostics, FrameReport, MotionReport};
 use pyo3::prelude::*;
 
 /// Totals over all particles at one instant.
@@ -76,6 +76,34 @@ impl PyFrameReport {
     #[getter]
     fn bound(&self) -> &'static str {
         self.0.bound.name()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("{:?}", self.0)
+    }
+}
+
+/// What a prescribed motion did.
+#[pyclass(frozen, name = "MotionReport", module = "hybridmpm._native")]
+pub struct PyMotionReport(pub MotionReport);
+
+#[pymethods]
+impl PyMotionReport {
+    #[getter]
+    fn density(&self) -> f32 {
+        self.0.density
+    }
+    #[getter]
+    fn divergence(&self) -> f32 {
+        self.0.divergence
+    }
+    #[getter]
+    fn kinetic_energy(&self) -> f64 {
+        self.0.kinetic_energy
+    }
+    #[getter]
+    fn potential_energy(&self) -> f64 {
+        self.0.potential_energy
     }
 
     fn __repr__(&self) -> String {

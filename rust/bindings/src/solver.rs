@@ -3,7 +3,8 @@
 use std::sync::{Mutex, MutexGuard};
 
 use mpm::{
-    Emitter, EmitterStatus, Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps, Walls,
+    Carry, Emitter, EmitterStatus, Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps,
+    Walls,
 };
 use numpy::{
     IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
@@ -17,7 +18,7 @@ use crate::emitter::{AnyEmitter, PyEmitter};
 use crate::error::{NativeError, config_error};
 use crate::material::PyMaterial;
 use crate::obstacle::{AnyObstacle, PyObstacle};
-use crate::report::{PyDiagnostics, PyFrameReport};
+use crate::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
 
 #[derive(Clone)]
 enum AnySolver {
@@ -376,6 +377,36 @@ impl PySolver {
                 advanced.map_err(|error| NativeError(error).into())
             })
         })
+    }
+
+    #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]
+    fn prescribe(
+        &self,
+        py: Python<'_>,
+        x: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        frame: u64,
+        affine: bool,
+        deform: bool,
+    ) -> PyResult<PyMotionReport> {
+        let count = py.detach(|| self.count());
+        let expected = format!("float32 of shape ({count}, {})", self.dim);
+        let x = array::<f32, Ix2>("x", &expected, x)?;
+        let v = array::<f32, Ix2>("v", &expected, v)?;
+        for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
+            if shape != [count, self.dim] {
+                return Err(config_error(format!(
+                    "{name} must be {expected}, got shape {shape:?}"
+                )));
+            }
+        }
+        let (x, v) = (slice_of("x", &x)?, slice_of("v", &v)?);
+        let carry = Carry { affine, deform };
+        let report = self.detached(
+            py,
+            |any| with_solver!(any, solver => solver.prescribe(x, v, frame, carry)),
+        );
+        Ok(PyMotionReport(report.map_err(NativeError)?))
     }
 
     #[getter]

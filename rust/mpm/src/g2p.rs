@@ -52,7 +52,7 @@ impl<const D: usize> Bounds<D> {
 
     /// Divides by the part of each particle's stencil that lies between the walls.
     #[inline(always)]
-    fn correct_near_walls(&self, crowding: &mut Lanes, x: &[Lanes; D], stencils: &Stencils<D>) {
+    pub fn correct_near_walls(&self, crowding: &mut Lanes, x: &[Lanes; D], stencils: &Stencils<D>) {
         let mut near = [0u32; LANES];
         for axis in 0..D {
             let (lowest, highest) = (self.inner_lowest[axis], self.inner_highest[axis]);
@@ -79,6 +79,12 @@ impl<const D: usize> Bounds<D> {
         if !self.hold(x) {
             return false;
         }
+        self.clamp(x, v);
+        true
+    }
+
+    /// Puts a particle back on the walls that it passed, and stops it there.
+    pub fn clamp(&self, x: &mut Vector<D>, v: &mut Vector<D>) {
         for axis in 0..D {
             let inside = x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis]);
             if inside < x[axis] {
@@ -88,7 +94,6 @@ impl<const D: usize> Bounds<D> {
             }
             x[axis] = inside;
         }
-        true
     }
 }
 
@@ -160,10 +165,10 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
 }
 
 /// Weighted sums over the nodes of each particle, each as velocity and mass.
-struct Sums<const D: usize> {
-    values: [f32x4; LANES],
+pub struct Sums<const D: usize> {
+    pub values: [f32x4; LANES],
     /// The same, each node times its steps from the lowest along an axis.
-    moments: [[f32x4; LANES]; D],
+    pub moments: [[f32x4; LANES]; D],
 }
 
 impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
@@ -215,8 +220,9 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
     }
 }
 
+/// Sums over the nodes of the first `count` particles of a block.
 #[inline(always)]
-fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) -> Sums<D> {
+pub fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) -> Sums<D> {
     let mut sums = Sums {
         values: [f32x4::ZERO; LANES],
         moments: [[f32x4::ZERO; LANES]; D],

@@ -47,7 +47,7 @@ pub use motion::{Motion, Swing};
 pub use obstacle::{Obstacle, Placed};
 pub use shape::Shape;
 pub use sleep::Sleep;
-pub use solver::{Force, Solver};
+pub use solver::{Carry, Force, MotionReport, Solver};
 pub use svd::{Svd, svd};
 pub use timestep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};
 pub use walls::Walls;

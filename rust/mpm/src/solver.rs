@@ -1,5 +1,7 @@
 //! The frame loop.
 
+mod prescribed;
+
 use std::sync::Arc;
 
 use crate::diagnostics::Diagnostics;
@@ -21,6 +23,8 @@ use crate::timestep::{Bound, FrameReport, StepChooser};
 use crate::walls::WallContact;
 use crate::with_group;
 use team::Team;
+
+pub use prescribed::{Carry, MotionReport};
 
 /// External acceleration besides gravity [m/s^2].
 #[derive(Debug, Clone, Copy)]
@@ -152,12 +156,7 @@ impl<const D: usize> Solver<D> {
     }
 
     fn advance_frame(&mut self, force: Option<&[f32]>) -> Result<(), MpmError> {
-        if self.before.is_empty() {
-            self.before.clone_from(&self.state.phases);
-        } else {
-            let pairs = self.before.iter_mut().zip(&self.state.phases);
-            pairs.for_each(|(before, now)| before.copy_particles(now));
-        }
+        self.remember();
         let max_speed = self.state.max_speed;
         // The clock of moving obstacles is a function of the frame's number.
         let start = self.state.frame as f64 * f64::from(self.settings.frame_dt);
@@ -180,6 +179,16 @@ impl<const D: usize> Solver<D> {
                 self.state.max_speed = max_speed;
                 Err(error)
             }
+        }
+    }
+
+    /// Keeps the present particles, to go back to if what comes fails.
+    fn remember(&mut self) {
+        if self.before.is_empty() {
+            self.before.clone_from(&self.state.phases);
+        } else {
+            let pairs = self.before.iter_mut().zip(&self.state.phases);
+            pairs.for_each(|(before, now)| before.copy_particles(now));
         }
     }
 

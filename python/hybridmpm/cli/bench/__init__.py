@@ -6,6 +6,7 @@ import click
 
 from hybridmpm.bench import stale as stale_results
 from hybridmpm.cli.bench.errors import downsampling, models
+from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 from hybridmpm.cli.bench.sweep import sweep
@@ -45,5 +46,9 @@ def _print_stale(folder: Path) -> None:
         click.echo(f"all {len(found)} results are those of the present code")
 
 
-for command in (mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability):
+_COMMANDS = (
+    mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff, hybrid,
+)  # fmt: skip
+
+for command in _COMMANDS:
     bench.add_command(command)

@@ -1,0 +1,40 @@
+"""A network and MPM in one simulator: the network goes ahead, guards watch it, MPM is what it falls back to.
+
+- `HybridSimulator` is the simulator; `physics.Stepper` is what it asks of a network.
+- `GUARDS` are the guards by name; `Guard` is their interface, for guards of your own.
+- `Decision` is an entry of the log that a run can be replayed from.
+"""
+
+from hybridmpm.hybrid.guard import Guard, Stage, View
+from hybridmpm.hybrid.guards import (
+    DEFAULT,
+    GUARDS,
+    Audit,
+    Cosine,
+    Density,
+    Divergence,
+    Energy,
+    Impact,
+    NonFinite,
+    Outside,
+)
+from hybridmpm.hybrid.log import Decision
+from hybridmpm.hybrid.simulator import HybridSimulator
+
+__all__ = [
+    "DEFAULT",
+    "GUARDS",
+    "Audit",
+    "Cosine",
+    "Decision",
+    "Density",
+    "Divergence",
+    "Energy",
+    "Guard",
+    "HybridSimulator",
+    "Impact",
+    "NonFinite",
+    "Outside",
+    "Stage",
+    "View",
+]

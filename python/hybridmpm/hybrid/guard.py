@@ -1,0 +1,69 @@
+"""`Guard`: the interface of what watches a network, and what it gets to see."""
+
+import copy
+import enum
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.mpm import MpmSolver
+
+
+class Stage(enum.Enum):
+    """When a guard is asked."""
+
+    RAW = 1
+    MOTION = 2
+    STATE = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What guards look at; each takes what it needs."""
+
+    x: npt.NDArray[np.float32]
+    """Positions (N, D) [m] at the end of the step; before `STATE` as the network answered."""
+    mpm: MpmSolver
+    """The state before the step, after it for `STATE`; not to be changed."""
+    r_t: int
+    """Frames of a step."""
+    steps: int
+    """Steps of the network since it took over; 0 while MPM simulates."""
+    signal: _native.AccelerationSignal | None = None
+    """From `MOTION` on."""
+    report: _native.MotionReport | None = None
+    """Only for `STATE`."""
+
+
+class Guard(ABC):
+    """One measure, and the values of it that are alarming."""
+
+    name: ClassVar[str]
+    stage: ClassVar[Stage]
+    is_fault: ClassVar[bool] = True
+    """Whether an alarm says that the network erred; else it only says that the motion has become complex."""
+    late: ClassVar[bool] = False
+    """Whether an alarm may come some steps after the failure, so that these have to be undone."""
+
+    def begin(self, start: _native.MotionReport) -> None:  # noqa: B027 - most guards remember nothing
+        """Take note of the state from which the network takes over."""
+
+    @abstractmethod
+    def value(self, view: View) -> float | None:
+        """Measure; None where there is nothing to say yet."""
+
+    @abstractmethod
+    def alarms(self, value: float) -> bool:
+        """Whether MPM has to take over."""
+
+    def is_quiet(self, value: float) -> bool:
+        """Whether the network may take over, for what this guard knows."""
+        return not self.alarms(value)
+
+    def copy(self) -> Self:
+        """Return an independent guard in the same state."""
+        return copy.copy(self)

@@ -1,0 +1,317 @@
+"""Guards: measures of a network's motion that tell when MPM has to take over.
+
+All share one small interface, `Guard`. Each is asked once a step of the network, at its stage: first for what
+the network answered as it is (`RAW`), then for the motion that this would make (`MOTION`), then for the
+state that it has made (`STATE`). An alarm of the first two refuses the step; where a guard may notice late
+(`Guard.late`), the simulator goes back to before the failure.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.hybrid.guard import Guard, Stage, View
+from hybridmpm.mpm import MpmSolver
+
+Safeguard = Literal["ours", "paper"]
+
+
+class Cosine(Guard):
+    """Mean cosine between the accelerations of the last two windows of time; alarming below `r_c`.
+
+    "ours" leaves out the particles that are calm in both windows, and calls a scene with too few others calm
+    (1); "paper" is the plain mean.
+    """
+
+    name = "cosine"
+    stage = Stage.MOTION
+    is_fault = False
+
+    def __init__(self, r_c: float = 0.8, hysteresis: float = 0.25, safeguard: Safeguard = "ours") -> None:
+        self.r_c = _within("r_c", r_c, -1, 1)
+        self.hysteresis = _within("hysteresis", hysteresis, 0, 1)
+        if safeguard not in ("ours", "paper"):
+            raise ConfigError(f"safeguard must be 'ours' or 'paper', got {safeguard!r}")
+        self.safeguard = safeguard
+
+    def value(self, view: View) -> float | None:
+        if view.signal is None:
+            return None
+        return view.signal.cosine if self.safeguard == "ours" else view.signal.plain
+
+    def alarms(self, value: float) -> bool:
+        return value < self.r_c
+
+    def is_quiet(self, value: float) -> bool:
+        return value >= self.r_c + self.hysteresis * (1 - self.r_c)
+
+
+class Impact(Guard):
+    """Jump of the largest accelerations: their power mean over that of the steps before.
+
+    Parameters
+    ----------
+    threshold : float > 1
+        Alarming ratio.
+    memory : int
+        Steps that the present one is compared with.
+    floor : float > 0
+        Accelerations below this [m/s^2] count as this.
+    """
+
+    name = "impact"
+    stage = Stage.MOTION
+    is_fault = False
+
+    def __init__(self, threshold: float = 3.0, *, memory: int = 10, floor: float = 3.0) -> None:
+        self.threshold = _within("threshold", threshold, 1, 1e6)
+        self._memory, self._floor = memory, floor
+        self._before: tuple[float, ...] = ()
+
+    def value(self, view: View) -> float | None:
+        if view.signal is None or view.signal.largest == 0:
+            return None
+        largest, before = view.signal.largest, self._before
+        ratio = largest / max(sum(before) / len(before), self._floor) if before else None
+        # A step that will be refused did not happen; MPM's own will be remembered in its place.
+        if view.steps == 0 or ratio is None or not self.alarms(ratio):
+            self._before = (*before, largest)[-self._memory :]
+        return ratio
+
+    def alarms(self, value: float) -> bool:
+        return value > self.threshold
+
+
+class NonFinite(Guard):
+    """Number of particles whose position is NaN or infinite."""
+
+    name = "non-finite"
+    stage = Stage.RAW
+    late = True
+
+    def value(self, view: View) -> float:
+        finite = np.isfinite(view.x)
+        # Along the particles it takes ten times as long.
+        return 0.0 if finite.all() else float(np.count_nonzero(~finite.all(axis=1)))
+
+    def alarms(self, value: float) -> bool:
+        return value > 0
+
+
+class Outside(Guard):
+    """Number of particles outside of [0, 1]^D, or past a wall by more than one grid cell."""
+
+    name = "outside"
+    stage = Stage.RAW
+    late = True
+
+    def value(self, view: View) -> float:
+        margin = 1 / view.mpm.resolution
+        walls = view.mpm.scene.walls
+        lower = np.maximum(np.array(walls.lower) - margin, 0).astype(np.float32)
+        upper = np.minimum(np.array(walls.upper) + margin, 1).astype(np.float32)
+        # False for NaN, which another guard tells.
+        past = (view.x < lower) | (view.x > upper)
+        return float(np.count_nonzero(past.any(axis=1))) if past.any() else 0.0
+
+    def alarms(self, value: float) -> bool:
+        return value > 0
+
+
+class Density(Guard):
+    """Density over rest density that one particle in a hundred exceeds, over that when the network took over.
+
+    Parameters
+    ----------
+    threshold : float > 1
+        Alarming growth. What MPM itself does in the seven scenarios grows by up to 1.46, where sand falls on
+        ramps.
+    """
+
+    name = "density"
+    stage = Stage.STATE
+    late = True
+
+    def __init__(self, threshold: float = 1.7) -> None:
+        self.threshold = _within("threshold", threshold, 1, 1e6)
+        self._start = 1.0
+
+    def begin(self, start: _native.MotionReport) -> None:
+        self._start = max(start.density, 1.0)
+
+    def value(self, view: View) -> float | None:
+        return None if view.report is None else view.report.density / self._start
+
+    def alarms(self, value: float) -> bool:
+        return value > self.threshold
+
+
+class Energy(Guard):
+    """Growth of kinetic and potential energy above their least value since the network took over.
+
+    In units of the kinetic and potential energy with which it took over, from the lowest corner of the walls.
+
+    Parameters
+    ----------
+    threshold : float > 0
+        Alarming growth. Elastic energy, which may turn into kinetic energy, is not counted: what MPM itself
+        does in the seven scenarios grows by up to 0.09.
+    """
+
+    name = "energy"
+    stage = Stage.STATE
+    late = True
+
+    def __init__(self, threshold: float = 0.15) -> None:
+        self.threshold = _within("threshold", threshold, 0, 1e6)
+        self._least = self._scale = np.inf
+
+    def begin(self, start: _native.MotionReport) -> None:
+        self._least = start.kinetic_energy + start.potential_energy
+        self._scale = np.inf
+
+    def value(self, view: View) -> float | None:
+        if view.report is None:
+            return None
+        energy = view.report.kinetic_energy + view.report.potential_energy
+        if np.isinf(self._scale):
+            self._scale = max(self._least - _lowest_energy(view.mpm), 1e-12)
+        self._least = min(self._least, energy)
+        return float((energy - self._least) / self._scale)
+
+    def alarms(self, value: float) -> bool:
+        return value > self.threshold
+
+
+class Divergence(Guard):
+    """Root mean square of the divergence of velocity [1/s]: an alternative to the cosine, and dearer.
+
+    Parameters
+    ----------
+    threshold : float > 0
+        Alarming value [1/s].
+    """
+
+    name = "divergence"
+    stage = Stage.STATE
+    is_fault = False
+
+    def __init__(self, threshold: float = 15.0) -> None:
+        self.threshold = _within("threshold", threshold, 0, 1e9)
+
+    def value(self, view: View) -> float | None:
+        return None if view.report is None else view.report.divergence
+
+    def alarms(self, value: float) -> bool:
+        return value > self.threshold
+
+
+class Audit(Guard):
+    """Error of the network's acceleration against MPM's own next step, over that of free fall.
+
+    Looks at the first step after the network took over, and then at each `period`-th: a step of MPM is what
+    the network is meant to save. The value is sqrt(|a - a_MPM|^2 / (|a_fall - a_MPM|^2 + floor^2)) with means
+    over the particles; at 1 the network is no better than predicting nothing.
+
+    Parameters
+    ----------
+    threshold : float > 0
+    period : int >= 1
+        Steps.
+    floor : float > 0
+        Acceleration [m/s^2] by which a network may err where MPM too finds free fall.
+    """
+
+    name = "audit"
+    stage = Stage.MOTION
+    late = True
+
+    def __init__(self, threshold: float = 1.0, *, period: int = 20, floor: float = 2.5) -> None:
+        self.threshold = _within("threshold", threshold, 0, 1e6)
+        self._period, self._floor = period, floor
+
+    def value(self, view: View) -> float | None:
+        if view.steps == 0 or (view.steps - 1) % self._period:
+            return None
+        mpm = view.mpm
+        twin = mpm.copy()
+        start, velocity = twin.positions.astype(np.float64), twin.velocities.astype(np.float64)
+        try:
+            twin.advance(view.r_t)
+        except SimulationError:
+            return float("inf")
+        dt = view.r_t * mpm.scene.frame_dt
+        fall = start + dt * velocity + 0.5 * dt**2 * np.array(mpm.scene.gravity)
+        # Displacements of one step differ by dt^2 / 2 times the acceleration over it.
+        to_acceleration = 2 / dt**2
+        error = _mean_square(view.x.astype(np.float64) - twin.positions) * to_acceleration**2
+        scale = _mean_square(fall - twin.positions) * to_acceleration**2
+        return float(np.sqrt(error / (scale + self._floor**2)))
+
+    def alarms(self, value: float) -> bool:
+        return value >= self.threshold
+
+
+GUARDS: dict[str, type[Guard]] = {
+    guard.name: guard for guard in (Cosine, Impact, NonFinite, Outside, Density, Energy, Divergence, Audit)
+}
+"""By name."""
+
+DEFAULT: tuple[str, ...] = ("cosine", "impact", "non-finite", "outside", "density", "energy", "audit")
+
+
+def build(guards: Iterable[str | Guard], cosine: Cosine) -> tuple[Guard, ...]:
+    """Make guards of names, in the order of their stages; "cosine" stands for the one given.
+
+    Raises
+    ------
+    ConfigError
+        A name is unknown or given twice; the message lists those there are.
+    """
+    if isinstance(guards, str):
+        raise ConfigError(f"guards must be a list of names or guards, got the text {guards!r}")
+    made: list[Guard] = []
+    for guard in guards:
+        if isinstance(guard, Guard):
+            made.append(guard.copy())
+        elif guard == Cosine.name:
+            made.append(cosine)
+        elif guard in GUARDS:
+            made.append(GUARDS[guard]())
+        else:
+            raise ConfigError(f"guards must be among {', '.join(GUARDS)}; got {guard!r}")
+    _refuse_twins(made)
+    return tuple(sorted(made, key=lambda guard: guard.stage.value))
+
+
+def _refuse_twins(guards: Sequence[Guard]) -> None:
+    names = [guard.name for guard in guards]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"guards must differ, got {twice[0]!r} twice")
+
+
+def _within(name: str, value: float, low: float, high: float) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not low <= number <= high:
+        raise ConfigError(f"{name} must be in [{low:g}, {high:g}], got {value!r}")
+    return number
+
+
+def _mean_square(rows: npt.NDArray[np.float64]) -> float:
+    return float(np.mean(np.sum(rows**2, axis=1)))
+
+
+def _lowest_energy(mpm: MpmSolver) -> float:
+    """Potential energy [J] of all mass in the lowest corner of the walls."""
+    scene = mpm.scene
+    gravity = np.array(scene.gravity)
+    depth = np.maximum(gravity * scene.walls.lower, gravity * scene.walls.upper).sum()
+    return float(-mpm.mass.sum(dtype=np.float64) * depth)

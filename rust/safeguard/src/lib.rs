@@ -1,0 +1,290 @@
+//! The safeguard's signal: how alike the accelerations of two successive windows of time are.
+//!
+//! For particle i with accelerations a_i, c_i = cos(a_i[t-2w : t-w], a_i[t-w : t]), each window flattened to one
+//! vector. A step changes each scalar product by one pair that enters and one that leaves, so it costs the same
+//! whatever the window. Sums are in double precision: what large numbers leave behind once they have left is
+//! far below the noise floor.
+
+use thiserror::Error;
+
+/// Partial sums, so that a sum over particles is computed several at a time and always in one order.
+const LANES: usize = 8;
+
+/// Why a history could not be made or extended.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SafeguardError {
+    #[error("{name} must be {allowed}, got {value}")]
+    Parameter {
+        name: &'static str,
+        allowed: &'static str,
+        value: String,
+    },
+    #[error("x must have {expected} numbers, those of {particles} particles, got {got}")]
+    Length {
+        particles: usize,
+        expected: usize,
+        got: usize,
+    },
+}
+
+/// What the latest accelerations say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Signal {
+    /// Mean cosine over the particles that are not calm in both windows, 1 where too few are; None until both
+    /// windows are full.
+    pub cosine: Option<f32>,
+    /// Mean cosine over all particles, 0 for one without acceleration; None until both windows are full.
+    pub plain: Option<f32>,
+    /// Share of the particles that are not calm.
+    pub active: f32,
+    /// Power mean of order 4 of the latest accelerations, which the largest dominate [m/s^2]; 0 before there are any.
+    pub largest: f32,
+}
+
+/// Settings of a history.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    pub particles: usize,
+    /// D, 2 or 3.
+    pub dim: usize,
+    /// Accelerations in each of the two windows, w.
+    pub window: usize,
+    /// Time between two positions [s].
+    pub dt: f32,
+    /// A particle is calm whose root mean square acceleration is below this in both windows [m/s^2].
+    pub floor: f32,
+    /// With a smaller share of particles that are not calm the scene is calm.
+    pub quorum: f32,
+}
+
+/// Scalar products of the two windows of each particle.
+#[derive(Debug, Clone, Default)]
+struct Products {
+    /// Of the older with the newer window.
+    across: Vec<f64>,
+    older: Vec<f64>,
+    newer: Vec<f64>,
+}
+
+impl Products {
+    fn zeros(count: usize) -> Self {
+        Self {
+            across: vec![0.0; count],
+            older: vec![0.0; count],
+            newer: vec![0.0; count],
+        }
+    }
+}
+
+/// Accelerations of the last two windows, from positions that are pushed one after the other.
+#[derive(Debug, Clone)]
+pub struct AccelerationHistory {
+    settings: Settings,
+    /// Positions pushed so far.
+    pushed: usize,
+    /// The last two positions, then the one that an undo would need.
+    positions: [Vec<f32>; 3],
+    /// 2 w accelerations, the oldest of which the next one replaces.
+    ring: Vec<Vec<f32>>,
+    /// What the latest acceleration replaced.
+    replaced: Vec<f32>,
+    products: Products,
+    /// Before the latest step.
+    before: Products,
+    undoable: bool,
+}
+
+impl AccelerationHistory {
+    pub fn new(settings: Settings) -> Result<Self, SafeguardError> {
+        let Settings {
+            particles,
+            dim,
+            window,
+            dt,
+            floor,
+            quorum,
+        } = settings;
+        let refuse = |name, allowed, value: String| {
+            Err(SafeguardError::Parameter {
+                name,
+                allowed,
+                value,
+            })
+        };
+        if !(2..=3).contains(&dim) {
+            return refuse("dim", "2 or 3", dim.to_string());
+        }
+        if !(1..=1000).contains(&window) {
+            return refuse("window", "in [1, 1000]", window.to_string());
+        }
+        if !(dt > 0.0 && dt.is_finite()) {
+            return refuse("dt", "finite and > 0 s", dt.to_string());
+        }
+        if !(floor >= 0.0 && floor.is_finite()) {
+            return refuse("floor", "finite and >= 0 m/s^2", floor.to_string());
+        }
+        if !(0.0..=1.0).contains(&quorum) {
+            return refuse("quorum", "in [0, 1]", quorum.to_string());
+        }
+        let size = particles * dim;
+        Ok(Self {
+            settings,
+            pushed: 0,
+            positions: std::array::from_fn(|_| vec![0.0; size]),
+            ring: vec![vec![0.0; size]; 2 * window],
+            replaced: vec![0.0; size],
+            products: Products::zeros(particles),
+            before: Products::zeros(particles),
+            undoable: false,
+        })
+    }
+
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Whether both windows are full.
+    pub fn is_full(&self) -> bool {
+        self.pushed >= 2 * self.settings.window + 2
+    }
+
+    /// Takes the next positions, N x D numbers [m].
+    pub fn push(&mut self, x: &[f32]) -> Result<Signal, SafeguardError> {
+        let Settings { particles, dim, .. } = self.settings;
+        if x.len() != particles * dim {
+            return Err(SafeguardError::Length {
+                particles,
+                expected: particles * dim,
+                got: x.len(),
+            });
+        }
+        if self.pushed >= 2 {
+            match dim {
+                2 => self.accelerate::<2>(x),
+                _ => self.accelerate::<3>(x),
+            }
+        }
+        self.positions.rotate_right(1);
+        self.positions[0].copy_from_slice(x);
+        self.pushed += 1;
+        self.undoable = true;
+        Ok(self.signal())
+    }
+
+    /// Takes the latest push back; only one can be. False where there is none.
+    pub fn undo(&mut self) -> bool {
+        if !self.undoable {
+            return false;
+        }
+        self.undoable = false;
+        self.pushed -= 1;
+        self.positions.rotate_left(1);
+        if self.pushed >= 2 {
+            let slot = self.slot(0);
+            std::mem::swap(&mut self.ring[slot], &mut self.replaced);
+            std::mem::swap(&mut self.products, &mut self.before);
+        }
+        true
+    }
+
+    /// Place in the ring of the acceleration that the next position gives, `ago` steps before.
+    fn slot(&self, ago: usize) -> usize {
+        let length = self.ring.len();
+        (self.pushed - 2 + length - ago) % length
+    }
+
+    /// Puts the acceleration between the last two positions and x into the ring, and updates the products.
+    fn accelerate<const D: usize>(&mut self, x: &[f32]) {
+        let (newest, middle) = (self.slot(0), self.slot(self.settings.window));
+        std::mem::swap(&mut self.replaced, &mut self.ring[newest]);
+        std::mem::swap(&mut self.products, &mut self.before);
+        // With w = 1 of two slots; they are never the same one.
+        let [acceleration, middle] = self
+            .ring
+            .get_disjoint_mut([newest, middle])
+            .expect("two slots of a ring of 2 w");
+        let per_square = 1.0 / (self.settings.dt * self.settings.dt);
+        let [latest, earlier, _] = &self.positions;
+        for k in 0..x.len() {
+            acceleration[k] = ((x[k] - latest[k]) - (latest[k] - earlier[k])) * per_square;
+        }
+        let vectors = |of: &[f32], i: usize| -> [f64; D] {
+            std::array::from_fn(|axis| f64::from(of[i * D + axis]))
+        };
+        let dot = |a: &[f64; D], b: &[f64; D]| -> f64 { (0..D).map(|k| a[k] * b[k]).sum() };
+        for i in 0..self.settings.particles {
+            let enters = vectors(acceleration, i);
+            let passes = vectors(middle, i);
+            let leaves = vectors(&self.replaced, i);
+            let passing = dot(&passes, &passes);
+            self.products.across[i] =
+                self.before.across[i] + dot(&passes, &enters) - dot(&leaves, &passes);
+            self.products.newer[i] = self.before.newer[i] + dot(&enters, &enters) - passing;
+            self.products.older[i] = self.before.older[i] + passing - dot(&leaves, &leaves);
+        }
+    }
+
+    fn signal(&self) -> Signal {
+        let Settings {
+            particles,
+            window,
+            floor,
+            quorum,
+            ..
+        } = self.settings;
+        let threshold = f64::from(floor).powi(2) * window as f64;
+        let mut plain = [0.0f64; LANES];
+        let mut moving = [0.0f64; LANES];
+        let mut active = [0.0f64; LANES];
+        let Products {
+            across,
+            older,
+            newer,
+        } = &self.products;
+        for i in 0..particles {
+            let lane = i % LANES;
+            // Rounding may leave a little below zero of what was zero.
+            let product = older[i].max(0.0) * newer[i].max(0.0);
+            let cosine = if product > 0.0 {
+                (across[i] / product.sqrt()).clamp(-1.0, 1.0)
+            } else {
+                0.0
+            };
+            let awake = f64::from(u8::from(older[i] >= threshold || newer[i] >= threshold));
+            plain[lane] += cosine;
+            moving[lane] += cosine * awake;
+            active[lane] += awake;
+        }
+        let count = particles.max(1) as f64;
+        let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
+        let (active, full) = (total(active), self.is_full());
+        let cosine = if active / count >= f64::from(quorum) && active > 0.0 {
+            total(moving) / active
+        } else {
+            1.0
+        };
+        Signal {
+            cosine: full.then_some(cosine as f32),
+            plain: full.then_some((total(plain) / count) as f32),
+            active: (active / count) as f32,
+            largest: self.largest(),
+        }
+    }
+
+    fn largest(&self) -> f32 {
+        let Settings { particles, dim, .. } = self.settings;
+        if self.pushed < 3 || particles == 0 {
+            return 0.0;
+        }
+        let newest = (self.pushed - 3) % self.ring.len();
+        let mut sums = [0.0f64; LANES];
+        for (i, a) in self.ring[newest].chunks_exact(dim).enumerate() {
+            let square: f32 = a.iter().map(|s| s * s).sum();
+            sums[i % LANES] += f64::from(square).powi(2);
+        }
+        (sums.iter().sum::<f64>() / particles as f64).sqrt().sqrt() as f32
+    }
+}
+
+#[cfg(test)]
+mod tests;

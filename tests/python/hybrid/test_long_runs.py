@@ -1,0 +1,74 @@
+"""Long runs: the hybrid stays sound whatever the network does, and does not thrash."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import Scene, scenarios
+from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.zero import ZeroStepper
+
+WINDOW = 10
+R_T = 2
+
+
+class Shaken:
+    """Free fall with random accelerations of some g, the same for the same question."""
+
+    r_p, r_t = 1 / 1.75, R_T
+
+    def __init__(self, scene: Scene) -> None:
+        self._fall = ZeroStepper(scene.frame_dt, r_p=self.r_p, r_t=self.r_t)
+        self._square = (self.r_t * scene.frame_dt) ** 2
+
+    def check(self, scene: Scene) -> None:
+        self._fall.check(scene)
+
+    def step(self, history: Any, types: Any, acceleration: Any, walls: Any) -> Any:
+        random = np.random.default_rng(history[-1].view(np.uint32).astype(np.uint64).sum())
+        noise = 20 * random.standard_normal(acceleration.shape).astype(np.float32)
+        return self._fall.step(history, types, acceleration + noise * (types != 3)[:, None], walls)
+
+
+def energy(sim: HybridSimulator) -> float:
+    totals = sim.diagnostics()
+    return totals.kinetic_energy + totals.potential_energy
+
+
+def run(scene: Scene, network: Stepper, frames: int) -> HybridSimulator:
+    """Advance, and check after each hundred frames that the state is sound."""
+    sim = HybridSimulator(scene, network, window=WINDOW)
+    most = energy(sim)
+    lowest = np.array(scene.walls.lower) - scene.dx
+    highest = np.array(scene.walls.upper) + scene.dx
+    for _ in range(frames // 100):
+        sim.advance(100)
+        x = sim.positions
+        assert np.isfinite(x).all()
+        assert ((x >= lowest) & (x <= highest)).all()
+        assert energy(sim) <= most
+    # A network gets a window of steps at least between two alarms, and one switch each way.
+    noticed = np.array([decision.noticed for decision in sim.log])
+    for start in range(0, frames, 50):
+        inside = np.count_nonzero((noticed >= start) & (noticed < start + 100))
+        assert inside <= 2 * (100 // (WINDOW * R_T) + 1)
+    return sim
+
+
+@pytest.mark.parametrize("scenario", scenarios.NAMES)
+def test_a_short_run(scenario: str) -> None:
+    scene = scenarios.get(scenario, 1_100_003)
+    sim = run(scene, ZeroStepper(scene.frame_dt, r_p=0.25, r_t=R_T), 400)
+    assert sim.log[0].mode == "neural"
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("kind", ["zero", "shaken"])
+@pytest.mark.parametrize("scenario", scenarios.NAMES)
+def test_ten_thousand_frames(scenario: str, kind: str) -> None:
+    scene = scenarios.get(scenario, 1_100_001)
+    zero = ZeroStepper(scene.frame_dt, r_p=1 / 1.75, r_t=R_T)
+    run(scene, zero if kind == "zero" else Shaken(scene), 10_000)

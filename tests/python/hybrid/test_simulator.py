@@ -1,0 +1,290 @@
+"""The hybrid simulator: who simulates when, and that a failing network does no harm."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import BallSink, Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, metrics
+from hybridmpm.errors import NonFiniteError
+from hybridmpm.hybrid import GUARDS, HybridSimulator
+from hybridmpm.recording import record
+
+Make = Callable[..., Any]
+WARM_UP = 5
+
+
+def reasons(sim: HybridSimulator) -> list[str]:
+    return [decision.reason for decision in sim.log]
+
+
+def mass(scene: Scene, sim: Any, x: Any = None) -> Any:
+    return metrics.grid_mass(sim.positions if x is None else x, sim.mass, scene.resolution)
+
+
+def landing(path: Any) -> int:
+    """Return the first frame before which the centre of these particles did not fall freely."""
+    acceleration = np.diff(path.mean(axis=1, dtype=np.float64)[:, 1], n=2) / 0.0025**2
+    return int(np.argmax(acceleration[1:] > -8)) + 2
+
+
+@pytest.mark.parametrize("r_t", [1, 2, 3])
+def test_the_recorded_truth_rolls_out_to_exactly_that(drop: Scene, recorded: Make, r_t: int) -> None:
+    network = recorded(drop, 60, r_t=r_t)
+    sim = HybridSimulator(drop, network)
+    path = sim.rollout(60)
+    assert (sim.mode, reasons(sim)) == ("neural", ["warm-up"])
+    assert sim.mpm_share == WARM_UP * r_t / 60
+    np.testing.assert_array_equal(path[::r_t], network.path[::r_t])
+    assert np.abs(path - network.path).max() <= 1e-6
+
+
+def test_the_network_gets_what_it_was_promised(fake: Make) -> None:
+    block = Box(material="sand", lower=(0.4, 0.4), upper=(0.5, 0.5))
+    ramp = BoxObstacle(lower=(0.3, 0.15), upper=(0.7, 0.2))
+    scene = Scene(dim=2, resolution=64, bodies=(block,), obstacles=(ramp,))
+    network = fake("fall", r_p=0.5, r_t=2)
+    HybridSimulator(scene, network).advance(2 * WARM_UP + 1)
+    (history, types, acceleration, walls) = network.calls[0]
+    mpm = MpmSolver(scene, r_p=0.5)
+    path = mpm.rollout(2 * WARM_UP)
+    fluid = mpm.particle_count
+    np.testing.assert_array_equal(history[:, :fluid], path[::2])
+    np.testing.assert_array_equal(types, [6] * fluid + [3] * (len(types) - fluid))
+    assert len(types) > fluid
+    solids = history[0, fluid:]
+    np.testing.assert_array_equal(solids, np.clip(solids, (0.3, 0.15), (0.7, 0.2)))
+    assert {array.dtype for array in (history, acceleration, walls)} == {np.dtype(np.float32)}
+    assert types.dtype == np.int64
+    np.testing.assert_allclose(acceleration, np.tile([0, -9.81], (len(types), 1)), rtol=1e-6)
+    np.testing.assert_allclose(walls, [[0.1, 0.1], [0.9, 0.9]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("r_t", [1, 2])
+@pytest.mark.parametrize("kind", ["nan", "held", "constant", "constant up", "random", "random weak", "fall"])
+def test_a_failing_network_does_no_harm(fall: Scene, fake: Make, kind: str, r_t: int) -> None:
+    frames, r_p = 160, 0.5
+    truth, own = MpmSolver(fall), MpmSolver(fall, r_p=r_p)
+    sim = HybridSimulator(fall, fake(kind, r_p=r_p, r_t=r_t))
+    for simulator in (truth, own, sim):
+        simulator.advance(frames)
+    assert sim.frame == frames
+    assert any(decision.mode == "mpm" for decision in sim.log)
+    error = metrics.grid_rmse(mass(fall, sim), mass(fall, truth))
+    assert error <= 1.1 * metrics.grid_rmse(mass(fall, own), mass(fall, truth))
+
+
+@pytest.mark.parametrize(
+    ("kind", "guards", "reason"),
+    [
+        ("nan", ["non-finite"], "non-finite"),
+        ("thrown", ["outside"], "outside"),
+        ("constant up", ["energy"], "energy"),
+        ("constant", ["audit"], "audit"),
+        ("random weak", ["audit"], "audit"),
+        ("random", ["cosine"], "cosine"),
+        ("random", ["divergence"], "divergence"),
+        ("random", ["impact"], "impact"),
+    ],
+)
+def test_each_guard_alone_signals_what_it_is_made_for(
+    fall: Scene, fake: Make, kind: str, guards: list[str], reason: str
+) -> None:
+    sim = HybridSimulator(fall, fake(kind), guards=guards)
+    sim.advance(60)
+    assert reasons(sim)[1] == reason
+
+
+def test_density_signals_collapse_and_what_it_undoes_is_undone(fall: Scene, fake: Make) -> None:
+    def shrink(history: Any, known: Any) -> Any:
+        fallen = 2 * history[-1] - history[-2] + 0.0025**2 * known
+        centre = fallen.mean(axis=0)
+        return (centre + 0.99 * (fallen - centre)).astype(np.float32)
+
+    sim = HybridSimulator(fall, fake(shrink), guards=["density"])
+    sim.advance(40)
+    alarm = sim.log[1]
+    assert (alarm.reason, alarm.frame) == ("density", WARM_UP)
+    assert alarm.noticed > WARM_UP + 5
+    mpm = MpmSolver(fall)
+    mpm.advance(40)
+    np.testing.assert_array_equal(sim.positions, mpm.positions)
+
+
+def test_without_guards_a_network_is_left_alone_until_its_state_cannot_be(fall: Scene, fake: Make) -> None:
+    sim = HybridSimulator(fall, fake("held"), guards=())
+    sim.advance(50)
+    assert reasons(sim) == ["warm-up"]
+    np.testing.assert_array_equal(sim.positions, MpmSolver(fall).rollout(WARM_UP)[-1])
+    broken = HybridSimulator(fall, fake("nan"), guards=())
+    with pytest.raises(NonFiniteError, match="particle 0"):
+        broken.advance(50)
+    assert broken.frame == WARM_UP
+    assert np.isfinite(broken.positions).all()
+
+
+def test_an_impact_is_noticed_within_a_few_frames(fall: Scene, recorded: Make) -> None:
+    network = recorded(fall, 120)
+    sim = HybridSimulator(fall, network)
+    sim.advance(120)
+    alarm = sim.log[1]
+    assert alarm.reason in ("impact", "cosine")
+    assert 0 <= alarm.frame - landing(network.path) <= 3
+
+
+def test_a_small_impact_on_a_large_pool_is_noticed(drop_on_pool: Scene, recorded: Make) -> None:
+    held, frames = 500, 600
+    drop = MpmSolver(drop_on_pool).positions[:, 1] > 0.2
+    assert np.count_nonzero(drop) < 0.01 * len(drop)
+    force = np.zeros((frames, len(drop), 2), dtype=np.float32)
+    force[:held, drop, 1] = 9.81
+    network = recorded(drop_on_pool, frames, force=force)
+    sim = HybridSimulator(drop_on_pool, network)
+    sim.advance(frames, force)
+    since = held + landing(network.path[held:, drop])
+    alarms = [decision.frame for decision in sim.log if decision.mode == "mpm" and decision.frame > held]
+    assert sim.log[-2].mode == "neural"
+    assert 0 <= alarms[0] - since <= 5
+
+
+def test_a_settled_pool_does_not_trigger(pool: Scene, recorded: Make) -> None:
+    sim = HybridSimulator(pool, recorded(pool, 1000))
+    sim.advance(1000)
+    assert (sim.mode, sim.safeguard) == ("neural", 1.0)
+    assert sim.log[-1].frame < 450
+
+
+def test_force_is_left_to_mpm(drop: Scene, recorded: Make) -> None:
+    sim = HybridSimulator(drop, recorded(drop, 200, r_t=2))
+    sim.advance(21)
+    none = np.zeros((sim.particle_count, 2), dtype=np.float32)
+    push = none + np.array([3, 0], dtype=np.float32)
+    sim.advance(1, none)
+    assert sim.mode == "neural"
+    sim.advance(1)
+    sim.advance(6, push)
+    assert (sim.mode, sim.log[-1].reason, sim.log[-1].frame) == ("mpm", "force", 23)
+    mpm = MpmSolver(drop)
+    mpm.advance(23)
+    mpm.advance(6, push)
+    assert np.abs(sim.positions - mpm.positions).max() < 1e-4
+    assert np.abs(sim.velocities - mpm.velocities).max() < 0.01
+    per_frame = np.zeros((4, *push.shape), dtype=np.float32)
+    per_frame[3] = 5
+    sim.advance(4, per_frame)
+    assert sim.frame == 33
+
+
+@pytest.mark.parametrize("kind", ["fall", "constant up", "random weak"])
+@pytest.mark.parametrize(
+    "guards", [("cosine", "energy", "outside"), ("cosine", "impact", "audit", "density")]
+)
+def test_a_replay_of_the_log_gives_the_same_bits(
+    splash: Scene, fake: Make, kind: str, guards: tuple[str, ...]
+) -> None:
+    force = np.zeros((120, MpmSolver(splash, r_p=0.5).particle_count, 2), dtype=np.float32)
+    force[33:36] = 4
+    sim = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2), guards=guards)
+    sim.advance(120, force)
+    assert len(sim.log) >= 2
+    again = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2))
+    again.replay(sim.log, 120, force)
+    np.testing.assert_array_equal(again.positions, sim.positions)
+    np.testing.assert_array_equal(again.velocities, sim.velocities)
+    assert again.mode == sim.mode
+
+
+def test_switches_are_bounded_by_the_window(fall: Scene, fake: Make) -> None:
+    window = 10
+    for kind in ("nan", "random", "held"):
+        sim = HybridSimulator(fall, fake(kind, r_p=0.25), window=window)
+        sim.advance(400)
+        frames = np.array([decision.noticed for decision in sim.log])
+        for start in range(0, 400, 50):
+            inside = np.count_nonzero((frames >= start) & (frames < start + 100))
+            assert inside <= 2 * 100 / window
+
+
+def test_it_can_be_recorded_copied_and_reset(fall: Scene, fake: Make) -> None:
+    sim = HybridSimulator(fall, fake("fall", r_p=0.5, r_t=2))
+    recording = record(sim, 61, every=10)
+    assert recording.positions.shape == (8, sim.particle_count, 2)
+    assert (recording.types == 5).all()
+    assert recording.mass.sum() == pytest.approx(0.125**2 * 1000)
+    twin = sim.copy()
+    sim.advance(30)
+    assert (twin.frame, sim.frame) == (61, 91)
+    twin.advance(30)
+    np.testing.assert_array_equal(twin.positions, sim.positions)
+    assert twin.log == sim.log
+    assert sim.diagnostics().mass == pytest.approx(0.125**2 * 1000)
+    sim.reset()
+    assert (sim.frame, sim.time, sim.mode, sim.log, sim.safeguard) == (0, 0.0, "mpm", (), None)
+    sim.advance(91)
+    np.testing.assert_array_equal(sim.positions, twin.positions)
+
+
+def test_between_steps_diagnostics_are_those_of_the_state_shown(drop: Scene, fake: Make) -> None:
+    sim = HybridSimulator(drop, fake("fall", r_t=2))
+    sim.advance(21)
+    totals = sim.diagnostics()
+    assert totals.centroid == pytest.approx(np.average(sim.positions, axis=0, weights=sim.mass), abs=1e-5)
+    assert sim.time == pytest.approx(21 * 0.0025)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"r_c": 1.5}, r"r_c must be in \[-1, 1\], got 1.5"),
+        ({"r_c": float("nan")}, r"r_c must be in \[-1, 1\]"),
+        ({"window": 101}, r"window must be in \[1, 100\], got 101"),
+        ({"window": 0}, r"window must be in \[1, 100\], got 0"),
+        ({"hysteresis": -0.1}, r"hysteresis must be in \[0, 1\], got -0.1"),
+        ({"guards": ["cosine", "luck"]}, r"guards must be among cosine, .*; got 'luck'"),
+        ({"guards": "cosine"}, "guards must be a list"),
+        ({"guards": ["energy", "energy"]}, "guards must differ, got 'energy' twice"),
+        ({"safeguard": "yours"}, "safeguard must be 'ours' or 'paper', got 'yours'"),
+        ({"handoff": "hot"}, "handoff must be among warm, shadow, cold; got 'hot'"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(
+    fall: Scene, fake: Make, settings: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        HybridSimulator(fall, fake("fall"), **settings)
+
+
+def test_scenes_that_a_network_cannot_simulate_are_refused(fall: Scene, fake: Make) -> None:
+    other = fall.model_copy(update={"name": "of another kind"})
+    with pytest.raises(ConfigError, match="'water', got 'of another kind'"):
+        HybridSimulator(other, fake("fall"))
+    sink = fall.model_copy(update={"sinks": (BallSink(center=(0.5, 0.1), radius=0.05),)})
+    with pytest.raises(ConfigError, match="remove emitters and sinks"):
+        HybridSimulator(sink, fake("fall"))
+    paddle = BoxObstacle(lower=(0.2, 0.2), upper=(0.3, 0.3), motion=Motion(velocity=(0.1, 0.0)))
+    moving = fall.model_copy(update={"obstacles": (paddle,)})
+    with pytest.raises(ConfigError, match="remove `motion`"):
+        HybridSimulator(moving, fake("fall"))
+
+
+def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None:
+    sim = HybridSimulator(fall, fake("fall", r_t=2))
+    with pytest.raises(ConfigError, match="frames must be in"):
+        sim.advance(-1)
+    with pytest.raises(ConfigError, match=r"force must be of shape \(256, 2\) or \(3, 256, 2\)"):
+        sim.advance(3, np.zeros((5, 2)))
+    with pytest.raises(ConfigError, match="force must be finite"):
+        sim.advance(1, np.full((256, 2), np.nan))
+    sim.advance(12)
+    log = [decision.__class__(**{**vars(decision), "frame": 11}) for decision in sim.log]
+    with pytest.raises(ConfigError, match="begin at frame 11, which must be a multiple of its r_t = 2"):
+        sim.replay(log, 20)
+    assert sim.frame == 12
+    wrong = HybridSimulator(fall, fake(lambda history, _: history[-1][:5]))
+    with pytest.raises(ConfigError, match=r"the network must answer positions \(256, 2\), got \(5, 2\)"):
+        wrong.advance(10)
+
+
+def test_guards_are_listed_by_their_names() -> None:
+    assert [guard.name for guard in GUARDS.values()] == list(GUARDS)
