@@ -25,13 +25,14 @@ def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> 
     Raises
     ------
     ConfigError
-        The name is not lower-case letters, digits, "-" and "_", or the model is larger than `MAX_BYTES`.
+        The name is not lower-case letters, digits, "-" and "_", or the model exceeds `MAX_BYTES`.
     ExportError
         The folder refuses the files.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(
-            f'a model is named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got {name!r}'
+            'a model is named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
+            f"{name!r}"
         )
     if len(data) > MAX_BYTES:
         raise ConfigError(
