@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, Scene
+from hybridmpm import ConfigError, Scene, scenarios
 from hybridmpm.data.particle_types import KINEMATIC, WATER
-from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.physics.zero import RelaxedStepper, ZeroStepper
 
 G = np.array([0.0, -9.81])
 WALLS = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
@@ -57,3 +58,22 @@ def test_bad_settings_are_named(drop: Scene) -> None:
     with pytest.raises(ConfigError, match=r"frames of 0\.005 s, those of drop last 0\.0025 s"):
         ZeroStepper(frame_dt=0.005).check(drop)
     ZeroStepper(frame_dt=drop.frame_dt).check(drop)
+
+
+@pytest.mark.parametrize("rounds", [0, 3])
+def test_relaxation_spreads_what_falls_together(rounds: int) -> None:
+    spec = NetworkSpec(scenarios=("water_2d",), radius=0.02, r_p=0.25, r_t=4, relaxations=rounds)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.4, 0.45, (200, 2)).astype(np.float32)
+    history = np.repeat(x[None], 6, axis=0)
+    types = np.full(200, WATER, dtype=np.int64)
+    types[:5] = KINEMATIC
+    push = np.tile(G.astype(np.float32), (200, 1))
+    fallen = ZeroStepper(spec.frame_dt, r_p=0.25, r_t=4).step(history, types, push, WALLS)
+    after = RelaxedStepper(spec).step(history, types, push, WALLS)
+    np.testing.assert_array_equal(after[:5], x[:5])
+    if rounds == 0:
+        np.testing.assert_array_equal(after, fallen)
+    else:
+        assert after[5:].std(axis=0).min() > 1.02 * fallen[5:].std(axis=0).min()
+    RelaxedStepper(spec).check(scenarios.water_2d(0))

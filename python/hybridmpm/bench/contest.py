@@ -12,6 +12,7 @@ from hybridmpm.bench.rollouts import Truth, errors, excerpt, frozen, rollout
 from hybridmpm.bench.rows import latency_fields, measure_fields, zero_fields
 from hybridmpm.metrics import ErrorTable
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.recording import Recording
 from hybridmpm.scene import Scene
 
 
@@ -39,15 +40,20 @@ class Contest:
     scenario : str
     models : sequence of Method
     settings : Settings
+    others : sequence of Method
+        To be compared as well, each with the warm-up of a model; one of a name is enough.
     """
 
-    def __init__(self, scenario: str, models: Sequence[Method], settings: Settings) -> None:
+    def __init__(
+        self, scenario: str, models: Sequence[Method], settings: Settings, others: Sequence[Method] = ()
+    ) -> None:
         self._scenario, self._settings = scenario, settings
         zeros = {(one.r_p, one.r_t): zero(one.r_p, one.r_t, threads=settings.threads) for one in models}
         self._zeros = {one.name: zeros[one.r_p, one.r_t].name for one in models}
         ratios = RATIOS | {ratio_label(one.r_p): one.r_p for one in models}
         ladder = [mpm(label, r_p, threads=settings.threads) for label, r_p in ratios.items()]
-        self._methods = [*models, *zeros.values(), *ladder]
+        unique = {one.name: one for one in others}
+        self._methods = [*models, *unique.values(), *zeros.values(), *ladder]
         self._tables = {one.warm_up: ErrorTable() for one in models}
         self._starts: dict[int, list[int]] = {warm_up: [] for warm_up in self._tables}
         self._failures = dict.fromkeys((one.name for one in self._methods), 0)
@@ -67,19 +73,24 @@ class Contest:
             for method in self._present(warm_up):
                 if (run := runs[method.name]) is not None:
                     table.add(
-                        method.name, scene.name, errors(excerpt(run, start, span), true, transport=True)
+                        method.name,
+                        scene.name,
+                        errors(excerpt(run, start, span), true, transport=method.kind != "relaxed"),
                     )
-            bounds = {
-                **{
-                    f"merged {label}": metrics.merged_states(true, r_p) for label, r_p in self._sizes(warm_up)
-                },
-                "still": excerpt(frozen(truth.states, 0), start, span),
-                "frozen": excerpt(frozen(truth.states, start), start, span),
-            }
-            if jitter is not None:
-                bounds["jitter"] = excerpt(jitter, start, span)
-            for name, bound in bounds.items():
+            for name, bound in self._bounds(truth, jitter, start, true, warm_up).items():
                 table.add(name, scene.name, errors(bound, true, transport=False))
+
+    def _bounds(
+        self, truth: Truth, jitter: Recording | None, start: int, true: Recording, warm_up: int
+    ) -> dict[str, Recording]:
+        """Return floors and ceilings, counted from a start."""
+        span = self._settings.span
+        bounds = {f"merged {label}": metrics.merged_states(true, r_p) for label, r_p in self._sizes(warm_up)}
+        bounds["still"] = excerpt(frozen(truth.states, 0), start, span)
+        bounds["frozen"] = excerpt(frozen(truth.states, start), start, span)
+        if jitter is not None:
+            bounds["jitter"] = excerpt(jitter, start, span)
+        return bounds
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Time the methods, and give a row for each of them and of the bounds, table by table."""

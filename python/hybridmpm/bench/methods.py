@@ -8,9 +8,10 @@ from hybridmpm import scenarios
 from hybridmpm.bench.rollouts import FIRST_SEED
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.neural import NeuralPhysics
+from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
-from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.physics.zero import RelaxedStepper, ZeroStepper
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
@@ -26,7 +27,7 @@ class Method:
     """A way to simulate any scene of a scenario."""
 
     kind: str
-    """"neural", "zero" or "mpm"."""
+    """"neural", "relaxed", "zero" or "mpm"."""
     label: str
     r_p: float
     r_t: int
@@ -69,6 +70,17 @@ def zero(r_p: float, r_t: int, *, threads: int) -> Method:
 
     label = f"r_p {ratio_label(r_p)}, r_t {r_t}"
     return Method(kind="zero", label=label, r_p=r_p, r_t=r_t, make=make, parameters=0)
+
+
+def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
+    """Return what a network does without what it learned: free fall and its relaxation of density."""
+    stepper = RelaxedStepper(spec)
+    label = f"r_p {ratio_label(spec.r_p)}, r_t {spec.r_t}, R {spec.radius:.3g}, {spec.relaxations} rounds"
+
+    def make(scene: Scene) -> NeuralPhysics:
+        return NeuralPhysics(scene, stepper, threads=threads)
+
+    return Method(kind="relaxed", label=label, r_p=spec.r_p, r_t=spec.r_t, make=make, parameters=0)
 
 
 def ratio_label(r_p: float) -> str:

@@ -7,9 +7,10 @@ from typing import Any
 
 from hybridmpm import scenarios
 from hybridmpm.bench.contest import Contest, Settings
-from hybridmpm.bench.methods import neural
+from hybridmpm.bench.methods import neural, relaxed
 from hybridmpm.bench.provenance import Provenance
 from hybridmpm.bench.rollouts import FIRST_SEED
+from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.physics.stepper import Stepper
 
 
@@ -21,6 +22,8 @@ class Candidate:
     stepper: Stepper
     scenarios: tuple[str, ...]
     parameters: int
+    spec: NetworkSpec | None = None
+    """Of a network; None of other steppers."""
 
 
 def rows(
@@ -31,7 +34,8 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """Measure the models scenario by scenario and yield a row a method; `on_progress` counts scenes.
 
-    Methods are `neural`, the models; `zero`, free fall between walls in their place (`ZeroStepper`); `mpm`
+    Methods are `neural`, the models; `relaxed`, what they do without what they learned (`RelaxedStepper`),
+    where they relax densities; `zero`, free fall between walls in their place (`ZeroStepper`); `mpm`
     with all particles and with fewer, at CFL substeps; `merged`, the truth merged state by state, which no
     method with so many particles can beat but by chance; `jitter`, the truth with other jitter; `still`, the
     initial state held; `frozen`, the state held in which the count begins.
@@ -45,12 +49,15 @@ def rows(
     and `dominated_by` see `front.compared`.
     """
     for scenario in served(candidates):
+        mine = [one for one in candidates if scenario in one.scenarios]
         methods = [
             neural(one.label, one.stepper, threads=settings.threads, parameters=one.parameters)
-            for one in candidates
-            if scenario in one.scenarios
+            for one in mine
         ]
-        contest = Contest(scenario, methods, settings)
+        unlearned = [
+            relaxed(one.spec, threads=settings.threads) for one in mine if one.spec and one.spec.relaxations
+        ]
+        contest = Contest(scenario, methods, settings, unlearned)
         for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
             contest.play(scenarios.get(scenario, seed))
             on_progress(1)

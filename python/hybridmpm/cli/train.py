@@ -15,6 +15,7 @@ from hybridmpm import scenarios
 from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.types import RatioType
+from hybridmpm.doctor import cpu_model, usable_cores
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.spec import NetworkSpec
 
@@ -135,7 +136,11 @@ def physics(
         spec = _spec(names, options)
         _make_data(options["root"], spec, amount)
         trainer = _new(spec, options, device)
-        about = {"command": _command(options["finetune"]), "data": _described(spec, amount)}
+        about = {
+            "command": _command(options["finetune"]),
+            "data": _described(spec, amount),
+            "machine": f"{cpu_model()}, {usable_cores()} cores" if device.type == "cpu" else str(device),
+        }
     training = datasets.trajectories(options["root"], trainer.spec, "train")
     held_out = list(datasets.held_out(options["root"], trainer.spec))
     weights = sum(weight.numel() for weight in trainer.simulator.parameters())

@@ -1,13 +1,15 @@
-"""`ZeroStepper`: the network that predicts nothing, which every model has to beat."""
+"""Networks that predict nothing: what every model has to beat."""
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._native import radius_graph, relaxed
 from hybridmpm.arguments import whole
 from hybridmpm.data.particle_types import KINEMATIC
 from hybridmpm.downsampling import checked_ratio
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.spec import MAX_STRIDE
+from hybridmpm.physics.relaxation import STRENGTH, rest_density
+from hybridmpm.physics.spec import MAX_STRIDE, NetworkSpec
 from hybridmpm.scene import Scene
 
 
@@ -63,3 +65,40 @@ class ZeroStepper:
         dt = np.float32(self._frame_dt * self._r_t)
         moved = np.clip(x + (x - before) + acceleration * dt**2, walls[0], walls[1])
         return np.asarray(np.where((types == KINEMATIC)[:, None], x, moved), dtype=np.float32)
+
+
+class RelaxedStepper(ZeroStepper):
+    """Free fall, followed by the relaxation of density of a network: all that the network does unlearned.
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+        Of the network.
+    """
+
+    def __init__(self, spec: NetworkSpec) -> None:
+        super().__init__(spec.frame_dt, r_p=spec.r_p, r_t=spec.r_t)
+        self._spec, self._rest_density = spec, rest_density(spec)
+
+    def step(
+        self,
+        history: npt.NDArray[np.float32],
+        types: npt.NDArray[np.int64],
+        acceleration: npt.NDArray[np.float32],
+        walls: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
+        fallen = super().step(history, types, acceleration, walls)
+        graph = radius_graph(np.ascontiguousarray(history[-1]), self._spec.radius, types, kinematic=KINEMATIC)
+        return relaxed(
+            fallen,
+            types == KINEMATIC,
+            graph.starts,
+            graph.senders,
+            radius=graph.radius,
+            rest_density=self._rest_density,
+            strength=STRENGTH,
+            rounds=self._spec.relaxations,
+            lower=walls[0],
+            upper=walls[1],
+        )

@@ -13,7 +13,7 @@ from hybridmpm.physics.model_info import ModelInfo
 
 MAX_BYTES = 8_000_000
 """Of a model that comes with the library."""
-_NAME = re.compile(r"[a-z][a-z0-9-]{0,62}")
+_NAME = re.compile(r"[a-z][a-z0-9_-]{0,62}")
 
 
 def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> list[Path]:
@@ -25,13 +25,14 @@ def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> 
     Raises
     ------
     ConfigError
-        The name is not lower-case letters, digits and "-", or the model is larger than `MAX_BYTES`.
+        The name is not lower-case letters, digits, "-" and "_", or the model exceeds `MAX_BYTES`.
     ExportError
         The folder refuses the files.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(
-            f'a model is named by up to 63 lower-case letters, digits and "-", a letter first; got {name!r}'
+            'a model is named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
+            f"{name!r}"
         )
     if len(data) > MAX_BYTES:
         raise ConfigError(

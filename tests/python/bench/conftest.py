@@ -15,7 +15,14 @@ def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from hybridmpm.training.simulator import LearnedSimulator
 
     spec = NetworkSpec(
-        scenarios=("water_2d",), latent=8, layers=1, hidden_layers=1, radius=0.03, r_p=1 / 16, r_t=8
+        scenarios=("water_2d",),
+        latent=8,
+        layers=1,
+        hidden_layers=1,
+        radius=0.03,
+        r_p=1 / 16,
+        r_t=8,
+        relaxations=1,
     )
     scales = Normalization(
         velocity_mean=(0.0, 0.0),

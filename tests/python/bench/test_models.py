@@ -41,8 +41,9 @@ def test_rows_and_chart(tmp_path: Path, tiny_model: Path, monkeypatch: pytest.Mo
     assert result.exit_code == 0, result.output
     rows = {(row["method"], row["label"]): row for row in json.loads(file.read_text())}
     assert list(rows) == [
-        ("neural", "tiny"), ("zero", "r_p 1/16, r_t 8"), ("mpm", "1"), ("mpm", "1/16"), ("merged", "1/16"),
-        ("still", None), ("frozen", None), ("jitter", None),
+        ("neural", "tiny"), ("relaxed", "r_p 1/16, r_t 8, R 0.03, 1 rounds"),
+        ("zero", "r_p 1/16, r_t 8"), ("mpm", "1"), ("mpm", "1/16"), ("merged", "1/16"), ("still", None),
+        ("frozen", None), ("jitter", None),
     ]  # fmt: skip
     for row in rows.values():
         assert set(row) > FIELDS

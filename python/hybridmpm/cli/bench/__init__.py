@@ -47,8 +47,8 @@ def _print_stale(folder: Path) -> None:
 
 
 _COMMANDS = (
-    mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability,
-    safeguard, handoff, hybrid,
+    mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
+    hybrid,
 )  # fmt: skip
 
 for command in _COMMANDS:

@@ -133,4 +133,5 @@ def _candidate(name: str, only: tuple[str, ...], threads: int) -> models_bench.C
         stepper=model,
         scenarios=tuple(one for one in model.spec.scenarios if not only or one in only),
         parameters=model.info.parameters,
+        spec=model.spec,
     )
