@@ -16,7 +16,8 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 
 PLAIN = "cosine (paper)"
-_AUDIT_PERIOD = 5
+AUDIT_PERIOD = 5
+"""Steps between two audits: more of them than a simulator makes, to have more points."""
 
 _Floats = npt.NDArray[np.float32]
 
@@ -31,7 +32,7 @@ def all_guards() -> dict[str, Guard]:
         Density(),
         Energy(),
         Divergence(),
-        Audit(period=_AUDIT_PERIOD),
+        Audit(period=AUDIT_PERIOD),
     )
     return {guard.name: guard for guard in guards} | {PLAIN: Cosine(safeguard="paper")}
 

@@ -232,8 +232,9 @@ class Audit(Guard):
     name = "audit"
     stage = Stage.MOTION
     late = True
+    PERIOD = 20
 
-    def __init__(self, threshold: float = 0.9, *, period: int = 20, floor: float = 2.5) -> None:
+    def __init__(self, threshold: float = 0.9, *, period: int = PERIOD, floor: float = 2.5) -> None:
         self.threshold = _within("threshold", threshold, 0, 1e6)
         self._period, self._floor = period, floor
 
