@@ -134,7 +134,9 @@ def test_the_status_tells_modes_values_and_decisions_as_they_come(
             pass
         assert status["session"]["playing"]
         history = status["history"]
-        assert history["phases"] == [[0, "mpm"], [20, "neural"], [84, "mpm"]]
+        # The impact that is noticed at frame 84 began before: MPM redoes the frames from 60 on.
+        assert history["phases"] == [[0, "mpm"], [20, "neural"], [60, "mpm"]]
+        assert history["decisions"][-1]["noticed"] == 84
         assert [row["mode"] for row in history["decisions"]] == ["neural", "mpm"]
         while len((history := stream.text("status")["history"])["frames"]) < 3:
             pass
