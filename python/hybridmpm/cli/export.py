@@ -23,7 +23,7 @@ from hybridmpm.files import replacing
     "error_file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.json",
-    help="A list of flat objects, errors measured with the model, to be kept in it.",
+    help="What `hybridmpm bench models --json` wrote; the rows of this model are kept in it.",
 )
 @click.option(
     "--publish",
@@ -45,7 +45,7 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
         raise ConfigError(
             f"exporting needs {error.name}; install it with: pip install 'hybridmpm[train]'"
         ) from None
-    data, info = export_checkpoint(checkpoint, errors)
+    data, info = export_checkpoint(checkpoint, errors, name=name)
     files = []
     if out is not None:
         with replacing(out) as part:

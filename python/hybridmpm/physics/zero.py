@@ -68,7 +68,9 @@ class ZeroStepper:
 
 
 class RelaxedStepper(ZeroStepper):
-    """Free fall, followed by the relaxation of density of a network: all that the network does unlearned.
+    """Free fall, followed by the relaxation of density of a network: what the network does unlearned.
+
+    All particles take part, also those of a body that nothing has disturbed.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ class RelaxedStepper(ZeroStepper):
         graph = radius_graph(np.ascontiguousarray(history[-1]), self._spec.radius, types, kinematic=KINEMATIC)
         return relaxed(
             fallen,
-            types == KINEMATIC,
+            (types != KINEMATIC).astype(np.float32),
             graph.starts,
             graph.senders,
             radius=graph.radius,

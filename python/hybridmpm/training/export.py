@@ -80,7 +80,13 @@ def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     return data
 
 
-def export_checkpoint(path: Path, errors: Sequence[Mapping[str, Any]] = ()) -> tuple[bytes, ModelInfo]:
+_KEPT = ("scenario", "method", "label", "ms_per_frame", "error_40", "error_100", "error_200", "as_good")
+"""Of a row of `hybridmpm bench models`."""
+
+
+def export_checkpoint(
+    path: Path, errors: Sequence[Mapping[str, Any]] = (), *, name: str | None = None
+) -> tuple[bytes, ModelInfo]:
     """Return the network of a checkpoint as an ONNX model, and its description.
 
     Parameters
@@ -88,7 +94,10 @@ def export_checkpoint(path: Path, errors: Sequence[Mapping[str, Any]] = ()) -> t
     path : Path
         What `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of errors measured with it, to be kept in the file.
+        Rows of `hybridmpm bench models`. Those of its scenarios are kept in the file: its own, the bounds, and
+        MPM at its r_p.
+    name : str, optional
+        Under which it was measured; the rows of all networks count as its own if absent.
 
     Raises
     ------
@@ -111,9 +120,20 @@ def export_checkpoint(path: Path, errors: Sequence[Mapping[str, Any]] = ()) -> t
             "steps": str(state["step"]),
             "exported": dt.datetime.now(dt.UTC).date().isoformat(),
         },
-        errors=[dict(row) for row in errors],
+        errors=_own_rows(errors, simulator.spec, name),
     )
     return to_onnx(simulator, info), info
+
+
+def _own_rows(rows: Sequence[Mapping[str, Any]], spec: NetworkSpec, name: str | None) -> list[dict[str, Any]]:
+    kept = []
+    for row in rows:
+        method = row.get("method")
+        other = method == "neural" and name is not None and row.get("label") != name
+        rung = method in {"mpm", "merged"} and abs(row.get("r_p", 0.0) - spec.r_p) > 1e-3
+        if row.get("scenario") in spec.scenarios and not other and not rung:
+            kept.append({key: "" if row.get(key) is None else row[key] for key in _KEPT})
+    return kept
 
 
 def _simulator(state: Mapping[str, Any], path: Path) -> LearnedSimulator:
