@@ -94,8 +94,8 @@ def export_checkpoint(
     path : Path
         What `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of `hybridmpm bench models`. Those of its scenarios are kept in the file: its own, the bounds, and
-        MPM at its r_p.
+        Rows of `hybridmpm bench models`. Those of its scenarios are kept in the file: its own, the bounds,
+        and MPM at its r_p.
     name : str, optional
         Under which it was measured; the rows of all networks count as its own if absent.
 

@@ -150,7 +150,13 @@ def test_command_exports_a_checkpoint(
     tmp_path: Path, simulator_3d: LearnedSimulator, torch_stepper: Any, inputs: Inputs
 ) -> None:
     errors = tmp_path / "errors.json"
-    errors.write_text('[{"frame": 40, "error": 0.25}]')
+    served_scenario = simulator_3d.spec.scenarios[0]
+    own = {"scenario": served_scenario, "method": "neural", "error_40": 0.25, "ms_p95": 3.0}
+    others = [
+        {**own, "scenario": "sand_ramps_2d"},
+        {**own, "method": "mpm", "r_p": 2 * simulator_3d.spec.r_p},
+    ]
+    errors.write_text(json.dumps([own, *others]))
     out = tmp_path / "model.onnx"
     result = _run(_checkpoint(tmp_path, simulator_3d), "--out", out, "--errors", errors)
     assert result.exit_code == 0, result.output
@@ -158,7 +164,12 @@ def test_command_exports_a_checkpoint(
     served = NeuralModel.load(out)
     info = served.info
     assert info.spec == simulator_3d.spec
-    assert info.errors == [{"frame": 40, "error": 0.25}]
+    (row,) = info.errors
+    assert {key: value for key, value in row.items() if value != ""} == {
+        "scenario": served_scenario,
+        "method": "neural",
+        "error_40": 0.25,
+    }
     assert info.parameters == sum(parameter.numel() for parameter in simulator_3d.parameters())
     assert (info.training["steps"], info.training["seconds"]) == ("70", "3600")
     assert info.training["machine"] == "a processor, 2 cores"
