@@ -54,6 +54,15 @@ def panels(
     return figure, axes
 
 
+def plain_log_ticks(axis: Any) -> None:
+    """Label a logarithmic axis at 1, 2 and 5 of each decade with plain numbers, which stay apart."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: PLC0415 - an extra
+
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def save(figure: "Figure", path: Path) -> None:
     """Write the figure as SVG and as PNG; the suffix of `path` is replaced by theirs.
 

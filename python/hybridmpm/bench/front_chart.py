@@ -65,6 +65,7 @@ def _draw(panel: Any, table: Sequence[dict[str, Any]]) -> None:
     text = "\n".join(sorted({f"free fall {error:.2f}{beyond}" for error in zeros}))
     panel.text(0.98, 0.97, text, transform=panel.transAxes, ha="right", va="top", fontsize=8, color=_BOUND)
     panel.set(xscale="log", xlabel="ms per frame", ylim=(0, 1.18 * top))
+    charts.plain_log_ticks(panel.xaxis)
     panel.margins(x=0.12)
 
 
