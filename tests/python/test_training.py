@@ -94,6 +94,12 @@ def test_an_interrupted_training_gives_the_weights_of_an_uninterrupted_one(
     assert np.array_equal(weights_of(whole), weights_of(resumed))
 
 
+def test_a_step_leaves_small_numbers_as_they_were(trajectories: Trajectories) -> None:
+    """A processor's mode once outlived the training, and broke whoever computed next in the process."""
+    trainer_of(trajectories).step(Windows(trajectories, 1))
+    assert np.float64(5e-324) * 1.0 > 0.0
+
+
 def test_a_run_writes_its_checkpoint_logs_and_picture(trajectories: Trajectories, tmp_path: Path) -> None:
     trainer = trainer_of(trajectories, steps=100)
     seen = []

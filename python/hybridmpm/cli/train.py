@@ -121,8 +121,6 @@ def physics(
 
     if threads is not None:
         torch.set_num_threads(threads)
-    # Numbers too small to matter would take a hundred times as long.
-    torch.set_flush_denormal(True)
     device = torch_device(torch, options["device"])
     amount = datasets.Amount(train=options["trajectories"], frames=options["frames"])
     file = out / run.CHECKPOINT

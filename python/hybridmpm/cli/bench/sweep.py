@@ -88,8 +88,6 @@ def sweep(
     from hybridmpm.bench.laboratory import Laboratory  # noqa: PLC0415 - needs torch
     from hybridmpm.bench.sweep_chart import chart  # noqa: PLC0415
 
-    # Numbers too small to matter would take a hundred times as long.
-    torch.set_flush_denormal(True)
     settings = Settings(**options)
     points = matching(patterns)
     laboratory = Laboratory(folder / "training", settings, torch_device(torch, device))
