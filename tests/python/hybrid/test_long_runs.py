@@ -1,14 +1,18 @@
 """Long runs: the hybrid stays sound whatever the network does, and does not thrash."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from hybridmpm import Scene, scenarios
 from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.physics import NeuralModel, default_model
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.zero import ZeroStepper
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 WINDOW = 10
 R_T = 2
@@ -53,7 +57,7 @@ def run(scene: Scene, network: Stepper, frames: int) -> HybridSimulator:
     noticed = np.array([decision.noticed for decision in sim.log])
     for start in range(0, frames, 50):
         inside = np.count_nonzero((noticed >= start) & (noticed < start + 100))
-        assert inside <= 2 * (100 // (WINDOW * R_T) + 1)
+        assert inside <= 2 * (100 // (WINDOW * network.r_t) + 1)
     return sim
 
 
@@ -66,9 +70,13 @@ def test_a_short_run(scenario: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("kind", ["zero", "shaken"])
+@pytest.mark.parametrize("kind", ["zero", "shaken", "shipped"])
 @pytest.mark.parametrize("scenario", scenarios.NAMES)
 def test_ten_thousand_frames(scenario: str, kind: str) -> None:
     scene = scenarios.get(scenario, 1_100_001)
-    zero = ZeroStepper(scene.frame_dt, r_p=1 / 1.75, r_t=R_T)
-    run(scene, zero if kind == "zero" else Shaken(scene), 10_000)
+    networks: dict[str, Callable[[], Stepper]] = {
+        "zero": lambda: ZeroStepper(scene.frame_dt, r_p=1 / 1.75, r_t=R_T),
+        "shaken": lambda: Shaken(scene),
+        "shipped": lambda: NeuralModel.load(default_model(scenario)),
+    }
+    run(scene, networks[kind](), 10_000)
