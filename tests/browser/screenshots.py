@@ -40,7 +40,7 @@ def _save(visit: Visit, name: str) -> None:
 
 
 def main() -> None:
-    """Draw both pictures."""
+    """Draw the pictures."""
     chromium = find_chromium()
     if chromium is None:
         raise SystemExit("no Chromium found: install Debian's package `chromium` or set HYBRIDMPM_CHROMIUM")
@@ -54,6 +54,12 @@ def main() -> None:
         desktop.wait_for("body.control === 'following'")
         _go_to(desktop, service, 62)
         _save(desktop, "page-desktop.png")
+
+        hybrid = _open(
+            browser, service, "scenario=sand_2d&seed=0&solver=hybrid", {"width": 1440, "height": 900}, 1
+        )
+        _go_to(hybrid, service, 160)
+        _save(hybrid, "page-hybrid.png")
 
         phone = _open(browser, service, "scenario=water_sand_2d&seed=0", {"width": 390, "height": 844}, 2)
         _go_to(phone, service, 130)
