@@ -36,6 +36,7 @@ __all__ = [
     "__version__",
     "advance_all",
     "cpu_features",
+    "disturbance",
     "grid_mass",
     "radius_graph",
     "relaxed",
@@ -824,6 +825,61 @@ class VerletList:
     @property
     def rebuilds(self) -> int:
         """How often the pairs were found anew."""
+
+def disturbance(
+    history: npt.NDArray[np.float32],
+    known: npt.NDArray[np.float32],
+    starts: npt.NDArray[np.uint32],
+    senders: npt.NDArray[np.uint32],
+    *,
+    radius: float,
+    scale: Sequence[float],
+    hops: int,
+    quiet: float,
+    unnoticed: float,
+    most: float,
+    lower: Sequence[float],
+    upper: Sequence[float],
+) -> npt.NDArray[np.float32]:
+    """Return how much anything happens to each point: 0 where an undisturbed body falls freely, else up to 1.
+
+    A point's own disturbance is the sum of squares of its acceleration beyond the known one over all states,
+    and of the latest velocity of its neighbours against its own, both over `scale`, and of how far walls are
+    within the radius of where it is and of where it goes. It is felt by all points within `hops` edges, whose
+    sum s gives 1 - exp(-s / quiet).
+
+    Parameters
+    ----------
+    history : float32 (S, N, 2) or (S, N, 3)
+        Two or more states [m], one step apart, oldest first.
+    known : float32 (N, D)
+        Acceleration that disturbs nothing [m per step^2].
+    starts, senders : uint32 (N + 1,) and (E,)
+        Edges, as in `RadiusGraph`.
+    radius : float > 0
+        R [m].
+    scale : D floats > 0
+        [m per step^2].
+    hops : int >= 0
+    quiet : float > 0
+        Disturbance that gives 63 %.
+    unnoticed : float
+        Subtracted from each point's own; what is below it does not count.
+    most : float
+        Bound of a disturbance.
+    lower, upper : D floats
+        Corners of the box [m].
+
+    Returns
+    -------
+    float32 (N,)
+        In [0, 1].
+
+    Raises
+    ------
+    ConfigError
+        Arrays that do not fit together, or a number out of range.
+    """
 
 def relaxed(
     x: npt.NDArray[np.float32],

@@ -25,7 +25,7 @@ _FINAL_RATE = 3e-5
 _HELD_OUT_SEED = 1_000_000
 _LOOKED_AT = HISTORY + 10
 """States of the held-out trajectory: a picture at the end is not to take longer than the training."""
-_PROBES = 3
+_PROBE_SECONDS = 3.0
 _MODEL = "model.onnx"
 
 
@@ -106,7 +106,7 @@ def _new(
     """Begin a training of as many steps as fit into the time."""
     spec = point.spec(settings.relaxations)
     plan = TrainingSettings(
-        steps=_PROBES,
+        steps=1,
         batch=settings.batch,
         unroll=settings.unroll,
         seed=settings.seed,
@@ -114,16 +114,22 @@ def _new(
     )
     scales = normalization(training, spec, plan.noise)
     windows = Windows(training, settings.unroll)
-    # With as many steps as lengths of unrolling, the probe has the mixture of the whole training.
-    probe = Trainer(spec, scales, plan, device)
-    probe.step(windows)
-    began = time.perf_counter()
-    probe.step_count = 0
-    for _ in range(_PROBES):
-        probe.step(windows)
-    each = (time.perf_counter() - began) / _PROBES
+    # As many steps as lengths of unrolling are a round, with the mixture of the whole training.
+    probe = Trainer(spec, scales, replace(plan, steps=settings.unroll), device)
+    _round(probe, windows)
+    began, rounds = time.perf_counter(), 0
+    while time.perf_counter() - began < _PROBE_SECONDS:
+        _round(probe, windows)
+        rounds += 1
+    each = (time.perf_counter() - began) / (rounds * settings.unroll)
     steps = max(1, round(60.0 * minutes / each))
     return Trainer(spec, scales, replace(plan, steps=steps), device)
+
+
+def _round(probe: Trainer, windows: Windows) -> None:
+    probe.step_count = 0
+    for _ in range(probe.settings.steps):
+        probe.step(windows)
 
 
 @functools.lru_cache(maxsize=1)

@@ -7,14 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm._native import RadiusGraph, radius_graph, relaxed
+from hybridmpm._native import RadiusGraph, radius_graph
 from hybridmpm.arguments import whole
 from hybridmpm.data.particle_types import KINEMATIC, NAMES
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
+from hybridmpm.physics.disturbance import shares
 from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo, check_file
-from hybridmpm.physics.relaxation import STRENGTH, rest_density
+from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.physics.zero import free_fall
 from hybridmpm.scene import Scene
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ class NeuralModel:
         properties = self._session.get_modelmeta().custom_metadata_map
         self._info = ModelInfo.from_properties(properties, where=where)
         self._where = where
-        self._rest_density = rest_density(self.spec)
+        self._relaxation = Relaxation(self.spec)
 
     @classmethod
     def load(cls, name: str | Path, *, threads: int = 1) -> Self:
@@ -137,6 +139,8 @@ class NeuralModel:
     ) -> npt.NDArray[np.float32]:
         """Return positions one step later; see `Stepper.step`.
 
+        Where nothing disturbs any particle, all fall freely and the network is not run.
+
         Raises
         ------
         ConfigError
@@ -154,23 +158,13 @@ class NeuralModel:
             kinematic=KINEMATIC,
             max_edges=_MOST_NEIGHBORS * len(types),
         )
-        feed = {"history": history, "types": types, "acceleration": acceleration, "walls": walls}
-        moved, share = self._session.run(None, feed | edge_inputs(graph))
-        positions = np.asarray(moved, dtype=np.float32)
-        if not self.spec.relaxations:
-            return positions
-        return relaxed(
-            positions,
-            share.ravel(),
-            graph.starts,
-            graph.senders,
-            radius=graph.radius,
-            rest_density=self._rest_density,
-            strength=STRENGTH,
-            rounds=self.spec.relaxations,
-            lower=walls[0],
-            upper=walls[1],
-        )
+        state = (history, types, acceleration, walls)
+        share = shares(*state, graph, spec=self.spec, scales=self.info.scales)
+        if not share.any():
+            return free_fall(*state, self.spec.step_dt)
+        feed = dict(zip(("history", "types", "acceleration", "walls"), state, strict=True))
+        (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": share})
+        return self._relaxation(np.asarray(moved, dtype=np.float32), share, graph, walls)
 
 
 def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:

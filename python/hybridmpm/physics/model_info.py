@@ -9,7 +9,7 @@ from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.protobuf import fields, messages
 
-FORMAT = 3
+FORMAT = 4
 """Of the graph's inputs and of the metadata; raised when a file of the old kind cannot be served."""
 OPSET = 18
 """Of ONNX; what the exporter writes and all that is served."""

@@ -1,11 +1,53 @@
-"""What relaxation of density needs to know of a network; see `hybridmpm._native.relaxed`."""
+"""Relaxation of density, which ends a step of a network; with gradients `hybridmpm.training.relaxation`."""
 
 import itertools
 
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm._native import RadiusGraph, relaxed
 from hybridmpm.physics.spec import NetworkSpec
 
 STRENGTH = 0.15
 """Displacement over the radius that one neighbour at distance 0 gives at twice the density of rest."""
+
+
+class Relaxation:
+    """The relaxation that belongs to a network.
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+    """
+
+    def __init__(self, spec: NetworkSpec) -> None:
+        self._rounds, self._rest_density = spec.relaxations, rest_density(spec)
+
+    def __call__(
+        self,
+        positions: npt.NDArray[np.float32],
+        share: npt.NDArray[np.float32],
+        graph: RadiusGraph,
+        walls: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Return positions (N, D) [m] within the walls (2, D), each moved by its share (N,).
+
+        The graph is that of the state before the step.
+        """
+        if not self._rounds:
+            return positions
+        return relaxed(
+            positions,
+            share,
+            graph.starts,
+            graph.senders,
+            radius=graph.radius,
+            rest_density=self._rest_density,
+            strength=STRENGTH,
+            rounds=self._rounds,
+            lower=walls[0],
+            upper=walls[1],
+        )
 
 
 def rest_density(spec: NetworkSpec) -> float:

@@ -3,12 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import radius_graph, relaxed
+from hybridmpm._native import radius_graph
 from hybridmpm.arguments import whole
 from hybridmpm.data.particle_types import KINEMATIC
 from hybridmpm.downsampling import checked_ratio
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.relaxation import STRENGTH, rest_density
+from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import MAX_STRIDE, NetworkSpec
 from hybridmpm.scene import Scene
 
@@ -61,10 +61,7 @@ class ZeroStepper:
         walls: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
         """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
-        x, before = history[-1], history[-2]
-        dt = np.float32(self._frame_dt * self._r_t)
-        moved = np.clip(x + (x - before) + acceleration * dt**2, walls[0], walls[1])
-        return np.asarray(np.where((types == KINEMATIC)[:, None], x, moved), dtype=np.float32)
+        return free_fall(history, types, acceleration, walls, self._frame_dt * self._r_t)
 
 
 class RelaxedStepper(ZeroStepper):
@@ -80,7 +77,7 @@ class RelaxedStepper(ZeroStepper):
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__(spec.frame_dt, r_p=spec.r_p, r_t=spec.r_t)
-        self._spec, self._rest_density = spec, rest_density(spec)
+        self._radius, self._relaxation = spec.radius, Relaxation(spec)
 
     def step(
         self,
@@ -91,16 +88,18 @@ class RelaxedStepper(ZeroStepper):
     ) -> npt.NDArray[np.float32]:
         """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
         fallen = super().step(history, types, acceleration, walls)
-        graph = radius_graph(np.ascontiguousarray(history[-1]), self._spec.radius, types, kinematic=KINEMATIC)
-        return relaxed(
-            fallen,
-            (types != KINEMATIC).astype(np.float32),
-            graph.starts,
-            graph.senders,
-            radius=graph.radius,
-            rest_density=self._rest_density,
-            strength=STRENGTH,
-            rounds=self._spec.relaxations,
-            lower=walls[0],
-            upper=walls[1],
-        )
+        graph = radius_graph(np.ascontiguousarray(history[-1]), self._radius, types, kinematic=KINEMATIC)
+        return self._relaxation(fallen, (types != KINEMATIC).astype(np.float32), graph, walls)
+
+
+def free_fall(
+    history: npt.NDArray[np.float32],
+    types: npt.NDArray[np.int64],
+    acceleration: npt.NDArray[np.float32],
+    walls: npt.NDArray[np.float32],
+    step_dt: float,
+) -> npt.NDArray[np.float32]:
+    """Return positions (N, D) [m] a step of `step_dt` [s] later; other arguments as in `Stepper.step`."""
+    x, before = history[-1], history[-2]
+    moved = np.clip(x + (x - before) + acceleration * np.float32(step_dt) ** 2, walls[0], walls[1])
+    return np.asarray(np.where((types == KINEMATIC)[:, None], x, moved), dtype=np.float32)

@@ -3,13 +3,8 @@
 import torch
 from torch import Tensor
 
+from hybridmpm.physics.disturbance import MOST, QUIET, UNNOTICED
 from hybridmpm.training.network import Edges
-
-_QUIET = 0.01
-"""Square of a disturbance, in units of the acceleration's deviation, that lets 63 % of the answer count."""
-
-_UNNOTICED = 1e-4
-"""In the same unit: a hundredth of the deviation. Rounding is far below it and does not pile up over hops."""
 
 
 def disturbance(
@@ -48,11 +43,10 @@ def disturbance(
     departure = ((velocity[1:] - velocity[:-1] - known_step) / scale).square().sum(dim=(0, -1))
     against = ((graph.from_senders(velocity[-1]) - graph.from_receivers(velocity[-1])) / scale).square()
     signal = (departure + _near(history[-1], walls, radius) + _near(ahead, walls, radius)).unsqueeze(-1)
-    signal = torch.relu(signal + graph.sum(against.sum(dim=-1, keepdim=True)) - _UNNOTICED)
+    signal = torch.relu(signal + graph.sum(against.sum(dim=-1, keepdim=True)) - UNNOTICED)
     for _ in range(hops):
-        # Beyond a hundred the answer counts in full; the bound keeps sums of sums finite.
-        signal = (signal + graph.sum(graph.from_senders(signal))).clamp(max=100.0)
-    return 1.0 - torch.exp(-signal / _QUIET)
+        signal = (signal + graph.sum(graph.from_senders(signal))).clamp(max=MOST)
+    return 1.0 - torch.exp(-signal / QUIET)
 
 
 def _near(x: Tensor, walls: Tensor, radius: float) -> Tensor:

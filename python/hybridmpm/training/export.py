@@ -22,8 +22,8 @@ from hybridmpm.training import checkpoint
 from hybridmpm.training.network import SortedEdges
 from hybridmpm.training.simulator import LearnedSimulator
 
-INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask")
-OUTPUTS = ("positions", "share")
+INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask", "share")
+OUTPUTS = ("positions",)
 
 
 class _Served(nn.Module):
@@ -43,19 +43,21 @@ class _Served(nn.Module):
         receivers: Tensor,
         arrivals: Tensor,
         mask: Tensor,
-    ) -> tuple[Tensor, Tensor]:
+        share: Tensor,
+    ) -> Tensor:
         graph = SortedEdges(senders, receivers, arrivals, mask)
         answer = self.simulator.answer(history, types, walls, graph)
-        return self.simulator.moved(history, types, acceleration, walls, graph, answer=answer)
+        share = share.unsqueeze(-1)
+        return self.simulator.moved(history, types, acceleration, walls, answer=answer, share=share)
 
 
 def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     """Return a simulator as an ONNX model with its description.
 
     Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
-    gives them, its outputs those of `LearnedSimulator.moved`. N, E and K are free, E and K from 1 on.
-    Relaxation of density is not in it: its many small operations take onnxruntime almost as long as a small
-    network does, so whoever serves the model does it.
+    gives them, and the share (N,) of the answer that counts; its output is that of `LearnedSimulator.moved`.
+    N, E and K are free, E and K from 1 on. Neither the share nor the relaxation of density is in it: their
+    many small operations take onnxruntime almost as long as a small network does, so they are compiled.
     """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
         warnings.simplefilter("ignore")
@@ -158,6 +160,7 @@ def _example(spec: NetworkSpec) -> tuple[Tensor, ...]:
         torch.tensor([0, 1], dtype=torch.int32),
         torch.tensor([[0, 1], [1, 1], [1, 1]], dtype=torch.int32),
         torch.tensor([[True, False], [True, False], [False, False]]),
+        torch.ones(count),
     )
 
 
@@ -172,6 +175,7 @@ def _free_sizes() -> dict[str, dict[int, Any]]:
         "receivers": {0: free},
         "arrivals": {0: free, 1: free},
         "mask": {0: free, 1: free},
+        "share": {0: free},
     }
 
 

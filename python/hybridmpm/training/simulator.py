@@ -71,8 +71,8 @@ class LearnedSimulator(nn.Module):
         answer: Tensor,
     ) -> Tensor:
         """Take the Euler step of a network's answer (N, D), and relax densities."""
-        known = (history, types, acceleration, walls, graph)
-        x, share = self.moved(*known, answer=answer)
+        share = self.share(history, types, acceleration, walls, graph)
+        x = self.moved(history, types, acceleration, walls, answer=answer, share=share)
         for _ in range(self.spec.relaxations):
             relaxed = within(x + share * relaxation(x, graph, self.spec.radius, self._rest), walls)
             x = torch.where(share > 0.0, relaxed, x)
@@ -84,24 +84,38 @@ class LearnedSimulator(nn.Module):
         types: Tensor,
         acceleration: Tensor,
         walls: Tensor,
-        graph: Edges,
         *,
         answer: Tensor,
-    ) -> tuple[Tensor, Tensor]:
-        """Take the Euler step alone.
-
-        Returns positions (N, D) [m] and the share (N, 1) of relaxation that each particle takes part in: the
-        answer and it count only where `disturbance` sees anything happen. An undisturbed body falls freely.
-        """
-        radius, start = self.spec.radius, history[-1]
-        known = acceleration * self.spec.step_dt**2
-        share = disturbance(
-            history, known, walls, graph, radius=radius, scale=self.acceleration_std, hops=self.spec.layers
-        )
+        share: Tensor,
+    ) -> Tensor:
+        """Take the Euler step with a share (N, 1) of the answer (N, D); returns positions (N, D) [m]."""
+        start = history[-1]
         residual = answer * self.acceleration_std + self.acceleration_mean
-        x = start + (start - history[-2]) + known + share * residual
-        still = (types == KINEMATIC).unsqueeze(-1)
-        return torch.where(still, start, within(x, walls)), torch.where(still, 0.0, share)
+        x = start + (start - history[-2]) + acceleration * self.spec.step_dt**2 + share * residual
+        return torch.where(_still(types), start, within(x, walls))
+
+    def share(
+        self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
+    ) -> Tensor:
+        """Share (N, 1) of the answer and of relaxation that counts, 0 for kinematic particles.
+
+        They count only where `disturbance` sees anything happen: an undisturbed body falls freely. Served
+        models have it from `hybridmpm.physics.disturbance`.
+        """
+        found = disturbance(
+            history,
+            acceleration * self.spec.step_dt**2,
+            walls,
+            graph,
+            radius=self.spec.radius,
+            scale=self.acceleration_std,
+            hops=self.spec.layers,
+        )
+        return torch.where(_still(types), 0.0, found)
+
+
+def _still(types: Tensor) -> Tensor:
+    return (types == KINEMATIC).unsqueeze(-1)
 
 
 def within(x: Tensor, walls: Tensor) -> Tensor:

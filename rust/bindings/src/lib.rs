@@ -6,6 +6,8 @@
 
 mod batch;
 mod convert;
+mod disturbance;
+mod edges;
 mod emitter;
 mod error;
 mod graph;
@@ -89,6 +91,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(batch::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
+    module.add_function(wrap_pyfunction!(disturbance::disturbance, module)?)?;
     module.add_function(wrap_pyfunction!(relaxation::relaxed, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

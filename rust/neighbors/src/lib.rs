@@ -4,6 +4,7 @@
 //! are ordered by receiver, then by sender. Dimension is a const generic; D is 2 or 3.
 
 mod cells;
+mod disturbance;
 mod error;
 mod padded;
 mod rank;
@@ -14,6 +15,7 @@ mod search;
 mod tile;
 mod verlet;
 
+pub use disturbance::Disturbance;
 pub use error::GraphError;
 pub use padded::{most_neighbors, write_padded};
 pub use relaxation::Relaxation;

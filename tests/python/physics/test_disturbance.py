@@ -1,14 +1,24 @@
 """Where nothing happens, a body falls freely whatever the network answers; obstacles stay where they are."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 
+from hybridmpm import ConfigError, radius_graph
+from hybridmpm._native import disturbance as compiled
 from hybridmpm.data.particle_types import KINEMATIC, WATER
+from hybridmpm.physics.disturbance import MOST, QUIET, UNNOTICED
+from hybridmpm.physics.disturbance import shares as served_shares
+from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.training.disturbance import disturbance
 from hybridmpm.training.simulator import LearnedSimulator
 from hybridmpm.training.windows import edges_of
+
+Inputs = Callable[..., dict[str, Any]]
 
 SPEC = NetworkSpec(
     scenarios=("water_2d",), latent=8, layers=2, hidden_layers=1, radius=0.03, r_p=1 / 8, r_t=4, relaxations=2
@@ -78,3 +88,79 @@ def test_kinematic_particles_stay_where_they_are() -> None:
     types[:7] = KINEMATIC
     assert torch.equal(step(history, types)[:7], history[-1][:7])
     assert not torch.equal(step(history, types)[7:], history[-1][7:])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_both_forms_agree(model: NeuralModel, model_3d: NeuralModel, inputs: Inputs, dim: int) -> None:
+    """What training computes with gradients and what serving computes compiled."""
+    info = (model if dim == 2 else model_3d).info
+    simulator = LearnedSimulator(info.spec, info.scales)
+    seen = []
+    for nudge in (0.0, 0.02, 0.05, 0.1, 1.0):
+        given = inputs(np.random.default_rng(1), 150, dim, kinematic=20, width=0.3)
+        types, known = given["types"], given["acceleration"]
+        # All falls freely, but that one particle in ten was a little elsewhere in the oldest state.
+        t = info.spec.step_dt * np.arange(-5, 1)[:, None, None]
+        path = given["history"][-1] + np.where((types == KINEMATIC)[:, None], 0.0, 0.5 * known * t * t)
+        path[0, ::10] += nudge * np.array(info.scales.acceleration_std)
+        state = (path.astype(np.float32), types, known, given["walls"])
+        graph = radius_graph(state[0][-1], info.spec.radius, types, kinematic=KINEMATIC)
+        found = served_shares(*state, graph, spec=info.spec, scales=info.scales)
+        tensors = [torch.from_numpy(part) for part in state]
+        edges = edges_of(tensors[0][-1], tensors[1], (len(types),), info.spec.radius)
+        np.testing.assert_allclose(found, simulator.share(*tensors, edges)[:, 0], atol=2e-3)
+        assert (found[types == KINEMATIC] == 0).all()
+        seen.append(found)
+    everywhere = np.concatenate(seen)
+    assert (everywhere == 0).any()
+    assert (everywhere > 0.999).any()
+    assert ((everywhere > 0.1) & (everywhere < 0.9)).any()
+
+
+def test_the_network_rests_while_nothing_happens(model: NeuralModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    history = falling(0.6).numpy()
+    water = np.full(COUNT, WATER)
+    known = np.tile(GRAVITY.numpy(), (COUNT, 1))
+    runs = []
+    monkeypatch.setattr(model._session, "run", lambda *_: runs.append(1) or [np.zeros((COUNT, 2))])
+    found = model.step(history, water, known, WALLS.numpy())
+    expected = 2 * history[-1] - history[-2] + known * np.float32(model.spec.step_dt**2)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert not runs
+    model.step(falling(0.11).numpy(), water, known, WALLS.numpy())
+    assert runs == [1]
+
+
+CASES: list[tuple[dict[str, Any], str]] = [
+    ({"history": np.zeros((1, 3, 2), np.float32)}, r"history must be float32 of shape \(S, N, 2\)"),
+    ({"history": np.zeros((6, 3, 4), np.float32)}, r"got shapes \[6, 3, 4\] and \[3, 2\]"),
+    ({"known": np.zeros((2, 2), np.float32)}, "known must have 3 entries for 3 points, got 2"),
+    ({"starts": np.zeros(3, np.uint32)}, "starts must have 4 entries for 3 points, got 3"),
+    ({"senders": np.array([3], np.uint32)}, "senders must be below 3, the number of points, got 3"),
+    ({"radius": 0.0}, "radius must be finite and > 0, got 0"),
+    ({"scale": [1.0, 0.0]}, "scale must be finite and > 0, got 0"),
+    ({"scale": [1.0]}, "scale must have 2 components, got 1"),
+    ({"quiet": float("nan")}, "quiet must be finite and > 0, got NaN"),
+    ({"upper": [0.9, 0.0]}, "lower must be at or below upper"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), CASES)
+def test_what_does_not_fit_is_refused(change: dict[str, Any], message: str) -> None:
+    fine = {
+        "history": np.zeros((6, 3, 2), np.float32),
+        "known": np.zeros((3, 2), np.float32),
+        "starts": np.array([0, 0, 1, 1], np.uint32),
+        "senders": np.array([0], np.uint32),
+        "radius": 0.1,
+        "scale": [1.0, 1.0],
+        "hops": 2,
+        "quiet": QUIET,
+        "unnoticed": UNNOTICED,
+        "most": MOST,
+        "lower": [0.1] * 2,
+        "upper": [0.9] * 2,
+    }
+    assert compiled(**fine).shape == (3,)
+    with pytest.raises(ConfigError, match=message):
+        compiled(**fine | change)

@@ -69,8 +69,8 @@ def test_sizes_are_free_and_weights_inside(model_file: Path, simulator: LearnedS
         "receivers": [e],
         "arrivals": [n, shapes["mask"][1]],
         "mask": [n, shapes["mask"][1]],
+        "share": [n],
         "positions": [n, 2],
-        "share": [n, 1],
     }
     assert [tensor.name for tensor in model.graph.initializer if tensor.external_data] == []
     weights = 4 * sum(parameter.numel() for parameter in simulator.parameters())

@@ -220,8 +220,8 @@ def _spec(**changes: Any) -> Callable[[onnx.ModelProto], None]:
 FILES: list[tuple[Callable[[onnx.ModelProto], None], type[Exception], str]] = [
     (_outside, DataError, r"keeps .+ in another file \(external data\)"),
     (_opset, DataError, "is of ONNX opset 17; this library serves opset 18"),
-    (_property("format", "1"), DataError, "has model format 1; this library serves format 3"),
-    (_property("format", None), DataError, "has model format none; this library serves format 3"),
+    (_property("format", "1"), DataError, "has model format 1; this library serves format 4"),
+    (_property("format", None), DataError, "has model format none; this library serves format 4"),
     (_property("scales", None), DataError, "its metadata is damaged: KeyError.'scales'"),
     (_property("training", "{"), DataError, "its metadata is damaged: JSONDecodeError"),
     (_spec(features=9), ConfigError, "has features version 9; this library has 1"),
