@@ -3,11 +3,11 @@
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from hybridmpm import metrics, scenarios
+from hybridmpm.bench.front import Row
 from hybridmpm.bench.impact import LONGEST_FALL, first_impact
 from hybridmpm.bench.latency import Timing, measured, step_latency
 from hybridmpm.bench.methods import RATIOS, Method, mpm, neural, reference_scene, zero
@@ -28,7 +28,7 @@ _SECONDS = 5.0
 _FIELDS = (
     "scenario", "method", "label", "r_p", "r_t", "r_c", "mpm_share", "size", "spacings", "radius",
     "relaxations", "parameters", "trained", "minutes", "steps", "training_seconds", "scenes", "failed",
-    "threads", "warm_up", "start", "ms_mpm",
+    "threads", "warm_up", "start",
 )  # fmt: skip
 
 
@@ -47,60 +47,76 @@ class Laboratory:
     def __init__(self, folder: Path, settings: Settings, device: torch.device) -> None:
         self._folder, self._settings, self._device = folder, settings, device
 
-    def references(self, scenario: str) -> list[dict[str, Any]]:
-        """Return rows of MPM, of the zero networks and of the bounds; methods as in `bench.models.rows`."""
+    def references(self, scenario: str) -> list[Row]:
+        """Return the errors of MPM, of zero networks and of the bounds; methods as in `bench.models.rows`."""
         threads = self._settings.threads
         table, truths = ErrorTable(), _truths(scenario, self._settings)
-        ladder = [mpm(label, r_p, threads=threads) for label, r_p in RATIOS.items()]
         zeros = [zero(r_p, r_t, threads=threads) for r_p in RATIOS.values() for r_t in STRIDES]
-        for method in (*ladder, *zeros):
+        methods = (*self._rungs(), *zeros)
+        for method in methods:
             self._enter(table, method, truths)
         for truth in truths.values():
             self._enter_bounds(table, truth)
-        scene = reference_scene(scenario)
-        start = max(LATEST, first_impact(MpmSolver(scene), LONGEST_FALL))
-        latencies = measured(
-            [Timing(one.make(scene)) for one in ladder],
-            start=start, span=self._settings.span, passes=2, seconds=_SECONDS,
-        )  # fmt: skip
-        timed = dict(zip((one.name for one in ladder), latencies, strict=True))
-        known = {one.name: one for one in (*ladder, *zeros)}
+        known = {one.name: one for one in methods}
         return [
             self._row(scenario, name, known.get(name), truths)
-            | latency_fields(timed.get(name))
             | measure_fields(entry)
             | zero_fields(table, None, None)
             for entry in table.rows()
             for name in [entry["method"]]
         ]
 
-    def measure(self, point: Point, minutes: float) -> dict[str, Any]:
-        """Train for so long, 0 for not at all, and return the row; without training it has no error."""
-        settings = self._settings
-        if minutes > 0:
-            network = trained(point, minutes, settings, self._folder, self._device)
-        else:
-            network = untrained(point, settings)
-        info = network.model.info
-        method = neural(point.name, network.model, threads=settings.threads, parameters=info.parameters)
-        truths = _truths(point.scenario, settings) if minutes > 0 else {}
-        table, rival = ErrorTable(), zero(method.r_p, method.r_t, threads=settings.threads)
+    def ladder(self, scenario: str) -> list[Row]:
+        """Return the latencies of MPM, by `label`."""
+        scene, rungs = reference_scene(scenario), self._rungs()
+        start = max(LATEST, first_impact(MpmSolver(scene), LONGEST_FALL))
+        latencies = measured(
+            [Timing(one.make(scene)) for one in rungs],
+            start=start, span=self._settings.span, passes=2, seconds=_SECONDS,
+        )  # fmt: skip
+        return [
+            {"label": one.label, **latency_fields(latency)}
+            for one, latency in zip(rungs, latencies, strict=True)
+        ]
+
+    def errors(self, point: Point, minutes: float) -> Row:
+        """Train a network for so long, and return its errors."""
+        network = trained(point, minutes, self._settings, self._folder, self._device)
+        truths, method = _truths(point.scenario, self._settings), self._method(point, network)
+        table, rival = ErrorTable(), zero(method.r_p, method.r_t, threads=self._settings.threads)
         failed = self._enter(table, method, truths)
         self._enter(table, rival, truths)
         entries = {row["method"]: row for row in table.rows()}
-        name = None if failed or not truths else method.name
-        latency, yardstick = step_latency(
-            network.model, reference_scene(point.scenario), earliest=LATEST, span=settings.span,
-            threads=settings.threads, seconds=_SECONDS,
-        )  # fmt: skip
+        name = None if failed else method.name
         return (
             self._row(point.scenario, method.name, method, truths)
             | _network_fields(point, network, minutes)
-            | {"failed": failed, "ms_mpm": latency_fields(yardstick)["ms_per_frame"]}
-            | latency_fields(latency)
+            | {"failed": failed}
             | measure_fields(entries[name] if name else {})
             | zero_fields(table, name, rival.name)
         )
+
+    def latency(self, point: Point) -> Row:
+        """Return the latency of a network with random weights: it is that of any."""
+        network, scene = untrained(point, self._settings), reference_scene(point.scenario)
+        latency, yardstick = step_latency(
+            network.model, scene, earliest=LATEST, span=self._settings.span, threads=self._settings.threads,
+            seconds=_SECONDS,
+        )  # fmt: skip
+        method = self._method(point, network)
+        return (
+            self._row(point.scenario, method.name, method, {})
+            | _network_fields(point, network, 0.0)
+            | {"ms_mpm": latency_fields(yardstick)["ms_per_frame"]}
+            | latency_fields(latency)
+        )
+
+    def _method(self, point: Point, network: Network) -> Method:
+        parameters = network.model.info.parameters
+        return neural(point.name, network.model, threads=self._settings.threads, parameters=parameters)
+
+    def _rungs(self) -> list[Method]:
+        return [mpm(label, r_p, threads=self._settings.threads) for label, r_p in RATIOS.items()]
 
     def _enter(self, table: ErrorTable, method: Method, truths: Mapping[str, Truth]) -> int:
         """Enter a method's errors in each scene; returns in how many it failed."""
@@ -131,9 +147,7 @@ class Laboratory:
         if jitter is not None:
             self._compare(table, "jitter", jitter, truth)
 
-    def _row(
-        self, scenario: str, name: str, method: Method | None, truths: Mapping[str, Truth]
-    ) -> dict[str, Any]:
+    def _row(self, scenario: str, name: str, method: Method | None, truths: Mapping[str, Truth]) -> Row:
         """Return the fields besides errors and latencies; those of networks are None."""
         kind, _, label = name.partition(" ")
         r_p = method.r_p if method else RATIOS.get(label)
@@ -155,7 +169,7 @@ class Laboratory:
         }
 
 
-def _network_fields(point: Point, network: Network, minutes: float) -> dict[str, Any]:
+def _network_fields(point: Point, network: Network, minutes: float) -> Row:
     spec = network.model.spec
     return {
         "size": point.size,

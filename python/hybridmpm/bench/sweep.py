@@ -2,21 +2,20 @@
 
 import dataclasses
 import fnmatch
+import functools
 import itertools
 import json
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
-from hybridmpm.bench.front import compared, dominating
+from hybridmpm.bench.front import Row, compared, dominating
 from hybridmpm.bench.methods import RATIOS
 from hybridmpm.bench.provenance import Provenance, write_rows
 from hybridmpm.errors import ConfigError, DataError, ExportError
 from hybridmpm.physics.spec import NetworkSpec
-
-if TYPE_CHECKING:
-    from hybridmpm.bench.laboratory import Laboratory
 
 SCENARIOS = ("water_2d", "sand_2d")
 STRIDES = (1, 2, 4, 8, 16)
@@ -27,6 +26,10 @@ RADII = (2.2, 2.9)
 """Connectivity radius in spacings of the particles; the latter is the paper's."""
 
 _SETTINGS = "settings.json"
+_NEEDED = ("scenario", "method", "label", "trained", "ms_per_frame", "error")
+"""Fields that rows are compared by."""
+# Folders of results.
+_POINTS, _LATENCIES, _REFERENCES, _LADDERS = "points", "latencies", "references", "ladders"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +123,26 @@ def matching(patterns: Sequence[str]) -> list[Point]:
     ]
 
 
+class Bench(Protocol):
+    """What measures points; `Laboratory` does, and needs torch."""
+
+    def references(self, scenario: str) -> list[Row]:
+        """Return rows of the errors of MPM, of the zero networks and of the bounds."""
+
+    def ladder(self, scenario: str) -> list[Row]:
+        """Return the latencies of MPM, by `label`."""
+
+    def errors(self, point: Point, minutes: float) -> Row:
+        """Train a network for so long, and return its errors."""
+
+    def latency(self, point: Point) -> Row:
+        """Return the latency of a network."""
+
+
 class Sweep:
-    """A folder of results, one file a point, that grows until all points are there.
+    """A folder of results, with a file for each training and each latency, that grows until all are there.
+
+    Latencies are kept apart: they want a machine where nothing else runs, and do not depend on weights.
 
     Parameters
     ----------
@@ -140,12 +161,12 @@ class Sweep:
     """
 
     def __init__(self, folder: Path, settings: Settings) -> None:
-        self._points, self._references = folder / "points", folder / "references"
-        for one in (self._points, self._references):
+        self._folder = folder
+        for name in (_POINTS, _LATENCIES, _REFERENCES, _LADDERS):
             try:
-                one.mkdir(parents=True, exist_ok=True)
+                (folder / name).mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise ExportError(f"cannot write to {one}: {error.strerror or error}") from error
+                raise ExportError(f"cannot write to {folder / name}: {error.strerror or error}") from error
         file = folder / _SETTINGS
         if not file.exists():
             write_rows(file, [asdict(settings)])
@@ -157,67 +178,99 @@ class Sweep:
                     "settings or another folder"
                 )
 
-    def missing(self, points: Sequence[Point], minutes: float) -> list[Point]:
-        """Return the points that are not there, or there with less training than `minutes`."""
-        return [point for point in points if self._minutes(point) < minutes or not self._file(point).exists()]
+    def untrained(self, points: Sequence[Point], minutes: float) -> list[Point]:
+        """Return the points with less training than `minutes`."""
+        return [point for point in points if self._minutes(point) < minutes]
 
-    def run(
+    def untimed(self, points: Sequence[Point]) -> list[Point]:
+        """Return the points whose latency is not known."""
+        return [point for point in points if not self._file(_LATENCIES, point.key).exists()]
+
+    def train(
         self,
         points: Sequence[Point],
         minutes: float,
-        laboratory: "Laboratory",
+        bench: Bench,
         source: Provenance,
         on_progress: Callable[[int], object],
     ) -> None:
-        """Measure what is missing; each point is written as soon as it is done.
-
-        The laboratory needs torch, this module does not.
+        """Train what has been trained for less, and measure errors; each is written as soon as it is known.
 
         Raises
         ------
         ExportError
-            A file cannot be written; and what the laboratory raises.
+            A file cannot be written; and what the bench raises.
         """
         for scenario in dict.fromkeys(point.scenario for point in points):
-            file = self._references / f"{scenario}.json"
+            file = self._file(_REFERENCES, scenario)
             if not file.exists():
-                write_rows(file, [row | asdict(source) for row in laboratory.references(scenario)])
-        for point in self.missing(points, minutes):
-            row = laboratory.measure(point, minutes) | asdict(source)
-            write_rows(self._file(point), [row])
+                write_rows(file, [row | asdict(source) for row in bench.references(scenario)])
+        for point in self.untrained(points, minutes):
+            row = bench.errors(point, minutes) | asdict(source)
+            write_rows(self._file(_POINTS, point.key), [row])
             on_progress(1)
 
-    def rows(self) -> list[dict[str, Any]]:
+    def time(
+        self,
+        points: Sequence[Point],
+        bench: Bench,
+        source: Provenance,
+        on_progress: Callable[[int], object],
+    ) -> None:
+        """Measure latencies that are missing; raises as `train`."""
+        when = {"timed_date": source.date, "timed_commit": source.commit}
+        for scenario in dict.fromkeys(point.scenario for point in points):
+            file = self._file(_LADDERS, scenario)
+            if not file.exists():
+                write_rows(file, [row | when for row in bench.ladder(scenario)])
+        for point in self.untimed(points):
+            row = bench.latency(point) | asdict(source) | when
+            write_rows(self._file(_LATENCIES, point.key), [row])
+            on_progress(1)
+
+    def rows(self) -> list[Row]:
         """Return the references and all points that are there, compared with each other by scenario."""
         found = []
         for scenario in SCENARIOS:
-            file = self._references / f"{scenario}.json"
-            references = _read(file) if file.exists() else []
-            mine = [point for point in POINTS if point.scenario == scenario and self._file(point).exists()]
-            found += compared([*references, *(row for point in mine for row in _read(self._file(point)))])
-        return found
+            ladder = {row["label"]: row for row in self._there(_LADDERS, scenario)}
+            rows = [
+                row | ladder.get(row["label"], {}) if row["method"] == "mpm" else row
+                for row in self._there(_REFERENCES, scenario)
+            ]
+            for point in POINTS:
+                if point.scenario == scenario:
+                    # What training says of the same things is later.
+                    parts = (*self._there(_LATENCIES, point.key), *self._there(_POINTS, point.key))
+                    rows += [functools.reduce(operator.or_, parts)] if parts else []
+            found.append(rows)
+        names = dict.fromkeys((*_NEEDED, *(name for rows in found for row in rows for name in row)))
+        return [row for rows in found for row in compared([dict.fromkeys(names) | row for row in rows])]
 
     def survivors(self) -> list[Point]:
         """Return the trained points that no other trained point of their scenario dominates."""
-        there = {point: _read(self._file(point))[0] for point in POINTS if self._file(point).exists()}
-        return [
-            point
-            for point, row in there.items()
-            if row["trained"]
-            and row["error"] is not None
-            and dominating(row, [two for one, two in there.items() if one.scenario == point.scenario]) is None
-        ]
+        trained = [row for row in self.rows() if row["method"] == "neural" and row["trained"]]
+        best = {
+            (row["scenario"], row["label"])
+            for row in trained
+            if row["error"] is not None
+            and row["ms_per_frame"] is not None
+            and dominating(row, [one for one in trained if one["scenario"] == row["scenario"]]) is None
+        }
+        return [point for point in POINTS if (point.scenario, point.name) in best]
 
-    def _file(self, point: Point) -> Path:
-        return self._points / f"{point.key}.json"
+    def _file(self, kind: str, name: str) -> Path:
+        return self._folder / kind / f"{name}.json"
+
+    def _there(self, kind: str, name: str) -> list[Row]:
+        file = self._file(kind, name)
+        return _read(file) if file.exists() else []
 
     def _minutes(self, point: Point) -> float:
         """Training that a point has had, 0 where it is not there."""
-        file = self._file(point)
-        return float(_read(file)[0]["minutes"]) if file.exists() else 0.0
+        return max((float(row["minutes"]) for row in self._there(_POINTS, point.key)), default=0.0)
 
 
-def _read(file: Path) -> list[dict[str, Any]]:
+def _read(file: Path) -> list[Row]:
     try:
         rows = json.loads(file.read_text(encoding="utf-8"))
         if not (isinstance(rows, list) and rows and all(isinstance(row, dict) for row in rows)):

@@ -1,5 +1,6 @@
 """A sweep goes on at the point where it stopped, redoes what was trained for less, and names survivors."""
 
+import dataclasses
 import importlib
 import json
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from hybridmpm import ConfigError, DataError, scenarios
 from hybridmpm.bench import latency, sweep
+from hybridmpm.bench.front import Row
 from hybridmpm.bench.provenance import Provenance
 from hybridmpm.bench.sweep import POINTS, Point, Settings, Sweep, matching
 from hybridmpm.cli import cli
@@ -30,24 +32,33 @@ class Notebook:
         self.log: list[str] = []
         self.fails_at = fails_at
 
-    def references(self, scenario: str) -> list[dict[str, Any]]:
+    def references(self, scenario: str) -> list[Row]:
         self.log.append(scenario)
-        return [self._row(scenario, "mpm", "1", 1.0, 0.1), self._row(scenario, "still", None, None, 1.4)]
+        rows = [("mpm", "1", 0.1), ("still", None, 1.4)]
+        return [
+            {"scenario": scenario, "method": method, "label": label, "error": error}
+            for method, label, error in rows
+        ]
 
-    def measure(self, point: Point, minutes: float) -> dict[str, Any]:
-        if point.key == self.fails_at:
+    def ladder(self, scenario: str) -> list[Row]:
+        self.log.append(f"time {scenario}")
+        return [{"label": "1", "ms_per_frame": 1.0}]
+
+    def errors(self, point: Point, minutes: float) -> Row:
+        self._begin(point.key)
+        return {**self._row(point), "minutes": minutes, "trained": True, "error": 0.5 + 0.1 * point.r_t}
+
+    def latency(self, point: Point) -> Row:
+        self._begin(f"time {point.key}")
+        return {**self._row(point), "minutes": 0.0, "trained": False, "ms_per_frame": 8.0 / point.r_t}
+
+    def _begin(self, what: str) -> None:
+        if what == self.fails_at:
             raise KeyboardInterrupt
-        self.log.append(point.key)
-        error = None if minutes == 0 else 0.5 + 0.1 * point.r_t
-        row = self._row(point.scenario, "neural", point.name, 8.0 / point.r_t, error)
-        return row | {"minutes": minutes, "trained": minutes > 0}
+        self.log.append(what)
 
-    def _row(
-        self, scenario: str, method: str, label: str | None, ms: float | None, error: float | None
-    ) -> dict[str, Any]:
-        return {
-            "scenario": scenario, "method": method, "label": label, "ms_per_frame": ms, "error": error,
-        }  # fmt: skip
+    def _row(self, point: Point) -> Row:
+        return {"scenario": point.scenario, "method": "neural", "label": point.name}
 
 
 def nothing(_count: int) -> None:
@@ -77,45 +88,66 @@ def test_patterns() -> None:
         matching([TINY, "water*t3*"])
 
 
-def test_an_interrupted_sweep_goes_on(tmp_path: Path) -> None:
-    points = matching(["water_2d-*-p1_16-32x3-R2.2"])
-    keys = [point.key for point in points]
+LINE = "water_2d-*-p1_16-32x3-R2.2"
+"""Five points, of r_t = 16 to 1."""
+
+
+@pytest.mark.parametrize("what", ["training", "timing"])
+def test_an_interrupted_sweep_goes_on(tmp_path: Path, what: str) -> None:
+    points = matching([LINE])
+    keys = [point.key if what == "training" else f"time {point.key}" for point in points]
     assert len(keys) == 5
-    first = Notebook(fails_at=keys[2])
+
+    def go(results: Sweep, notebook: Notebook, on_progress: Callable[[int], object]) -> None:
+        if what == "training":
+            results.train(points, 2.0, notebook, SOURCE, on_progress)
+        else:
+            results.time(points, notebook, SOURCE, on_progress)
+
+    first, second = Notebook(fails_at=keys[2]), Notebook()
     with pytest.raises(KeyboardInterrupt):
-        Sweep(tmp_path, Settings()).run(points, 0.0, first, SOURCE, nothing)
-    assert first.log == ["water_2d", *keys[:2]]
-    second, again = Notebook(), Sweep(tmp_path, Settings())
-    assert [point.key for point in again.missing(points, 0.0)] == keys[2:]
+        go(Sweep(tmp_path, Settings()), first, nothing)
+    assert first.log[1:] == keys[:2]
+    again = Sweep(tmp_path, Settings())
+    missing = again.untrained(points, 2.0) if what == "training" else again.untimed(points)
+    assert missing == points[2:]
     done: list[int] = []
-    again.run(points, 0.0, second, SOURCE, done.append)
+    go(again, second, done.append)
     assert second.log == keys[2:]
     assert done == [1, 1, 1]
-    rows = again.rows()
-    assert [row["label"] for row in rows[2:]] == [point.name for point in points]
-    assert all(row["machine"] == "m" for row in rows)
+    networks = [row for row in again.rows() if row["method"] == "neural"]
+    assert [row["label"] for row in networks] == [point.name for point in points]
+    assert all(row["machine"] == "m" for row in networks)
     assert not list(tmp_path.rglob(".*"))
 
 
-def test_more_minutes_redo_points_and_fewer_do_not(tmp_path: Path) -> None:
-    points = matching(["water_2d-*-p1_16-32x3-R2.2"])
+def test_errors_and_latencies_come_together(tmp_path: Path) -> None:
+    points = matching([LINE])
     results, notebook = Sweep(tmp_path, Settings()), Notebook()
-    results.run(points, 0.0, notebook, SOURCE, nothing)
+    results.time(points, notebook, SOURCE, nothing)
     assert results.survivors() == []
-    results.run(points[:2], 5.0, notebook, SOURCE, nothing)
-    assert notebook.log[-2:] == [point.key for point in points[:2]]
-    assert results.missing(points, 5.0) == points[2:]
-    assert results.missing(points, 0.0) == []
+    results.train(points[:2], 5.0, notebook, SOURCE, nothing)
+    later = dataclasses.replace(SOURCE, commit="d")
+    results.train(points[:1], 6.0, notebook, later, nothing)
+    assert [point for point in points if point in results.untrained(points, 6.0)] == points[1:]
+    assert results.untrained(points, 0.0) == []
     # r_t = 16 is quicker and worse than r_t = 8: both survive; the untrained ones cannot.
     assert results.survivors() == points[:2]
-    trained = [row for row in results.rows() if row["method"] == "neural" and row["trained"]]
+    mpm, still, *networks = results.rows()
+    assert (mpm["ms_per_frame"], still["ms_per_frame"]) == (1.0, None)
+    assert [row["ms_per_frame"] for row in networks] == [8 / point.r_t for point in points]
+    assert [row["minutes"] for row in networks] == [6.0, 5.0, 0.0, 0.0, 0.0]
+    assert [(row["commit"], row["timed_commit"]) for row in networks[:2]] == [("d", "c"), ("c", "c")]
+    trained = [row for row in networks if row["trained"]]
     assert [row["dominated_by"] for row in trained] == [None, "mpm 1"]
     assert [row["as_good"] for row in trained] == ["1", "1"]
+    # Each row has all fields, also those that it has nothing for.
+    assert len({tuple(row) for row in (mpm, still, *networks)}) == 1
 
 
 def test_other_settings_and_damaged_files_are_refused(tmp_path: Path) -> None:
     points = matching([TINY])
-    Sweep(tmp_path, Settings()).run(points, 0.0, Notebook(), SOURCE, nothing)
+    Sweep(tmp_path, Settings()).train(points, 1.0, Notebook(), SOURCE, nothing)
     with pytest.raises(ConfigError, match="holds points with scenes = 10, not 3; take the same settings"):
         Sweep(tmp_path, Settings(scenes=3))
     (tmp_path / "points" / f"{TINY}.json").write_text("[]")
@@ -185,9 +217,11 @@ def test_a_point_measured_and_then_trained(
     assert (untrained["trained"], untrained["error"], untrained["steps"]) == (False, None, 0)
     assert 0 < untrained["ms_per_frame"] <= untrained["ms_p95"]
     assert untrained["ms_mpm"] > 0
-    result = run("--points", TINY, "--minutes-per-point", "0.02", "--json", str(file), "--chart", str(chart))
+    longer = ("--minutes-per-point", "0.02", "--untimed")
+    result = run("--points", TINY, *longer, "--json", str(file), "--chart", str(chart))
     assert result.exit_code == 0, result.output
     *_, trained = json.loads(file.read_text())
+    assert trained["ms_per_frame"] == untrained["ms_per_frame"]
     assert (trained["trained"], trained["minutes"], trained["failed"]) == (True, 0.02, 0)
     assert trained["steps"] >= 1
     assert trained["error"] > 0

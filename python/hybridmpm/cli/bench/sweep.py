@@ -39,7 +39,7 @@ _COLUMNS = (
     type=click.FloatRange(0, 100_000),
     default=0.0,
     show_default=True,
-    help="Of training. With 0 only latencies are measured, with random weights. Points with less are redone.",
+    help="Of training. With 0 only latencies are measured. Points with less are redone.",
 )
 @click.option("--survivors", is_flag=True, help="Only points that no other trained point dominates.")
 @click.option(
@@ -66,6 +66,7 @@ _COLUMNS = (
     help="To train on.",
 )
 @click.option("--device", default="auto", show_default=True, help="To train on: cpu, cuda or auto.")
+@click.option("--untimed", is_flag=True, help="Leave latencies to a later call, when nothing else runs.")
 @json_option
 @chart_option
 def sweep(
@@ -75,6 +76,7 @@ def sweep(
     minutes: float,
     survivors: bool,
     device: str,
+    untimed: bool,
     json_file: Path | None,
     chart_file: Path | None,
     **options: int,
@@ -106,8 +108,11 @@ def sweep(
         **{"minutes-per-point": (f"{minutes:g}",)},
         **{name: (value,) for name, value in options.items()},
     )
-    with progress("Measuring", len(results.missing(points, minutes))) as bar:
-        results.run(points, minutes, laboratory, origin, bar.update)
+    with progress("Training", len(results.untrained(points, minutes))) as bar:
+        results.train(points, minutes, laboratory, origin, bar.update)
+    if not untimed:
+        with progress("Timing", len(results.untimed(points))) as bar:
+            results.time(points, laboratory, origin, bar.update)
     rows = results.rows()
     report(rows, _COLUMNS, origin, json_file)
     if chart_file is not None:
