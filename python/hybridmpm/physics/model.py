@@ -11,6 +11,7 @@ from hybridmpm._native import RadiusGraph, radius_graph
 from hybridmpm.arguments import whole
 from hybridmpm.data.particle_types import KINEMATIC, NAMES
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
+from hybridmpm.materials import Material, Water
 from hybridmpm.physics.disturbance import shares
 from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo, check_file
@@ -102,8 +103,8 @@ class NeuralModel:
         Raises
         ------
         ConfigError
-            Dimension, frame_dt, particle spacing, a material, or obstacles where there were none: the
-            message names both values. Or particles come and go, or obstacles move.
+            Dimension, frame_dt, particle spacing, a material or one of its constants, or obstacles where
+            there were none: the message names both values. Or particles come and go, or obstacles move.
         """
         trained = [scenarios.get(name, 0) for name in self.spec.scenarios]
         like = trained[0]
@@ -120,6 +121,16 @@ class NeuralModel:
         if foreign:
             had = ", ".join(NAMES[number] for number in sorted(known))
             raise ConfigError(f"{self._for()}, with {had}; the scene has {NAMES[foreign[0]]}")
+        constants = {
+            material.type_id: _constants(material, one) for one in trained for material in one.materials
+        }
+        for material in scene.materials:
+            for name, there in _constants(material, scene).items():
+                if there != (needed := constants[material.type_id][name]):
+                    raise ConfigError(
+                        f"{self._for()}, with {material.kind} of {name} {needed:g}; the scene's has "
+                        f"{name} {there:g}"
+                    )
         if scene.obstacles and not any(one.obstacles for one in trained):
             raise ConfigError(f"{self._for()}, without obstacles; the scene has {len(scene.obstacles)}")
         if any(obstacle.motion is not None for obstacle in scene.obstacles):
@@ -165,6 +176,14 @@ class NeuralModel:
         feed = dict(zip(("history", "types", "acceleration", "walls"), state, strict=True))
         (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": share})
         return self._relaxation(np.asarray(moved, dtype=np.float32), share, graph, walls)
+
+
+def _constants(material: Material, scene: Scene) -> dict[str, float]:
+    """Return the numbers of a material of a scene by name, its stiffness as it follows from the scene."""
+    numbers = material.model_dump(exclude={"kind", "bulk_modulus", "max_compression"})
+    if isinstance(material, Water):
+        numbers["bulk_modulus"] = material.stiffness(scene.potential_drop)
+    return {name: float(number) for name, number in numbers.items()}
 
 
 def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:

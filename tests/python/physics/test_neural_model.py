@@ -21,6 +21,7 @@ from hybridmpm import (
     Motion,
     Scene,
     UnknownScenarioError,
+    Water,
     physics,
     scenarios,
 )
@@ -176,6 +177,12 @@ def test_scenes_of_other_numbers_are_refused(model: NeuralModel, model_3d: Neura
     for change, message in cases:
         with pytest.raises(ConfigError, match=message):
             model.check(scene.model_copy(update=change))
+    soft = [body.model_copy(update={"material": Water(max_compression=0.01)}) for body in scene.bodies]
+    with pytest.raises(ConfigError, match=r"with water of bulk_modulus 277778; the scene's has bulk_modulus"):
+        model.check(scene.model_copy(update={"bodies": tuple(soft)}))
+    rough = [body.model_copy(update={"material": Water(wall_friction=0.5)}) for body in scene.bodies]
+    with pytest.raises(ConfigError, match=r"of wall_friction 0; the scene's has wall_friction 0\.5"):
+        model.check(scene.model_copy(update={"bodies": tuple(rough)}))
     ball = BallObstacle(center=(0.5, 0.5, 0.5), radius=0.1)
     with pytest.raises(ConfigError, match="trained on sand_3d, without obstacles; the scene has 1"):
         model_3d.check(scenarios.sand_3d(0).model_copy(update={"obstacles": (ball,)}))
