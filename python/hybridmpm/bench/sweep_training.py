@@ -9,13 +9,13 @@ from pathlib import Path
 import torch
 
 from hybridmpm.bench.methods import RATIOS
-from hybridmpm.bench.sweep import Point, Settings
+from hybridmpm.bench.sweep import SCENARIOS, Point, Settings
 from hybridmpm.data import Recipe, Trajectory, simulate
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
-from hybridmpm.physics.spec import HISTORY, Normalization
+from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.training import checkpoint, run
-from hybridmpm.training.export import export_checkpoint, to_onnx
+from hybridmpm.training.export import described, export_checkpoint, to_onnx
 from hybridmpm.training.scales import normalization
 from hybridmpm.training.simulator import LearnedSimulator
 from hybridmpm.training.trainer import Trainer, TrainingSettings
@@ -42,9 +42,18 @@ class Network:
 
 def untrained(point: Point, settings: Settings) -> Network:
     """Return the network with random weights: what it answers is nothing, how long it takes is exact."""
-    torch.manual_seed(settings.seed)
     spec = point.spec(settings.relaxations)
-    unit = (1.0,) * spec.dim
+    # Scenario and length of a step are constants in it: points that differ in them take as long.
+    data, like = _random(replace(spec, scenarios=SCENARIOS[:1], r_t=1), settings.seed)
+    data = described(data, replace(like, spec=spec))
+    return Network(model=NeuralModel(data, where=point.key, threads=settings.threads), steps=0, seconds=0.0)
+
+
+@functools.cache
+def _random(spec: NetworkSpec, seed: int) -> tuple[bytes, ModelInfo]:
+    torch.manual_seed(seed)
+    # Small, so that what happens counts as a disturbance and the network is run.
+    unit = (1e-3,) * spec.dim
     none = (0.0,) * spec.dim
     scales = Normalization(
         velocity_mean=none, velocity_std=unit, acceleration_mean=none, acceleration_std=unit, noise_std=0.0
@@ -52,8 +61,7 @@ def untrained(point: Point, settings: Settings) -> Network:
     simulator = LearnedSimulator(spec, scales)
     parameters = sum(parameter.numel() for parameter in simulator.parameters())
     info = ModelInfo(spec=spec, scales=scales, parameters=parameters, training={})
-    model = NeuralModel(to_onnx(simulator, info), where=point.key, threads=settings.threads)
-    return Network(model=model, steps=0, seconds=0.0)
+    return to_onnx(simulator, info), info
 
 
 def trained(point: Point, minutes: float, settings: Settings, folder: Path, device: torch.device) -> Network:

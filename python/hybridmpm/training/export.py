@@ -82,6 +82,15 @@ def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     return data
 
 
+def described(data: bytes, info: ModelInfo) -> bytes:
+    """Return an exported model with another description."""
+    model = onnx.load_from_string(data)
+    model.ClearField("metadata_props")
+    onnx.helper.set_model_props(model, info.to_properties())
+    changed: bytes = model.SerializeToString()
+    return changed
+
+
 _KEPT = ("scenario", "method", "label", "ms_per_frame", "error_40", "error_100", "error_200", "as_good")
 """Of a row of `hybridmpm bench models`."""
 
