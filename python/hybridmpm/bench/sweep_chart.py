@@ -13,14 +13,15 @@ _COLOURS = dict(zip(RATIOS, charts.COLOURS, strict=False))
 _MARKERS = dict(zip(SIZES, charts.MARKERS, strict=False))
 _DASHES: dict[str, Any] = dict(zip(SIZES, ("-", "--", ":"), strict=True))
 _MPM = "#333333"
-_DOMINATED = "#b4b9bd"
+_FAINT = 0.35
+_SMALL, _LARGE = 5, 9
 
 
 def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     """Draw two panels for each scenario, as SVG and PNG; raises as `charts` does.
 
-    Networks are filled where nothing dominates them, hollow where only MPM does, hollow and grey where
-    another network does. Untrained ones are in the lower panel only.
+    In the upper panel are the trained networks: faint where another dominates them, hollow where MPM does,
+    large where they were trained for longer than others. In the lower, untrained ones are hollow.
     """
     names = list(dict.fromkeys(row["scenario"] for row in rows))
     figure, axes = charts.panels(len(names), 2, width=5.2, height=3.8)
@@ -31,7 +32,8 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
         errors.set_title(name)
     axes[0, 0].set_ylabel("grid_rmse, mean of the span")
     axes[1, 0].set_ylabel("ms per frame")
-    _legend(figure, columns=5 if len(names) > 1 else 3)
+    minutes = [row["minutes"] for row in rows if row["method"] == "neural" and row["trained"]]
+    _legend(figure, minutes, columns=4 if len(names) > 1 else 2)
     charts.save(figure, file)
 
 
@@ -42,10 +44,15 @@ def _errors(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     panel.plot([one[0] for one in ladder], [one[1] for one in ladder], marker="x", color=_MPM)
     for ms, error, label in ladder:
         panel.annotate(label, (ms, error), (5, 4), textcoords="offset points", fontsize=8, color=_MPM)
-    networks = [row for row in rows if row["method"] == "neural" and row["error"] is not None]
+    networks = [
+        row
+        for row in rows
+        if row["method"] == "neural" and row["error"] is not None and row["ms_per_frame"] is not None
+    ]
+    shortest = min((row["minutes"] for row in networks), default=0.0)
     for row in networks:
-        if row["ms_per_frame"] is not None:
-            _point(panel, row, best=dominating(row, networks) is None)
+        best = dominating(row, networks) is None
+        _point(panel, row, best=best, size=_LARGE if row["minutes"] > shortest else _SMALL)
     still = next(row["error"] for row in rows if row["method"] == "still")
     panel.axhline(still, linestyle=":", color=_MPM, linewidth=1)
     panel.annotate(
@@ -59,8 +66,8 @@ def _errors(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     panel.margins(x=0.1)
 
 
-def _point(panel: Any, row: dict[str, Any], *, best: bool) -> None:
-    colour = _COLOURS[_ratio(row)] if best else _DOMINATED
+def _point(panel: Any, row: dict[str, Any], *, best: bool, size: float) -> None:
+    colour = _COLOURS[_ratio(row)]
     panel.errorbar(
         [row["ms_per_frame"]],
         [row["error"]],
@@ -68,7 +75,9 @@ def _point(panel: Any, row: dict[str, Any], *, best: bool) -> None:
         marker=_MARKERS[row["size"]],
         color=colour,
         markerfacecolor="white" if row["dominated_by"] else colour,
+        markersize=size,
         elinewidth=1,
+        alpha=1.0 if best else _FAINT,
         zorder=3 if best else 2,
     )
     if best:
@@ -83,18 +92,17 @@ def _latencies(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     for ratio in RATIOS:
         for size in SIZES:
             line = sorted(
-                (row["r_t"], row["ms_per_frame"])
+                (row["r_t"], row["ms_per_frame"], bool(row["trained"]))
                 for row in networks
                 if row["size"] == size and _ratio(row) == ratio and row["spacings"] == radius
             )
+            colour = _COLOURS[ratio]
             panel.plot(
-                [r_t for r_t, _ in line],
-                [ms for _, ms in line],
-                marker=_MARKERS[size],
-                markersize=4,
-                linestyle=_DASHES[size],
-                color=_COLOURS[ratio],
+                [one[0] for one in line], [one[1] for one in line], linestyle=_DASHES[size], color=colour
             )
+            for r_t, ms, trained in line:
+                face = colour if trained else "white"
+                panel.plot(r_t, ms, marker=_MARKERS[size], markersize=4, color=colour, markerfacecolor=face)
     for row in rows:
         if row["method"] == "mpm":
             panel.axhline(row["ms_per_frame"], color=_MPM, linewidth=0.8, zorder=1)
@@ -110,7 +118,7 @@ def _ratio(row: dict[str, Any]) -> str:
     return min(RATIOS, key=lambda label: abs(RATIOS[label] - row["r_p"]))
 
 
-def _legend(figure: Any, columns: int) -> None:
+def _legend(figure: Any, minutes: Sequence[float], columns: int) -> None:
     from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
 
     entries = [
@@ -122,11 +130,14 @@ def _legend(figure: Any, columns: int) -> None:
         for size in SIZES
     ]
     entries.append(Line2D([], [], color=_MPM, marker="x", label="MPM at $r_p$"))
-    for colour, text in (
-        (_DOMINATED, "dominated by a network"),
-        (_COLOURS["1/16"], "dominated by MPM alone"),
-    ):
-        entries.append(
-            Line2D([], [], color=colour, marker="o", markerfacecolor="white", linestyle="", label=text)
-        )
+    hollow: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "linestyle": "", "color": _MPM}
+    entries += [
+        Line2D([], [], label="hollow: dominated by MPM; below: untrained", markersize=_SMALL, **hollow),
+        Line2D(
+            [], [], label="faint: dominated by another network", alpha=_FAINT, markersize=_SMALL, **hollow
+        ),
+    ]
+    if minutes and max(minutes) > min(minutes):
+        text = f"large: trained for more than {min(minutes):g} minutes"
+        entries.append(Line2D([], [], label=text, markersize=_LARGE, **hollow))
     figure.legend(handles=entries, loc="outside upper center", ncols=columns)

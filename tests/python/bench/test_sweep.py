@@ -244,7 +244,7 @@ def test_a_point_measured_and_then_trained(
     assert required | {"mpm_share", "machine", "threads", "date", "commit", "command"} < set(trained)
     assert (tmp_path / "sweep" / "training" / f"{TINY}-0.02min" / "checkpoint.pt").exists()
     assert chart.with_suffix(".png").stat().st_size > 20_000
-    assert "dominated by MPM alone" in chart.read_text()
+    assert "hollow: dominated by MPM" in chart.read_text()
     assert run("--survivors").exit_code == 0
 
 
