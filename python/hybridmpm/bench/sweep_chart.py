@@ -61,7 +61,7 @@ def _errors(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     )  # fmt: skip
     zeros = [row["error"] for row in rows if row["method"] == "zero"]
     text = f"free fall {min(zeros):.2f} to {max(zeros):.2f}\nnumbers at points: $r_t$"
-    panel.text(0.98, 0.97, text, transform=panel.transAxes, ha="right", va="top", fontsize=8, color=_MPM)
+    panel.text(0.02, 0.04, text, transform=panel.transAxes, va="bottom", fontsize=8, color=_MPM)
     panel.set(xscale="log", ylim=(0, 1.25 * still), xlabel="ms per frame")
     panel.margins(x=0.1)
 
@@ -133,9 +133,7 @@ def _legend(figure: Any, minutes: Sequence[float], columns: int) -> None:
     hollow: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "linestyle": "", "color": _MPM}
     entries += [
         Line2D([], [], label="hollow: dominated by MPM; below: untrained", markersize=_SMALL, **hollow),
-        Line2D(
-            [], [], label="faint: dominated by another network", alpha=_FAINT, markersize=_SMALL, **hollow
-        ),
+        Line2D([], [], label="faint: dominated by a network", alpha=_FAINT, markersize=_SMALL, **hollow),
     ]
     if minutes and max(minutes) > min(minutes):
         text = f"large: trained for more than {min(minutes):g} minutes"
