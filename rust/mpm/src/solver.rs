@@ -267,8 +267,8 @@ impl<const D: usize> Solver<D> {
         self.walls.activate(&self.grid.active, &self.grid.layout);
     }
 
-    /// One substep; false when a particle is no longer sound.
-    fn substep(&mut self, step: Step<'_, D>) -> bool {
+    /// Momentum to the grid, and what forces and contacts make of it there.
+    fn move_grid(&mut self, step: Step<'_, D>) {
         self.grid.clear();
         p2g(
             &self.state.phases,
@@ -284,6 +284,11 @@ impl<const D: usize> Solver<D> {
             material_friction: self.material_friction,
         };
         grid_update(&mut self.grid, &self.slabs, &forces, step.dt, &self.team);
+    }
+
+    /// One substep; false when a particle is no longer sound.
+    fn substep(&mut self, step: Step<'_, D>) -> bool {
+        self.move_grid(step);
         let (phases, grid) = (&mut self.state.phases, &self.grid);
         let gather = Gather {
             dt: step.dt,

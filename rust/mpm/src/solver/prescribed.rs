@@ -6,12 +6,11 @@
 use crate::error::MpmError;
 use crate::g2p::{Bounds, Gather, gather};
 use crate::grid::Grid;
-use crate::grid_update::{GridForces, grid_update};
 use crate::lanes::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, State};
 use crate::math::Vector;
 use crate::obstacle::Obstacles;
-use crate::p2g::{Step, p2g};
+use crate::p2g::Step;
 use crate::particle::{Activity, Block, Group};
 use crate::stencil::Stencils;
 use crate::with_group;
@@ -126,25 +125,10 @@ impl<const D: usize> Solver<D> {
 
     /// Sets the affine matrices from the velocities and the affine matrices so far; returns the largest entry.
     fn transfer(&mut self) -> f32 {
-        self.grid.clear();
-        let step = Step {
+        self.move_grid(Step {
             dt: 0.0,
             force: None,
-        };
-        p2g(
-            &self.state.phases,
-            &self.slabs,
-            &mut self.grid,
-            step,
-            &self.team,
-        );
-        let forces = GridForces {
-            gravity: self.settings.gravity,
-            walls: &self.walls,
-            obstacles: &self.obstacles,
-            material_friction: self.material_friction,
-        };
-        grid_update(&mut self.grid, &self.slabs, &forces, 0.0, &self.team);
+        });
         let mut largest = 0.0;
         for phase in &mut self.state.phases {
             with_group!(phase, group => {
