@@ -7,7 +7,7 @@ from typing import Any
 from hybridmpm import metrics
 from hybridmpm.bench.front import compared
 from hybridmpm.bench.latency import Latency, Timing, measured
-from hybridmpm.bench.methods import RATIOS, Method, mpm, ratio_label, reference_scene, zero
+from hybridmpm.bench.methods import LADDER, Method, mpm, ratio_label, reference_scene, zero
 from hybridmpm.bench.rollouts import Truth, errors, excerpt, frozen, rollout
 from hybridmpm.bench.rows import latency_fields, measure_fields, zero_fields
 from hybridmpm.metrics import ErrorTable
@@ -50,7 +50,7 @@ class Contest:
         self._scenario, self._settings = scenario, settings
         zeros = {(one.r_p, one.r_t): zero(one.r_p, one.r_t, threads=settings.threads) for one in models}
         self._zeros = {one.name: zeros[one.r_p, one.r_t].name for one in models}
-        ratios = RATIOS | {ratio_label(one.r_p): one.r_p for one in models}
+        ratios = LADDER | {ratio_label(one.r_p): one.r_p for one in models}
         ladder = [mpm(label, r_p, threads=settings.threads) for label, r_p in ratios.items()]
         unique = {one.name: one for one in others}
         self._methods = [*models, *unique.values(), *zeros.values(), *ladder]

@@ -10,7 +10,7 @@ from hybridmpm import metrics, scenarios
 from hybridmpm.bench.front import Row
 from hybridmpm.bench.impact import LONGEST_FALL, first_impact
 from hybridmpm.bench.latency import Timing, measured, step_latency
-from hybridmpm.bench.methods import RATIOS, Method, mpm, neural, reference_scene, zero
+from hybridmpm.bench.methods import LADDER, RATIOS, Method, mpm, neural, reference_scene, zero
 from hybridmpm.bench.rollouts import FIRST_SEED, Truth, errors, excerpt, frozen, rollout
 from hybridmpm.bench.rows import latency_fields, measure_fields, zero_fields
 from hybridmpm.bench.sweep import STRIDES, Point, Settings
@@ -116,7 +116,7 @@ class Laboratory:
         return neural(point.name, network.model, threads=self._settings.threads, parameters=parameters)
 
     def _rungs(self) -> list[Method]:
-        return [mpm(label, r_p, threads=self._settings.threads) for label, r_p in RATIOS.items()]
+        return [mpm(label, r_p, threads=self._settings.threads) for label, r_p in LADDER.items()]
 
     def _enter(self, table: ErrorTable, method: Method, truths: Mapping[str, Truth]) -> int:
         """Enter a method's errors in each scene; returns in how many it failed."""

@@ -16,7 +16,9 @@ from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
 RATIOS = {"1": 1.0, "1/1.75": 1 / 1.75, "1/4": 1 / 4, "1/8": 1 / 8, "1/16": 1 / 16}
-"""r_p of the ladder of MPM by label."""
+"""r_p of networks by label."""
+LADDER = {**RATIOS, "1/32": 1 / 32, "1/64": 1 / 64}
+"""r_p of the rungs of MPM by label: down to where MPM is as quick as the quickest network."""
 
 _CROWD = 100
 """Test seeds of which the one with the most particles is timed."""
@@ -85,7 +87,7 @@ def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
 
 def ratio_label(r_p: float) -> str:
     """Label of an r_p: that of the ladder if it is on it."""
-    return next((label for label, rung in RATIOS.items() if abs(rung - r_p) < 1e-6), f"{r_p:.3g}")
+    return next((label for label, rung in LADDER.items() if abs(rung - r_p) < 1e-6), f"{r_p:.3g}")
 
 
 def reference_scene(scenario: str) -> Scene:

@@ -33,7 +33,7 @@ def invoke(*arguments: str) -> Any:
 
 
 def test_rows_and_chart(tmp_path: Path, tiny_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contest, "RATIOS", {"1": 1.0, "1/16": 1 / 16})
+    monkeypatch.setattr(contest, "LADDER", {"1": 1.0, "1/16": 1 / 16})
     monkeypatch.setattr(methods, "_CROWD", 3)
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
     options = ["--model", str(tiny_model), "--scenes", "2", "--span", "40", "--threads", "1"]
@@ -122,7 +122,7 @@ def test_a_model_that_fails_has_no_error() -> None:
 
 
 def test_a_failure_is_counted_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contest, "RATIOS", {"1/16": 1 / 16})
+    monkeypatch.setattr(contest, "LADDER", {"1/16": 1 / 16})
     monkeypatch.setattr(methods, "_CROWD", 2)
     model = methods.neural("lost", Wandering(0.0025, r_p=1 / 16, r_t=8), threads=1, parameters=1)
     one = contest.Contest("water_2d", [model], contest.Settings(scenes=1, span=40, passes=1))

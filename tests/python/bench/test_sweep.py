@@ -186,7 +186,8 @@ def test_steps_are_timed_on_states_of_mpm(monkeypatch: pytest.MonkeyPatch) -> No
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Return the command on a small sweep: one rung of MPM, one r_t of the zero network, two scenes."""
     laboratory = importlib.import_module("hybridmpm.bench.laboratory")
-    monkeypatch.setattr(laboratory, "RATIOS", {"1/16": 1 / 16})
+    for rungs in ("LADDER", "RATIOS"):
+        monkeypatch.setattr(laboratory, rungs, {"1/16": 1 / 16})
     monkeypatch.setattr(laboratory, "STRIDES", (8,))
     monkeypatch.setattr("hybridmpm.bench.methods._CROWD", 2)
     small = ["--scenes", "2", "--span", "40", "--trajectories", "1", "--device", "cpu"]
