@@ -5,6 +5,7 @@ import fnmatch
 import functools
 import itertools
 import json
+import math
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -227,6 +228,16 @@ class Sweep:
             row = bench.latency(point) | asdict(source) | when
             write_rows(self._file(_LATENCIES, point.key), [row])
             on_progress(1)
+
+    def worthwhile(self, points: Sequence[Point]) -> list[Point]:
+        """Return those that are quicker than MPM with all particles: no error could save the others."""
+        return [
+            point
+            for point in points
+            for mpm in self._there(_LADDERS, point.scenario)
+            for network in self._there(_LATENCIES, point.key)
+            if mpm["label"] == "1" and (network["ms_per_frame"] or math.inf) < (mpm["ms_per_frame"] or 0.0)
+        ]
 
     def rows(self) -> list[Row]:
         """Return the references and all points that are there, compared with each other by scenario."""

@@ -124,7 +124,10 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, what: str) -> None:
 def test_errors_and_latencies_come_together(tmp_path: Path) -> None:
     points = matching([LINE])
     results, notebook = Sweep(tmp_path, Settings()), Notebook()
+    assert results.worthwhile(points) == []
     results.time(points, notebook, SOURCE, nothing)
+    # MPM takes 1 ms, r_t = 16 half of it, r_t = 8 as long.
+    assert results.worthwhile(points) == points[:1]
     assert results.survivors() == []
     results.train(points[:2], 5.0, notebook, SOURCE, nothing)
     later = dataclasses.replace(SOURCE, commit="d")

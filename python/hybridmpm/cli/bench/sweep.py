@@ -66,6 +66,11 @@ _COLUMNS = (
     help="To train on.",
 )
 @click.option("--device", default="auto", show_default=True, help="To train on: cpu, cuda or auto.")
+@click.option(
+    "--worthwhile",
+    is_flag=True,
+    help="Train only points that are quicker than MPM with all particles: no error could save others.",
+)
 @click.option("--untimed", is_flag=True, help="Leave latencies to a later call, when nothing else runs.")
 @json_option
 @chart_option
@@ -77,6 +82,7 @@ def sweep(
     survivors: bool,
     device: str,
     untimed: bool,
+    worthwhile: bool,
     json_file: Path | None,
     chart_file: Path | None,
     **options: int,
@@ -108,11 +114,13 @@ def sweep(
         **{"minutes-per-point": (f"{minutes:g}",)},
         **{name: (value,) for name, value in options.items()},
     )
-    with progress("Training", len(results.untrained(points, minutes))) as bar:
-        results.train(points, minutes, laboratory, origin, bar.update)
     if not untimed:
         with progress("Timing", len(results.untimed(points))) as bar:
             results.time(points, laboratory, origin, bar.update)
+    if worthwhile:
+        points = results.worthwhile(points)
+    with progress("Training", len(results.untrained(points, minutes))) as bar:
+        results.train(points, minutes, laboratory, origin, bar.update)
     rows = results.rows()
     report(rows, _COLUMNS, origin, json_file)
     if chart_file is not None:
