@@ -135,7 +135,7 @@ def physics(
         _make_data(options["root"], spec, amount)
         trainer = _new(spec, options, device)
         about = {
-            "command": _command(options["finetune"]),
+            **_origin(options["finetune"]),
             "data": _described(spec, amount),
             "machine": f"{cpu_model()}, {usable_cores()} cores" if device.type == "cpu" else str(device),
         }
@@ -164,15 +164,20 @@ def physics(
     click.echo(f"wrote {file}, and losses and rollouts beside it")
 
 
-def _command(finetuned: Path | None) -> str:
+def _origin(finetuned: Path | None) -> dict[str, str]:
     """Return what makes these weights: this command, after that of the weights it begins with."""
     this = shlex.join(["hybridmpm", *sys.argv[1:]])
     if finetuned is None:
-        return this
+        return {"command": this}
     from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
 
     older = checkpoint.read(finetuned)
-    return f"{older['about']['command']} --until {older['step']}; {this}"
+    steps, seconds = checkpoint.spent(older)
+    return {
+        "command": f"{older['about']['command']} --until {older['step']}; {this}",
+        "steps_before": str(steps),
+        "seconds_before": f"{seconds:.1f}",
+    }
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:

@@ -1,6 +1,7 @@
 """Checkpoints: a trainer's state in one file, written whole or not at all."""
 
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,15 @@ def read(path: Path) -> dict[str, Any]:
     if found != _FORMAT:
         raise DataError(f"{path} is a checkpoint of format {found}; this library reads {_FORMAT}")
     return dict(state)
+
+
+def spent(state: Mapping[str, Any]) -> tuple[int, float]:
+    """Return steps and seconds of training, those of the weights that it began with among them."""
+    about = state["about"]
+    return (
+        int(about.get("steps_before", 0)) + state["step"],
+        float(about.get("seconds_before", 0)) + state["seconds"],
+    )
 
 
 def load(path: Path, device: torch.device) -> Trainer:

@@ -118,6 +118,7 @@ def export_checkpoint(
         It is of other features; the message names both versions.
     """
     state = checkpoint.read(path)
+    steps, seconds = checkpoint.spent(state)
     simulator, about = _simulator(state, path), dict(state["about"])
     info = ModelInfo(
         spec=simulator.spec,
@@ -127,8 +128,8 @@ def export_checkpoint(
             "command": about.get("command", ""),
             "data": about.get("data", ""),
             "machine": about.get("machine", ""),
-            "seconds": f"{state['seconds']:.0f}",
-            "steps": str(state["step"]),
+            "seconds": f"{seconds:.0f}",
+            "steps": str(steps),
             "exported": dt.datetime.now(dt.UTC).date().isoformat(),
         },
         errors=_own_rows(errors, simulator.spec, name),

@@ -1,0 +1,84 @@
+"""`hybridmpm train physics` as one types it: begin, go on, finetune, export; and what it refuses."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from click.testing import CliRunner, Result
+
+from hybridmpm.cli import cli
+from hybridmpm.physics import NeuralModel
+from hybridmpm.training import checkpoint
+from hybridmpm.training.export import export_checkpoint
+
+TINY = ("--latent", "4", "--layers", "1", "--r-p", "1/16", "--r-t", "8", "--batch", "1", "--unroll", "1")
+Train = Callable[..., Result]
+
+
+@pytest.fixture
+def train(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Train:
+    """Return the command with data of one short trajectory; what it is called with goes into checkpoints."""
+
+    def command(*arguments: object) -> Result:
+        mine = ["train", "physics", *map(str, arguments), "--device", "cpu"]
+        monkeypatch.setattr("sys.argv", ["hybridmpm", *mine])
+        small = ["--data", str(tmp_path / "data"), "--trajectories", "1", "--frames", "120"]
+        return CliRunner().invoke(cli, [*mine, *small], prog_name="hybridmpm")
+
+    return command
+
+
+def weights(file: Path) -> torch.Tensor:
+    return torch.cat([tensor.ravel() for tensor in checkpoint.read(file)["weights"].values()])
+
+
+def test_a_training_goes_on_and_is_finetuned(train: Train, tmp_path: Path) -> None:
+    whole, parts, fine = tmp_path / "whole", tmp_path / "parts", tmp_path / "fine"
+    for folder, more in ((whole, ()), (parts, ("--until", 3)), (parts, ())):
+        result = train("--scenario", "water_2d", *TINY, "--steps", 6, "--out", folder, *more)
+        assert result.exit_code == 0, result.output
+    file = parts / "checkpoint.pt"
+    assert torch.equal(weights(file), weights(whole / "checkpoint.pt"))
+    assert "1 trajectories, on cpu" in result.stderr
+    with (parts / "rollouts.csv").open() as rows:
+        assert int(list(csv.DictReader(rows))[-1]["trained_steps"]) == 6
+    assert (parts / "rollout.png").stat().st_size > 1000
+
+    result = train("--finetune", file, "--steps", 2, "--batch", 1, "--unroll", 1, "--out", fine)
+    assert result.exit_code == 0, result.output
+    state, before = checkpoint.read(fine / "checkpoint.pt"), checkpoint.read(file)
+    assert json.loads(state["spec"]) == json.loads(before["spec"])
+    assert state["scales"] == before["scales"]
+    assert 0 < (weights(fine / "checkpoint.pt") - weights(file)).abs().max() < 0.01
+    data, info = export_checkpoint(fine / "checkpoint.pt")
+    first, second = info.training["command"].split("; ")
+    assert first.startswith("hybridmpm train physics --scenario water_2d --latent 4")
+    assert first.endswith("--until 6")
+    assert second.startswith(f"hybridmpm train physics --finetune {file}")
+    assert info.training["steps"] == "8"
+    assert checkpoint.spent(state)[1] == pytest.approx(before["seconds"] + state["seconds"], abs=0.1)
+    assert NeuralModel(data, where="fine").spec.r_t == 8
+
+
+def test_what_does_not_fit_is_refused(train: Train, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    begin = ("--scenario", "water_2d", *TINY, "--out", out)
+    assert train(*begin, "--steps", 1).exit_code == 0
+    cases = [
+        (("--out", tmp_path / "new"), "Give at least one --scenario (water_2d"),
+        (("--scenario", "sand_2d", "--out", out), "was trained on water_2d, not on sand_2d"),
+        ((*begin, "--latent", 8), "has --latent 4, not 8; leave it out or choose another --out"),
+        (("--finetune", tmp_path / "none.pt", "--out", tmp_path / "new"), "none.pt does not exist"),
+        (("--scenario", "water_2d", "--noise", 2, "--out", tmp_path / "new"), "2.0 is not in the range"),
+        (
+            ("--scenario", "water_2d", "--scenario", "water_3d", "--out", tmp_path / "new"),
+            "of one dimension",
+        ),
+    ]
+    for arguments, message in cases:
+        result = train(*arguments)
+        assert result.exit_code == 2, (arguments, result.output)
+        assert message in " ".join(result.stderr.split()), result.stderr
