@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from hybridmpm.errors import DataError
 from hybridmpm.physics.model_info import OPSET, ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
+from hybridmpm.physics.track import warmup_frames
 from hybridmpm.training import checkpoint
 from hybridmpm.training.network import SortedEdges
 from hybridmpm.training.simulator import LearnedSimulator
@@ -105,8 +106,8 @@ def export_checkpoint(
     path : Path
         What `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of `hybridmpm bench models`. Those of its scenarios are kept in the file: its own, the bounds,
-        and MPM at its r_p.
+        Rows of `hybridmpm bench models`. Those of its scenarios and warm-up are kept in the file: its own,
+        the bounds, and MPM at its r_p.
     name : str, optional
         Under which it was measured; the rows of all networks count as its own if absent.
 
@@ -138,12 +139,13 @@ def export_checkpoint(
 
 
 def _own_rows(rows: Sequence[Mapping[str, Any]], spec: NetworkSpec, name: str | None) -> list[dict[str, Any]]:
-    kept = []
+    kept, warm_up = [], warmup_frames(spec.r_t)
     for row in rows:
         method = row.get("method")
         other = method == "neural" and name is not None and row.get("label") != name
         rung = method in {"mpm", "merged"} and abs(row.get("r_p", 0.0) - spec.r_p) > 1e-3
-        if row.get("scenario") in spec.scenarios and not other and not rung:
+        later = row.get("warm_up", warm_up) != warm_up
+        if row.get("scenario") in spec.scenarios and not other and not rung and not later:
             kept.append({key: "" if row.get(key) is None else row[key] for key in _KEPT})
     return kept
 

@@ -155,6 +155,7 @@ def test_command_exports_a_checkpoint(
     others = [
         {**own, "scenario": "sand_ramps_2d"},
         {**own, "method": "mpm", "r_p": 2 * simulator_3d.spec.r_p},
+        {**own, "method": "still", "warm_up": 5 * simulator_3d.spec.r_t + 1},
     ]
     errors.write_text(json.dumps([own, *others]))
     out = tmp_path / "model.onnx"
