@@ -10,13 +10,16 @@ import operator
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from hybridmpm.bench.front import Row, compared, dominating
 from hybridmpm.bench.methods import RATIOS
 from hybridmpm.bench.provenance import Provenance, write_rows
 from hybridmpm.errors import ConfigError, DataError, ExportError
 from hybridmpm.physics.spec import NetworkSpec
+
+if TYPE_CHECKING:
+    from hybridmpm.bench.laboratory import Laboratory
 
 SCENARIOS = ("water_2d", "sand_2d")
 STRIDES = (1, 2, 4, 8, 16)
@@ -124,22 +127,6 @@ def matching(patterns: Sequence[str]) -> list[Point]:
     ]
 
 
-class Bench(Protocol):
-    """What measures points; `Laboratory` does, and needs torch."""
-
-    def references(self, scenario: str) -> list[Row]:
-        """Return rows of the errors of MPM, of the zero networks and of the bounds."""
-
-    def ladder(self, scenario: str) -> list[Row]:
-        """Return the latencies of MPM, by `label`."""
-
-    def errors(self, point: Point, minutes: float) -> Row:
-        """Train a network for so long, and return its errors."""
-
-    def latency(self, point: Point) -> Row:
-        """Return the latency of a network."""
-
-
 class Sweep:
     """A folder of results, with a file for each training and each latency, that grows until all are there.
 
@@ -191,30 +178,32 @@ class Sweep:
         self,
         points: Sequence[Point],
         minutes: float,
-        bench: Bench,
+        laboratory: "Laboratory",
         source: Provenance,
         on_progress: Callable[[int], object],
     ) -> None:
         """Train what has been trained for less, and measure errors; each is written as soon as it is known.
 
+        The laboratory needs torch, this module does not.
+
         Raises
         ------
         ExportError
-            A file cannot be written; and what the bench raises.
+            A file cannot be written; and what the laboratory raises.
         """
         for scenario in dict.fromkeys(point.scenario for point in points):
             file = self._file(_REFERENCES, scenario)
             if not file.exists():
-                write_rows(file, [row | asdict(source) for row in bench.references(scenario)])
+                write_rows(file, [row | asdict(source) for row in laboratory.references(scenario)])
         for point in self.untrained(points, minutes):
-            row = bench.errors(point, minutes) | asdict(source)
+            row = laboratory.errors(point, minutes) | asdict(source)
             write_rows(self._file(_POINTS, point.key), [row])
             on_progress(1)
 
     def time(
         self,
         points: Sequence[Point],
-        bench: Bench,
+        laboratory: "Laboratory",
         source: Provenance,
         on_progress: Callable[[int], object],
     ) -> None:
@@ -223,9 +212,9 @@ class Sweep:
         for scenario in dict.fromkeys(point.scenario for point in points):
             file = self._file(_LADDERS, scenario)
             if not file.exists():
-                write_rows(file, [row | when for row in bench.ladder(scenario)])
+                write_rows(file, [row | when for row in laboratory.ladder(scenario)])
         for point in self.untimed(points):
-            row = bench.latency(point) | asdict(source) | when
+            row = laboratory.latency(point) | asdict(source) | when
             write_rows(self._file(_LATENCIES, point.key), [row])
             on_progress(1)
 
