@@ -255,7 +255,8 @@ def test_a_point_measured_and_then_trained(
 def test_bad_input_is_named(run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
     for arguments, text in (
         (["--points", "nothing"], "no point matches 'nothing'"),
-        (["--survivors"], "no point has been trained yet"),
+        (["--survivors"], "no point has been both trained and timed yet"),
+        (["--worthwhile", "--untimed"], "none of the points is known to be quicker than MPM"),
         (["--minutes-per-point", "-1"], "-1.0 is not in the range"),
         (["--device", "abacus"], "--device abacus cannot be used"),
     ):

@@ -104,7 +104,8 @@ def sweep(
         best = results.survivors()
         if not best:
             raise ConfigError(
-                "no point has been trained yet; first give --minutes-per-point without --survivors"
+                "no point has been both trained and timed yet; first give --minutes-per-point, without "
+                "--survivors and --untimed"
             )
         points = [point for point in points if point in best]
     origin = source(
@@ -119,6 +120,11 @@ def sweep(
             results.time(points, laboratory, origin, bar.update)
     if worthwhile:
         points = results.worthwhile(points)
+        if not points:
+            raise ConfigError(
+                "none of the points is known to be quicker than MPM with all particles; choose others with "
+                "--points, or leave out --untimed to have them timed first"
+            )
     with progress("Training", len(results.untrained(points, minutes))) as bar:
         results.train(points, minutes, laboratory, origin, bar.update)
     rows = results.rows()
