@@ -13,7 +13,6 @@ from hybridmpm._native import (
     __version__,
     radius_graph,
 )
-from hybridmpm.batch import MpmBatch
 from hybridmpm.errors import (
     BatchError,
     ConfigError,
@@ -32,28 +31,28 @@ from hybridmpm.errors import (
     UnknownScenarioError,
 )
 from hybridmpm.hybrid import HybridSimulator
-from hybridmpm.materials import Elastic, Sand, Water
-from hybridmpm.motion import Motion
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm import MpmBatch, MpmSolver, Sleep
 from hybridmpm.physics import NeuralPhysics
-from hybridmpm.sampling import Particles
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import (
+from hybridmpm.scene import (
     Ball,
     BallObstacle,
+    BallSink,
     Box,
     BoxObstacle,
-    HalfSpaceObstacle,
-    Polygon,
-    SegmentObstacle,
-)
-from hybridmpm.sleep import Sleep
-from hybridmpm.sources import (
-    BallSink,
     BoxSink,
+    Elastic,
+    HalfSpaceObstacle,
+    Motion,
     ParticleLimitWarning,
+    Particles,
+    Polygon,
     RectangularEmitter,
     RoundEmitter,
+    Sand,
+    Scene,
+    SegmentObstacle,
+    Walls,
+    Water,
 )
 
 __all__ = [

@@ -12,13 +12,13 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 
 import hybridmpm
-from hybridmpm_service import problems
-from hybridmpm_service.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
-from hybridmpm_service.requests import SteerSession
+from hybridmpm_service.http import problems
+from hybridmpm_service.http.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
+from hybridmpm_service.http.requests import SteerSession
 from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
-from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.simulation import Clock
 from hybridmpm_service.settings import Settings
-from hybridmpm_service.simulation import Clock
 
 PAGE = Path(__file__).parent / "page"
 _SWEEP_SECONDS = 30.0

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
-from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
 WS_MAX_BYTES = 64 * 1024

@@ -33,7 +33,7 @@ def _call(page: Page, module: str, function: str, *arguments: Any) -> Any:
 
 def _decode(page: Page, message: bytes) -> Any:
     script = """async (text) => {
-      const { decodeFrame } = await import("/protocol.js");
+      const { decodeFrame } = await import("/net/protocol.js");
       const frame = decodeFrame(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
       return { ...frame, positions: [...frame.positions] };
     }"""
@@ -76,7 +76,7 @@ def test_foreign_frame_is_refused(page: Page, message: bytes) -> None:
 
 
 def test_types_are_decoded(page: Page) -> None:
-    assert list(_call(page, "protocol.js", "decodeTypes", "BQYH")) == [5, 6, 7]
+    assert list(_call(page, "net/protocol.js", "decodeTypes", "BQYH")) == [5, 6, 7]
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 4.0])
@@ -85,17 +85,17 @@ def test_closed_strokes_are_ellipses_and_open_ones_arrows(page: Page, turn: floa
         angles = turn + np.linspace(0, part * 2 * math.pi, 40)
         return [[0.5 + 0.1 * math.cos(a), 0.5 + flat * 0.1 * math.sin(a)] for a in angles]
 
-    assert _call(page, "sketch.js", "classify", arc(1.0)) == "ellipse"
-    assert _call(page, "sketch.js", "classify", arc(0.9)) == "ellipse"
-    assert _call(page, "sketch.js", "classify", arc(0.5)) == "arrow"
+    assert _call(page, "sketch/sketch.js", "classify", arc(1.0)) == "ellipse"
+    assert _call(page, "sketch/sketch.js", "classify", arc(0.9)) == "ellipse"
+    assert _call(page, "sketch/sketch.js", "classify", arc(0.5)) == "arrow"
     line = [[0.2 + 0.01 * i * math.cos(turn), 0.3 + 0.01 * i * math.sin(turn)] for i in range(30)]
-    assert _call(page, "sketch.js", "classify", line) == "arrow"
-    assert _call(page, "sketch.js", "classify", line + line[::-1]) == "arrow"
+    assert _call(page, "sketch/sketch.js", "classify", line) == "arrow"
+    assert _call(page, "sketch/sketch.js", "classify", line + line[::-1]) == "arrow"
 
 
 def test_resampling_keeps_ends_and_length(page: Page) -> None:
     points = [[0.1, 0.1], [0.1, 0.1], [0.4, 0.1], [0.4, 0.5]]
-    resampled = np.array(_call(page, "sketch.js", "resample", points, 15))
+    resampled = np.array(_call(page, "sketch/sketch.js", "resample", points, 15))
     assert resampled.shape == (15, 2)
     assert resampled[0] == pytest.approx(points[0])
     assert resampled[-1] == pytest.approx(points[-1])
@@ -109,14 +109,14 @@ def test_ellipse_is_found_from_its_outline(page: Page, angle: float) -> None:
     x, y = 0.2 * np.cos(t), 0.08 * np.sin(t)
     c, s = math.cos(angle), math.sin(angle)
     outline = np.stack([0.6 + x * c - y * s, 0.4 + x * s + y * c], 1)
-    shape = _call(page, "sketch.js", "ellipseOf", outline.tolist())
+    shape = _call(page, "sketch/sketch.js", "ellipseOf", outline.tolist())
     assert shape["center"] == pytest.approx([0.6, 0.4], abs=1e-3)
     assert shape["axes"] == pytest.approx([0.2, 0.08], rel=0.01)
     assert shape["angle"] == pytest.approx(angle, abs=0.01)
 
 
 def test_arrow_head_is_symmetric_about_the_shaft(page: Page) -> None:
-    left, tip, right = np.array(_call(page, "sketch.js", "arrowHead", [[0.0, 0.0], [0.3, 0.4]], 0.1))
+    left, tip, right = np.array(_call(page, "sketch/sketch.js", "arrowHead", [[0.0, 0.0], [0.3, 0.4]], 0.1))
     assert tip == pytest.approx([0.3, 0.4])
     shaft = np.array([0.6, 0.8])
     assert (left - tip) @ shaft == pytest.approx((right - tip) @ shaft)
@@ -125,15 +125,15 @@ def test_arrow_head_is_symmetric_about_the_shaft(page: Page) -> None:
 
 def test_stroke_widths_run_from_start_to_end(page: Page) -> None:
     arrow = {"kind": "arrow", "points": [[0.1, 0.1], [0.2, 0.2], [0.3, 0.3]]}
-    assert _call(page, "sketch.js", "strokeOf", arrow, [2, 20]) == arrow | {"widths": [2, 11, 20]}
-    assert _call(page, "sketch.js", "strokeOf", arrow, None) == arrow
+    assert _call(page, "sketch/sketch.js", "strokeOf", arrow, [2, 20]) == arrow | {"widths": [2, 11, 20]}
+    assert _call(page, "sketch/sketch.js", "strokeOf", arrow, None) == arrow
     oval = arrow | {"kind": "ellipse"}
-    assert _call(page, "sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
+    assert _call(page, "sketch/sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
 
 
 def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
     script = """async (point) => {
-      const { OrbitView } = await import("/camera.js");
+      const { OrbitView } = await import("/stage/camera.js");
       const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
       view.size = 500;
       view.orbit(40, -25);
@@ -152,7 +152,7 @@ def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
 
 def test_front_view_gives_back_the_world_position(page: Page) -> None:
     script = """async () => {
-      const { OrbitView } = await import("/camera.js");
+      const { OrbitView } = await import("/stage/camera.js");
       const view = new OrbitView({ lower: [0.1, 0.1, 0.1], upper: [0.9, 0.9, 0.9] });
       view.size = 500;
       view.glideTo(true, 0, true);
@@ -170,7 +170,7 @@ def test_spacing_is_found_whatever_the_jitter(page: Page, dim: int) -> None:
     jitter = np.random.default_rng(4).uniform(-0.002, 0.002, (per_axis**dim, dim))
     positions = np.stack(axes, -1).reshape(-1, dim) + 0.3 + jitter
     numbers = np.round(positions * 65535).astype(int).ravel().tolist()
-    assert _call(page, "particles.js", "spacingOf", numbers, dim) == pytest.approx(0.005, rel=0.2)
+    assert _call(page, "stage/particles.js", "spacingOf", numbers, dim) == pytest.approx(0.005, rel=0.2)
 
 
 FLAT = Motion(velocity=(0.2, -0.1), angular_velocity=-3.0, center=(0.4, 0.6), period=0.7, phase=0.3)
@@ -186,7 +186,9 @@ def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Moti
     carried = box.to_native().carry
 
     def placed(obstacle: Any) -> Any:
-        return _call(page, "motion.js", "placed", obstacle.model_dump(mode="json", exclude_none=True), time)
+        return _call(
+            page, "stage/motion.js", "placed", obstacle.model_dump(mode="json", exclude_none=True), time
+        )
 
     corners = [[(low, high)[(bits >> axis) & 1][axis] for axis in range(dim)] for bits in range(2**dim)]
     assert placed(box)["corners"] == pytest.approx(carried(np.float32(corners), time), abs=1e-6)
@@ -204,4 +206,4 @@ def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Moti
 
 def test_obstacles_at_rest_stay_as_they_are(page: Page) -> None:
     ball = {"shape": "ball", "center": [0.3, 0.4], "radius": 0.1}
-    assert _call(page, "motion.js", "placed", ball, 3.0) == ball
+    assert _call(page, "stage/motion.js", "placed", ball, 3.0) == ball

@@ -155,7 +155,9 @@ def test_chart_has_its_frames_from_left_to_right(browser: Any, service: LiveServ
         "phases": [[150, "mpm"], [600, "neural"], [1000, "mpm"]],
     }
     view = {"threshold": 0.8, "frame": 1200, "width": 342, "height": 128}
-    plan = page.evaluate("async (a) => (await import('/safeguard-chart.js')).layout(...a)", [history, view])
+    plan = page.evaluate(
+        "async (a) => (await import('/panels/safeguard-chart.js')).layout(...a)", [history, view]
+    )
     page.close()
     area = plan["area"]
     width, height = area["right"] - area["left"], area["bottom"] - area["top"]

@@ -16,7 +16,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.server import make_server
-from hybridmpm_service.session import Session
+from hybridmpm_service.sessions.session import Session
 
 WAIT_SECONDS = 60
 """Far above anything that happens; a test that waits this long has failed."""

@@ -12,12 +12,12 @@ from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.cli.simulate import SubstepsType
 from hybridmpm.cli.types import RatioType
 from hybridmpm.data import metadata
-from hybridmpm.data.particle_types import NAMES
 from hybridmpm.data.view import recording_of, write_sheet
+from hybridmpm.scene.particle_types import NAMES
 
 if TYPE_CHECKING:
-    from hybridmpm.data.executors import Executor
-    from hybridmpm.snapshots import Substeps
+    from hybridmpm.data.generation.executors import Executor
+    from hybridmpm.mpm import Substeps
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _FORMAT = click.Choice(list(data.FORMATS))

@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
+from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.files import replacing
 
 
 @click.command()

@@ -5,8 +5,8 @@ import json
 import click
 
 from hybridmpm import scenarios as library
-from hybridmpm.doctor import examine
-from hybridmpm.samplers import markdown_table
+from hybridmpm.cli.installation import examine
+from hybridmpm.scenarios.samplers import markdown_table
 from hybridmpm.scene import Scene
 
 

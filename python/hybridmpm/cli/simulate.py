@@ -13,13 +13,12 @@ from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.errors import ExportError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.hybrid.models import load_network
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics import NeuralPhysics
+from hybridmpm.physics.load import load_network
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
-from hybridmpm.snapshots import Substeps
 
 
 @dataclass(frozen=True, kw_only=True)

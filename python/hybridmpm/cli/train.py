@@ -12,18 +12,18 @@ import click
 from click.core import ParameterSource
 
 from hybridmpm import scenarios
+from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.types import RatioType
-from hybridmpm.doctor import cpu_model, usable_cores
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.spec import NetworkSpec
 
 if TYPE_CHECKING:
     import torch
 
-    from hybridmpm.training.datasets import Amount
-    from hybridmpm.training.trainer import Trainer
+    from hybridmpm.training.physics.datasets import Amount
+    from hybridmpm.training.physics.trainer import Trainer
 
 _SPACINGS = {2: 2.5, 3: 1.8}
 """Default connectivity radius in spacings: fewer neighbours than the paper's, which are what costs."""
@@ -117,7 +117,8 @@ def physics(
     uninterrupted run does. Losses and rollouts on held-out scenes are logged there.
     """
     torch = require_torch()
-    from hybridmpm.training import checkpoint, datasets, run  # noqa: PLC0415 - needs torch
+    from hybridmpm.training import checkpoint, run  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
 
     if threads is not None:
         torch.set_num_threads(threads)
@@ -200,9 +201,10 @@ def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
 
 def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> "Trainer":
     """Begin a training; a network to finetune keeps its scales, which its weights were made for."""
-    from hybridmpm.training import checkpoint, datasets  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.scales import normalization  # noqa: PLC0415
-    from hybridmpm.training.trainer import Trainer, TrainingSettings  # noqa: PLC0415
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.scales import normalization  # noqa: PLC0415
+    from hybridmpm.training.physics.trainer import Trainer, TrainingSettings  # noqa: PLC0415
 
     fields = (field.name for field in dataclasses.fields(TrainingSettings))
     settings = TrainingSettings(**{name: options[name] for name in fields})
@@ -216,7 +218,7 @@ def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> 
 
 
 def _make_data(root: Path, spec: NetworkSpec, amount: "Amount") -> None:
-    from hybridmpm.training import datasets  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
 
     for scenario in spec.scenarios:
         one = dataclasses.replace(spec, scenarios=(scenario,))

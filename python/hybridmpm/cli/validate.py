@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hybridmpm import charts, validation
+from hybridmpm import validation
+from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
 from hybridmpm.validation import page
 

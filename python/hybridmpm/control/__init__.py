@@ -4,10 +4,10 @@
 """
 
 from hybridmpm.control.constant import MAX_ACCELERATION, ControlledTrajectory, follow
-from hybridmpm.control.raster import parse_png
-from hybridmpm.control.render import render_png
-from hybridmpm.control.sketch import Arrow, Ellipse, Sketch
-from hybridmpm.control.strokes import Stroke, parse_strokes
+from hybridmpm.control.sketch.raster import parse_png
+from hybridmpm.control.sketch.render import render_png
+from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.control.sketch.strokes import Stroke, parse_strokes
 
 __all__ = [
     "MAX_ACCELERATION",

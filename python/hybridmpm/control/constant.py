@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.arguments import whole
-from hybridmpm.control.sketch import Arrow, Floats, Sketch, depth_of_width
+from hybridmpm._support.arguments import whole
+from hybridmpm.control.sketch.sketch import Arrow, Floats, Sketch, depth_of_width
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.simulator import Simulator
 

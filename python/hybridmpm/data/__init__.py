@@ -6,11 +6,11 @@ needs h5py: `pip install 'hybridmpm[data]'`.
 """
 
 from hybridmpm.data.convert import Converted, convert
-from hybridmpm.data.executors import RayTasks, Threads
 from hybridmpm.data.formats import FORMATS, Format, detect
-from hybridmpm.data.generate import Plan, Report, generate, plan
+from hybridmpm.data.generation.executors import RayTasks, Threads
+from hybridmpm.data.generation.generate import Plan, Report, generate, plan
+from hybridmpm.data.generation.simulate import simulate
 from hybridmpm.data.recipe import Recipe
-from hybridmpm.data.simulate import simulate
 from hybridmpm.data.splits import Seeds
 from hybridmpm.data.statistics import Statistics, statistics
 from hybridmpm.data.template import SceneTemplate

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from hybridmpm.data import metadata
 from hybridmpm.data.formats import Format
-from hybridmpm.data.particle_types import NAMES, SAME, TO_LAGRANGEBENCH
 from hybridmpm.data.statistics import Statistics
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError, DataError, ExportError
+from hybridmpm.scene.particle_types import NAMES, SAME, TO_LAGRANGEBENCH
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from hybridmpm._native import __version__
-from hybridmpm.data.particle_types import NAMES
+from hybridmpm._support.files import replacing
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
 from hybridmpm.errors import DataError
-from hybridmpm.files import replacing
-from hybridmpm.materials import REFERENCE_BULK_MODULUS
 from hybridmpm.scene import Scene
+from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS
+from hybridmpm.scene.particle_types import NAMES
 
 FILE = "metadata.json"
 FORMAT_VERSION = 1

@@ -7,12 +7,11 @@ from typing import Any
 
 from hybridmpm import scenarios
 from hybridmpm._native import __version__
-from hybridmpm.arguments import whole
+from hybridmpm._support.arguments import whole
 from hybridmpm.data.template import SceneTemplate
 from hybridmpm.errors import ConfigError
-from hybridmpm.materials import Water
-from hybridmpm.scene import Scene
-from hybridmpm.snapshots import Substeps
+from hybridmpm.mpm import Substeps
+from hybridmpm.scene import Scene, Water
 
 MAX_FORCE = 1000.0
 """[m/s^2]; beyond a hundred times gravity nothing is a fluid in a box."""

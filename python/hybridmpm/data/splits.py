@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hybridmpm.arguments import whole
+from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
 
 NAMES = ("train", "valid", "test")

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.data.particle_types import KINEMATIC
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import DataError
+from hybridmpm.scene.particle_types import KINEMATIC
 
 _Floats = npt.NDArray[np.float64]
 

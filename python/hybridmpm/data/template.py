@@ -18,7 +18,8 @@ import numpy as np
 import yaml
 
 from hybridmpm.errors import SceneError
-from hybridmpm.scene import YAML_ERRORS, Scene
+from hybridmpm.scene import Scene
+from hybridmpm.scene.scene import YAML_ERRORS
 
 _SALT = 2**20
 """Keeps templates apart from the scenarios, which salt by small numbers."""

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from hybridmpm.data.particle_types import KINEMATIC
+from hybridmpm._support.files import replacing
 from hybridmpm.data.trajectory import Trajectory
-from hybridmpm.files import replacing
 from hybridmpm.recording import Recording
 from hybridmpm.render import side_by_side, view_of
 from hybridmpm.scene import Scene
+from hybridmpm.scene.particle_types import KINEMATIC
 
 _RADIUS_SPACINGS = {2: 3.0, 3: 2.0}
 """Connectivity radii in spacings, about what data sets have: it tells how large a particle is."""

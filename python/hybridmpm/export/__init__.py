@@ -16,9 +16,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from hybridmpm._support.files import replacing
 from hybridmpm.errors import ExportError
 from hybridmpm.export import arrays, clouds, pictures
-from hybridmpm.files import replacing
 from hybridmpm.recording import Recording
 
 __all__ = ["SUFFIXES", "Style", "check_target", "needs_history", "save"]

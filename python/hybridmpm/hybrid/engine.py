@@ -15,7 +15,7 @@ from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.hybrid.log import Decision, Mode
 from hybridmpm.hybrid.network import Network
-from hybridmpm.hybrid.states import Checkpoint, Patience, Step
+from hybridmpm.hybrid.state import Checkpoint, Patience, Step
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.spec import HISTORY
 

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.arguments import whole
-from hybridmpm.data.kinematic import kinematic_particles
-from hybridmpm.data.particle_types import KINEMATIC
-from hybridmpm.downsampling import checked_ratio
+from hybridmpm._support.arguments import whole
+from hybridmpm.downsampling.merge import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import StepPath
 from hybridmpm.scene import Scene
+from hybridmpm.scene.kinematic import kinematic_particles
+from hybridmpm.scene.particle_types import KINEMATIC
 
 _Floats = npt.NDArray[np.float32]
 

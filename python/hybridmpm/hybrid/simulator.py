@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.arguments import whole
-from hybridmpm.downsampling import checked_ratio
+from hybridmpm._support.arguments import whole
+from hybridmpm.downsampling.merge import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.hybrid.engine import Engine, Settings
 from hybridmpm.hybrid.guard import Guard
@@ -17,7 +17,8 @@ from hybridmpm.hybrid.guards import DEFAULT, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
 from hybridmpm.hybrid.log import Decision, Mode, frames_of_mpm, standing
 from hybridmpm.hybrid.network import Network
-from hybridmpm.mpm import MAX_FRAMES_AT_ONCE, MpmSolver, acceleration
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE, acceleration
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Scene
 

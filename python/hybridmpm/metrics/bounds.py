@@ -10,8 +10,7 @@ import numpy as np
 
 from hybridmpm.downsampling import merge
 from hybridmpm.recording import Recording
-from hybridmpm.sampling import Particles
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Particles, Scene
 
 _SEEDS = 2**53
 

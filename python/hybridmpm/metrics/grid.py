@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.arguments import float32, whole
+from hybridmpm._support.arguments import float32, whole
 from hybridmpm.errors import ConfigError
 
 EMPTY_BELOW = 1e-3

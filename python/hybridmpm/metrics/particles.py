@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.arguments import float32, whole
+from hybridmpm._support.arguments import float32, whole
+from hybridmpm.downsampling.splines import Stencils
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
-from hybridmpm.splines import Stencils
 
 _Floats = npt.NDArray[np.float64]
 

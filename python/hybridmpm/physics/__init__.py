@@ -3,7 +3,7 @@
 from hybridmpm.physics.manifest import default_model, models
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
-from hybridmpm.physics.neural import NeuralPhysics
+from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.physics.stepper import Stepper
 

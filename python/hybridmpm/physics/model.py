@@ -8,17 +8,16 @@ import numpy.typing as npt
 
 from hybridmpm import scenarios
 from hybridmpm._native import RadiusGraph, radius_graph
-from hybridmpm.arguments import whole
-from hybridmpm.data.particle_types import KINEMATIC, NAMES
+from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
-from hybridmpm.materials import Material, Water
-from hybridmpm.physics.disturbance import shares
+from hybridmpm.physics.answer_gate import shares
+from hybridmpm.physics.free_fall import free_fall
 from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo, check_file
 from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import NetworkSpec
-from hybridmpm.physics.zero import free_fall
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Material, Scene, Water
+from hybridmpm.scene.particle_types import KINEMATIC, NAMES
 
 if TYPE_CHECKING:
     import onnxruntime

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+from hybridmpm._support.protobuf import fields, messages
 from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import NetworkSpec, Normalization
-from hybridmpm.protobuf import fields, messages
 
 FORMAT = 4
 """Of the graph's inputs and of the metadata; raised when a file of the old kind cannot be served."""

@@ -1,4 +1,4 @@
-"""Relaxation of density, which ends a step of a network; with gradients `hybridmpm.training.relaxation`."""
+"""Relaxation of density, which ends a step of a network; `training.physics.relaxation` has the gradients."""
 
 import itertools
 

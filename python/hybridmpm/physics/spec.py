@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from hybridmpm import scenarios
-from hybridmpm.arguments import whole
+from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 

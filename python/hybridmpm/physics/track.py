@@ -7,12 +7,12 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.data.kinematic import kinematic_particles
-from hybridmpm.data.particle_types import KINEMATIC
 from hybridmpm.errors import DomainError, NonFiniteError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Scene
+from hybridmpm.scene.kinematic import kinematic_particles
+from hybridmpm.scene.particle_types import KINEMATIC
 
 _Floats = npt.NDArray[np.float32]
 

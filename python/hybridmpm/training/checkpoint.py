@@ -7,9 +7,9 @@ from typing import Any
 
 import torch
 
+from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.files import replacing
-from hybridmpm.training.trainer import Trainer
+from hybridmpm.training.physics.trainer import Trainer
 
 _FORMAT = 1
 

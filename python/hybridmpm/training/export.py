@@ -20,8 +20,8 @@ from hybridmpm.physics.model_info import OPSET, ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.training import checkpoint
-from hybridmpm.training.network import SortedEdges
-from hybridmpm.training.simulator import LearnedSimulator
+from hybridmpm.training.physics.graph_network import SortedEdges
+from hybridmpm.training.physics.simulator import LearnedSimulator
 
 INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask", "share")
 OUTPUTS = ("positions",)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError
-from hybridmpm.files import replacing
 from hybridmpm.physics.manifest import WEIGHTS, Entry, write_entry
 from hybridmpm.physics.model_info import ModelInfo
 

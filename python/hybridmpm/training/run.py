@@ -11,9 +11,10 @@ import numpy as np
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.spec import HISTORY
-from hybridmpm.training import checkpoint, rollouts
-from hybridmpm.training.trainer import Trainer
-from hybridmpm.training.windows import Windows
+from hybridmpm.training import checkpoint
+from hybridmpm.training.physics import rollouts
+from hybridmpm.training.physics.trainer import Trainer
+from hybridmpm.training.physics.windows import Windows
 
 CHECKPOINT = "checkpoint.pt"
 LOSSES, ROLLOUTS = "losses.csv", "rollouts.csv"

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.charts import COLOURS, panels
-from hybridmpm.materials import Elastic
+from hybridmpm._support.charts import COLOURS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Ball
+from hybridmpm.scene import Ball, Elastic, Scene, Walls
 from hybridmpm.validation.case import Case, Check, Floats
 
 if TYPE_CHECKING:

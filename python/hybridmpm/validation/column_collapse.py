@@ -22,11 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.charts import COLOURS, MARKERS, panels
-from hybridmpm.materials import Sand
+from hybridmpm._support.charts import COLOURS, MARKERS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Box, HalfSpaceObstacle
+from hybridmpm.scene import Box, HalfSpaceObstacle, Sand, Scene, Walls
 from hybridmpm.validation import cells
 from hybridmpm.validation.case import Case, Check, Floats
 

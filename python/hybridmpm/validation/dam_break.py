@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybridmpm.charts import COLOURS, MARKERS, panels
-from hybridmpm.materials import Water
+from hybridmpm._support.charts import COLOURS, MARKERS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Box
+from hybridmpm.scene import Box, Scene, Walls, Water
 from hybridmpm.validation import cells
 from hybridmpm.validation.case import Case, Check, Floats
 

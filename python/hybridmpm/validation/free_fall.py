@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybridmpm.charts import COLOURS, MARKERS, panels
-from hybridmpm.materials import Elastic, Material, Sand, Water
+from hybridmpm._support.charts import COLOURS, MARKERS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Ball
+from hybridmpm.scene import Ball, Elastic, Material, Sand, Scene, Walls, Water
 from hybridmpm.validation.case import Case, Check, Floats
 
 if TYPE_CHECKING:

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from hybridmpm import charts
-from hybridmpm.files import replacing
+from hybridmpm._support import charts
+from hybridmpm._support.files import replacing
 from hybridmpm.validation.case import Case, Check, Result
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybridmpm.charts import COLOURS, MARKERS, panels
-from hybridmpm.materials import Elastic
+from hybridmpm._support.charts import COLOURS, MARKERS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Box, Contact, HalfSpaceObstacle, Polygon
+from hybridmpm.scene import Box, Elastic, HalfSpaceObstacle, Polygon, Scene, Walls
+from hybridmpm.scene.shapes import Contact
 from hybridmpm.validation.case import Case, Check, Floats
 
 if TYPE_CHECKING:

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybridmpm.charts import COLOURS, panels
-from hybridmpm.materials import Water
+from hybridmpm._support.charts import COLOURS, panels
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Scene, Walls
-from hybridmpm.shapes import Polygon
+from hybridmpm.scene import Polygon, Scene, Walls, Water
 from hybridmpm.validation.case import Case, Check, Floats
 
 if TYPE_CHECKING:

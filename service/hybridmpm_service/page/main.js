@@ -1,14 +1,14 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, everything -> ui.
 
-import { request } from "./api.js";
-import { StagePointer } from "./pointer.js";
-import { decodeFrame, decodeTypes, ProtocolError } from "./protocol.js";
-import { SessionClient } from "./session.js";
-import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./simulator-panel.js";
-import { Stage } from "./stage.js";
-import { showSteering } from "./steering-panel.js";
-import { Steering } from "./steering.js";
-import * as ui from "./ui.js";
+import { request } from "./net/api.js";
+import { StagePointer } from "./sketch/pointer.js";
+import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
+import { SessionClient } from "./net/session.js";
+import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
+import { Stage } from "./stage/stage.js";
+import { showSteering } from "./panels/steering-panel.js";
+import { Steering } from "./sketch/steering.js";
+import * as ui from "./panels/ui.js";
 
 const query = new URLSearchParams(window.location.search);
 const calm = window.matchMedia("(prefers-reduced-motion: reduce)");

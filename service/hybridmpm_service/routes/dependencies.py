@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
-from hybridmpm_service.problems import MEDIA_TYPE, TABLE
-from hybridmpm_service.sessions import SessionManager
+from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
+from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
 

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter
 
-from hybridmpm_service.learned import ModelBody, ModelList
+from hybridmpm_service.http.learned_answers import ModelBody, ModelList
 from hybridmpm_service.routes.dependencies import Sessions
 
 router = APIRouter(prefix="/v1/models", tags=["models"])

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from hybridmpm import scenarios
-from hybridmpm_service.answers import ScenarioBody, ScenarioList
 from hybridmpm_service.errors import ScenarioNotFoundError
+from hybridmpm_service.http.answers import ScenarioBody, ScenarioList
 from hybridmpm_service.routes.dependencies import problems
 
 router = APIRouter(prefix="/v1/scenarios", tags=["scenarios"])

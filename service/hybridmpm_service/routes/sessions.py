@@ -3,13 +3,13 @@
 from fastapi import APIRouter, Request, Response
 
 from hybridmpm import Scene, UnknownScenarioError, scenarios
-from hybridmpm_service.answers import ParticlesBody, SessionBody, SessionList
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.learned import DecisionList
-from hybridmpm_service.replies import NPZ, json_response, npz_response, wants_npz
-from hybridmpm_service.requests import AdvanceSession, CreateSession
+from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionList
+from hybridmpm_service.http.learned_answers import DecisionList
+from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
+from hybridmpm_service.http.requests import AdvanceSession, CreateSession
 from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
-from hybridmpm_service.session import Session
+from hybridmpm_service.sessions.session import Session
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
 

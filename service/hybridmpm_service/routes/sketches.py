@@ -12,13 +12,13 @@ from starlette.datastructures import UploadFile
 
 from hybridmpm import SketchError
 from hybridmpm.control import Sketch, parse_png, parse_strokes
-from hybridmpm_service.answers import TrajectoryBody, sketch_body, trajectory_arrays
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError
-from hybridmpm_service.replies import NPZ, json_response, npz_response, wants_npz
-from hybridmpm_service.requests import SteerSession
+from hybridmpm_service.http.answers import TrajectoryBody, sketch_body, trajectory_arrays
+from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
+from hybridmpm_service.http.requests import SteerSession
+from hybridmpm_service.http.uploads import read_limited
 from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
 from hybridmpm_service.settings import Settings
-from hybridmpm_service.uploads import read_limited
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"])
 

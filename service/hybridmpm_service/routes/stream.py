@@ -9,14 +9,14 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from hybridmpm import SimulationError
-from hybridmpm_service.answers import SessionBody
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError
-from hybridmpm_service.learned import HistoryBody
-from hybridmpm_service.mailbox import Mailbox, MailboxClosed, Signal
-from hybridmpm_service.problems import field_path, row_of, urn_of
-from hybridmpm_service.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
+from hybridmpm_service.http.answers import SessionBody
+from hybridmpm_service.http.learned_answers import HistoryBody
+from hybridmpm_service.http.problems import field_path, row_of, urn_of
+from hybridmpm_service.http.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
 from hybridmpm_service.routes.dependencies import Limits, Sessions
-from hybridmpm_service.session import CLOSE_DELETED, Session
+from hybridmpm_service.sessions.mailbox import Mailbox, MailboxClosed, Signal
+from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.settings import Settings
 
 router = APIRouter()

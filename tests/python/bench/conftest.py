@@ -12,7 +12,7 @@ from hybridmpm.physics.spec import NetworkSpec, Normalization
 def tiny_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the file of a network for water_2d with r_p = 1/16 and r_t = 8."""
     from hybridmpm.training.export import to_onnx
-    from hybridmpm.training.simulator import LearnedSimulator
+    from hybridmpm.training.physics.simulator import LearnedSimulator
 
     spec = NetworkSpec(
         scenarios=("water_2d",),

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm.bench import downsampling
+from hybridmpm.bench.accuracy import downsampling
 from hybridmpm.cli import cli
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import Ball, Box, ConfigError, MpmSolver, Scene
-from hybridmpm.bench.impact import first_impact
+from hybridmpm.bench.accuracy.impact import first_impact
 
 REACH = 2.5
 """Cells at which two bodies, or a body and a wall, feel each other at most: their splines overlap."""

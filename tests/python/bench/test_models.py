@@ -11,10 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import MpmSolver, NonFiniteError, Scene, scenarios
-from hybridmpm.bench import contest, front, latency, methods, rollouts
-from hybridmpm.bench.methods import Method
+from hybridmpm.bench.accuracy import comparison as contest
+from hybridmpm.bench.accuracy import latency, methods, rollouts
+from hybridmpm.bench.accuracy.methods import Method
+from hybridmpm.bench.report import pareto as front
 from hybridmpm.cli import cli
-from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.physics.free_fall import ZeroStepper
 from hybridmpm.recording import record
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, SimulationError, radius_graph
-from hybridmpm.bench import neighbors
+from hybridmpm.bench.speed import neighbors
 from hybridmpm.cli import cli
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm.bench import stale
+from hybridmpm.bench.report import stale
 from hybridmpm.cli import cli
 
 
@@ -57,11 +57,11 @@ def test_a_change_makes_results_stale(checkout: Path) -> None:
 
 
 def test_what_a_benchmark_needs() -> None:
-    names = {path.name for path in stale.sources("hybridmpm.bench.downsampling")}
-    assert {"downsampling.py", "timing.py", "mpm.py", "grid.py", "scenarios.py", "recording.py"} < names
+    names = {path.name for path in stale.sources("hybridmpm.bench.accuracy.downsampling")}
+    assert {"downsampling.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
     assert any(name.startswith("_native") for name in names)
     assert names.isdisjoint({"__init__.py", "provenance.py", "charts.py", "doctor.py", "follow.py"})
-    assert "network.py" in {path.name for path in stale.sources("hybridmpm.bench.sweep")}
+    assert "graph_network.py" in {path.name for path in stale.sources("hybridmpm.bench.sweep.sweep")}
     assert stale.sources("hybridmpm.bench.nothing") == set()
 
 

@@ -12,12 +12,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from hybridmpm import ConfigError, DataError, scenarios
-from hybridmpm.bench import latency, sweep
-from hybridmpm.bench.front import Row
-from hybridmpm.bench.provenance import Provenance
-from hybridmpm.bench.sweep import POINTS, Point, Settings, Sweep, matching
+from hybridmpm.bench.accuracy import latency
+from hybridmpm.bench.report.pareto import Row
+from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.sweep import sweep
+from hybridmpm.bench.sweep.sweep import POINTS, Point, Settings, Sweep, matching
 from hybridmpm.cli import cli
-from hybridmpm.physics.zero import ZeroStepper
+from hybridmpm.physics.free_fall import ZeroStepper
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
 
@@ -188,11 +189,11 @@ def test_steps_are_timed_on_states_of_mpm(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Return the command on a small sweep: one rung of MPM, one r_t of the zero network, two scenes."""
-    laboratory = importlib.import_module("hybridmpm.bench.laboratory")
+    laboratory = importlib.import_module("hybridmpm.bench.sweep.runner")
     for rungs in ("LADDER", "RATIOS"):
         monkeypatch.setattr(laboratory, rungs, {"1/16": 1 / 16})
     monkeypatch.setattr(laboratory, "STRIDES", (8,))
-    monkeypatch.setattr("hybridmpm.bench.methods._CROWD", 2)
+    monkeypatch.setattr("hybridmpm.bench.accuracy.methods._CROWD", 2)
     small = ["--scenes", "2", "--span", "40", "--trajectories", "1", "--device", "cpu"]
 
     def command(*arguments: str) -> Result:
@@ -208,7 +209,7 @@ def test_a_point_measured_and_then_trained(
 ) -> None:
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
     # An export takes seconds; that of the trained network is done.
-    training = importlib.import_module("hybridmpm.bench.sweep_training")
+    training = importlib.import_module("hybridmpm.bench.sweep.training")
     monkeypatch.setattr(training, "to_onnx", lambda _simulator, _info: tiny_model.read_bytes())
     result = run("--points", TINY, "--json", str(file))
     assert result.exit_code == 0, result.output

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import Ball, Box, BoxObstacle, ConfigError, MpmSolver, Scene, Walls
-from hybridmpm.materials import Material, Sand, Water
+from hybridmpm.scene import Material, Sand, Water
 
 taichi_mpm = pytest.importorskip(
     "hybridmpm.bench.peers.taichi_mpm", reason="needs Taichi: pip install 'hybridmpm[bench]'"

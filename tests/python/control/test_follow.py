@@ -6,7 +6,7 @@ import pytest
 
 from hybridmpm import Ball, Box, ConfigError, DomainError, MpmSolver, Scene
 from hybridmpm.control import MAX_ACCELERATION, Arrow, Ellipse, follow
-from hybridmpm.control.sketch import depth_of_width
+from hybridmpm.control.sketch.sketch import depth_of_width
 
 
 def _drop(dim: int = 2) -> MpmSolver:

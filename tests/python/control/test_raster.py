@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw
 
 from hybridmpm.control import Arrow, Ellipse, parse_png, render_png
-from hybridmpm.control.sketch import Floats
+from hybridmpm.control.sketch.sketch import Floats
 from hybridmpm.errors import SketchError
 
 PIXEL = 1 / 512

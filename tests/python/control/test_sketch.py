@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridmpm.control import Arrow, Ellipse
-from hybridmpm.control.sketch import MAX_POINTS, depth_of_width
+from hybridmpm.control.sketch.sketch import MAX_POINTS, depth_of_width
 from hybridmpm.errors import SketchError
 
 

@@ -17,7 +17,7 @@ from hybridmpm import ConfigError, DataError, data
 from hybridmpm.data import hdf5, metadata
 from hybridmpm.data.formats import inert
 from hybridmpm.data.formats.tfrecord import crc32c
-from hybridmpm.data.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
+from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
 
 from . import tfrecords
 from .conftest import trajectories

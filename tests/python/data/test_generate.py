@@ -17,9 +17,10 @@ import pytest
 import yaml
 
 from hybridmpm import ConfigError, DataError, ExportError, MpmSolver, data, scenarios
-from hybridmpm.data import assemble, hdf5, metadata
-from hybridmpm.data.shards import Shards
-from hybridmpm.data.simulate import RandomForce
+from hybridmpm.data import hdf5, metadata
+from hybridmpm.data.generation import assemble
+from hybridmpm.data.generation.shards import Shards
+from hybridmpm.data.generation.simulate import RandomForce
 
 from .conftest import DROPS, SOME_TOO_STIFF, trajectories
 

@@ -8,8 +8,8 @@ import pytest
 from hybridmpm import Scene, scenarios
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics import NeuralModel, default_model
+from hybridmpm.physics.free_fall import ZeroStepper
 from hybridmpm.physics.stepper import Stepper
-from hybridmpm.physics.zero import ZeroStepper
 
 if TYPE_CHECKING:
     from collections.abc import Callable

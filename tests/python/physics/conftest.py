@@ -12,8 +12,8 @@ import torch
 from hybridmpm import Scene
 from hybridmpm.physics import ModelInfo, NetworkSpec, NeuralModel, Normalization
 from hybridmpm.training.export import to_onnx
-from hybridmpm.training.simulator import LearnedSimulator
-from hybridmpm.training.windows import edges_of
+from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.windows import edges_of
 
 _Floats = npt.NDArray[np.float32]
 Make = Callable[..., LearnedSimulator]

@@ -16,11 +16,11 @@ from hybridmpm.cli import cli
 from hybridmpm.physics import NetworkSpec, NeuralModel, manifest
 from hybridmpm.physics.model_info import OPSET
 from hybridmpm.training import checkpoint
-from hybridmpm.training.network import GraphNetwork
+from hybridmpm.training.physics.graph_network import GraphNetwork
+from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
+from hybridmpm.training.physics.windows import edges_of
 from hybridmpm.training.publish import MAX_BYTES, publish
-from hybridmpm.training.simulator import LearnedSimulator
-from hybridmpm.training.trainer import Trainer, TrainingSettings
-from hybridmpm.training.windows import edges_of
 
 ALLOWED = {
     *("Add", "Sub", "Mul", "Div", "Neg", "Sqrt", "ReduceSum", "MatMul", "Gemm", "Relu", "LayerNormalization"),

@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.errors import ConfigError
-from hybridmpm.materials import Sand, Water
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Sand, Scene, Water
 
 # Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")

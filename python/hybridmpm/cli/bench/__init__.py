@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from hybridmpm.bench import stale as stale_results
+from hybridmpm.bench.report import stale as stale_results
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping

@@ -5,11 +5,11 @@ from pathlib import Path
 import click
 
 from hybridmpm import scenarios
-from hybridmpm.bench import downsampling as downsampling_bench
-from hybridmpm.bench import front_chart
-from hybridmpm.bench import models as models_bench
-from hybridmpm.bench.contest import Settings
-from hybridmpm.bench.rollouts import AT
+from hybridmpm.bench.accuracy import downsampling as downsampling_bench
+from hybridmpm.bench.accuracy import models as models_bench
+from hybridmpm.bench.accuracy.comparison import Settings
+from hybridmpm.bench.accuracy.rollouts import AT
+from hybridmpm.bench.report import front_chart
 from hybridmpm.cli.bench.options import chart_option, json_option, repeats_option, report, source
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError

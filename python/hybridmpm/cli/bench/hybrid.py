@@ -6,11 +6,11 @@ from typing import get_args
 import click
 
 from hybridmpm import scenarios
-from hybridmpm.bench import handoff as handoff_bench
-from hybridmpm.bench import hybrid as hybrid_bench
-from hybridmpm.bench import safeguard as safeguard_bench
-from hybridmpm.bench import safeguard_chart
-from hybridmpm.bench.provenance import write_rows
+from hybridmpm.bench.hybrid import handoff as handoff_bench
+from hybridmpm.bench.hybrid import hybrid as hybrid_bench
+from hybridmpm.bench.hybrid import safeguard as safeguard_bench
+from hybridmpm.bench.hybrid import safeguard_chart
+from hybridmpm.bench.report.provenance import write_rows
 from hybridmpm.cli.bench.options import chart_option, json_option, report, source
 from hybridmpm.cli.progress import progress
 from hybridmpm.hybrid.guards import Safeguard

@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
-from hybridmpm import charts
-from hybridmpm.bench.provenance import Provenance, provenance, write_rows
+from hybridmpm._support import charts
+from hybridmpm.bench.report.provenance import Provenance, provenance, write_rows
 from hybridmpm.cli.progress import progress
 
 

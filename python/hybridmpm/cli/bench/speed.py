@@ -5,11 +5,11 @@ from pathlib import Path
 import click
 
 from hybridmpm import scenarios
-from hybridmpm.bench import batch as batch_bench
-from hybridmpm.bench import mpm as mpm_bench
-from hybridmpm.bench import neighbors as neighbors_bench
-from hybridmpm.bench import scaling as scaling_bench
-from hybridmpm.bench import sleeping as sleeping_bench
+from hybridmpm.bench.speed import batch as batch_bench
+from hybridmpm.bench.speed import mpm as mpm_bench
+from hybridmpm.bench.speed import neighbors as neighbors_bench
+from hybridmpm.bench.speed import scaling as scaling_bench
+from hybridmpm.bench.speed import sleeping as sleeping_bench
 from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,

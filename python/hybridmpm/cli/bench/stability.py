@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
-from hybridmpm import charts
-from hybridmpm.bench import stability as stability_bench
-from hybridmpm.bench.provenance import write_rows
+from hybridmpm._support import charts
+from hybridmpm.bench.report.provenance import write_rows
+from hybridmpm.bench.stability import stability as stability_bench
 from hybridmpm.cli.bench.options import chart_option, json_option, measured, source
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from hybridmpm.bench.sweep import POINTS, Settings, Sweep, matching
+from hybridmpm.bench.sweep.sweep import POINTS, Settings, Sweep, matching
 from hybridmpm.cli.bench.options import chart_option, json_option, report, source
 from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
@@ -93,8 +93,8 @@ def sweep(
     on, which every network has to predict.
     """
     torch = require_torch()
-    from hybridmpm.bench.laboratory import Laboratory  # noqa: PLC0415 - needs torch
-    from hybridmpm.bench.sweep_chart import chart  # noqa: PLC0415
+    from hybridmpm.bench.sweep.chart import chart  # noqa: PLC0415
+    from hybridmpm.bench.sweep.runner import Laboratory  # noqa: PLC0415 - needs torch
 
     settings = Settings(**options)
     points = matching(patterns)

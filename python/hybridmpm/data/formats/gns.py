@@ -11,12 +11,12 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.files import replacing
 from hybridmpm.data.formats import inert
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
-from hybridmpm.data.particle_types import SAME, translated
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.files import replacing
+from hybridmpm.scene.particle_types import SAME, translated
 
 _ALL = "gns_data"
 """Key of files that hold all trajectories in one array."""

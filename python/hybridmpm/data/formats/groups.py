@@ -7,11 +7,11 @@ DeepMind's data leaves, and with types as LagrangeBench numbers them.
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from hybridmpm._support.files import replacing
 from hybridmpm.data import hdf5
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
-from hybridmpm.data.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
 from hybridmpm.data.trajectory import Trajectory
-from hybridmpm.files import replacing
+from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
 
 
 def _file(folder: Path, split: str) -> Path:

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.files import replacing
 from hybridmpm.data import hdf5, metadata
 from hybridmpm.data.formats.layout import Format, chosen, in_order
-from hybridmpm.data.particle_types import GOOP, KINEMATIC, SAND, WATER, translated
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.files import replacing
+from hybridmpm.scene.particle_types import GOOP, KINEMATIC, SAND, WATER, translated
 
 _FROM = {0: KINEMATIC, WATER: WATER, SAND: SAND, GOOP: GOOP}
 _TO = {KINEMATIC: 0, WATER: WATER, SAND: SAND, GOOP: GOOP}

@@ -13,12 +13,12 @@ from typing import IO
 
 import numpy as np
 
+from hybridmpm._support.protobuf import messages
 from hybridmpm.data import metadata
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
-from hybridmpm.data.particle_types import SAME, translated
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.protobuf import messages
+from hybridmpm.scene.particle_types import SAME, translated
 
 _LENGTH = struct.Struct("<QI")
 _MASK = 0xA282EAD8

@@ -1,0 +1,1 @@
+"""Checks of arguments, files, charts and facts about the machine: what every room may use."""

@@ -1,0 +1,1 @@
+"""Benchmarks of the hybrid simulator: its guards, its handoff and whole rollouts."""

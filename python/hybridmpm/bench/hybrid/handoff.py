@@ -1,0 +1,169 @@
+"""The shock of handing over from a network to MPM, with what state is carried and without.
+
+The network is MPM itself, recorded: its motion is right to the last bit, so all that differs from MPM going
+on undisturbed is what the handoff loses.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import metrics
+from hybridmpm._support import charts
+from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.hybrid.handoff import KINDS
+from hybridmpm.hybrid.log import Decision, Mode
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Box, Scene
+
+MATERIALS = ("water", "sand", "elastic")
+PHASES = {"free fall": 60, "impact": 94, "at rest": 3000}
+"""Frame of the handoff by what happens then: MPM feels the floor from frame 85 on or so."""
+AFTER = (1, 4, 16)
+"""Frames after the handoff whose state is compared."""
+COUNT = len(MATERIALS) * len(PHASES) * len(KINDS)
+NEURAL = 20
+"""Frames that the network makes before the handoff."""
+
+_R_T = 2
+_DROP = 0.25
+"""Height of the block above the floor [m]."""
+_SMALLEST = 1e-5
+"""What is less is drawn as this."""
+_Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Recorded:
+    """A network that answers what MPM did; made for one run from frame 0."""
+
+    path: _Floats
+    r_p: float = 1.0
+    r_t: int = _R_T
+
+    def check(self, scene: Scene) -> None:
+        """Accept the scene that was recorded."""
+
+    def step(
+        self,
+        history: _Floats,
+        types: npt.NDArray[np.int64],  # noqa: ARG002 - of the protocol
+        acceleration: _Floats,  # noqa: ARG002
+        walls: _Floats,  # noqa: ARG002
+    ) -> _Floats:
+        """Return the positions after those that `history` ends with."""
+        apart = np.abs(self.path[:: self.r_t] - history[-1]).max(axis=(1, 2))
+        return np.asarray(self.path[self.r_t * (int(np.argmin(apart)) + 1)])
+
+
+def block(material: str) -> Scene:
+    """Return a block in the air, 512 particles."""
+    body = Box(material=material, lower=(0.35, 0.1 + _DROP), upper=(0.6, 0.35 + _DROP))
+    return Scene(name=f"a block of {material}", dim=2, resolution=64, bodies=(body,))
+
+
+def rows(
+    source: Provenance, on_progress: Callable[[int], object], materials: Sequence[str] = MATERIALS
+) -> Iterator[dict[str, Any]]:
+    """Hand over in each phase of each material's fall, in each way, and yield a row for each.
+
+    `kinetic_1` is what the kinetic energy 1 frame after the handoff differs by from that of MPM undisturbed,
+    over the energy of the fall; `grid_1` the grid RMSE between the two. `acceleration` is the power mean of
+    order 4 of the accelerations in the first frame, which the largest dominate [m/s^2]; `acceleration_mpm`
+    that of MPM undisturbed.
+    """
+    for material in materials:
+        scene = block(material)
+        states = _undisturbed(scene)
+        network = _Recorded(path=states.pop("path"))
+        for phase, frame in PHASES.items():
+            for kind in KINDS:
+                shock = _shock(HybridSimulator(scene, network, handoff=kind), frame, states)
+                head = {"material": material, "phase": phase, "handoff": kind}
+                yield head | shock | dataclasses.asdict(source)
+                on_progress(1)
+
+
+def _undisturbed(scene: Scene) -> dict[Any, Any]:
+    """Positions of each frame by "path", and positions, velocities and kinetic energy by frame."""
+    solver = MpmSolver(scene)
+    kept = {frame + after for frame in PHASES.values() for after in (0, *AFTER)}
+    path = np.empty((max(kept) + _R_T + 1, solver.particle_count, scene.dim), dtype=np.float32)
+    states: dict[Any, Any] = {"path": path}
+    for frame in range(len(path)):
+        path[frame] = solver.positions
+        if frame in kept:
+            states[frame] = _state(solver)
+        solver.advance(1)
+    return states
+
+
+def _state(simulator: Any) -> tuple[_Floats, _Floats, float]:
+    return simulator.positions, simulator.velocities, simulator.diagnostics().kinetic_energy
+
+
+def _shock(sim: HybridSimulator, frame: int, states: dict[Any, Any]) -> dict[str, float]:
+    modes: dict[int, Mode] = {frame - NEURAL: "neural", frame: "mpm"}
+    log = [
+        Decision(frame=at, mode=mode, value=None, reason="appointed", noticed=at)
+        for at, mode in modes.items()
+    ]
+    found: dict[str, float] = {}
+    fall = 9.81 * _DROP * float(sim.mass.sum(dtype=np.float64))
+    sim.replay(log, frame)
+    before = sim.velocities
+    for after in AFTER:
+        sim.advance(frame + after - sim.frame)
+        x, v, kinetic = _state(sim)
+        true_x, true_v, true_kinetic = states[frame + after]
+        if after == 1:
+            dt = sim.scene.frame_dt
+            found["acceleration"] = _largest(v - before, dt)
+            found["acceleration_mpm"] = _largest(true_v - states[frame][1], dt)
+        found[f"kinetic_{after}"] = (kinetic - true_kinetic) / fall
+        masses = [metrics.grid_mass(one, sim.mass, sim.scene.resolution) for one in (x, true_x)]
+        found[f"grid_{after}"] = metrics.grid_rmse(*masses)
+    return {name: float(f"{value:.4g}") for name, value in found.items()}
+
+
+def _largest(change: _Floats, dt: float) -> float:
+    squares = np.sum((change.astype(np.float64) / dt) ** 2, axis=1)
+    return float(np.mean(squares**2) ** 0.25)
+
+
+def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw the jumps of kinetic energy, grid mass and acceleration, one row of panels a material."""
+    materials = list(dict.fromkeys(row["material"] for row in found))
+    figure, axes = charts.panels(3, len(materials), width=3.3, height=2.4)
+    for line, material in zip(axes, materials, strict=True):
+        mine = [row for row in found if row["material"] == material]
+        _dots(line[0], mine, lambda row: abs(row["kinetic_1"]))
+        _dots(line[1], mine, lambda row: row["grid_1"])
+        _dots(line[2], mine, lambda row: row["acceleration"])
+        undisturbed = {row["phase"]: row["acceleration_mpm"] for row in mine}
+        line[2].plot(range(len(PHASES)), [undisturbed[phase] for phase in PHASES], "k_", markersize=26)
+        line[0].set_ylabel(f"{material}\nchange of kinetic energy\n[energy of the fall]")
+        line[1].set_ylabel("grid RMSE [-]")
+        line[2].set_ylabel("acceleration [m/s$^2$]")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    handles += axes[0][2].get_lines()[-1:]
+    labels += ["MPM undisturbed (acceleration)"]
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.suptitle("One frame after the handoff, against MPM undisturbed", fontsize=11)
+    charts.save(figure, path)
+
+
+def _dots(panel: Any, rows_of: Sequence[dict[str, Any]], read: Callable[[dict[str, Any]], float]) -> None:
+    for index, kind in enumerate(KINDS):
+        values = {row["phase"]: read(row) for row in rows_of if row["handoff"] == kind}
+        places = [place + 0.18 * (index - 1) for place in range(len(PHASES))]
+        heights = [max(values[phase], _SMALLEST) for phase in PHASES]
+        panel.plot(places, heights, charts.MARKERS[index], color=charts.COLOURS[index], label=kind)
+    panel.set_xticks(range(len(PHASES)), PHASES)
+    panel.set(yscale="log", xlim=(-0.5, len(PHASES) - 0.5))

@@ -1,0 +1,1 @@
+"""What a benchmark leaves behind: where its figures come from, which are stale, and fronts."""

@@ -1,0 +1,129 @@
+"""How cost grows: linearly with the particles, and with the cells that they touch, not with the grid."""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hybridmpm._support import charts
+from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.timing import Timed, seconds_per_frame
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Ball, Box, Scene
+
+SUBSTEPS = 16
+"""Of a frame, at the ground truth's step of 0.02 dx: in cells, particles of all sizes move alike."""
+
+MAX_PARTICLES = 1_000_000
+
+_WALL_LOW, _WALL_HIGH = 0.1, 0.9
+_SHARE = {2: 0.4, 3: 0.2}
+"""Of the box that a block fills."""
+_BLOB_RADIUS = 8
+"""[cells]; about 17 000 particles."""
+_RUN_UP = 5
+_PER_MEASUREMENT = 5_000_000
+"""Particle-substeps in one measurement, or more where one frame has more."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Sizes and length of the measurement."""
+
+    particles: tuple[int, ...] = (1000, 4000, 16_000, 64_000, 250_000, 1_000_000)
+    """Of the blocks, about; the grid grows with them."""
+    resolutions: tuple[int, ...] = (64, 128, 256)
+    """Of the grids that hold the same blob."""
+    threads: int = 1
+    repeats: int = 5
+
+
+def rows(settings: Settings, source: Provenance) -> Iterator[dict[str, Any]]:
+    """Measure blocks of water that grow, then a blob in grids that grow, and yield the rows of each set."""
+    blocks = [block(dim, particles) for dim in (2, 3) for particles in settings.particles]
+    blobs = [blob(resolution) for resolution in settings.resolutions]
+    for series, scenes in (("particles", blocks), ("grid", blobs)):
+        solvers = [MpmSolver(scene, substeps=SUBSTEPS, threads=settings.threads) for scene in scenes]
+        seconds = seconds_per_frame([_timed(solver) for solver in solvers], settings.repeats)
+        for solver, per_frame in zip(solvers, seconds, strict=True):
+            per_substep = per_frame / SUBSTEPS
+            yield {
+                "series": series,
+                "dim": solver.dim,
+                "particles": solver.particle_count,
+                "resolution": solver.scene.resolution,
+                "threads": settings.threads,
+                "ms_per_substep": round(per_substep * 1e3, 5),
+                "ns_per_particle_substep": round(per_substep * 1e9 / solver.particle_count, 2),
+                **dataclasses.asdict(source),
+            }
+
+
+def _timed(solver: MpmSolver) -> Timed:
+    solver.advance(_RUN_UP)
+    start = solver.snapshot()
+    frames = min(20, math.ceil(_PER_MEASUREMENT / (SUBSTEPS * solver.particle_count)))
+    return Timed(restore=lambda: solver.restore(start), advance=solver.advance, frames=frames)
+
+
+def block(dim: int, particles: int) -> Scene:
+    """Scene with about `particles` particles of water that fall aslant from the middle of the box."""
+    side = (_WALL_HIGH - _WALL_LOW) * _SHARE[dim] ** (1 / dim)
+    resolution = max(8, round(particles ** (1 / dim) / (2 * side)))
+    middle = (_WALL_LOW + _WALL_HIGH) / 2
+    body = Box(
+        material="water",
+        lower=(middle - side / 2,) * dim,
+        upper=(middle + side / 2,) * dim,
+        velocity=(1.0, -2.0, 0.5)[:dim],
+    )
+    return Scene(
+        name="block",
+        dim=dim,
+        resolution=resolution,
+        frame_dt=SUBSTEPS * 0.02 / resolution,
+        bodies=(body,),
+        max_particles=2 * MAX_PARTICLES,
+    )
+
+
+def blob(resolution: int) -> Scene:
+    """Scene with a ball of water in free fall that has the same radius in cells in every grid."""
+    ball = Ball(
+        material="water", center=(0.5,) * 3, radius=_BLOB_RADIUS / resolution, velocity=(0.0, -2.0, 0.0)
+    )
+    return Scene(
+        name="blob", dim=3, resolution=resolution, frame_dt=SUBSTEPS * 0.02 / resolution, bodies=(ball,)
+    )
+
+
+def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+    """Draw both series as SVG and PNG; raises as `charts.panels` and `charts.save`."""
+    figure, axes = charts.panels(columns=3)
+    whole, each, around = axes[0]
+    for dim, marker in zip((2, 3), charts.MARKERS, strict=False):
+        blocks = [row for row in rows if (row["series"], row["dim"]) == ("particles", dim)]
+        particles = [row["particles"] for row in blocks]
+        for panel, field in ((whole, "ms_per_substep"), (each, "ns_per_particle_substep")):
+            panel.plot(particles, [row[field] for row in blocks], marker=marker, label=f"water {dim}D")
+    blobs = [row for row in rows if row["series"] == "grid"]
+    nodes = [row["resolution"] for row in blobs]
+    around.plot(nodes, [row["ns_per_particle_substep"] for row in blobs], marker=charts.MARKERS[0])
+    whole.set(
+        xscale="log", yscale="log", xlabel="particles", ylabel="ms per substep", title="growing block, in all"
+    )
+    whole.legend()
+    each.set(
+        xscale="log",
+        xlabel="particles",
+        ylabel="ns per particle and substep",
+        title="growing block, each particle",
+    )
+    around.set(xscale="log", xticks=nodes, xticklabels=[f"${n}^3$" for n in nodes], xlabel="grid")
+    around.set(ylabel="ns per particle and substep", title="one blob, growing grid")
+    around.minorticks_off()
+    for panel in (each, around):
+        panel.set_ylim(0, 1.1 * panel.dataLim.y1)
+    charts.save(figure, file)

@@ -1,0 +1,1 @@
+"""Benchmarks of stability: at which CFL numbers the solver fails."""

@@ -1,0 +1,1 @@
+"""The sweep over networks: latencies of all points, trainings of those that may pay, charts."""

@@ -1,0 +1,81 @@
+"""What this installation can do: versions, processor, and what is missing with how to get it."""
+
+import importlib.metadata
+import importlib.util
+import platform
+import shutil
+import sys
+from dataclasses import dataclass
+
+from hybridmpm import _native
+from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm.errors import ExportError, SimulationError
+from hybridmpm.export.pictures import require_encoder
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scenarios import water_2d
+
+_LIBRARIES = ("numpy", "pydantic", "pillow", "click", "pyyaml")
+"""What the package imports, by the names of their distributions."""
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the report."""
+
+    subject: str
+    state: str
+    """"ok", "missing" (optional, absent) or "broken" (needed, does not work)."""
+    detail: str
+
+
+def examine() -> list[Finding]:
+    """Look at everything; takes well below a second and raises nothing."""
+    return [
+        Finding("hybridmpm", "ok", _native.__version__),
+        Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),
+        *(Finding(name, "ok", importlib.metadata.version(name)) for name in _LIBRARIES),
+        Finding("platform", "ok", platform.platform()),
+        Finding("processor", "ok", cpu_model()),
+        Finding("threads", "ok", f"{usable_cores()} can run at once; a solver uses 1 unless told otherwise"),
+        Finding("cpu features", "ok", ", ".join(_native.cpu_features()) or "none that matter here"),
+        _solver_works(),
+        _encoder(),
+        _service(),
+        _browser(),
+    ]
+
+
+def _solver_works() -> Finding:
+    try:
+        solver = MpmSolver(water_2d(0))
+        solver.advance(10)
+    except SimulationError as error:
+        return Finding("solver", "broken", str(error))
+    return Finding("solver", "ok", f"moved {solver.particle_count} particles of water for 10 frames")
+
+
+def _encoder() -> Finding:
+    try:
+        path = require_encoder().get_ffmpeg_exe()
+    except (ExportError, RuntimeError):
+        return Finding("mp4 encoder", "missing", "pip install 'hybridmpm[video]'; GIF works without")
+    return Finding("mp4 encoder", "ok", path)
+
+
+def _service() -> Finding:
+    if importlib.util.find_spec("hybridmpm_service") is None:
+        return Finding("service", "missing", "pip install hybridmpm-service, for `hybridmpm serve`")
+    try:
+        version = importlib.metadata.version("hybridmpm-service")
+    except importlib.metadata.PackageNotFoundError:
+        version = "importable, but not installed"
+    return Finding("service", "ok", version)
+
+
+def _browser() -> Finding:
+    for name in _BROWSERS:
+        path = shutil.which(name)
+        if path:
+            return Finding("chromium", "ok", path)
+    return Finding("chromium", "missing", "only the browser tests need it; Debian's package is chromium")

@@ -1,0 +1,137 @@
+"""The working folder of a run: one file for each finished trajectory, until its split is assembled.
+
+A killed writer leaves an HDF5 file torn, so each shard is written aside and renamed.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hybridmpm._support.files import replacing
+from hybridmpm.data import hdf5
+from hybridmpm.data.generation.executors import GROUP
+from hybridmpm.data.recipe import Recipe
+from hybridmpm.data.trajectory import Trajectory
+from hybridmpm.errors import ConfigError, DataError, ExportError
+from hybridmpm.scene.particle_types import SAME, translated
+
+FOLDER = "shards"
+METADATA = "metadata.json"
+
+
+class Shards:
+    """The shards of a data set's folder, which is made if it is not there.
+
+    Raises
+    ------
+    ExportError
+        The folder cannot be made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / FOLDER
+        self._metadata = folder / METADATA
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ExportError(f"cannot write {self.folder}: {error.strerror or error}") from error
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other processes out; the system lets go of the lock when this one dies.
+
+        Raises
+        ------
+        ConfigError
+            Another process writes this data set.
+        """
+        handle = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            text = "another process is writing this data set; wait for it or choose another folder"
+            raise ConfigError(f"{self.folder.parent}: {text}") from None
+        else:
+            yield
+        finally:
+            os.close(handle)
+
+    def claim(self, recipe: Recipe) -> None:
+        """Begin with `recipe`, or go on with it.
+
+        Raises
+        ------
+        ConfigError
+            The folder holds data of another recipe; the message names the settings that differ.
+        """
+        wanted = json.loads(json.dumps(recipe.to_dict()))
+        note = self.folder / "recipe.json"
+        there = _json(note) if note.exists() else None
+        if there is None and self._metadata.exists():
+            there = _json(self._metadata).get("hybridmpm", {}).get("recipe", {})
+        if there is None:
+            with replacing(note) as part:
+                part.write_text(json.dumps(wanted) + "\n", encoding="utf-8")
+            return
+        differing = [key for key in wanted if there.get(key) != wanted[key]]
+        if differing:
+            pairs = ", ".join(f"{key} = {there.get(key)!r}, not {wanted[key]!r}" for key in differing[:3])
+            raise ConfigError(f"{self.folder.parent} holds data made with {pairs}; choose another folder")
+
+    def path(self, seed: int) -> Path:
+        """File of a seed's trajectory."""
+        return self.folder / f"{seed:07d}.h5"
+
+    def store(self, seed: int, shard: bytes) -> None:
+        """Write a finished trajectory; raises `ExportError`, and the older shards stay."""
+        with replacing(self.path(seed)) as part:
+            part.write_bytes(shard)
+
+    def sound(self, seed: int) -> bool:
+        """Whether a trajectory is there; raises `DataError` where it is damaged."""
+        if not self.path(seed).exists():
+            return False
+        self.read(seed)
+        return True
+
+    def read(self, seed: int) -> Trajectory:
+        """Read a trajectory; raises `DataError` naming file and key."""
+        path = self.path(seed)
+        with hdf5.reading(path) as file:
+            key = f"{GROUP}/particle_type"
+            types = translated(hdf5.read_array(file, key, path), SAME, where=f"{path}: {key}")
+            trajectory = hdf5.read_trajectory(file, GROUP, path, types)
+        if trajectory.seed != seed:
+            raise DataError(f"{path}: {GROUP} is of seed {trajectory.seed}, not of {seed}")
+        return trajectory
+
+    def clean(self) -> None:
+        """Remove what killed writers left half done."""
+        for part in self.folder.glob(".*"):
+            part.unlink(missing_ok=True)
+
+    def drop(self, seeds: Iterable[int]) -> None:
+        """Remove shards, where they are there."""
+        for seed in seeds:
+            self.path(seed).unlink(missing_ok=True)
+
+    def finish(self) -> None:
+        """Remove the folder; shards that belong to no split keep it."""
+        (self.folder / "recipe.json").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            self.folder.rmdir()
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} is damaged: {error}") from None
+    if not isinstance(found, dict):
+        raise DataError(f"{path} must hold a JSON object")
+    return found

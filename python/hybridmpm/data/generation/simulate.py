@@ -1,0 +1,110 @@
+"""From recipe and seed to a trajectory, by the solver."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.data.recipe import Recipe
+from hybridmpm.data.trajectory import Place, Trajectory
+from hybridmpm.errors import ConfigError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Scene
+from hybridmpm.scene.kinematic import kinematic_particles
+from hybridmpm.scene.particle_types import KINEMATIC
+
+_AT_ONCE = 25
+"""Frames between two looks at whether to stop."""
+_MODES = 6
+_LONGEST, _SHORTEST = 0.8, 0.2
+"""Wavelengths of the random force [m]."""
+_SLOWEST, _FASTEST = 0.2, 2.0
+"""Its frequencies [Hz]."""
+_FORCE_SALT = 2**21
+
+
+class StoppedError(Exception):
+    """The caller asked to stop before the trajectory was done."""
+
+
+def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: False) -> Trajectory:
+    """Simulate the scene of a seed, with obstacles as particles of type 3 behind those of the fluid.
+
+    Raises
+    ------
+    SimulationError
+        The scene cannot be filled, or a frame failed.
+    StoppedError
+        `stop()`, asked every few frames, was true.
+    """
+    scene = recipe.scene(seed)
+    solver = _solver(scene, recipe)
+    solids = kinematic_particles(scene, scene.spacing * recipe.r_p ** (-1 / scene.dim))
+    fluid, count = solver.particle_count, solver.particle_count + len(solids)
+    positions = np.empty((recipe.states, count, scene.dim), dtype=np.float32)
+    positions[:, fluid:] = solids
+    force = np.zeros((recipe.states - 1, count, scene.dim), dtype=np.float32) if recipe.force else None
+    stirring = RandomForce(scene.dim, recipe.force, seed)
+    positions[0, :fluid] = solver.positions
+    for state in range(1, recipe.states):
+        if force is not None:
+            force[state - 1, :fluid] = stirring.at(positions[state - 1, :fluid], solver.time)
+            solver.advance(1, force[state - 1, :fluid])
+        else:
+            _advance(solver, recipe.stride, stop)
+        positions[state, :fluid] = solver.positions
+        if state % _AT_ONCE == 0 and stop():
+            raise StoppedError
+    return Trajectory(
+        positions=positions,
+        types=np.concatenate([solver.materials.astype(np.int64), np.full(len(solids), KINEMATIC, np.int64)]),
+        force=force,
+        mass=np.concatenate([solver.mass, np.zeros(len(solids), np.float32)]),
+        seed=seed,
+        scene=scene,
+        place=Place(f"seed {seed}"),
+    )
+
+
+def _solver(scene: Scene, recipe: Recipe) -> MpmSolver:
+    if scene.emitters or scene.sinks:
+        raise ConfigError("a trajectory keeps its particles: take emitters and sinks out of the scene")
+    return MpmSolver(scene, substeps=recipe.substeps, r_p=recipe.r_p)
+
+
+def _advance(solver: MpmSolver, frames: int, stop: Callable[[], bool]) -> None:
+    for done in range(0, frames, _AT_ONCE):
+        if done and stop():
+            raise StoppedError
+        solver.advance(min(_AT_ONCE, frames - done))
+
+
+class RandomForce:
+    """A smooth random acceleration in space and time: a few travelling waves, the same for the same seed.
+
+    Parameters
+    ----------
+    dim : int
+    strength : float
+        Root mean square over space and time of its length [m/s^2].
+    seed : int
+    """
+
+    def __init__(self, dim: int, strength: float, seed: int) -> None:
+        rng = np.random.default_rng([_FORCE_SALT, seed])
+
+        def directions() -> npt.NDArray[np.float64]:
+            vectors = rng.normal(size=(_MODES, dim))
+            return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+        wavelength = rng.uniform(_SHORTEST, _LONGEST, size=(_MODES, 1))
+        self._wave = 2 * np.pi * directions() / wavelength
+        self._frequency = 2 * np.pi * rng.uniform(_SLOWEST, _FASTEST, size=_MODES)
+        self._phase = rng.uniform(0, 2 * np.pi, size=_MODES)
+        # The square of a cosine is 1/2 in the mean.
+        self._push = directions() * strength * np.sqrt(2 / _MODES)
+
+    def at(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
+        """Acceleration [m/s^2] of points (N, D) [m] at a time [s]; shape (N, D)."""
+        waves = np.cos(x @ self._wave.T + self._frequency * time + self._phase)
+        return np.asarray(waves @ self._push, dtype=np.float32)

@@ -1,0 +1,49 @@
+"""From emitters to the layers of particles that leave them."""
+
+import numpy as np
+
+from hybridmpm import _native
+from hybridmpm.errors import SceneError
+from hybridmpm.scene import Emitter, Scene
+from hybridmpm.scene.sampling import JITTER
+
+_PATTERNS = 16
+"""Layers with jitter of their own; they are used in turn."""
+
+
+def native_emitters(scene: Scene) -> list[_native.Emitter]:
+    """Build the core's emitters; a layer is one spacing thick, its back lies on the opening.
+
+    Raises
+    ------
+    SceneError
+        An obstacle at rest is in front of an opening.
+    """
+    materials = scene.materials
+    return [
+        _native_emitter(scene, index, emitter, materials.index(emitter.material))
+        for index, emitter in enumerate(scene.emitters)
+    ]
+
+
+def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int) -> _native.Emitter:
+    spacing = scene.spacing
+    sites = emitter.sites(spacing) + 0.5 * spacing * emitter.direction
+    for number, obstacle in enumerate(scene.obstacles):
+        solid = obstacle.to_native()
+        if obstacle.motion is None and (solid.signed_distance(sites.astype(np.float32)) <= 0).any():
+            text = f"must open into free space, but obstacles[{number}] is in front of it"
+            raise SceneError.of([(f"emitters[{index}]", text)])
+    rng = np.random.default_rng(emitter.seed)
+    volume = spacing**scene.dim
+    return _native.Emitter(
+        material=material,
+        velocity=emitter.velocity,
+        spacing=spacing,
+        sites=sites.astype(np.float32),
+        jitter=(spacing * rng.uniform(-JITTER, JITTER, (_PATTERNS, *sites.shape))).astype(np.float32),
+        mass=emitter.material.density * volume,
+        volume=volume,
+        start=emitter.start,
+        stop=emitter.stop,
+    )

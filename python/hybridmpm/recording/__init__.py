@@ -1,0 +1,6 @@
+"""Recordings: the states of a simulation at some of its frames, also where particles come and go."""
+
+from hybridmpm.recording.recording import Recording, record
+from hybridmpm.recording.tracks import Tracks
+
+__all__ = ["Recording", "Tracks", "record"]

@@ -1,0 +1,107 @@
+"""Running a solver while keeping what files and pictures are made from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm._support.arguments import whole
+from hybridmpm.errors import ConfigError
+from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE
+from hybridmpm.recording.tracks import Tracks
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
+
+MAX_BYTES = 4 * 2**30
+"""A recording is held in memory; one larger than this is refused before it starts."""
+_AT_ONCE = 25
+"""Frames between two chances to report progress and to notice Ctrl-C."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """States of a simulation at F instants.
+
+    N counts the particles that were there at one of them at least. Where emitters or sinks change their
+    number, a particle is NaN while it is not there.
+    """
+
+    scene: Scene
+    ids: npt.NDArray[np.uint64]
+    """Numbers of the particles (N,), ascending; those of `MpmSolver.ids`."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,)."""
+    mass: npt.NDArray[np.float32]
+    """(N,) [kg]."""
+    frames: npt.NDArray[np.int64]
+    """Frame numbers (F,), increasing."""
+    positions: npt.NDArray[np.float32]
+    """(F, N, D) [m]."""
+    velocities: npt.NDArray[np.float32]
+    """(F, N, D) [m/s]."""
+
+    def present(self, row: int) -> npt.NDArray[np.bool_]:
+        """Whether each particle (N,) is there in a state."""
+        return np.asarray(np.isfinite(self.positions[row, :, 0]))
+
+    def time(self, row: int) -> float:
+        """Return the simulated time of a state [s]."""
+        return float(self.frames[row]) * self.scene.frame_dt
+
+
+def record(
+    solver: Simulator, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None
+) -> Recording:
+    """Advance `solver` and keep its state now, after each `every` frames, and at the end.
+
+    Parameters
+    ----------
+    solver : Simulator
+        Left at the last frame.
+    frames : int in [0, 1000000]
+    every : int in [1, 1000000]
+        Frames between two states kept; the last step may be shorter.
+    on_progress : callable, optional
+        Called with the number of frames done since its last call.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range, or the recording would exceed `MAX_BYTES`; where emitters are at work,
+        this may turn out on the way.
+    SimulationError
+        A frame failed; see `MpmSolver.advance`.
+    """
+    frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+    every = whole("every", every, 1, MAX_FRAMES_AT_ONCE)
+    stops = [*range(0, frames, every), frames]
+    _check_size(len(stops), solver.particle_count, solver.dim)
+    tracks = Tracks(solver, len(stops), "positions", "velocities")
+    first = solver.frame
+    for row, stop in enumerate(stops):
+        while solver.frame < first + stop:
+            step = min(first + stop - solver.frame, _AT_ONCE)
+            solver.advance(step)
+            if on_progress is not None:
+                on_progress(step)
+        tracks.take(row)
+        _check_size(len(stops), len(tracks.ids), solver.dim)
+    return Recording(
+        scene=solver.scene,
+        ids=tracks.ids,
+        types=tracks.types,
+        mass=tracks.mass,
+        frames=first + np.array(stops, dtype=np.int64),
+        positions=tracks["positions"],
+        velocities=tracks["velocities"],
+    )
+
+
+def _check_size(states: int, particles: int, dim: int) -> None:
+    needed = 2 * 4 * states * particles * dim
+    if needed > MAX_BYTES:
+        raise ConfigError(
+            f"a recording must fit in {MAX_BYTES / 2**30:g} GiB, but {states} states of "
+            f"{particles} particles need {needed / 2**30:.1f}; raise `every` or lower `frames`"
+        )

@@ -1,0 +1,34 @@
+"""The seven seeded scenarios: `water_2d(seed)` and its siblings return a `Scene`.
+
+The ranges that they are drawn from stand in `samplers.py` and docs/scenarios.md.
+"""
+
+from hybridmpm.scenarios.scenarios import (
+    MAX_SEED,
+    NAMES,
+    ScenarioInfo,
+    describe,
+    get,
+    sand_2d,
+    sand_3d,
+    sand_ramps_2d,
+    water_2d,
+    water_3d,
+    water_ramps_2d,
+    water_sand_2d,
+)
+
+__all__ = [
+    "MAX_SEED",
+    "NAMES",
+    "ScenarioInfo",
+    "describe",
+    "get",
+    "sand_2d",
+    "sand_3d",
+    "sand_ramps_2d",
+    "water_2d",
+    "water_3d",
+    "water_ramps_2d",
+    "water_sand_2d",
+]

@@ -1,0 +1,53 @@
+"""Scenes: bodies, obstacles, openings and materials in a box, and the particles that fill them."""
+
+from hybridmpm.scene.materials import Elastic, Material, Sand, Water
+from hybridmpm.scene.motion import Motion
+from hybridmpm.scene.openings import (
+    BallSink,
+    BoxSink,
+    Emitter,
+    ParticleLimitWarning,
+    RectangularEmitter,
+    RoundEmitter,
+    Sink,
+)
+from hybridmpm.scene.sampling import Particles
+from hybridmpm.scene.scene import Scene, Walls
+from hybridmpm.scene.shapes import (
+    Ball,
+    BallObstacle,
+    Body,
+    Box,
+    BoxObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+    Polygon,
+    SegmentObstacle,
+)
+
+__all__ = [
+    "Ball",
+    "BallObstacle",
+    "BallSink",
+    "Body",
+    "Box",
+    "BoxObstacle",
+    "BoxSink",
+    "Elastic",
+    "Emitter",
+    "HalfSpaceObstacle",
+    "Material",
+    "Motion",
+    "Obstacle",
+    "ParticleLimitWarning",
+    "Particles",
+    "Polygon",
+    "RectangularEmitter",
+    "RoundEmitter",
+    "Sand",
+    "Scene",
+    "SegmentObstacle",
+    "Sink",
+    "Walls",
+    "Water",
+]

@@ -1,0 +1,54 @@
+"""Particle types by convention: the same number means different things to different projects.
+
+Within the library types are DeepMind's (Sanchez-Gonzalez et al. 2020): 0 rigid, 3 kinematic, 5 water, 6 sand,
+7 goop. LagrangeBench (`NodeType` in its utils.py) has 0 fluid, 1 wall, 2 moving wall, 3 rigid; a ramp of
+DeepMind's, read as its 3, would fall like a rigid body.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import DataError
+from hybridmpm.scene.materials import Elastic, Sand, Water
+
+RIGID, KINEMATIC = 0, 3
+WATER, SAND, GOOP = (Water().type_id, Sand().type_id, Elastic().type_id)
+NAMES: Mapping[int, str] = {
+    RIGID: "rigid",
+    KINEMATIC: "kinematic",
+    WATER: "water",
+    SAND: "sand",
+    GOOP: "goop",
+}
+
+SAME: Mapping[int, int] = {number: number for number in NAMES}
+TO_LAGRANGEBENCH: Mapping[int, int] = {RIGID: 3, KINEMATIC: 1, WATER: 0, SAND: SAND, GOOP: GOOP}
+FROM_LAGRANGEBENCH: Mapping[int, int] = {
+    0: WATER,
+    1: KINEMATIC,
+    2: KINEMATIC,
+    3: RIGID,
+    SAND: SAND,
+    GOOP: GOOP,
+}
+
+
+def translated(
+    types: npt.NDArray[np.integer], table: Mapping[int, int], *, where: str
+) -> npt.NDArray[np.int64]:
+    """Replace each type by what `table` says.
+
+    Raises
+    ------
+    DataError
+        A type is not in the table; the message begins with `where` and lists those known.
+    """
+    present, inverse = np.unique(types, return_inverse=True)
+    unknown = [int(number) for number in present if int(number) not in table]
+    if unknown:
+        known = ", ".join(str(number) for number in sorted(table))
+        raise DataError(f"{where} holds particle type {unknown[0]}; this format has {known}")
+    renamed = np.array([table[int(number)] for number in present], dtype=np.int64)
+    return np.asarray(renamed[inverse].reshape(types.shape))

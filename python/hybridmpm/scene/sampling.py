@@ -1,0 +1,159 @@
+"""From bodies to particles: one particle in each cell of a fine lattice, jittered.
+
+The lattice is one for the whole world, with `Scene.spacing` between its sites. A site belongs to the first
+body that contains it, in the order of the scene; sites inside an obstacle stay empty. So overlapping bodies
+never hold two particles in one place: the earlier body wins.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import SceneError
+from hybridmpm.scene.scene import Scene
+from hybridmpm.scene.shapes import Body, Points
+
+JITTER = 0.25
+"""Largest offset along an axis, in spacings: two particles are never closer than half a spacing."""
+
+_CLEARANCE = 1e-3
+"""Distance kept from walls, in spacings: more than rounding to float32 can move a particle."""
+
+_SITES_AT_ONCE = 100_000
+"""Sites between two looks at the limit of particles: a scene that is too large is refused early."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Particles:
+    """Initial state of the N particles of a scene, body by body."""
+
+    x: npt.NDArray[np.float32]
+    """Positions (N, D) [m], strictly inside their bodies and the walls."""
+    v: npt.NDArray[np.float32]
+    """Velocities (N, D) [m/s]."""
+    material: npt.NDArray[np.uint8]
+    """Index into `Scene.materials`, (N,)."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    body: npt.NDArray[np.int32]
+    """Index into `Scene.bodies`, (N,)."""
+    mass: npt.NDArray[np.float32]
+    """(N,) [kg]; in 2D of a slice one metre deep."""
+    volume: npt.NDArray[np.float32]
+    """Rest volume spacing^D, (N,) [m^D]."""
+
+
+def sample(scene: Scene) -> Particles:
+    """Fill the bodies of `scene`; the same scene always gives the same particles.
+
+    Raises
+    ------
+    SceneError
+        A body has room for no particle, or there are more than `scene.max_particles`.
+    """
+    positions: list[npt.NDArray[np.float32]] = []
+    taken = np.empty(0, dtype=np.int64)
+    for index, body in enumerate(scene.bodies):
+        sites = _free_sites(scene, body, taken)
+        if len(sites) == 0:
+            text = (
+                "has room for no particle: it must hold a point of the lattice of spacing "
+                f"{scene.spacing:.3g} m outside obstacles and earlier bodies"
+            )
+            raise SceneError.of([(f"bodies[{index}]", text)])
+        taken = np.union1d(taken, _keys(scene, sites))
+        positions.append(_jittered(scene, body, sites))
+    return _particles(scene, positions)
+
+
+def _particles(scene: Scene, positions: list[npt.NDArray[np.float32]]) -> Particles:
+    counts = [len(x) for x in positions]
+    materials = scene.materials
+    still = (0.0,) * scene.dim
+    volume = scene.spacing**scene.dim
+
+    def each(values: list[float] | list[int] | list[tuple[float, ...]], dtype: type) -> npt.NDArray[Any]:
+        return np.repeat(np.array(values, dtype=dtype), counts, axis=0)
+
+    return Particles(
+        x=np.concatenate([np.empty((0, scene.dim), dtype=np.float32), *positions]),
+        v=each([body.velocity or still for body in scene.bodies], np.float32).reshape(-1, scene.dim),
+        material=each([materials.index(body.material) for body in scene.bodies], np.uint8),
+        types=each([body.material.type_id for body in scene.bodies], np.uint8),
+        body=each(list(range(len(counts))), np.int32),
+        mass=each([body.material.density * volume for body in scene.bodies], np.float32),
+        volume=np.full(sum(counts), volume, dtype=np.float32),
+    )
+
+
+def _free_sites(scene: Scene, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return the lattice indices (n, D) of the sites of `body` that nothing else holds.
+
+    Raises
+    ------
+    SceneError
+        With those taken before they are more than `scene.max_particles`; the rest is then not looked for.
+    """
+    solids = [obstacle.to_native() for obstacle in scene.obstacles]
+    free, needed = [], len(taken)
+    for sites in _lattice_blocks(scene, body):
+        centers = _rounded(_centers(scene, sites))
+        keep = body.contains(centers.astype(np.float64)) & _clear_of_walls(scene, centers)
+        sites, centers = sites[keep], centers[keep]  # noqa: PLW2901 - narrowed step by step
+        for solid in solids:
+            outside = solid.signed_distance(centers) > 0
+            sites, centers = sites[outside], centers[outside]  # noqa: PLW2901
+        sites = sites[~np.isin(_keys(scene, sites), taken)]  # noqa: PLW2901
+        needed += len(sites)
+        if needed > scene.max_particles:
+            text = f"need {needed} or more particles, allowed are [1, {scene.max_particles}] (max_particles)"
+            raise SceneError.of([("bodies", text)])
+        free.append(sites)
+    return np.concatenate(free)
+
+
+def _lattice_blocks(scene: Scene, body: Body) -> Iterator[npt.NDArray[np.int64]]:
+    """Yield the lattice indices of the bounding box of `body`, in slabs that bound the memory used."""
+    lower, upper = body.bounds
+    first = np.floor(lower / scene.spacing).astype(int)
+    last = np.ceil(upper / scene.spacing).astype(int)
+    slab = max(1, _SITES_AT_ONCE // int(np.prod(last[1:] - first[1:])))
+    for start in range(int(first[0]), int(last[0]), slab):
+        axes = [np.arange(start, min(start + slab, int(last[0])))]
+        axes += [np.arange(a, b) for a, b in zip(first[1:], last[1:], strict=True)]
+        yield np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim)
+
+
+def _centers(scene: Scene, sites: npt.NDArray[np.int64]) -> Points:
+    return (sites.astype(np.float64) + 0.5) * scene.spacing
+
+
+def _rounded(x: Points) -> npt.NDArray[np.float32]:
+    """Positions as the solver holds them; every test of containment is made on these."""
+    return x.astype(np.float32)
+
+
+def _keys(scene: Scene, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """One number per site."""
+    extent = int(np.ceil(1.0 / scene.spacing)) + 1
+    return np.asarray(np.ravel_multi_index(tuple(sites.T), (extent,) * scene.dim), dtype=np.int64)
+
+
+def _clear_of_walls(scene: Scene, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    gap = _CLEARANCE * scene.spacing
+    lower, upper = np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap
+    return np.asarray(((x > lower) & (x < upper)).all(axis=1))
+
+
+def _jittered(scene: Scene, body: Body, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+    """Move each particle off its site at random, but leave on it those that would get out of the body."""
+    rng = np.random.default_rng(body.seed)
+    centers = _centers(scene, sites)
+    moved = _rounded(centers + rng.uniform(-JITTER, JITTER, centers.shape) * scene.spacing)
+    allowed = body.contains(moved.astype(np.float64)) & _clear_of_walls(scene, moved)
+    for obstacle in scene.obstacles:
+        allowed &= obstacle.to_native().signed_distance(moved) > 0
+    return np.where(allowed[:, None], moved, _rounded(centers))

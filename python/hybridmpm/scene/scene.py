@@ -1,0 +1,323 @@
+"""`Scene`: everything that a simulation needs to start, as checked data with JSON and YAML forms.
+
+Lengths are metres in the world box [0, 1]^D with y up, times are seconds. Every number is checked on
+construction, so that the rest of the library may trust a scene.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+import numpy as np
+import yaml
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import from_json
+
+from hybridmpm._support.files import replacing
+from hybridmpm.errors import SceneError
+from hybridmpm.scene.fields import Fault, Gravity, Point, Range, Record, refuse, scene_error
+from hybridmpm.scene.materials import Friction, Material, Water
+from hybridmpm.scene.openings import Emitter, Sink
+from hybridmpm.scene.shapes import Body, Contact, Obstacle, disorder
+
+if TYPE_CHECKING:
+    from hybridmpm.scene.sampling import Particles
+
+DEFAULT_MAX_PARTICLES = 200_000
+LEAST_CELLS_THICK = 2
+"""Cells across an obstacle that lets nothing through: a particle moves less than one in a substep, and one
+that got inside is put back to the nearer surface."""
+_ROUNDING = 1e-9
+"""A ball that just touches a wall may reach past it by the rounding of its bounds [m]."""
+WALLS_APART = 4
+"""Cells between opposite walls, so that no grid node feels both."""
+_MAX_RESOLUTION_3D = 256
+"""A dense grid above this would take gigabytes."""
+YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
+"""The loader lets errors of its conversions through: of a date in month 13, or of `!!bool maybe`."""
+
+
+class Walls(Record):
+    """The box that holds everything, applied at its true position though it lies between grid nodes."""
+
+    lower: Point = Field(description="Corner with the smallest coordinates [m].")
+    upper: Point = Field(description="Corner with the largest coordinates [m].")
+    contact: Contact = Field("separating", description="What happens to material that touches a wall.")
+    friction: Friction | None = Field(
+        None, description="Coulomb coefficient of separating walls; each material's own if absent."
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        refuse("Walls", disorder(self.lower, self.upper))
+        return self
+
+
+def _in_dim(two: Any, three: Any) -> Any:
+    """Return a default factory that chooses by the scene's `dim`."""
+    return lambda fields: two if fields["dim"] == 2 else three
+
+
+class Scene(Record):
+    """A world box with bodies, obstacles and numerical settings.
+
+    `Scene(...)` and `Scene.parse(...)` raise `SceneError` for anything out of range, each fault with the
+    path of its field and the range allowed.
+    """
+
+    name: Annotated[str, Field(max_length=200)] = ""
+    dim: Literal[2, 3]
+    resolution: Annotated[int, Range(8, 1024, "cells")] = Field(
+        default_factory=_in_dim(128, 64), description="Grid cells per metre; 128 in 2D, 64 in 3D if absent."
+    )
+    frame_dt: Annotated[float, Range(0, 0.1, "s", open_low=True)] = Field(
+        0.0025, description="Length of a frame [s]."
+    )
+    gravity: Gravity = Field(
+        default_factory=_in_dim((0.0, -9.81), (0.0, -9.81, 0.0)),
+        description="D numbers [m/s^2]; 9.81 downwards if absent.",
+    )
+    walls: Walls = Field(
+        default_factory=_in_dim(
+            Walls(lower=(0.1,) * 2, upper=(0.9,) * 2), Walls(lower=(0.1,) * 3, upper=(0.9,) * 3)
+        ),
+        description="From 0.1 to 0.9 along each axis if absent.",
+    )
+    bodies: Annotated[tuple[Body, ...], Field(max_length=1000)] = Field(
+        description="One at least, unless there are emitters."
+    )
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
+    emitters: Annotated[tuple[Emitter, ...], Field(max_length=100)] = ()
+    sinks: Annotated[tuple[Sink, ...], Field(max_length=100)] = ()
+    frames: Annotated[int, Range(1, 1_000_000)] = Field(400, description="Suggested length of a run.")
+    particles_per_cell: Annotated[int, Range(1, 64)] = Field(
+        default_factory=_in_dim(4, 8), description="2**D if absent."
+    )
+    max_particles: Annotated[int, Range(1, 10_000_000)] = Field(
+        DEFAULT_MAX_PARTICLES,
+        description="A scene whose bodies need more is refused; emitters stop before they exceed it.",
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        refuse("Scene", self._dimension_faults())
+        refuse("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
+        return self
+
+    def _dimension_faults(self) -> list[Fault]:
+        vectors: list[tuple[tuple[str | int, ...], tuple[float, ...] | None]] = [
+            (("gravity",), self.gravity),
+            (("walls", "lower"), self.walls.lower),
+            (("walls", "upper"), self.walls.upper),
+        ]
+        faults: list[Fault] = []
+        for i, body in enumerate(self.bodies):
+            where = ("bodies", i, body.shape)
+            vectors += [((*where, field), value) for field, value in body.vector_fields().items()]
+            vectors.append(((*where, "velocity"), body.velocity))
+            if body.shape == "polygon" and self.dim == 3:
+                faults.append(((*where, "shape"), "polygon is for dim 2 only; dim 3 allows box and ball"))
+        for i, obstacle in enumerate(self.obstacles):
+            fields = obstacle.vector_fields().items()
+            vectors += [(("obstacles", i, obstacle.shape, field), value) for field, value in fields]
+            if obstacle.motion is not None:
+                wrong = obstacle.motion.dimension_faults(self.dim)
+                faults += [
+                    (("obstacles", i, obstacle.shape, "motion", *field), text) for field, text in wrong
+                ]
+        parts = [("emitters", self.emitters), ("sinks", self.sinks)]
+        for name, part in ((name, part) for name, group in parts for part in enumerate(group)):
+            fields = part[1].vector_fields().items()
+            vectors += [((name, part[0], part[1].shape, field), value) for field, value in fields]
+        return faults + [
+            (where, f"must have dim = {self.dim} numbers, got {len(vector)}")
+            for where, vector in vectors
+            if vector is not None and len(vector) != self.dim
+        ]
+
+    def _range_faults(self) -> list[Fault]:
+        faults: list[Fault] = []
+        if self.dim == 3 and self.resolution > _MAX_RESOLUTION_3D:
+            text = f"must be in [8, {_MAX_RESOLUTION_3D}] for dim 3, got {self.resolution}"
+            faults.append((("resolution",), text))
+        needed = WALLS_APART * self.dx
+        for axis, (a, b) in enumerate(zip(self.walls.lower, self.walls.upper, strict=True)):
+            if b - a < needed:
+                text = f"must be at least {WALLS_APART} cells, {needed:g} m, apart along axis {axis}"
+                faults.append((("walls",), f"{text}, got {b - a:g} m"))
+        return faults
+
+    def _body_faults(self) -> list[Fault]:
+        faults: list[Fault] = []
+        if not (self.bodies or self.emitters):
+            faults.append(
+                (("bodies",), "must have 1 or more items, got 0; only a scene with emitters needs none")
+            )
+        for i, body in enumerate(self.bodies):
+            where = ("bodies", i, body.shape)
+            lower, upper = body.bounds
+            room_lower, room_upper = np.array(self.walls.lower), np.array(self.walls.upper)
+            if (lower < room_lower - _ROUNDING).any() or (upper > room_upper + _ROUNDING).any():
+                room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
+                faults.append((where, f"must lie inside the walls, {room} m, but spans {span} m"))
+            faults += self._stiffness_faults(where, body.material)
+        needed = sum(body.measure for body in self.bodies) / self.spacing**self.dim
+        if needed > self.max_particles:
+            allowed = f"[1, {self.max_particles}] (max_particles)"
+            faults.append((("bodies",), f"need about {needed:.0f} particles, allowed are {allowed}"))
+        return faults
+
+    def _emitter_faults(self) -> list[Fault]:
+        faults: list[Fault] = []
+        for i, emitter in enumerate(self.emitters):
+            where = ("emitters", i, emitter.shape)
+            lower, upper = emitter.bounds
+            # How far the first layer may have come when it appears, at the end of a frame.
+            way = emitter.direction * (self.spacing + emitter.speed * self.frame_dt)
+            lower, upper = np.minimum(lower, lower + way), np.maximum(upper, upper + way)
+            if (lower < np.array(self.walls.lower) - _ROUNDING).any() or (
+                upper > np.array(self.walls.upper) + _ROUNDING
+            ).any():
+                room, span = _corners(self.walls.lower, self.walls.upper), _corners(lower, upper)
+                text = (
+                    f"must lie inside the walls, {room} m, with what leaves it in a frame, but spans {span} m"
+                )
+                faults.append((where, text))
+            faults += self._stiffness_faults(where, emitter.material)
+        return faults
+
+    def _stiffness_faults(self, where: tuple[str | int, ...], material: Material) -> list[Fault]:
+        if isinstance(material, Water) and material.max_compression and self.potential_drop <= 0:
+            return [((*where, "material", "water", "max_compression"), "needs gravity above 0")]
+        return []
+
+    @property
+    def is_open(self) -> bool:
+        """Whether particles may come and go."""
+        return bool(self.emitters or self.sinks)
+
+    @property
+    def dx(self) -> float:
+        """Size of a grid cell [m]."""
+        return 1.0 / self.resolution
+
+    @property
+    def spacing(self) -> float:
+        """Mean distance of neighbouring particles [m]."""
+        return float(self.dx / self.particles_per_cell ** (1.0 / self.dim))
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The distinct materials of the bodies and the emitters, in order of first use."""
+        return tuple(dict.fromkeys(part.material for part in (*self.bodies, *self.emitters)))
+
+    @property
+    def potential_drop(self) -> float:
+        """Product g h [m^2/s^2], h being the height of the highest water above the floor; 0 without water.
+
+        "High" and "floor" follow gravity, whatever its direction: the largest g . x over the walls' box
+        minus the smallest over the bounding boxes of the water bodies and of the openings of water.
+        """
+        parts = (*self.bodies, *self.emitters)
+        water = [part.bounds for part in parts if isinstance(part.material, Water)]
+        if not water:
+            return 0.0
+        gravity = np.array(self.gravity)
+        floor = np.maximum(gravity * self.walls.lower, gravity * self.walls.upper).sum()
+        top = min(np.minimum(gravity * lower, gravity * upper).sum() for lower, upper in water)
+        return float(floor - top)
+
+    def thin_obstacles(self) -> list[str]:
+        """Describe each obstacle that is thinner than `LEAST_CELLS_THICK` cells, and what to do about it."""
+        needed = LEAST_CELLS_THICK * self.dx
+        return [
+            f"obstacles[{i}] ({obstacle.shape}) is {obstacle.smallest_extent:.3g} m thick, less than "
+            f"{LEAST_CELLS_THICK} cells of {self.dx:.3g} m, so fast material may pass through it: "
+            f"make it at least {needed:.3g} m thick, or raise the resolution"
+            for i, obstacle in enumerate(self.obstacles)
+            if obstacle.smallest_extent < needed - _ROUNDING
+        ]
+
+    def sample(self) -> "Particles":
+        """Fill the bodies with particles; see `hybridmpm.scene.sampling`.
+
+        Raises
+        ------
+        SceneError
+            A body has room for no particle, or there are more than `max_particles`.
+        """
+        from hybridmpm.scene.sampling import sample  # noqa: PLC0415 - sampling needs Scene's type
+
+        return sample(self)
+
+    @classmethod
+    def parse(cls, data: object) -> Self:
+        """Check plain data, e.g. what a JSON parser returned.
+
+        Raises
+        ------
+        SceneError
+            With every fault's field path and message in `problems`.
+        """
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise scene_error(error) from None
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Self:
+        """Read a scene from JSON; raises `SceneError`, also where the text is not JSON."""
+        try:
+            data = from_json(text)
+        except ValueError as error:
+            raise SceneError(f"the scene is not JSON: {error}") from None
+        return cls.parse(data)
+
+    @classmethod
+    def from_yaml(cls, text: str | bytes) -> Self:
+        """Read a scene from YAML; raises `SceneError`, also where the text is not YAML."""
+        try:
+            data = yaml.safe_load(text)
+        except YAML_ERRORS as error:
+            raise SceneError(f"the scene is not YAML: {' '.join(str(error).split())}") from None
+        return cls.parse(data)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a scene from a .json, .yaml or .yml file; raises `SceneError` or OSError."""
+        path = Path(path)
+        read = cls.from_json if _suffix(path) == ".json" else cls.from_yaml
+        return read(path.read_bytes())
+
+    def to_json(self) -> str:
+        """Write the scene as JSON; `from_json` gives an equal scene back."""
+        return self.model_dump_json(exclude_none=True, indent=2) + "\n"
+
+    def to_yaml(self) -> str:
+        """Write the scene as YAML; `from_yaml` gives an equal scene back."""
+        text: str = yaml.safe_dump(
+            self.model_dump(mode="json", exclude_none=True), sort_keys=False, default_flow_style=None
+        )
+        return text
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene to a .json, .yaml or .yml file; raises `SceneError` or `ExportError`."""
+        path = Path(path)
+        text = self.to_json() if _suffix(path) == ".json" else self.to_yaml()
+        with replacing(path) as part:
+            part.write_text(text, encoding="utf-8")
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """JSON Schema (2020-12) of the JSON and YAML forms."""
+        return cls.model_json_schema()
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in {".json", ".yaml", ".yml"}:
+        raise SceneError(f"scene files end in .json, .yaml or .yml, got {path.name!r}")
+    return suffix
+
+
+def _corners(lower: Any, upper: Any) -> str:
+    return " to ".join("(" + ", ".join(f"{value:g}" for value in corner) + ")" for corner in (lower, upper))

@@ -1,0 +1,88 @@
+"""Rollouts of a network in training on held-out trajectories: errors and pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from PIL import Image
+
+from hybridmpm import metrics
+from hybridmpm._support.files import replacing
+from hybridmpm.data.trajectory import Trajectory
+from hybridmpm.physics.spec import HISTORY
+from hybridmpm.render import side_by_side, view_of
+from hybridmpm.scene.particle_types import KINEMATIC
+from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.windows import edges_of, known_acceleration
+
+_PICTURES = 5
+_WIDTH = 240
+
+
+@torch.no_grad()
+def rollout(simulator: LearnedSimulator, trajectory: Trajectory) -> npt.NDArray[np.float32]:
+    """Follow a trajectory from its first six states on, over its whole length.
+
+    Returns
+    -------
+    float32 (F, N, D)
+        Positions [m]; the first six are the trajectory's.
+    """
+    device = next(simulator.parameters()).device
+    types = torch.from_numpy(trajectory.types).to(device)
+    push, corners = known_acceleration(trajectory, 0, len(trajectory.positions) - 1)
+    walls = torch.from_numpy(corners).to(device).unsqueeze(1)
+    path = trajectory.positions.copy()
+    for state in range(HISTORY, len(path)):
+        history = torch.from_numpy(path[state - HISTORY : state]).to(device)
+        graph = edges_of(history[-1], types, (len(types),), simulator.spec.radius)
+        known = torch.from_numpy(push[state - 1]).to(device)
+        path[state] = simulator(history, types, known, walls, graph).cpu().numpy()
+    return path
+
+
+def errors(path: npt.NDArray[np.float32], trajectory: Trajectory) -> npt.NDArray[np.float64]:
+    """`grid_rmse` of each state (F,) against the trajectory itself, on a grid as fine as its particles."""
+    scene = trajectory.scene
+    moving = trajectory.types != KINEMATIC
+    mass = np.ones(int(moving.sum()), np.float32) if trajectory.mass is None else trajectory.mass[moving]
+    assert scene is not None  # noqa: S101 - training data sets carry scenes
+    thinning = len(mass) / len(scene.sample().x)
+    resolution = max(8, round(scene.resolution * thinning ** (1 / scene.dim)))
+    return np.array(
+        [
+            float(
+                metrics.grid_rmse(
+                    metrics.grid_mass(np.ascontiguousarray(one[moving]), mass, resolution),
+                    metrics.grid_mass(np.ascontiguousarray(two[moving]), mass, resolution),
+                )
+            )
+            for one, two in zip(path, trajectory.positions, strict=True)
+        ]
+    )
+
+
+def write_picture(
+    file: Path, trajectories: Sequence[Trajectory], paths: Sequence[npt.NDArray[np.float32]]
+) -> None:
+    """Write a .png with two rows a trajectory, truth above rollout; raises `ExportError`."""
+    rows = [
+        _row(trajectory, states)
+        for trajectory, path in zip(trajectories, paths, strict=True)
+        for states in (trajectory.positions, path)
+    ]
+    with replacing(file) as part:
+        Image.fromarray(np.concatenate(rows)).save(part, optimize=True)
+
+
+def _row(trajectory: Trajectory, states: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+    moving = trajectory.types != KINEMATIC
+    assert trajectory.scene is not None  # noqa: S101 - training data sets carry scenes
+    view = view_of(trajectory.scene, trajectory.types[moving].astype(np.uint8), _WIDTH)
+    pictures = []
+    for state in np.linspace(HISTORY - 1, len(states) - 1, _PICTURES).round().astype(int):
+        x = np.ascontiguousarray(states[state][moving])
+        pictures.append(view.draw(x, x - states[state - 1][moving], float(state)))
+    return side_by_side(pictures)

@@ -1,0 +1,182 @@
+"""`Trainer`: a learned simulator, its optimizer and the random numbers it draws, one step at a time."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hybridmpm._support.arguments import whole
+from hybridmpm.errors import ConfigError
+from hybridmpm.physics.spec import NetworkSpec, Normalization
+from hybridmpm.training.physics.losses import huber_loss
+from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.windows import Batch, Windows, edges_of
+
+_LONGEST = 100_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingSettings:
+    """How long and how to train.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range.
+    """
+
+    steps: int
+    """Optimizer steps in all."""
+    batch: int = 4
+    """Windows a step."""
+    unroll: int = 3
+    """Network steps that the loss follows at the end of training; it begins with one and grows evenly."""
+    noise: float = 0.1
+    """Standard deviation of the noise over that of the velocity."""
+    learning_rate: float = 1e-3
+    final_rate: float = 1e-5
+    """Learning rate at the end; it decays exponentially."""
+    seed: int = 0
+    """Of the initial weights and of all draws."""
+
+    def __post_init__(self) -> None:
+        whole("steps", self.steps, 1, _LONGEST)
+        whole("batch", self.batch, 1, 4096)
+        whole("unroll", self.unroll, 1, 32)
+        whole("seed", self.seed, 0, 2**32 - 1)
+        if not 0.0 <= self.noise <= 1.0:
+            raise ConfigError(f"noise must be in [0, 1], got {self.noise}")
+        if not 0.0 < self.final_rate <= self.learning_rate <= 1.0:
+            raise ConfigError(
+                "final_rate must be above 0 and at most learning_rate, which must be at most 1, got "
+                f"{self.final_rate} and {self.learning_rate}"
+            )
+
+    def unroll_at(self, step: int) -> int:
+        """Network steps that the loss follows at a step of training."""
+        return min(self.unroll, 1 + self.unroll * step // self.steps)
+
+    def rate_at(self, step: int) -> float:
+        """Learning rate at a step of training."""
+        return float(self.learning_rate * (self.final_rate / self.learning_rate) ** (step / self.steps))
+
+
+class Trainer:
+    """Training as a sequence of steps that any number of interruptions do not change, on one kind of device.
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+    scales : Normalization
+    settings : TrainingSettings
+    device : torch.device
+        On CUDA the network runs in bfloat16 where that is safe, its sums and the integrator in float32.
+    """
+
+    def __init__(
+        self, spec: NetworkSpec, scales: Normalization, settings: TrainingSettings, device: torch.device
+    ) -> None:
+        torch.manual_seed(settings.seed)
+        self.spec, self.settings, self.device = spec, settings, device
+        self.simulator = LearnedSimulator(spec, scales).to(device)
+        self.optimizer = torch.optim.Adam(self.simulator.parameters(), lr=settings.learning_rate)
+        self.step_count = 0
+        self.seconds = 0.0
+        """Spent on training so far, over all runs."""
+        self._rng = np.random.default_rng(settings.seed)
+
+    def step(self, windows: Windows) -> float:
+        """Take one optimizer step; returns its loss before it.
+
+        Raises
+        ------
+        FloatingPointError
+            The loss is not finite; the weights are those before the step.
+        """
+        with _flushed_denormals():
+            return self._step(windows)
+
+    def _step(self, windows: Windows) -> float:
+        unroll = self.settings.unroll_at(self.step_count)
+        batch = windows.draw(
+            self._rng,
+            size=self.settings.batch,
+            unroll=unroll,
+            noise_std=self.simulator.scales.noise_std,
+        ).to(self.device)
+        loss = self.loss(batch)
+        value = float(loss.detach())
+        if not np.isfinite(value):
+            raise FloatingPointError(
+                f"the loss is {value} at step {self.step_count}; lower learning_rate (now "
+                f"{self.settings.learning_rate:g}) and go on from the last checkpoint"
+            )
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.settings.rate_at(self.step_count)
+        self.optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.simulator.parameters(), 1.0)
+        self.optimizer.step()
+        self.step_count += 1
+        return value
+
+    def loss(self, batch: Batch) -> Tensor:
+        """Mean over the unrolled steps of `huber_loss`; gradients flow through the positions."""
+        history, moving = batch.history, batch.moving
+        losses = []
+        for k, (target, push) in enumerate(zip(batch.targets, batch.acceleration, strict=True), start=1):
+            graph = edges_of(history[-1], batch.types, batch.counts, self.spec.radius)
+            with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
+                answer = self.simulator.answer(history, batch.types, batch.walls, graph)
+            known = (history, batch.types, push, batch.walls, graph)
+            x = self.simulator.integrate(*known, answer=answer.float())
+            scale = self.simulator.acceleration_std
+            losses.append(huber_loss(x[moving], target[moving], scale, k))
+            history = torch.cat([history[1:], x.unsqueeze(0)])
+        return torch.stack(losses).mean()
+
+    def state(self) -> dict[str, Any]:
+        """Everything that `restore` needs: tensors and plain data."""
+        return {
+            "spec": json.dumps(self.spec.to_dict()),
+            "scales": json.dumps(self.simulator.scales.to_dict()),
+            "settings": json.dumps(asdict(self.settings)),
+            "weights": self.simulator.network.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "step": self.step_count,
+            "seconds": self.seconds,
+            "rng": json.dumps(self._rng.bit_generator.state),
+        }
+
+    @classmethod
+    def restore(cls, state: dict[str, Any], device: torch.device, *, where: str) -> Self:
+        """Take up training where `state` was taken.
+
+        Raises
+        ------
+        ConfigError
+            It is of other features; the message begins with `where`.
+        """
+        spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=where)
+        scales = Normalization(**json.loads(state["scales"]))
+        trainer = cls(spec, scales, TrainingSettings(**json.loads(state["settings"])), device)
+        trainer.simulator.network.load_state_dict(state["weights"])
+        trainer.optimizer.load_state_dict(state["optimizer"])
+        trainer.step_count, trainer.seconds = state["step"], state["seconds"]
+        trainer._rng.bit_generator.state = json.loads(state["rng"])
+        return trainer
+
+
+@contextmanager
+def _flushed_denormals() -> Iterator[None]:
+    """Take numbers too small to matter for zero, which else take a hundred times as long; then no longer."""
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)

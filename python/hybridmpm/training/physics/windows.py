@@ -1,0 +1,164 @@
+"""Training samples: windows of successive states, drawn at random, mirrored at random, disturbed by noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from hybridmpm import radius_graph
+from hybridmpm.data.trajectory import Trajectory
+from hybridmpm.errors import DataError
+from hybridmpm.physics.spec import HISTORY
+from hybridmpm.scene.particle_types import KINEMATIC
+from hybridmpm.training.physics.graph_network import EdgeList
+
+_Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """B windows of `HISTORY` states and the K that follow, their N particles one behind the other."""
+
+    history: Tensor
+    """(6, N, D) [m], oldest first."""
+    targets: Tensor
+    """(K, N, D) [m]."""
+    acceleration: Tensor
+    """Known acceleration (K, N, D) [m/s^2]: gravity, and what the data set's force adds."""
+    types: Tensor
+    """int64 (N,)."""
+    walls: Tensor
+    """(2, N, D) [m]: lower and upper corner, for each particle those of its scene."""
+    counts: tuple[int, ...]
+    """Particles of each window."""
+
+    def to(self, device: torch.device) -> "Batch":
+        """Return the same on a device."""
+        return Batch(
+            history=self.history.to(device),
+            targets=self.targets.to(device),
+            acceleration=self.acceleration.to(device),
+            types=self.types.to(device),
+            walls=self.walls.to(device),
+            counts=self.counts,
+        )
+
+    @property
+    def moving(self) -> Tensor:
+        """Which particles are not kinematic, bool (N,)."""
+        return self.types != KINEMATIC
+
+
+def edges_of(x: Tensor, types: Tensor, counts: Sequence[int], radius: float) -> EdgeList:
+    """Join the particles of each window, (N, D) in all, that are within the radius [m]."""
+    points, kinds = x.detach().cpu().numpy(), types.cpu().numpy()
+    senders, receivers, first = [], [], 0
+    for count in counts:
+        part = slice(first, first + count)
+        graph = radius_graph(np.ascontiguousarray(points[part]), radius, kinds[part], kinematic=KINEMATIC)
+        senders.append(graph.senders.astype(np.int64) + first)
+        receivers.append(graph.receivers.astype(np.int64) + first)
+        first += count
+    return EdgeList(
+        torch.from_numpy(np.concatenate(senders)).to(x.device),
+        torch.from_numpy(np.concatenate(receivers)).to(x.device),
+        len(points),
+    )
+
+
+class Windows:
+    """Every window of some trajectories, which are held in memory.
+
+    Parameters
+    ----------
+    trajectories : sequence of Trajectory
+        With their scenes, which know walls and gravity.
+    unroll : int
+        Largest K that is asked for.
+
+    Raises
+    ------
+    DataError
+        A trajectory lacks its scene, or none is long enough.
+    """
+
+    def __init__(self, trajectories: Sequence[Trajectory], unroll: int) -> None:
+        for trajectory in trajectories:
+            if trajectory.scene is None:
+                raise DataError(
+                    f"{trajectory.place.file}: {trajectory.place.position} comes without its scene, which "
+                    "knows walls and gravity; train on a data set that hybridmpm made"
+                )
+        length = HISTORY + unroll
+        self._trajectories = [t for t in trajectories if len(t.positions) >= length]
+        if not self._trajectories:
+            raise DataError(f"no trajectory has the {length} states that a training sample needs")
+
+    def draw(self, rng: np.random.Generator, *, size: int, unroll: int, noise_std: float) -> Batch:
+        """Draw `size` windows at random.
+
+        Parameters
+        ----------
+        rng : Generator
+        size : int
+            B.
+        unroll : int
+            K.
+        noise_std : float
+            Of the last velocity [m per step]; a random walk over the window, as in the reference
+            implementation of Sanchez-Gonzalez et al. (2020). The targets are moved by the noise of the last
+            position: the network is asked to mend velocities, not positions.
+        """
+        parts = [self._window(rng, unroll, noise_std) for _ in range(size)]
+        columns = list(zip(*parts, strict=True))
+        join = [np.concatenate(column, axis=1) for column in columns[:4]]
+        return Batch(
+            history=torch.from_numpy(join[0]),
+            targets=torch.from_numpy(join[1]),
+            acceleration=torch.from_numpy(join[2]),
+            walls=torch.from_numpy(join[3]),
+            types=torch.from_numpy(np.concatenate(columns[4])),
+            counts=tuple(len(types) for types in columns[4]),
+        )
+
+    def _window(
+        self, rng: np.random.Generator, unroll: int, noise_std: float
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats, npt.NDArray[np.int64]]:
+        trajectory = self._trajectories[int(rng.integers(len(self._trajectories)))]
+        first = int(rng.integers(len(trajectory.positions) - HISTORY - unroll + 1))
+        states = trajectory.positions[first : first + HISTORY + unroll].copy()
+        push, corners = known_acceleration(trajectory, first + HISTORY - 1, unroll)
+        _turn(rng, states, push, corners)
+        noise = _random_walk(rng, states[:HISTORY].shape, noise_std)
+        noise[:, trajectory.types == KINEMATIC] = 0.0
+        walls = np.broadcast_to(corners[:, None], (2, *states.shape[1:]))
+        return states[:HISTORY] + noise, states[HISTORY:] + noise[-1], push, walls, trajectory.types
+
+
+def known_acceleration(trajectory: Trajectory, first: int, count: int) -> tuple[_Floats, _Floats]:
+    """Return gravity and force (count, N, D) [m/s^2] from a state on, and the walls (2, D) [m]."""
+    scene = trajectory.scene
+    if scene is None:
+        raise DataError(f"{trajectory.place.file}: {trajectory.place.position} comes without its scene")
+    push = np.empty((count, *trajectory.positions.shape[1:]), dtype=np.float32)
+    push[:] = np.array(scene.gravity, dtype=np.float32)
+    if trajectory.force is not None:
+        push += trajectory.force[first : first + count]
+    return push, np.array([scene.walls.lower, scene.walls.upper], dtype=np.float32)
+
+
+def _turn(rng: np.random.Generator, states: _Floats, push: _Floats, corners: _Floats) -> None:
+    """Mirror each axis but the vertical one at random: physics does not tell left from right."""
+    for axis in (0, 2)[: states.shape[-1] - 1]:
+        if rng.random() < 0.5:
+            states[..., axis] = corners[0, axis] + corners[1, axis] - states[..., axis]
+            push[..., axis] *= -1.0
+
+
+def _random_walk(rng: np.random.Generator, shape: tuple[int, ...], noise_std: float) -> _Floats:
+    steps = rng.standard_normal((shape[0] - 1, *shape[1:]), dtype=np.float32)
+    velocity = np.cumsum(steps * np.float32(noise_std / np.sqrt(shape[0] - 1)), axis=0)
+    return np.concatenate([np.zeros((1, *shape[1:]), np.float32), np.cumsum(velocity, axis=0)])

@@ -1,0 +1,164 @@
+"""What holds for every request: who may ask, how much they may send, what headers they get back."""
+
+import logging
+from collections.abc import Collection, Mapping
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from hybridmpm_service.http.problems import MEDIA_TYPE, of_status
+
+_log = logging.getLogger(__name__)
+
+SECURITY_HEADERS: Mapping[str, str] = {
+    "Content-Security-Policy": (
+        "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; object-src 'none'"
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    # A browser asks again whether the page is still the one it has; answers of the API are never kept.
+    "Cache-Control": "no-cache",
+}
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+_KEPT_HEADERS = ("allow", "retry-after", "vary", "access-control-allow-origin")
+
+
+class AnswerMiddleware:
+    """Outermost: puts the security headers on every answer and makes every failure a problem.
+
+    Other middleware and a crash of our own would answer in plain text.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        answer = _Answer(scope, receive, send)
+        try:
+            await self._app(scope, receive, answer.send_or_replace)
+        except Exception:
+            _log.exception("%s %s failed", scope["method"], scope["path"])
+            if answer.started:
+                raise
+            await answer.replace(500, "the server failed; the cause is in its log, no session is touched")
+
+
+class _Answer:
+    """One answer on its way out."""
+
+    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self._scope = scope
+        self._receive = receive
+        self._send = send
+        self._replaced = False
+        self.started = False
+
+    async def send_or_replace(self, message: Message) -> None:
+        """Pass a message on, but put a problem in the place of a failure in another form."""
+        if message["type"] == "http.response.start":
+            self.started = True
+            headers = Headers(raw=message["headers"])
+            if message["status"] >= 400 and not headers.get("content-type", "").startswith(MEDIA_TYPE):
+                self._replaced = True
+                detail = f"{self._scope['method']} {self._scope['path']} is refused"
+                kept = {name: headers[name] for name in _KEPT_HEADERS if name in headers}
+                await self.replace(message["status"], detail, kept)
+        if not self._replaced:
+            await self._send_with_headers(message)
+
+    async def replace(self, status: int, detail: str, headers: dict[str, str] | None = None) -> None:
+        """Send a problem."""
+        answer = of_status(self._scope["path"], status, detail, headers)
+        await answer(self._scope, self._receive, self._send_with_headers)
+
+    async def _send_with_headers(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(raw=message["headers"])
+            for name, value in SECURITY_HEADERS.items():
+                headers.setdefault(name, value)
+            message["headers"] = headers.raw
+        await self._send(message)
+
+
+class AccessMiddleware:
+    """Refuses requests that a foreign web site makes through the user's browser.
+
+    Parameters
+    ----------
+    app : ASGI application
+    hosts : names that the Host header may carry, None for any
+        Without this check a site could point its own name at 127.0.0.1 and read everything.
+    origins : origins besides our own that may send changes and open streams
+        Browsers send forms and open WebSockets across sites without asking first.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Collection[str] | None, origins: Collection[str]) -> None:
+        self._app = app
+        self._hosts = hosts
+        self._origins = origins
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = None if scope["type"] == "lifespan" else self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            # Before the handshake is accepted this becomes a 403.
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
+        else:
+            await of_status(scope["path"], *refusal)(scope, receive, send)
+
+    def _refusal(self, scope: Scope) -> tuple[int, str] | None:
+        headers = Headers(scope=scope)
+        host = headers.get("host", "")
+        if self._hosts is not None and _host_name(host) not in self._hosts:
+            allowed = ", ".join(self._hosts)
+            return 421, f"Host {host!r} is not served here; allowed are {allowed} (setting allowed_hosts)"
+        origin = headers.get("origin")
+        if origin is None or (scope["type"] == "http" and scope["method"] in _SAFE_METHODS):
+            return None
+        if origin in self._origins or urlsplit(origin).netloc == host:
+            return None
+        return 403, f"Origin {origin!r} may not change anything here (setting cors_origins)"
+
+
+def _host_name(host: str) -> str | None:
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+class BodyLimitMiddleware:
+    """Refuses bodies above a size, by Content-Length and by counting what really comes."""
+
+    def __init__(self, app: ASGIApp, max_bytes: int) -> None:
+        self._app = app
+        self._max_bytes = max_bytes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        detail = f"the body may have at most {self._max_bytes} bytes"
+        declared = Headers(scope=scope).get("content-length", "0")
+        if not declared.isdecimal() or int(declared[:20]) > self._max_bytes:
+            await of_status(scope["path"], 413, detail)(scope, receive, send)
+            return
+        received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > self._max_bytes:
+                raise HTTPException(413, detail)
+            return message
+
+        await self._app(scope, counted, send)

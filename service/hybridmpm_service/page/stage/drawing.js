@@ -1,0 +1,193 @@
+// Sketches and what becomes of them, painted over the particles.
+
+import { arrowHead, depthOfWidth, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
+
+const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
+const PATH_COLOR = "#ffffff";
+
+/** Sketch points on the stage; in 3D each at the depth that its stroke width means. */
+function project(view, scene, sketch) {
+  if (scene.dim === 2) return sketch.points.map((point) => view.project(point));
+  const { lower, upper } = scene.walls;
+  const widths = widthsAlong(sketch, sketch.widths);
+  return sketch.points.map(([x, y], i) => {
+    const z = lower[2] + depthOfWidth(widths[i]) * (upper[2] - lower[2]);
+    return view.project([x, y, z]);
+  });
+}
+
+function trace(context, points, closed = false) {
+  context.beginPath();
+  points.forEach(([px, py], i) => (i === 0 ? context.moveTo(px, py) : context.lineTo(px, py)));
+  if (closed) context.closePath();
+}
+
+/** A stroke as drawn, with its head when it is an arrow. `alpha` fades strokes that are done. */
+export function drawSketch(context, view, scene, sketch, alpha) {
+  const points = project(view, scene, sketch);
+  if (points.length < 2) return;
+  context.save();
+  context.globalAlpha = alpha;
+  context.strokeStyle = COLORS[sketch.kind];
+  context.fillStyle = COLORS[sketch.kind];
+  context.lineJoin = "round";
+  context.lineCap = "round";
+  context.shadowColor = "rgb(0 0 0 / 0.55)";
+  context.shadowBlur = 6;
+  if (sketch.kind === "ellipse") drawOutline(context, view, scene, sketch, points);
+  else drawArrow(context, view, scene, sketch, points);
+  context.restore();
+}
+
+/** Line widths on the stage: 4 raster pixels in 2D, in 3D the width that means the depth. */
+function lineWidths(view, scene, sketch) {
+  const perRasterPixel = view.size / 512;
+  if (scene.dim === 2) return sketch.points.map(() => Math.max(3, 3.2 * perRasterPixel));
+  return widthsAlong(sketch, sketch.widths).map((width) => Math.max(1.5, width * perRasterPixel));
+}
+
+/** A closed curve through the middles of the sides: freehand outlines without corners. */
+function traceSmooth(context, points) {
+  const middle = (i) => {
+    const [a, b] = [points[i % points.length], points[(i + 1) % points.length]];
+    return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
+  };
+  context.beginPath();
+  context.moveTo(...middle(0));
+  for (let i = 1; i <= points.length; i += 1) {
+    const [px, py] = points[i % points.length];
+    context.quadraticCurveTo(px, py, ...middle(i));
+  }
+}
+
+function drawOutline(context, view, scene, sketch, points) {
+  context.lineWidth = Math.min(lineWidths(view, scene, sketch)[0], 12);
+  traceSmooth(context, points);
+  context.stroke();
+  context.globalAlpha *= 0.12;
+  context.fill();
+}
+
+/** Shaft and head as one shape, so that a faded arrow has no seams. */
+function drawArrow(context, view, scene, sketch, points) {
+  const widths = lineWidths(view, scene, sketch);
+  const head = arrowHead(points, Math.min(0.5 * pathLength(points), 10 + 2.2 * Math.max(...widths)));
+  const base = [(head[0][0] + head[2][0]) / 2, (head[0][1] + head[2][1]) / 2];
+  const reach = distance(base, points.at(-1));
+  const shaft = points.filter((point) => distance(point, points.at(-1)) > reach);
+  shaft.push(base);
+  const sides = shaft.map((point, i) => {
+    const [a, b] = [shaft[Math.max(i - 1, 0)], shaft[Math.min(i + 1, shaft.length - 1)]];
+    const along = Math.max(distance(a, b), 1e-6);
+    const half = widths[Math.min(i, widths.length - 1)] / 2;
+    const [nx, ny] = [(-(b[1] - a[1]) / along) * half, ((b[0] - a[0]) / along) * half];
+    return { left: [point[0] + nx, point[1] + ny], right: [point[0] - nx, point[1] - ny] };
+  });
+  const left = sides.map((side) => side.left);
+  const right = sides.map((side) => side.right).reverse();
+  // The barbs change sides where the direction of y does: join each to the nearer side of the shaft.
+  const crossed = distance(left.at(-1), head[0]) > distance(left.at(-1), head[2]);
+  trace(context, [...left, ...(crossed ? [...head].reverse() : head), ...right], true);
+  context.lineWidth = 1;
+  context.fill();
+  context.stroke();
+}
+
+/** A word beside the end of the stroke: what it is taken for. */
+export function drawGuess(context, view, scene, sketch) {
+  const points = project(view, scene, sketch);
+  const [px, py] = points.at(-1);
+  const label = sketch.kind === "arrow" ? "arrow" : "oval";
+  context.save();
+  context.font = "600 13px system-ui, sans-serif";
+  const width = context.measureText(label).width + 18;
+  const left = Math.min(Math.max(px + 14, 4), view.size - width - 4);
+  const top = Math.max(py - 36, 4);
+  context.fillStyle = "rgb(8 12 18 / 0.85)";
+  context.beginPath();
+  context.roundRect(left, top, width, 26, 13);
+  context.fill();
+  context.fillStyle = COLORS[sketch.kind];
+  context.textBaseline = "middle";
+  context.fillText(label, left + 9, top + 13);
+  context.restore();
+}
+
+/**
+ * The plan and how far it is: where the centre of mass started, where it is wanted, its way so far.
+ *
+ * @param plan the service's answer to the sketch, `done` the number of controlled frames that have passed
+ */
+export function drawPlan(context, view, plan, done) {
+  const start = plan.centroids[0];
+  const target = start.map((value, axis) => value + plan.target_displacement[axis]);
+  const [sx, sy] = view.project(start);
+  const [tx, ty] = view.project(target);
+  context.save();
+  context.lineCap = "round";
+  context.strokeStyle = "rgb(255 255 255 / 0.65)";
+  context.lineWidth = 1.5;
+  context.setLineDash([2, 6]);
+  trace(context, [
+    [sx, sy],
+    [tx, ty],
+  ]);
+  context.stroke();
+  context.setLineDash([]);
+  drawTarget(context, tx, ty);
+
+  const way = plan.centroids.slice(0, done + 1).map((point) => view.project(point));
+  context.shadowColor = "rgb(0 0 0 / 0.7)";
+  context.shadowBlur = 4;
+  context.strokeStyle = PATH_COLOR;
+  context.lineWidth = 2.5;
+  trace(context, way);
+  context.stroke();
+  context.fillStyle = "rgb(255 255 255 / 0.7)";
+  dot(context, sx, sy, 3);
+  context.fillStyle = PATH_COLOR;
+  dot(context, way.at(-1)[0], way.at(-1)[1], 5.5);
+  context.restore();
+}
+
+function drawTarget(context, px, py) {
+  context.strokeStyle = "#ffd166";
+  context.lineWidth = 2;
+  context.beginPath();
+  context.arc(px, py, 11, 0, 2 * Math.PI);
+  context.stroke();
+  for (const [ux, uy] of [
+    [1, 0],
+    [-1, 0],
+    [0, 1],
+    [0, -1],
+  ]) {
+    trace(context, [
+      [px + 6 * ux, py + 6 * uy],
+      [px + 16 * ux, py + 16 * uy],
+    ]);
+    context.stroke();
+  }
+}
+
+function dot(context, px, py, radius) {
+  context.beginPath();
+  context.arc(px, py, radius, 0, 2 * Math.PI);
+  context.fill();
+}
+
+/** The ellipse that a freehand outline stands for, so that the drawer sees what will be sent. */
+export function drawFittedEllipse(context, view, scene, sketch) {
+  const fitted = ellipseOf(sketch.points);
+  if (fitted === null || scene.dim !== 2) return;
+  const [px, py] = view.project(fitted.center);
+  const scale = view.pixelsPerMetre;
+  context.save();
+  context.strokeStyle = COLORS.ellipse;
+  context.setLineDash([4, 5]);
+  context.lineWidth = 1.5;
+  context.beginPath();
+  context.ellipse(px, py, fitted.axes[0] * scale, fitted.axes[1] * scale, -fitted.angle, 0, 2 * Math.PI);
+  context.stroke();
+  context.restore();
+}

@@ -1,0 +1,68 @@
+// Particles by Canvas2D, where WebGL2 is missing: the same pictures, computed on the CPU.
+
+import { SAND } from "../../net/protocol.js";
+import { LiquidField } from "./liquid-cpu.js";
+import { css, grainShade, mix, SAND_DARK, SAND_LIGHT } from "./palette.js";
+import { SpherePicture } from "./spheres-cpu.js";
+
+const GRAIN_SHADES = 6;
+
+export class CanvasRenderer {
+  kind = "canvas2d";
+  #context;
+  #scene = null;
+  #particles = null;
+  #liquid = new LiquidField();
+  #spheres = new SpherePicture();
+  #grains = [];
+
+  static create(canvas) {
+    const context = canvas.getContext("2d");
+    return context === null ? null : new CanvasRenderer(context);
+  }
+
+  constructor(context) {
+    this.#context = context;
+  }
+
+  /** @param scene {dim, types, spacing [m], floor [m]} */
+  setScene(scene) {
+    this.#scene = scene;
+    this.#particles = null;
+    this.#grains = Array.from({ length: GRAIN_SHADES }, () => []);
+    scene.types.forEach((type, i) => {
+      if (type === SAND) this.#grains[Math.floor(grainShade(i) * GRAIN_SHADES)].push(i);
+    });
+  }
+
+  update(positions, speeds) {
+    this.#particles = { positions, speeds };
+  }
+
+  draw(view) {
+    const context = this.#context;
+    const { width, height } = context.canvas;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, width, height);
+    if (this.#scene === null || this.#particles === null) return;
+    context.scale(width / view.size, height / view.size);
+    if (this.#scene.dim === 3) {
+      this.#spheres.draw(context, view, this.#scene, this.#particles);
+      return;
+    }
+    this.#liquid.draw(context, view, this.#scene, this.#particles);
+    this.#drawGrains(view);
+  }
+
+  #drawGrains(view) {
+    const { positions } = this.#particles;
+    const side = 1.25 * this.#scene.spacing * view.pixelsPerMetre;
+    this.#grains.forEach((indices, shade) => {
+      this.#context.fillStyle = css(mix(SAND_DARK, SAND_LIGHT, shade / (GRAIN_SHADES - 1)));
+      for (const i of indices) {
+        const [px, py] = view.project([positions[2 * i] / 65535, positions[2 * i + 1] / 65535]);
+        this.#context.fillRect(px - side / 2, py - side / 2, side, side);
+      }
+    });
+  }
+}

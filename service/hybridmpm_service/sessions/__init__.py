@@ -1,0 +1,1 @@
+"""Sessions without HTTP: the simulation, its worker and player, limits and expiry."""

@@ -1,0 +1,170 @@
+"""All sessions of a process: how many there may be, and when one that nobody uses ends."""
+
+import asyncio
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+from hybridmpm import Scene, SceneError
+from hybridmpm.physics.manifest import WEIGHTS
+from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
+from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
+from hybridmpm_service.sessions.simulation import Clock
+from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
+from hybridmpm_service.settings import Settings
+
+CLOSE_GOING_AWAY = 1001
+"""WebSocket close code of a server that stops."""
+
+
+class SessionManager:
+    """Creates, finds and ends sessions. Belongs to the event loop.
+
+    Parameters
+    ----------
+    settings : Settings
+    clock : Clock
+        For idle times and the players; a test hands in its own.
+
+    Raises
+    ------
+    DataError
+        The folder of models has no manifest, or a damaged one.
+    """
+
+    def __init__(self, settings: Settings, clock: Clock = time.perf_counter) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._solvers = SolverFactory(
+            threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
+        )
+        self._sessions: dict[str, Session] = {}
+        self._being_made = 0
+        self._draining = False
+
+    @property
+    def solvers(self) -> SolverFactory:
+        """What makes the solvers, and knows the models."""
+        return self._solvers
+
+    async def create(
+        self,
+        make_scene: Callable[[], Scene],
+        *,
+        scenario: str | None = None,
+        seed: int | None = None,
+        choice: SolverChoice | None = None,
+    ) -> Session:
+        """Start a session with the scene that `make_scene` returns; it is called off the loop.
+
+        Raises
+        ------
+        TooManySessionsError, UnavailableError
+            No room, or shutting down.
+        ConfigError, FieldError, ModelDamagedError
+            The scene or the model is refused.
+        """
+        await self.expire()
+        reason = self.why_full()
+        if reason is not None:
+            raise (UnavailableError if self._draining else TooManySessionsError)(reason)
+        self._being_made += 1
+        try:
+            session = await Session.open(
+                uuid.uuid4().hex,
+                lambda: self._solvers.make(
+                    choice or SolverChoice(), self._within_limits(make_scene()), scenario
+                ),
+                clock=self._clock,
+            )
+        finally:
+            self._being_made -= 1
+        if self._draining:
+            await session.close(CLOSE_GOING_AWAY, "the server stops")
+            raise UnavailableError("the server is shutting down")
+        session.scenario, session.seed = scenario, seed
+        self._sessions[session.id] = session
+        return session
+
+    def get(self, name: str) -> Session:
+        """Return a session and note that it is used.
+
+        Raises
+        ------
+        SessionNotFoundError
+        """
+        session = self._sessions.get(name)
+        if session is None or self._is_idle(session):
+            raise SessionNotFoundError(
+                f"there is no session {name[:64]!r}; it may have been deleted, or have expired after "
+                f"{self._settings.idle_seconds:g} s without use"
+            )
+        session.touch()
+        return session
+
+    def all(self) -> list[Session]:
+        """Return the sessions, oldest first."""
+        return [session for session in self._sessions.values() if not self._is_idle(session)]
+
+    async def delete(self, name: str) -> None:
+        """End a session; raises SessionNotFoundError."""
+        await self._end(self.get(name), CLOSE_DELETED, "the session has been deleted")
+
+    async def expire(self) -> None:
+        """End the sessions that nobody has watched or asked anything of in `idle_seconds`."""
+        for session in list(self._sessions.values()):
+            if self._is_idle(session):
+                await self._end(session, CLOSE_DELETED, "the session has expired")
+
+    def why_full(self) -> str | None:
+        """Return why no session can be created now, None if one can."""
+        if self._draining:
+            return "the server is shutting down"
+        limit = self._settings.max_sessions
+        if len(self.all()) + self._being_made >= limit:
+            return f"all {limit} sessions are in use; delete one, or wait until one expires"
+        return None
+
+    @property
+    def watched(self) -> bool:
+        """Whether any stream is open."""
+        return any(session.watched for session in self._sessions.values())
+
+    def drain(self) -> None:
+        """Take no more sessions and end all streams with 1001; a stopping server calls this first."""
+        self._draining = True
+        for session in self._sessions.values():
+            session.end_streams(CLOSE_GOING_AWAY, "the server stops")
+
+    async def close(self) -> None:
+        """End everything, and wait for the threads."""
+        self.drain()
+        sessions = list(self._sessions.values())
+        self._sessions.clear()
+        await asyncio.gather(
+            *(session.close(CLOSE_GOING_AWAY, "the server stops", wait=True) for session in sessions)
+        )
+
+    async def _end(self, session: Session, code: int, reason: str) -> None:
+        del self._sessions[session.id]
+        await session.close(code, reason)
+
+    def _is_idle(self, session: Session) -> bool:
+        unused = self._clock() - session.last_used
+        return not session.needed and unused > self._settings.idle_seconds
+
+    def _within_limits(self, scene: Scene) -> Scene:
+        """Lower the scene's particle limit to the service's; refuse what cannot be served."""
+        for field in ("emitters", "sinks"):
+            if getattr(scene, field):
+                text = "are not served: a session has the same particles throughout; run `hybridmpm simulate`"
+                raise SceneError.of([(field, text)])
+        most = self._settings.max_grid_nodes
+        nodes = (scene.resolution + 1) ** scene.dim
+        if nodes > most:
+            allowed = int(most ** (1 / scene.dim)) - 1
+            text = f"must be at most {allowed} in {scene.dim}D on this server, got {scene.resolution}"
+            raise SceneError.of([("resolution", text)])
+        limit = min(scene.max_particles, self._settings.max_particles)
+        return scene.model_copy(update={"max_particles": limit})

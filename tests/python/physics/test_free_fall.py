@@ -1,0 +1,79 @@
+"""The zero network is free fall between walls, exactly."""
+
+import numpy as np
+import pytest
+
+from hybridmpm import ConfigError, Scene, scenarios
+from hybridmpm.physics.free_fall import RelaxedStepper, ZeroStepper
+from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.scene.particle_types import KINEMATIC, WATER
+
+G = np.array([0.0, -9.81])
+WALLS = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
+
+
+def parabola(start: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Positions (T, N, 2) of thrown particles at some times [s], in float64."""
+    t = times[:, None, None]
+    return start + velocity * t + G * t**2 / 2
+
+
+@pytest.mark.parametrize("r_t", [1, 2, 8, 16])
+def test_a_throw_follows_its_parabola(r_t: int) -> None:
+    frame_dt = 0.0025
+    stepper = ZeroStepper(frame_dt=frame_dt, r_p=0.25, r_t=r_t)
+    rng = np.random.default_rng(r_t)
+    start, velocity = rng.uniform(0.4, 0.8, (50, 2)), rng.uniform(-0.3, 0.3, (50, 2))
+    times = r_t * frame_dt * np.arange(12)
+    truth = parabola(start, velocity, times)
+    states = list(truth[:6].astype(np.float32))
+    far = np.array([[-9.0, -9.0], [9.0, 9.0]], dtype=np.float32)
+    types = np.full(50, WATER, dtype=np.int64)
+    push = np.broadcast_to(G.astype(np.float32), (50, 2))
+    for _ in range(6):
+        states.append(stepper.step(np.stack(states[-6:]), types, push, far))
+    # Second differences of a parabola are g dt^2 whatever dt, so only the rounding of float32 is left.
+    np.testing.assert_allclose(np.stack(states), truth, atol=1e-5)
+    assert (stepper.r_p, stepper.r_t) == (0.25, r_t)
+    assert states[-1].dtype == np.float32
+
+
+def test_walls_stop_it_and_obstacles_stay() -> None:
+    x = np.array([[0.101, 0.5], [0.5, 0.11], [0.5, 0.5], [0.95, 0.5]])
+    before = x - [[-0.02, 0.0], [0.0, -0.02], [-0.1, 0.0], [0.0, 0.0]]
+    history = np.stack([before] * 5 + [x]).astype(np.float32)
+    types = np.array([WATER, WATER, KINEMATIC, KINEMATIC])
+    push = np.zeros((4, 2), dtype=np.float32)
+    after = ZeroStepper(frame_dt=0.0025).step(history, types, push, WALLS)
+    # The third moves in the history, and the fourth is past the wall: neither is the stepper's to change.
+    expected = [[0.1, 0.5], [0.5, 0.1], [0.5, 0.5], [0.95, 0.5]]
+    np.testing.assert_array_equal(after, np.array(expected, dtype=np.float32))
+
+
+def test_bad_settings_are_named(drop: Scene) -> None:
+    with pytest.raises(ConfigError, match=r"r_p must be in \(0, 1\], got 0"):
+        ZeroStepper(frame_dt=0.0025, r_p=0)
+    with pytest.raises(ConfigError, match=r"r_t must be in \[1, 64\], got 65"):
+        ZeroStepper(frame_dt=0.0025, r_t=65)
+    with pytest.raises(ConfigError, match=r"frames of 0\.005 s, those of drop last 0\.0025 s"):
+        ZeroStepper(frame_dt=0.005).check(drop)
+    ZeroStepper(frame_dt=drop.frame_dt).check(drop)
+
+
+@pytest.mark.parametrize("rounds", [0, 3])
+def test_relaxation_spreads_what_falls_together(rounds: int) -> None:
+    spec = NetworkSpec(scenarios=("water_2d",), radius=0.02, r_p=0.25, r_t=4, relaxations=rounds)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.4, 0.45, (200, 2)).astype(np.float32)
+    history = np.repeat(x[None], 6, axis=0)
+    types = np.full(200, WATER, dtype=np.int64)
+    types[:5] = KINEMATIC
+    push = np.tile(G.astype(np.float32), (200, 1))
+    fallen = ZeroStepper(spec.frame_dt, r_p=0.25, r_t=4).step(history, types, push, WALLS)
+    after = RelaxedStepper(spec).step(history, types, push, WALLS)
+    np.testing.assert_array_equal(after[:5], x[:5])
+    if rounds == 0:
+        np.testing.assert_array_equal(after, fallen)
+    else:
+        assert after[5:].std(axis=0).min() > 1.02 * fallen[5:].std(axis=0).min()
+    RelaxedStepper(spec).check(scenarios.water_2d(0))

@@ -1,0 +1,251 @@
+"""Sessions that a network simulates, alone or with MPM to stand in for it, on a real server."""
+
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.service.conftest import SMALL_SCENE, Service
+
+from hybridmpm import HybridSimulator, NeuralPhysics, scenarios
+from hybridmpm.hybrid import Decision
+from hybridmpm.physics import NeuralModel
+from hybridmpm_service.sessions.safeguard_record import Safeguard
+
+NPZ = {"Accept": "application/x-npz"}
+SEED = 3
+"""A block of water that falls freely from frame 20, where a network may take over, to frame 84."""
+WATER: dict[str, Any] = {"scenario": "water_2d", "seed": SEED}
+ARROW: dict[str, Any] = {"strokes": [{"points": [[0.4, 0.5], [0.5, 0.6]], "kind": "arrow"}], "frames": 40}
+
+
+@pytest.fixture(scope="module")
+def learned(model_folder: Path, start_module: Callable[..., Service]) -> Service:
+    """Return a server with the networks "falling" and "broken"."""
+    return start_module(models=str(model_folder), max_sessions=40)
+
+
+@pytest.fixture
+def create(learned: Service) -> Iterator[Callable[..., str]]:
+    """Return a function that creates a session and returns its path."""
+    paths: list[str] = []
+
+    def make(**options: Any) -> str:
+        answer = learned.http.post("/v1/sessions", json=WATER | options)
+        assert answer.status_code == 201, answer.text
+        paths.append(answer.json()["links"]["self"])
+        return paths[-1]
+
+    yield make
+    for path in paths:
+        learned.http.delete(path)
+
+
+def _positions(service: Service, path: str) -> np.ndarray[Any, Any]:
+    with np.load(io.BytesIO(service.http.get(f"{path}/particles", headers=NPZ).content)) as file:
+        return np.array(file["positions"])
+
+
+def _advance(service: Service, path: str, frames: int) -> Any:
+    answer = service.http.post(f"{path}/advance", json={"frames": frames})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_the_models_are_listed(learned: Service) -> None:
+    listed = learned.http.get("/v1/models").json()["models"]
+    assert [model["name"] for model in listed] == ["falling", "broken"]
+    assert (listed[0]["scenarios"], listed[0]["r_p"], listed[0]["r_t"]) == (["water_2d"], 0.25, 4)
+
+
+def test_a_session_says_who_simulates_it(learned: Service, create: Callable[..., str]) -> None:
+    told = {}
+    for solver in ("mpm", "hybrid", "neural"):
+        body = learned.http.get(create(solver=solver)).json()
+        told[solver] = [body[key] for key in ("solver", "model", "r_p", "mode", "safeguard")]
+    watch = {"kind": "ours", "r_c": 0.8, "value": None, "mpm_share": 1.0}
+    assert told == {
+        "mpm": ["mpm", None, 1.0, "mpm", None],
+        "hybrid": ["hybrid", "falling", 0.25, "mpm", watch],
+        "neural": ["neural", "falling", 0.25, "mpm", None],
+    }
+
+
+def test_a_hybrid_session_computes_what_the_library_computes(
+    learned: Service, create: Callable[..., str], model_folder: Path
+) -> None:
+    path = create(solver="hybrid", r_c=0.5, safeguard="paper")
+    physics = NeuralModel.load(model_folder / "falling.onnx")
+    simulator = HybridSimulator(scenarios.get("water_2d", SEED), physics, r_c=0.5, safeguard="paper")
+    modes = []
+    for _ in range(3):
+        body = _advance(learned, path, 40)
+        simulator.advance(40)
+        modes.append(body["mode"])
+        assert body["mode"] == simulator.mode
+        assert body["safeguard"]["mpm_share"] == pytest.approx(simulator.mpm_share, abs=1e-4)
+        assert np.array_equal(_positions(learned, path), simulator.positions)
+        assert (body["last_frame"]["substeps"] is None) == (simulator.mode == "neural")
+    assert modes == ["neural", "neural", "mpm"]
+    assert (body["safeguard"]["kind"], body["safeguard"]["r_c"]) == ("paper", 0.5)
+    assert body["centroid"] == pytest.approx(simulator.diagnostics().centroid, abs=1e-6)
+
+    decisions = learned.http.get(f"{path}/decisions").json()["decisions"]
+    log = [vars(decision) for decision in simulator.log]
+    assert [{**row, "value": None} for row in decisions] == [{**row, "value": None} for row in log]
+    assert decisions[-1]["value"] == pytest.approx(log[-1]["value"], abs=1e-4)
+
+
+def test_a_neural_session_computes_what_the_library_computes(
+    learned: Service, create: Callable[..., str], model_folder: Path
+) -> None:
+    path = create(solver="neural")
+    physics = NeuralPhysics.load(model_folder / "falling.onnx", scenarios.get("water_2d", SEED))
+    assert _advance(learned, path, 19)["mode"] == "mpm"
+    body = _advance(learned, path, 41)
+    physics.advance(60)
+    assert (body["mode"], body["last_frame"]["substeps"], body["last_frame"]["bound"]) == (
+        "neural",
+        None,
+        None,
+    )
+    assert np.array_equal(_positions(learned, path), physics.positions)
+    assert learned.http.get(f"{path}/decisions").json() == {"decisions": []}
+
+
+def test_the_status_tells_modes_values_and_decisions_as_they_come(
+    learned: Service, create: Callable[..., str]
+) -> None:
+    path = create(solver="hybrid")
+    with learned.stream(path) as stream:
+        stream.send(type="step", frames=60)
+        while (status := stream.text("status"))["session"]["frame"] < 60:
+            pass
+        assert status["session"]["mode"] == "neural"
+        assert [row["reason"] for row in status["history"]["decisions"]] == ["warm-up"]
+        stream.send(type="speed", value=1)
+        stream.send(type="play")
+        # Told at once though the player goes on, not only when it rests.
+        while (status := stream.text("status"))["session"]["mode"] != "mpm":
+            pass
+        assert status["session"]["playing"]
+        history = status["history"]
+        # The impact that is noticed at frame 84 began before: MPM redoes the frames from 60 on.
+        assert history["phases"] == [[0, "mpm"], [20, "neural"], [60, "mpm"]]
+        assert history["decisions"][-1]["noticed"] == 84
+        assert [row["mode"] for row in history["decisions"]] == ["neural", "mpm"]
+        while len((history := stream.text("status")["history"])["frames"]) < 3:
+            pass
+        assert [frame % 4 for frame in history["frames"]] == [0] * len(history["frames"])
+        assert len(history["frames"]) == len(history["values"])
+        assert all(-1 <= value <= 1 for value in history["values"])
+        stream.send(type="pause")
+        stream.send(type="reset")
+        while (status := stream.text("status"))["session"]["frame"] != 0:
+            pass
+        assert status["history"] == {"frames": [], "values": [], "phases": [[0, "mpm"]], "decisions": []}
+
+
+@pytest.mark.parametrize("solver", ["mpm", "neural"])
+def test_there_is_no_history_without_a_safeguard(
+    learned: Service, create: Callable[..., str], solver: str
+) -> None:
+    with learned.stream(create(solver=solver)) as stream:
+        assert stream.text("status")["history"] is None
+
+
+@pytest.mark.parametrize(("solver", "mode"), [("hybrid", "mpm"), ("neural", "neural")])
+def test_a_sketch_steers_and_the_session_follows_the_plan(
+    learned: Service, create: Callable[..., str], solver: str, mode: str
+) -> None:
+    path = create(solver=solver)
+    assert _advance(learned, path, 42)["mode"] == "neural"
+    before = _positions(learned, path)
+    plan = learned.http.post(f"{path}/sketches", params={"stride": 5}, json=ARROW).json()
+    assert plan["first_frame"] == 42
+    assert np.array_equal(_positions(learned, path), before)
+    body = _advance(learned, path, 40)
+    assert body["mode"] == mode
+    assert np.array_equal(_positions(learned, path), np.array(plan["positions"][-1], dtype=np.float32))
+    assert plan["displacement"] == pytest.approx([0.1, 0.1], abs=0.002)
+    reasons = [row["reason"] for row in learned.http.get(f"{path}/decisions").json()["decisions"]]
+    assert reasons == (["warm-up", "force"] if solver == "hybrid" else [])
+
+
+def test_a_network_that_fails_leaves_its_session_usable(
+    learned: Service, create: Callable[..., str], problem: Any
+) -> None:
+    path = create(solver="neural", model="broken")
+    with learned.stream(path) as stream:
+        found = problem(learned.http.post(f"{path}/advance", json={"frames": 60}), 422)
+        assert found["type"] == "urn:hybridmpm:problem:simulation-failed"
+        assert "became non-finite in frame 21, in a network step" in found["detail"]
+        assert "non-finite" in stream.text("problem")["detail"]
+        stream.send(type="reset")
+        while stream.text("status")["session"]["frame"] != 0:
+            pass
+    assert _advance(learned, path, 20)["frame"] == 20
+
+
+def test_a_hybrid_session_survives_the_same_network(learned: Service, create: Callable[..., str]) -> None:
+    path = create(solver="hybrid", model="broken")
+    body = _advance(learned, path, 60)
+    assert (body["frame"], body["mode"]) == (60, "mpm")
+    decisions = learned.http.get(f"{path}/decisions").json()["decisions"]
+    assert decisions[-1]["reason"] == "non-finite"
+
+
+@pytest.mark.parametrize(
+    ("body", "field", "message"),
+    [
+        (WATER | {"solver": "magic"}, "body.solver", "'mpm', 'hybrid' or 'neural'"),
+        (WATER | {"solver": "hybrid", "model": "fast"}, "body.model", "known are falling, broken"),
+        (WATER | {"model": "falling"}, "body.model", '"hybrid" and "neural"'),
+        (WATER | {"r_c": 0.5}, "body.r_c", 'belongs to the solver "hybrid", got "mpm"'),
+        (WATER | {"solver": "neural", "safeguard": "ours"}, "body.safeguard", 'the solver "hybrid"'),
+        (WATER | {"solver": "hybrid", "r_c": 1.5}, "body.r_c", "less than or equal to 1"),
+        (WATER | {"solver": "hybrid", "r_c": "0.5"}, "body.r_c", "number"),
+        (WATER | {"solver": "hybrid", "safeguard": "mine"}, "body.safeguard", "'ours' or 'paper'"),
+        ({"scenario": "sand_2d", "solver": "hybrid"}, "body.model", "there are models for water_2d"),
+        ({"scenario": "sand_2d", "solver": "hybrid", "model": "falling"}, "body.model", "with water"),
+        ({"scene": SMALL_SCENE, "solver": "hybrid"}, "body.model", "is required with a scene"),
+        ({"scene": SMALL_SCENE, "solver": "neural", "model": "falling"}, "body.model", "spacing"),
+    ],
+)
+def test_a_bad_choice_is_refused_with_field_and_range(
+    learned: Service, problem: Any, body: Any, field: str, message: str
+) -> None:
+    found = problem(learned.http.post("/v1/sessions", json=body), 422)
+    assert [error["field"] for error in found["errors"]] == [field]
+    assert message in found["errors"][0]["message"]
+
+
+def test_a_damaged_model_is_the_servers_fault_and_disturbs_no_other_solver(
+    model_folder: Path, tmp_path: Path, start: Callable[..., Service], problem: Any
+) -> None:
+    for file in model_folder.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    service = start(models=str(tmp_path))
+    data = bytearray((tmp_path / "falling.onnx").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "falling.onnx").write_bytes(data)
+    found = problem(service.http.post("/v1/sessions", json=WATER | {"solver": "hybrid"}), 503)
+    assert found["type"] == "urn:hybridmpm:problem:model-damaged"
+    assert str(tmp_path) not in json.dumps(found)
+    assert service.http.post("/v1/sessions", json=WATER | {"solver": "mpm"}).status_code == 201
+
+
+def test_phases_reach_back_as_far_as_the_values() -> None:
+    log = [(20, "neural"), (84, "mpm"), (300, "neural"), (1250, "mpm")]
+    decisions = tuple(
+        Decision(frame=frame, mode=mode, value=None, reason="", noticed=frame)  # type: ignore[arg-type]
+        for frame, mode in log
+    )
+    guard = Safeguard(
+        kind="ours", r_c=0.8, value=None, mpm_share=1, frames=(), values=(), decisions=decisions
+    )
+    assert guard.phases(1280) == [(84, "mpm"), (300, "neural"), (1250, "mpm")]
+    assert guard.phases(100) == [(0, "mpm"), (20, "neural"), (84, "mpm"), (300, "neural"), (1250, "mpm")]

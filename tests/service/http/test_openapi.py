@@ -1,0 +1,128 @@
+"""The OpenAPI document: complete, resolvable, with examples that the models accept."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from hybridmpm.control import parse_strokes
+from hybridmpm_service import Settings, create_app
+from hybridmpm_service.http import answers, requests
+from hybridmpm_service.http import learned_answers as learned
+
+OPERATIONS = {
+    ("get", "/livez"),
+    ("get", "/readyz"),
+    ("get", "/v1/models"),
+    ("get", "/v1/scenarios"),
+    ("get", "/v1/scenarios/{name}"),
+    ("post", "/v1/sessions"),
+    ("get", "/v1/sessions"),
+    ("get", "/v1/sessions/{session_id}"),
+    ("delete", "/v1/sessions/{session_id}"),
+    ("post", "/v1/sessions/{session_id}/advance"),
+    ("get", "/v1/sessions/{session_id}/decisions"),
+    ("get", "/v1/sessions/{session_id}/particles"),
+    ("post", "/v1/sessions/{session_id}/sketches"),
+}
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return create_app(Settings()).openapi()
+
+
+def _operations(document: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    for address, item in document["paths"].items():
+        for method, operation in item.items():
+            yield method, address, operation
+
+
+def _references(node: Any) -> Iterator[str]:
+    if isinstance(node, dict):
+        if isinstance(node.get("$ref"), str):
+            yield node["$ref"]
+        for value in node.values():
+            yield from _references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from _references(value)
+
+
+def test_it_lists_exactly_the_operations_of_the_contract(document: dict[str, Any]) -> None:
+    assert {(method, address) for method, address, _ in _operations(document)} == OPERATIONS
+
+
+def test_the_contract_in_the_docs_names_them_too() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "http-api.md").read_text(encoding="utf-8")
+    for method, address in OPERATIONS:
+        assert f"{method.upper()} {address.replace('{session_id}', '{id}')}" in text
+
+
+def test_every_reference_resolves(document: dict[str, Any]) -> None:
+    references = set(_references(document))
+    assert len(references) > 8
+    for reference in references:
+        node = document
+        for part in reference.removeprefix("#/").split("/"):
+            node = node[part]
+        assert node
+
+
+def test_every_refusal_is_described_as_a_problem(document: dict[str, Any]) -> None:
+    for method, address, operation in _operations(document):
+        assert operation["description"]
+        for status, answer in operation["responses"].items():
+            if int(status) >= 400:
+                assert list(answer["content"]) == ["application/problem+json"], (method, address, status)
+
+
+def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    for name in (
+        "CreateSession",
+        "AdvanceSession",
+        "SteerSession",
+        "SessionBody",
+        "ParticlesBody",
+        "TrajectoryBody",
+    ):
+        assert schemas[name]["examples"], name
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        requests.CreateSession,
+        requests.AdvanceSession,
+        requests.SteerSession,
+        answers.SessionBody,
+        answers.ScenarioBody,
+        answers.ParticlesBody,
+        learned.DecisionBody,
+        learned.ModelBody,
+        answers.TrajectoryBody,
+    ],
+)
+def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:
+    for example in model.model_json_schema()["examples"]:
+        model.model_validate(example)
+
+
+def test_the_examples_of_requests_work(service: Any) -> None:
+    for example in requests.CreateSession.model_json_schema()["examples"]:
+        answer = service.http.post("/v1/sessions", json=example)
+        assert answer.status_code == 201, answer.text
+        path = answer.json()["links"]["self"]
+        for advance in requests.AdvanceSession.model_json_schema()["examples"]:
+            assert service.http.post(f"{path}/advance", json=advance).status_code == 200
+        service.http.delete(path)
+    for sketch in requests.SteerSession.model_json_schema()["examples"]:
+        assert parse_strokes(sketch["strokes"])
+
+
+def test_it_is_served(service: Any, document: dict[str, Any]) -> None:
+    assert service.http.get("/openapi.json").json() == json.loads(json.dumps(document))

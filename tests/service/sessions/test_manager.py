@@ -1,0 +1,247 @@
+"""Sessions without a server: limits, idle expiry on a clock that the test turns, an orderly end."""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import Box, MpmSolver, Scene, SceneError
+from hybridmpm.control import Arrow
+from hybridmpm_service import Settings
+from hybridmpm_service.errors import (
+    SessionBusyError,
+    SessionNotFoundError,
+    TooManySessionsError,
+    UnavailableError,
+)
+from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.session import MAX_WAITING
+
+SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
+
+
+class _Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def _run(scene: Callable[[SessionManager, _Clock], Awaitable[None]], **settings: Any) -> None:
+    """Play a scene with a manager, and end it whatever happens."""
+
+    async def play() -> None:
+        clock = _Clock()
+        manager = SessionManager(Settings(**settings), clock)
+        try:
+            await scene(manager, clock)
+        finally:
+            await manager.close()
+
+    before = threading.active_count()
+    asyncio.run(play())
+    assert threading.active_count() <= before
+
+
+def test_a_session_that_nobody_uses_expires() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        unused, used = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+        clock.now = 90
+        manager.get(used.id)
+        clock.now = 101
+        with pytest.raises(SessionNotFoundError, match="expired after 100 s"):
+            manager.get(unused.id)
+        assert [session.id for session in manager.all()] == [used.id]
+        await manager.expire()
+        assert manager.get(used.id) is used
+
+    _run(scene, idle_seconds=100)
+
+
+def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_left() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        with session.viewer():
+            clock.now = 1000
+            await manager.expire()
+            assert manager.all() == [session]
+        clock.now = 1099
+        await manager.expire()
+        assert manager.all() == [session]
+        clock.now = 1101
+        await manager.expire()
+        assert manager.all() == []
+
+    _run(scene, idle_seconds=100)
+
+
+def test_there_is_room_for_so_many_sessions_and_for_one_more_after_a_delete() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        first = await manager.create(lambda: SCENE)
+        await manager.create(lambda: SCENE)
+        with pytest.raises(TooManySessionsError, match="all 2 sessions"):
+            await manager.create(lambda: SCENE)
+        await manager.delete(first.id)
+        assert manager.why_full() is None
+        await manager.create(lambda: SCENE)
+
+    _run(scene, max_sessions=2)
+
+
+def test_many_who_ask_at_once_do_not_get_more_than_the_limit() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        tries = [manager.create(lambda: SCENE) for _ in range(6)]
+        results = await asyncio.gather(*tries, return_exceptions=True)
+        assert sum(isinstance(result, TooManySessionsError) for result in results) == 4
+
+    _run(scene, max_sessions=2)
+
+
+def test_a_refused_scene_takes_no_room() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        with pytest.raises(SceneError, match="max_particles"):
+            await manager.create(lambda: SCENE)
+        assert manager.all() == []
+        assert manager.why_full() is None
+
+    _run(scene, max_particles=10, max_sessions=1)
+
+
+def test_a_grid_beyond_the_servers_memory_is_refused_with_what_fits() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        with pytest.raises(SceneError, match="resolution: must be at most 30 in 2D"):
+            await manager.create(lambda: SCENE)
+
+    _run(scene, max_grid_nodes=31 * 31)
+
+
+def test_a_draining_manager_takes_nobody_and_sends_viewers_away() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        with session.viewer() as mailbox:
+            manager.drain()
+            assert (await mailbox.closed()).code == 1001
+        assert manager.why_full() == "the server is shutting down"
+        with pytest.raises(UnavailableError):
+            await manager.create(lambda: SCENE)
+
+    _run(scene)
+
+
+def test_work_is_done_in_the_order_in_which_it_was_asked_for() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        forward, back, state = session.advance(5), session.reset(), session.particles()
+        _, _, particles = await asyncio.gather(forward, back, state)
+        assert particles.frame == 0
+
+    _run(scene)
+
+
+def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        gate = threading.Event()
+        session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
+        waiting = [asyncio.create_task(session.advance(1)) for _ in range(MAX_WAITING)]
+        await asyncio.sleep(0)
+        with pytest.raises(SessionBusyError, match=str(MAX_WAITING)):
+            await session.advance(1)
+        await manager.delete(session.id)
+        gate.set()
+        results = await asyncio.gather(*waiting, return_exceptions=True)
+        assert all(isinstance(result, SessionNotFoundError) for result in results)
+
+    _run(scene)
+
+
+def test_a_call_that_is_given_up_still_reaches_the_viewers() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        calling = asyncio.create_task(session.advance(3))
+        await asyncio.sleep(0)
+        calling.cancel()
+        await session.particles()
+        assert session.view.frame == 3
+
+    _run(scene)
+
+
+def test_a_session_does_not_expire_while_a_call_is_worked_on() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        gate = threading.Event()
+        session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
+        calling = asyncio.create_task(session.advance(1))
+        await asyncio.sleep(0)
+        clock.now = 1000
+        await manager.expire()
+        assert manager.all() == [session]
+        gate.set()
+        await calling
+        clock.now = 1099
+        assert manager.get(session.id) is session
+        clock.now = 1200
+        await manager.expire()
+        assert manager.all() == []
+
+    _run(scene, idle_seconds=100)
+
+
+def test_a_plan_is_given_up_when_its_session_is_deleted(monkeypatch: pytest.MonkeyPatch) -> None:
+    inside, gate = threading.Event(), threading.Event()
+    advance, frames = MpmSolver.advance, 0
+
+    def held(solver: MpmSolver, count: int = 1, force: object = None) -> None:
+        nonlocal frames
+        frames += count
+        inside.set()
+        assert gate.wait(60)
+        advance(solver, count, force)  # type: ignore[arg-type]
+
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        monkeypatch.setattr(MpmSolver, "advance", held)
+        sketch = Arrow(np.array([[0.5, 0.5], [0.6, 0.5]]))
+        planning = asyncio.create_task(session.steer(sketch, 100))
+        assert await asyncio.to_thread(inside.wait, 60)
+        await manager.delete(session.id)
+        gate.set()
+        with pytest.raises(SessionNotFoundError):
+            await planning
+
+    _run(scene)
+    assert frames == 1
+
+
+def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        gate = threading.Event()
+        holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
+        session._playing.set()
+        turn = asyncio.create_task(session._turn(3))
+        await asyncio.sleep(0)
+        clock.now = 10
+        gate.set()
+        await holding
+        assert await turn == 3
+
+    _run(scene)
+
+
+def test_the_time_of_planning_is_not_owed_to_the_player(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+
+        def slow(*_: object) -> None:
+            clock.now = 10
+
+        monkeypatch.setattr(session.simulation, "steer", slow)
+        await session.steer(Arrow(np.array([[0.5, 0.5], [0.6, 0.5]])), 1)
+        assert session._pace.due(clock.now) == 0
+
+    _run(scene)
