@@ -4,18 +4,11 @@
     reason = "pyo3 hands arguments over by value"
 )]
 
-mod batch;
 mod convert;
-mod disturbance;
-mod edges;
-mod emitter;
 mod error;
 mod graph;
-mod history;
-mod material;
-mod obstacle;
-mod relaxation;
-mod report;
+mod neural;
+mod scene;
 mod solver;
 
 use numpy::{IntoPyArray, Ix1, Ix2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -76,22 +69,22 @@ fn cpu_features() -> Vec<&'static str> {
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     error::register(module)?;
-    module.add_class::<material::PyMaterial>()?;
-    module.add_class::<obstacle::PyObstacle>()?;
-    module.add_class::<emitter::PyEmitter>()?;
-    module.add_class::<report::PyDiagnostics>()?;
-    module.add_class::<report::PyFrameReport>()?;
-    module.add_class::<report::PyMotionReport>()?;
-    module.add_class::<history::PyAccelerationHistory>()?;
-    module.add_class::<history::PyAccelerationSignal>()?;
+    module.add_class::<scene::PyMaterial>()?;
+    module.add_class::<scene::PyObstacle>()?;
+    module.add_class::<scene::PyEmitter>()?;
+    module.add_class::<solver::PyDiagnostics>()?;
+    module.add_class::<solver::PyFrameReport>()?;
+    module.add_class::<solver::PyMotionReport>()?;
+    module.add_class::<neural::PyAccelerationHistory>()?;
+    module.add_class::<neural::PyAccelerationSignal>()?;
     module.add_class::<solver::PySolver>()?;
     module.add_class::<graph::PyPaddedGraph>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
     module.add_class::<graph::PyVerletList>()?;
-    module.add_function(wrap_pyfunction!(batch::advance_all, module)?)?;
+    module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
-    module.add_function(wrap_pyfunction!(disturbance::disturbance, module)?)?;
-    module.add_function(wrap_pyfunction!(relaxation::relaxed, module)?)?;
+    module.add_function(wrap_pyfunction!(neural::disturbance, module)?)?;
+    module.add_function(wrap_pyfunction!(neural::relaxed, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

@@ -1,6 +1,6 @@
 //! Totals over all particles, summed in double precision.
 
-use crate::math::Vector;
+use crate::linalg::Vector;
 use crate::solver::SolverState;
 use crate::with_group;
 

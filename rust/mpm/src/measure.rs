@@ -1,8 +1,8 @@
 //! Mass on the nodes of a plain grid, for the error measures.
 
 use crate::error::MpmError;
-use crate::math::Vector;
-use crate::stencil::Stencil;
+use crate::grid::Stencil;
+use crate::linalg::Vector;
 
 /// Quadratic B-spline P2G of mass on (resolution + 1)^D nodes over [0, 1]^D, first axis slowest.
 ///

@@ -1,14 +1,13 @@
 //! Complete state as bytes: magic, version, fingerprint of the scene, particles in the solver's own
 //! order, checksum. All little-endian.
 
-use crate::emitter::EmitterStatus;
 use crate::error::MpmError;
-use crate::input::Settings;
+use crate::linalg::{Matrix, Vector};
 use crate::material::{Constitutive, State};
-use crate::math::{Matrix, Vector};
-use crate::particle::{Activity, Group, Particle};
+use crate::openings::{EmitterStatus, Flow, Population};
+use crate::particles::{Activity, Group, Particle};
+use crate::settings::Settings;
 use crate::solver::SolverState;
-use crate::source::{Flow, Population};
 use crate::with_group;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";

@@ -4,12 +4,9 @@ use std::ops::Range;
 
 use team::Team;
 
-use crate::cells::CellList;
 use crate::error::GraphError;
-use crate::rank::{self, write_sorted};
-use crate::reach::Reach;
 use crate::rows::{Part, Rows, pieces};
-use crate::tile::{Found, Tile};
+use crate::scan::{CellList, Found, Reach, Tile, room, write_sorted};
 
 /// Which pairs of points become edges.
 #[derive(Debug, Clone, Copy)]
@@ -153,7 +150,7 @@ impl<const D: usize> Sweep<'_, D> {
             }
             self.cells.runs_around(cell, &mut runs);
             tile.fill(self.cells, &runs, slots.start);
-            row.resize(row.len().max(rank::room(tile.room())), 0);
+            row.resize(row.len().max(room(tile.room())), 0);
             for (n, (slot, length)) in slots.zip(&mut lengths).enumerate() {
                 let own = self.cells.order[slot] as usize;
                 let with_self = self.settings.self_edges;

@@ -5,11 +5,9 @@ use std::ops::Range;
 use team::Team;
 
 use crate::error::GraphError;
-use crate::rank;
-use crate::reach::Reach;
 use crate::rows::{Part, Rows, pieces};
+use crate::scan::{Reach, Tile, room};
 use crate::search::{Filter, Search, Settings, check_fixed, check_length};
-use crate::tile::Tile;
 
 /// Graphs of points that move little from one to the next: the same ones as of `Search`.
 ///
@@ -156,7 +154,7 @@ impl<const D: usize> Sweep<'_, D> {
         for (own, length) in range.zip(lengths) {
             let row = self.starts[own] as usize..self.starts[own + 1] as usize;
             tile.gather(&self.candidates[row], self.filter.points);
-            let row = part.room(rank::room(tile.room()));
+            let row = part.room(room(tile.room()));
             let found = tile.scan_around(&points[own], &self.filter.reach, row);
             let count = self.filter.keep(own, found, row);
             part.keep(count);

@@ -1,10 +1,7 @@
 //! Elastic solids.
 
-use super::{Constitutive, Lame, State, increment};
-use crate::lanes::{LANES, Lanes};
-use crate::math::{Matrix, Symmetric, determinant};
-use crate::spectrum::Symmetrics;
-use crate::svd::svd;
+use super::model::{Constitutive, Lame, State, increment};
+use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, svd};
 
 /// Fixed-corotated solid (Stomakhin et al. 2012). Its state is F.
 #[derive(Debug, Clone, Copy, PartialEq)]

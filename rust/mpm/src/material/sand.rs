@@ -1,9 +1,7 @@
 //! Dry sand.
 
-use super::{Constitutive, Lame, State, increment};
-use crate::lanes::{LANES, Lanes, exp, ln};
-use crate::math::{Symmetric, Vector};
-use crate::spectrum::{Spectrum, Symmetrics};
+use super::model::{Constitutive, Lame, State, increment};
+use crate::linalg::{LANES, Lanes, Spectrum, Symmetric, Symmetrics, Vector, exp, ln};
 
 /// Dry sand: StVK-Hencky elasticity with a Drucker-Prager yield surface (Klar et al. 2016).
 ///
@@ -116,7 +114,7 @@ impl<const D: usize> Constitutive<D> for Sand {
         for i in 0..LANES {
             let f = increment(affine, i, dt);
             let b = states.stretch_squared.get(i);
-            let product = crate::math::Matrix::<D>::from_fn(|row, column| {
+            let product = crate::linalg::Matrix::<D>::from_fn(|row, column| {
                 (0..D).map(|k| f[(row, k)] * b.at(k, column)).sum()
             });
             let trial = Symmetric::from_fn(|row, column| {

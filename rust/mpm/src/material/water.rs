@@ -1,8 +1,7 @@
 //! Weakly compressible water.
 
-use super::{Constitutive, State};
-use crate::lanes::{LANES, Lanes};
-use crate::spectrum::Symmetrics;
+use super::model::{Constitutive, State};
+use crate::linalg::{LANES, Lanes, Symmetrics};
 
 /// Water: tau = lambda J (J - 1) I. Carries J only.
 ///

@@ -1,0 +1,115 @@
+//! `AccelerationHistory`: the signal of the safeguard.
+
+use std::sync::{Mutex, MutexGuard};
+
+use ::neural::{AccelerationHistory, SafeguardError, Settings, Signal};
+use numpy::{Ix2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::convert::{array, slice_of};
+use crate::error::config_error;
+
+/// Accelerations of the last two windows of time.
+#[pyclass(frozen, name = "AccelerationHistory", module = "hybridmpm._native")]
+pub struct PyAccelerationHistory {
+    inner: Mutex<AccelerationHistory>,
+}
+
+/// What the latest accelerations say.
+#[pyclass(frozen, name = "AccelerationSignal", module = "hybridmpm._native")]
+pub struct PyAccelerationSignal(Signal);
+
+fn raised(error: SafeguardError) -> PyErr {
+    config_error(error.to_string())
+}
+
+impl PyAccelerationHistory {
+    fn locked(&self) -> MutexGuard<'_, AccelerationHistory> {
+        self.inner.lock().expect("no panic under the lock")
+    }
+}
+
+#[pymethods]
+impl PyAccelerationHistory {
+    #[new]
+    #[pyo3(signature = (particles, dim, *, window, dt, floor, quorum))]
+    fn new(
+        particles: usize,
+        dim: usize,
+        window: usize,
+        dt: f32,
+        floor: f32,
+        quorum: f32,
+    ) -> PyResult<Self> {
+        let settings = Settings {
+            particles,
+            dim,
+            window,
+            dt,
+            floor,
+            quorum,
+        };
+        let inner = AccelerationHistory::new(settings).map_err(raised)?;
+        Ok(Self {
+            inner: Mutex::new(inner),
+        })
+    }
+
+    fn push(&self, py: Python<'_>, x: &Bound<'_, PyAny>) -> PyResult<PyAccelerationSignal> {
+        let settings = py.detach(|| *self.locked().settings());
+        let expected = format!(
+            "float32 of shape ({}, {})",
+            settings.particles, settings.dim
+        );
+        let x = array::<f32, Ix2>("x", &expected, x)?;
+        if x.shape() != [settings.particles, settings.dim] {
+            let got = x.shape();
+            return Err(config_error(format!(
+                "x must be {expected}, got shape {got:?}"
+            )));
+        }
+        let x = slice_of("x", &x)?;
+        let signal = py.detach(|| self.locked().push(x)).map_err(raised)?;
+        Ok(PyAccelerationSignal(signal))
+    }
+
+    fn undo(&self, py: Python<'_>) -> PyResult<()> {
+        if py.detach(|| self.locked().undo()) {
+            Ok(())
+        } else {
+            Err(config_error(
+                "only the latest push can be undone, and only once",
+            ))
+        }
+    }
+
+    fn copy(&self, py: Python<'_>) -> Self {
+        Self {
+            inner: Mutex::new(py.detach(|| self.locked().clone())),
+        }
+    }
+}
+
+#[pymethods]
+impl PyAccelerationSignal {
+    #[getter]
+    fn cosine(&self) -> Option<f32> {
+        self.0.cosine
+    }
+    #[getter]
+    fn plain(&self) -> Option<f32> {
+        self.0.plain
+    }
+    #[getter]
+    fn active(&self) -> f32 {
+        self.0.active
+    }
+    #[getter]
+    fn largest(&self) -> f32 {
+        self.0.largest
+    }
+
+    fn __repr__(&self) -> String {
+        format!("{:?}", self.0)
+    }
+}

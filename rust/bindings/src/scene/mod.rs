@@ -1,0 +1,9 @@
+//! What a solver is built from: `Material`, `Obstacle`, `Emitter`.
+
+mod emitter;
+mod material;
+mod obstacle;
+
+pub use emitter::{AnyEmitter, PyEmitter};
+pub use material::PyMaterial;
+pub use obstacle::{AnyObstacle, PyObstacle};

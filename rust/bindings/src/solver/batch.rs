@@ -1,0 +1,92 @@
+//! `advance_all`: many scenes side by side.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use mpm::{Force, MpmError};
+use numpy::{IxDyn, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+
+use super::class::PySolver;
+use crate::convert::array;
+use crate::error::{batch_error, config_error};
+
+/// Each scene on one thread. A solver that stands in the list twice advances twice.
+#[pyfunction]
+#[pyo3(signature = (solvers, frames=1, force=None, threads=None))]
+pub fn advance_all(
+    py: Python<'_>,
+    solvers: Vec<Bound<'_, PySolver>>,
+    frames: usize,
+    force: Option<Vec<Option<Bound<'_, PyAny>>>>,
+    threads: Option<usize>,
+) -> PyResult<()> {
+    if threads == Some(0) {
+        return Err(config_error("threads must be at least 1, got 0"));
+    }
+    let arrays = arrays(force, solvers.len())?;
+    let mut jobs = Vec::with_capacity(solvers.len());
+    for (index, (solver, array)) in solvers.iter().zip(&arrays).enumerate() {
+        let solver = solver.get();
+        let force = solver.force(py, &format!("force[{index}]"), frames, array.as_ref())?;
+        jobs.push((index, solver, force));
+    }
+    let available = || thread::available_parallelism().map_or(1, usize::from);
+    let threads = threads.unwrap_or_else(available).min(jobs.len());
+    let failures = py.detach(|| run(jobs, frames, threads));
+    if failures.is_empty() {
+        return Ok(());
+    }
+    Err(batch_error(py, failures))
+}
+
+/// The forces as arrays, None for scenes without.
+fn arrays<'py>(
+    forces: Option<Vec<Option<Bound<'py, PyAny>>>>,
+    count: usize,
+) -> PyResult<Vec<Option<PyReadonlyArrayDyn<'py, f32>>>> {
+    let Some(forces) = forces else {
+        return Ok((0..count).map(|_| None).collect());
+    };
+    if forces.len() != count {
+        return Err(config_error(format!(
+            "force must have one entry a solver, {count}, got {}",
+            forces.len()
+        )));
+    }
+    let one = |(index, force): (usize, &Option<Bound<'py, PyAny>>)| {
+        let convert = |force| array::<f32, IxDyn>(&format!("force[{index}]"), "float32", force);
+        force.as_ref().map(convert).transpose()
+    };
+    forces.iter().enumerate().map(one).collect()
+}
+
+type Job<'a> = (usize, &'a PySolver, Force<'a>);
+
+/// Runs all jobs and returns the failures by index.
+fn run(mut jobs: Vec<Job<'_>>, frames: usize, threads: usize) -> Vec<(usize, MpmError)> {
+    // The largest first, so that no thread is left alone with it at the end.
+    jobs.sort_by_cached_key(|(_, solver, _)| std::cmp::Reverse(solver.count()));
+    let next = AtomicUsize::new(0);
+    let failures = Mutex::new(Vec::new());
+    let work = || {
+        while let Some((index, solver, force)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if let Err(error) = solver.run(frames, *force) {
+                failures
+                    .lock()
+                    .expect("no panic under the lock")
+                    .push((*index, error));
+            }
+        }
+    };
+    thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(work);
+        }
+        work();
+    });
+    let mut failures = failures.into_inner().expect("no panic under the lock");
+    failures.sort_by_key(|(index, _)| *index);
+    failures
+}

@@ -1,0 +1,553 @@
+//! `Solver`: one Python class for both dimensions.
+
+use std::sync::{Mutex, MutexGuard};
+
+use mpm::{
+    Carry, Emitter, EmitterStatus, Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps,
+    Walls,
+};
+use numpy::{
+    IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
+    PyReadwriteArray3, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
+use crate::convert::{array, contact, describe, slice_of, vector};
+use crate::error::{NativeError, config_error};
+use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
+
+#[derive(Clone)]
+enum AnySolver {
+    Plane(mpm::Solver<2>),
+    Space(mpm::Solver<3>),
+}
+
+/// Runs one expression on the solver of whichever dimension.
+macro_rules! with_solver {
+    ($any:expr, $solver:ident => $body:expr) => {
+        match $any {
+            AnySolver::Plane($solver) => $body,
+            AnySolver::Space($solver) => $body,
+        }
+    };
+}
+
+/// MLS-MPM on one scene.
+#[pyclass(frozen, name = "Solver", module = "hybridmpm._native")]
+pub struct PySolver {
+    inner: Mutex<AnySolver>,
+    dim: usize,
+    resolution: usize,
+    frame_dt: f64,
+}
+
+/// "cfl", "reference" or a count.
+fn substeps(
+    argument: Option<&Bound<'_, PyAny>>,
+    cfl: Option<f32>,
+    allow_unstable: bool,
+) -> PyResult<Substeps> {
+    let by_cfl = Substeps::Cfl(cfl);
+    let Some(argument) = argument else {
+        return Ok(by_cfl);
+    };
+    if let Ok(count) = argument.extract::<u32>() {
+        return Ok(Substeps::Fixed {
+            count,
+            allow_unstable,
+        });
+    }
+    match argument.extract::<&str>() {
+        Ok("cfl") => Ok(by_cfl),
+        Ok("reference") => Ok(Substeps::Reference),
+        _ => Err(config_error(format!(
+            "substeps must be \"cfl\", \"reference\" or an integer >= 1, got {}",
+            describe(argument)
+        ))),
+    }
+}
+
+/// The items of a list, all of which must have the scene's dimension.
+fn same_dim<'a, T: pyo3::PyClass, U>(
+    name: &str,
+    dim: usize,
+    list: &'a [PyRef<'_, T>],
+    pick: impl Fn(&'a T) -> Option<U>,
+) -> PyResult<Vec<U>> {
+    list.iter()
+        .enumerate()
+        .map(|(index, item)| {
+            pick(item)
+                .ok_or_else(|| config_error(format!("{name}[{index}] must have {dim} coordinates")))
+        })
+        .collect()
+}
+
+/// Solids and openings of a scene, in its dimension.
+struct Parts<const D: usize> {
+    obstacles: Vec<Obstacle<D>>,
+    emitters: Vec<Emitter<D>>,
+    sinks: Vec<Obstacle<D>>,
+}
+
+/// What both dimensions share of the constructor's arguments.
+struct Arguments<'a> {
+    resolution: usize,
+    frame_dt: f64,
+    gravity: &'a [f64],
+    wall_lower: &'a [f64],
+    wall_upper: &'a [f64],
+    wall_contact: mpm::Contact,
+    materials: Vec<mpm::Material>,
+    substeps: Substeps,
+    sleep: Option<Sleep>,
+    threads: usize,
+    max_particles: usize,
+}
+
+impl Arguments<'_> {
+    fn build<const D: usize>(
+        self,
+        parts: Parts<D>,
+        particles: Particles<'_>,
+    ) -> PyResult<mpm::Solver<D>> {
+        let settings = Settings {
+            resolution: self.resolution,
+            frame_dt: self.frame_dt as f32,
+            gravity: vector("gravity", self.gravity)?,
+            walls: Walls {
+                lower: vector("wall_lower", self.wall_lower)?,
+                upper: vector("wall_upper", self.wall_upper)?,
+                contact: self.wall_contact,
+            },
+            materials: self.materials,
+            obstacles: parts.obstacles,
+            emitters: parts.emitters,
+            sinks: parts.sinks.iter().map(|sink| sink.shape).collect(),
+            max_particles: self.max_particles,
+            substeps: self.substeps,
+            sleep: self.sleep,
+            threads: self.threads,
+        };
+        Ok(mpm::Solver::new(settings, particles).map_err(NativeError)?)
+    }
+}
+
+impl PySolver {
+    pub fn count(&self) -> usize {
+        with_solver!(&*self.locked(), solver => solver.count())
+    }
+
+    /// Advances with the calling thread, which holds no GIL.
+    pub fn run(&self, frames: usize, force: Force<'_>) -> Result<(), MpmError> {
+        with_solver!(&mut *self.locked(), solver => solver.advance(frames, force, |_, _| ()))
+    }
+
+    fn locked(&self) -> MutexGuard<'_, AnySolver> {
+        self.inner.lock().expect("no panic under the lock")
+    }
+
+    /// Takes the lock with the GIL released, so that a thread that waits for a solver stops no other.
+    fn detached<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut AnySolver) -> T + Send,
+    ) -> T {
+        py.detach(|| work(&mut self.locked()))
+    }
+
+    /// The force of an array, checked against this solver's particles.
+    pub fn force<'a>(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        frames: usize,
+        array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
+    ) -> PyResult<Force<'a>> {
+        let count = py.detach(|| self.count());
+        let (held, per_frame) = ([count, self.dim], [frames, count, self.dim]);
+        match array {
+            None => Ok(Force::None),
+            Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
+            Some(array) if array.shape() == per_frame => {
+                Ok(Force::PerFrame(slice_of(name, array)?))
+            }
+            Some(array) => Err(config_error(format!(
+                "{name} must be of shape {held:?} or {per_frame:?}, got {:?}",
+                array.shape()
+            ))),
+        }
+    }
+
+    /// The N x `width` numbers that `write` fills in.
+    fn read<T: Clone + Default + Send>(
+        &self,
+        py: Python<'_>,
+        width: usize,
+        write: impl Fn(&AnySolver, &mut [T]) + Sync,
+    ) -> Vec<T> {
+        self.detached(py, |any| {
+            let count = with_solver!(&*any, solver => solver.count());
+            let mut out = vec![T::default(); count * width];
+            write(any, &mut out);
+            out
+        })
+    }
+
+    /// The same as an array (N, D).
+    fn read_vectors<'py>(
+        &self,
+        py: Python<'py>,
+        write: impl Fn(&AnySolver, &mut [f32]) + Sync,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let out = self.read(py, self.dim, write);
+        let count = out.len() / self.dim;
+        out.into_pyarray(py).reshape([count, self.dim])
+    }
+}
+
+#[pymethods]
+impl PySolver {
+    #[new]
+    #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
+        wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), emitters=Vec::new(),
+        sinks=Vec::new(), max_particles=None, x, v, material, mass,
+        volume, volume_ratio=None, substeps=None, cfl=None,
+        allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
+        text_signature = "(*, resolution, frame_dt, gravity, wall_lower, wall_upper, \
+        wall_contact='separating', wall_friction=None, materials, obstacles=(), emitters=(), sinks=(), \
+        max_particles=None, x, v, material, mass, volume, volume_ratio=None, substeps='cfl', cfl=None, \
+        allow_unstable=False, sleep_speed=None, sleep_frames=20, threads=1)")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python constructor"
+    )]
+    fn new(
+        py: Python<'_>,
+        resolution: usize,
+        frame_dt: f64,
+        gravity: Vec<f64>,
+        wall_lower: Vec<f64>,
+        wall_upper: Vec<f64>,
+        wall_contact: &str,
+        wall_friction: Option<f32>,
+        materials: Vec<PyRef<'_, PyMaterial>>,
+        obstacles: Vec<PyRef<'_, PyObstacle>>,
+        emitters: Vec<PyRef<'_, PyEmitter>>,
+        sinks: Vec<PyRef<'_, PyObstacle>>,
+        max_particles: Option<usize>,
+        x: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        material: &Bound<'_, PyAny>,
+        mass: &Bound<'_, PyAny>,
+        volume: &Bound<'_, PyAny>,
+        volume_ratio: Option<&Bound<'_, PyAny>>,
+        substeps: Option<Bound<'_, PyAny>>,
+        cfl: Option<f32>,
+        allow_unstable: bool,
+        sleep_speed: Option<f32>,
+        sleep_frames: u32,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let dim = gravity.len();
+        let vectors = format!("float32 of shape (N, {dim})");
+        let scalars = "float32 of shape (N,)";
+        let x = array::<f32, Ix2>("x", &vectors, x)?;
+        let v = array::<f32, Ix2>("v", &vectors, v)?;
+        let material = array::<u8, Ix1>("material", "uint8 of shape (N,)", material)?;
+        let mass = array::<f32, Ix1>("mass", scalars, mass)?;
+        let volume = array::<f32, Ix1>("volume", scalars, volume)?;
+        let volume_ratio = volume_ratio
+            .map(|ratio| array::<f32, Ix1>("volume_ratio", scalars, ratio))
+            .transpose()?;
+        for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
+            if shape[1] != dim {
+                return Err(config_error(format!(
+                    "{name} must be {vectors}, got shape {shape:?}"
+                )));
+            }
+        }
+        let arguments = Arguments {
+            resolution,
+            frame_dt,
+            gravity: &gravity,
+            wall_lower: &wall_lower,
+            wall_upper: &wall_upper,
+            wall_contact: contact(wall_contact, wall_friction)?,
+            materials: materials.iter().map(|m| m.inner).collect(),
+            substeps: self::substeps(substeps.as_ref(), cfl, allow_unstable)?,
+            sleep: sleep_speed.map(|speed| Sleep {
+                speed,
+                frames: sleep_frames,
+            }),
+            threads,
+            max_particles: max_particles.unwrap_or(usize::MAX),
+        };
+        let particles = Particles {
+            x: slice_of("x", &x)?,
+            v: slice_of("v", &v)?,
+            material: slice_of("material", &material)?,
+            mass: slice_of("mass", &mass)?,
+            volume: slice_of("volume", &volume)?,
+            volume_ratio: volume_ratio
+                .as_ref()
+                .map(|r| slice_of("volume_ratio", r))
+                .transpose()?,
+        };
+        /// The parts in the dimension of one variant of the enumerations.
+        macro_rules! build {
+            ($variant:ident) => {{
+                let solid = |o: &PyObstacle| match o.inner {
+                    AnyObstacle::$variant(o) => Some(o),
+                    _ => None,
+                };
+                let opening = |e: &PyEmitter| match &e.inner {
+                    AnyEmitter::$variant(e) => Some(e.clone()),
+                    _ => None,
+                };
+                let parts = Parts {
+                    obstacles: same_dim("obstacles", dim, &obstacles, solid)?,
+                    emitters: same_dim("emitters", dim, &emitters, opening)?,
+                    sinks: same_dim("sinks", dim, &sinks, solid)?,
+                };
+                AnySolver::$variant(py.detach(|| arguments.build(parts, particles))?)
+            }};
+        }
+        let inner = match dim {
+            2 => build!(Plane),
+            3 => build!(Space),
+            _ => {
+                return Err(config_error(format!(
+                    "gravity must have 2 or 3 components, got {dim}"
+                )));
+            }
+        };
+        Ok(Self {
+            inner: Mutex::new(inner),
+            dim,
+            resolution,
+            frame_dt,
+        })
+    }
+
+    #[pyo3(signature = (frames=1, force=None, out=None))]
+    fn advance(
+        &self,
+        py: Python<'_>,
+        frames: usize,
+        force: Option<&Bound<'_, PyAny>>,
+        out: Option<PyReadwriteArray3<'_, f32>>,
+    ) -> PyResult<()> {
+        let count = py.detach(|| self.count());
+        let per_frame = [frames, count, self.dim];
+        let force = force
+            .map(|force| array::<f32, IxDyn>("force", "float32", force))
+            .transpose()?;
+        let force = self.force(py, "force", frames, force.as_ref())?;
+        let mut out = out;
+        let out: &mut [f32] = match &mut out {
+            None => &mut [],
+            Some(array) if array.shape() == per_frame => array
+                .as_slice_mut()
+                .map_err(|_| config_error("out must be C-contiguous and writable"))?,
+            Some(array) => {
+                return Err(config_error(format!(
+                    "out must be of shape {per_frame:?}, got {:?}",
+                    array.shape()
+                )));
+            }
+        };
+        let size = count * self.dim;
+        self.detached(py, |any| {
+            with_solver!(any, solver => {
+                if !out.is_empty() && (solver.settings().is_open() || solver.count() != count) {
+                    return Err(config_error(
+                        "out must be absent where emitters or sinks change the number of particles",
+                    ));
+                }
+                let advanced = solver.advance(frames, force, |index, solver| {
+                    if !out.is_empty() {
+                        solver.write_positions(&mut out[index * size..][..size]);
+                    }
+                });
+                advanced.map_err(|error| NativeError(error).into())
+            })
+        })
+    }
+
+    #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]
+    fn prescribe(
+        &self,
+        py: Python<'_>,
+        x: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        frame: u64,
+        affine: bool,
+        deform: bool,
+    ) -> PyResult<PyMotionReport> {
+        let count = py.detach(|| self.count());
+        let expected = format!("float32 of shape ({count}, {})", self.dim);
+        let x = array::<f32, Ix2>("x", &expected, x)?;
+        let v = array::<f32, Ix2>("v", &expected, v)?;
+        for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
+            if shape != [count, self.dim] {
+                return Err(config_error(format!(
+                    "{name} must be {expected}, got shape {shape:?}"
+                )));
+            }
+        }
+        let (x, v) = (slice_of("x", &x)?, slice_of("v", &v)?);
+        let carry = Carry { affine, deform };
+        let report = self.detached(
+            py,
+            |any| with_solver!(any, solver => solver.prescribe(x, v, frame, carry)),
+        );
+        Ok(PyMotionReport(report.map_err(NativeError)?))
+    }
+
+    #[getter]
+    fn dim(&self) -> usize {
+        self.dim
+    }
+
+    #[getter]
+    fn particle_count(&self, py: Python<'_>) -> usize {
+        py.detach(|| self.count())
+    }
+
+    #[getter]
+    fn resolution(&self) -> usize {
+        self.resolution
+    }
+
+    #[getter]
+    fn frame(&self, py: Python<'_>) -> u64 {
+        self.detached(py, |any| with_solver!(any, solver => solver.frame()))
+    }
+
+    #[getter]
+    fn time(&self, py: Python<'_>) -> f64 {
+        self.frame(py) as f64 * self.frame_dt
+    }
+
+    #[getter]
+    fn is_open(&self, py: Python<'_>) -> bool {
+        self.detached(py, |any| with_solver!(any, s => s.settings().is_open()))
+    }
+
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        let ids = self.detached(py, |any| with_solver!(any, s => s.ids().to_vec()));
+        ids.into_pyarray(py)
+    }
+
+    #[getter]
+    fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        self.read(
+            py,
+            1,
+            |any, out| with_solver!(any, s => s.write_materials(out)),
+        )
+        .into_pyarray(py)
+    }
+
+    #[getter]
+    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        self.read(
+            py,
+            1,
+            |any, out| with_solver!(any, s => s.write_masses(out)),
+        )
+        .into_pyarray(py)
+    }
+
+    #[getter]
+    fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
+        self.detached(
+            py,
+            |any| with_solver!(any, s => s.emitters().map(EmitterStatus::name).collect()),
+        )
+    }
+
+    #[getter]
+    fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.read_vectors(
+            py,
+            |any, out| with_solver!(any, s => s.write_positions(out)),
+        )
+    }
+
+    #[getter]
+    fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.read_vectors(
+            py,
+            |any, out| with_solver!(any, s => s.write_velocities(out)),
+        )
+    }
+
+    #[getter]
+    fn affine<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let width = self.dim * self.dim;
+        let out = self.read(
+            py,
+            width,
+            |any, out| with_solver!(any, s => s.write_affine(out)),
+        );
+        let count = out.len() / width;
+        out.into_pyarray(py).reshape([count, self.dim, self.dim])
+    }
+
+    #[getter]
+    fn volume_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        let out = self.read(
+            py,
+            1,
+            |any, out| with_solver!(any, s => s.write_volume_ratios(out)),
+        );
+        out.into_pyarray(py)
+    }
+
+    #[getter]
+    fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        let out = self.detached(py, |any| {
+            with_solver!(any, s => {
+                let mut out = vec![false; s.count()];
+                s.write_asleep(&mut out);
+                out
+            })
+        });
+        out.into_pyarray(py)
+    }
+
+    #[getter]
+    fn last_frame(&self, py: Python<'_>) -> Option<PyFrameReport> {
+        self.detached(py, |any| with_solver!(any, solver => solver.last_frame()))
+            .map(PyFrameReport)
+    }
+
+    fn diagnostics(&self, py: Python<'_>) -> PyDiagnostics {
+        PyDiagnostics(self.detached(py, |any| with_solver!(any, solver => solver.diagnostics())))
+    }
+
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let data = self.detached(py, |any| with_solver!(any, solver => solver.snapshot()));
+        PyBytes::new(py, &data)
+    }
+
+    fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
+        let result = self.detached(py, |any| with_solver!(any, solver => solver.restore(data)));
+        Ok(result.map_err(NativeError)?)
+    }
+
+    fn copy(&self, py: Python<'_>) -> Self {
+        let inner = Mutex::new(self.detached(py, |any| any.clone()));
+        Self {
+            inner,
+            dim: self.dim,
+            resolution: self.resolution,
+            frame_dt: self.frame_dt,
+        }
+    }
+}

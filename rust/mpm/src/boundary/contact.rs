@@ -1,0 +1,94 @@
+//! What a surface does to a velocity.
+
+use crate::linalg::Vector;
+
+/// How material meets a wall or an obstacle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactKind {
+    /// No relative motion.
+    Sticky,
+    /// No motion through or away from the surface, free motion along it.
+    Slip,
+    /// Free to leave; Coulomb friction while pressed on.
+    Separating,
+}
+
+/// A kind of contact with its friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    pub kind: ContactKind,
+    /// Coulomb coefficient of separating contact; None takes the material's own.
+    pub friction: Option<f32>,
+}
+
+impl Contact {
+    /// Velocity after contact with a surface at rest whose unit normal points out of the solid.
+    #[inline]
+    pub fn resolve<const D: usize>(
+        &self,
+        v: &Vector<D>,
+        normal: &Vector<D>,
+        material_friction: f32,
+    ) -> Vector<D> {
+        let normal_speed = v.dot(normal);
+        match self.kind {
+            ContactKind::Sticky => Vector::zeros(),
+            ContactKind::Slip => v - normal * normal_speed,
+            ContactKind::Separating if normal_speed >= 0.0 => *v,
+            ContactKind::Separating => {
+                let tangential = v - normal * normal_speed;
+                let friction = self.friction.unwrap_or(material_friction);
+                tangential * remaining_slip(tangential.norm(), friction * -normal_speed)
+            }
+        }
+    }
+}
+
+/// Factor on a slip speed after Coulomb friction that can take away at most `capacity` of it.
+#[inline(always)]
+pub fn remaining_slip(slip: f32, capacity: f32) -> f32 {
+    let stops = slip <= capacity || slip == 0.0;
+    // Computed in either case, which makes it a selection and no branch.
+    let remaining = 1.0 - capacity / if stops { 1.0 } else { slip };
+    if stops { 0.0 } else { remaining }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UP: Vector<2> = Vector::<2>::new(0.0, 1.0);
+
+    fn contact(kind: ContactKind, friction: Option<f32>) -> Contact {
+        Contact { kind, friction }
+    }
+
+    #[test]
+    fn each_kind_keeps_what_it_should() {
+        let (into, away) = (Vector::<2>::new(3.0, -1.0), Vector::<2>::new(3.0, 1.0));
+        let after = |kind, friction, v| contact(kind, friction).resolve(&v, &UP, 0.25);
+        assert_eq!(after(ContactKind::Sticky, None, away), Vector::<2>::zeros());
+        assert_eq!(
+            after(ContactKind::Slip, None, away),
+            Vector::<2>::new(3.0, 0.0)
+        );
+        assert_eq!(after(ContactKind::Separating, None, away), away);
+        assert_eq!(
+            after(ContactKind::Separating, Some(0.0), into),
+            Vector::<2>::new(3.0, 0.0)
+        );
+        // Coulomb: the normal impulse of 1 takes mu of the slip; the material's mu where none is named.
+        assert_eq!(
+            after(ContactKind::Separating, Some(0.5), into),
+            Vector::<2>::new(2.5, 0.0)
+        );
+        assert_eq!(
+            after(ContactKind::Separating, None, into),
+            Vector::<2>::new(2.75, 0.0)
+        );
+        assert_eq!(
+            after(ContactKind::Separating, Some(4.0), into),
+            Vector::<2>::zeros()
+        );
+    }
+}

@@ -1,0 +1,164 @@
+//! Where moving obstacles are, and which grid nodes they can touch for a while.
+
+use super::motion::Pose;
+use super::obstacle::{BAND_CELLS, Obstacle, stencil_reach};
+use crate::grid::Layout;
+
+/// How far solids may move before the nodes that they can touch are looked for anew.
+const MARGIN_CELLS: f32 = 2.0;
+
+/// Something at grid nodes, ordered by row.
+#[derive(Debug, Clone)]
+pub struct ByRow<T> {
+    pub nodes: Vec<T>,
+    /// Row r has `nodes[starts[r]..starts[r + 1]]`; empty where there are no rows.
+    starts: Vec<u32>,
+}
+
+impl<T> ByRow<T> {
+    pub const EMPTY: Self = Self {
+        nodes: Vec::new(),
+        starts: Vec::new(),
+    };
+
+    /// Starts anew, with no row ended.
+    pub fn clear(&mut self) {
+        self.nodes.clear();
+        self.starts.clear();
+        self.starts.push(0);
+    }
+
+    pub fn end_row(&mut self) {
+        self.starts.push(self.nodes.len() as u32);
+    }
+
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> &[T] {
+        if self.starts.is_empty() {
+            return &[];
+        }
+        &self.nodes[self.starts[row] as usize..self.starts[row + 1] as usize]
+    }
+}
+
+/// A grid node that a moving obstacle may hold before the next search.
+#[derive(Debug, Clone, Copy)]
+pub struct SweptNode {
+    /// Position in its row.
+    pub column: u32,
+    pub obstacle: u32,
+}
+
+/// The moving obstacles of a scene at one instant.
+#[derive(Debug, Clone)]
+pub struct Swept<const D: usize> {
+    /// Of each obstacle of the scene, None of those at rest.
+    pub poses: Vec<Option<Pose<D>>>,
+    /// Bound on the speed of all solids [m/s].
+    pub speed: f32,
+    /// Length of the present substep [s].
+    pub dt: f32,
+    pub nodes: ByRow<SweptNode>,
+    /// What is near to obstacles at rest.
+    near_solid: Vec<bool>,
+    /// When the nodes were looked for [s]; None before the first search.
+    searched: Option<f64>,
+}
+
+impl<const D: usize> Swept<D> {
+    pub fn new(obstacle_count: usize, near_solid: Vec<bool>) -> Self {
+        Self {
+            poses: vec![None; obstacle_count],
+            speed: 0.0,
+            dt: 0.0,
+            nodes: ByRow::EMPTY,
+            near_solid,
+            searched: None,
+        }
+    }
+
+    /// Goes to a time [s]. When nodes are searched has no influence on the motion: more are found than an
+    /// obstacle holds, and each is tested before it is used.
+    pub fn move_to(
+        &mut self,
+        list: &[Obstacle<D>],
+        layout: &Layout<D>,
+        time: f64,
+        dt: f32,
+        near: &mut [bool],
+    ) {
+        let before = self.speed;
+        (self.speed, self.dt) = (0.0, dt);
+        for (obstacle, place) in list.iter().zip(&mut self.poses) {
+            if let Some(motion) = obstacle.motion {
+                let pose = motion.pose(time);
+                self.speed = self.speed.max(obstacle.speed(&pose));
+                *place = Some(pose);
+            }
+        }
+        let fastest = f64::from(before.max(self.speed));
+        let margin = f64::from(MARGIN_CELLS * layout.dx());
+        let valid = |searched: f64| (time - searched).abs() * fastest <= margin;
+        if !self.searched.is_some_and(valid) {
+            self.searched = Some(time);
+            self.search(list, layout, near);
+        }
+    }
+
+    /// Bound on how far a particle with this speed is pushed in a substep [m]. On the way into a solid the
+    /// two of them close by at most the sum of their speeds; the rest leads trapped particles out.
+    pub fn longest_push(&self, speed: f32, dt: f32) -> f32 {
+        (speed + 2.0 * self.speed) * dt
+    }
+
+    /// Finds the nodes that the solids may touch while they move by the margin.
+    fn search(&mut self, list: &[Obstacle<D>], layout: &Layout<D>, near: &mut [bool]) {
+        near.copy_from_slice(&self.near_solid);
+        self.nodes.clear();
+        for row in 0..layout.row_count() {
+            for (index, obstacle) in list.iter().enumerate() {
+                if let Some(pose) = &self.poses[index] {
+                    let nodes = &mut self.nodes.nodes;
+                    let near = &mut near[row * layout.row_length..][..layout.extent];
+                    search_row(obstacle, pose, layout, row, near, |column| {
+                        nodes.push(SweptNode {
+                            column: column as u32,
+                            obstacle: index as u32,
+                        });
+                    });
+                }
+            }
+            self.nodes.end_row();
+        }
+    }
+}
+
+/// Walks along a row, in strides where the distance tells that nothing changes.
+fn search_row<const D: usize>(
+    obstacle: &Obstacle<D>,
+    pose: &Pose<D>,
+    layout: &Layout<D>,
+    row: usize,
+    near: &mut [bool],
+    mut found: impl FnMut(usize),
+) {
+    let dx = layout.dx();
+    let margin = MARGIN_CELLS * dx;
+    let (outer, inner) = (stencil_reach(layout) + margin, -BAND_CELLS * dx - margin);
+    let mut node = layout.row_coordinates(row);
+    let mut column = 0;
+    while column < layout.extent {
+        node[D - 1] = column;
+        let (distance, _) = obstacle.distance_in(Some(pose), &layout.position(node));
+        // A distance changes by at most dx from one node to the next.
+        let to_surface = (distance - outer).max(inner - distance);
+        let stride = ((to_surface / dx) as usize).clamp(1, layout.extent - column);
+        if distance < outer {
+            near[column..column + stride].fill(true);
+        }
+        if distance <= margin && distance > inner {
+            found(column);
+        }
+        column += stride;
+    }
+}

@@ -1,0 +1,11 @@
+//! Small vectors and matrices, of one particle and of a block of particles.
+
+mod eigen;
+mod lanes;
+mod math;
+mod svd;
+
+pub use eigen::{Spectrum, Symmetrics};
+pub use lanes::{Kernel, LANES, Lanes, exp, ln, run_wide};
+pub use math::{Matrix, Symmetric, Vector, determinant, lanes, shear_index};
+pub use svd::{Svd, svd};

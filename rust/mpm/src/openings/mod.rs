@@ -1,0 +1,7 @@
+//! Where particles come from and go to between frames.
+
+mod emitter;
+mod exchange;
+
+pub use emitter::{Emitter, EmitterStatus};
+pub(crate) use exchange::{Flow, Population, exchange};

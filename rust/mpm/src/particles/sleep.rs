@@ -1,0 +1,280 @@
+//! Regions at rest fall asleep: their particles stay where they are and cost nothing.
+//!
+//! The box is divided into tiles. A tile is awake while a particle in it or in a neighbouring tile moves, or will
+//! get there before the next decision; so what approaches wakes what it is going to touch. Around awake tiles lies a
+//! border whose particles do not move but still carry: with their mass, and with the stress that they had
+//! when they fell asleep.
+
+use super::particle::{Activity, Block, Group, Particle, Phase};
+use crate::boundary::Obstacles;
+use crate::error::MpmError;
+use crate::grid::{Layout, Stencils};
+use crate::linalg::LANES;
+use crate::material::{Constitutive, State};
+use crate::with_group;
+
+/// When particles count as at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sleep {
+    /// Slower than this [m/s], at the end of each frame
+    pub speed: f32,
+    /// for so many frames.
+    pub frames: u32,
+}
+
+impl Sleep {
+    pub fn check(&self) -> Result<(), MpmError> {
+        if !(self.speed > 0.0 && self.speed.is_finite()) {
+            return Err(MpmError::parameter(
+                "sleep_speed",
+                "finite and > 0 m/s",
+                self.speed,
+            ));
+        }
+        if !(1..=1_000_000).contains(&self.frames) {
+            return Err(MpmError::parameter(
+                "sleep_frames",
+                "in [1, 1000000]",
+                self.frames,
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Frames between two decisions.
+pub const PERIOD: u64 = 4;
+/// Cells along a tile, as a power of two.
+const TILE_SHIFT: u32 = 1;
+/// Tiles of the border: more than a stencil and its nodes' stencils reach.
+const BORDER: isize = 2;
+
+/// Counts the frames at rest of all awake particles, at the end of a frame.
+pub fn count_calm<const D: usize>(phases: &mut [Phase<D>], sleep: &Sleep) {
+    let limit = sleep.speed * sleep.speed;
+    for phase in phases {
+        with_group!(phase, group => for block in &mut group.awake.blocks {
+            for lane in 0..LANES {
+                let speed_squared: f32 = (0..D).map(|axis| block.v[axis][lane] * block.v[axis][lane]).sum();
+                let calm = block.calm[lane] + 1.0;
+                block.calm[lane] = if speed_squared < limit { calm } else { 0.0 };
+            }
+        });
+    }
+}
+
+/// What can wake a region besides its own motion.
+pub struct Disturbance<'a, const D: usize> {
+    /// External acceleration in the caller's order.
+    pub force: Option<&'a [f32]>,
+    pub obstacles: &'a Obstacles<D>,
+    /// Time to the next decision [s].
+    pub horizon: f32,
+}
+
+/// Decides who sleeps until the next decision.
+pub fn decide<const D: usize>(
+    phases: &mut [Phase<D>],
+    layout: &Layout<D>,
+    sleep: &Sleep,
+    disturbance: &Disturbance<'_, D>,
+) {
+    let mut tiles = Tiles::new(layout);
+    for phase in phases.iter_mut() {
+        with_group!(phase, group => {
+            let Group { awake, border, asleep, .. } = group;
+            for block in awake.blocks.iter_mut().chain(&mut border.blocks).chain(asleep) {
+                disturbance.stir(block, layout);
+                tiles.mark(block, layout, sleep, disturbance.horizon);
+            }
+        });
+    }
+    tiles.spread();
+    for phase in phases {
+        with_group!(phase, group => move_to_shelves(group, &tiles, layout));
+    }
+}
+
+impl<const D: usize> Disturbance<'_, D> {
+    /// Whoever is forced, or near to something that moves, is not at rest.
+    fn stir<S: State>(&self, block: &mut Block<D, S>, layout: &Layout<D>) {
+        if let Some(force) = self.force {
+            for lane in 0..block.count {
+                let a = &force[block.id[lane] as usize * D..][..D];
+                if a.iter().any(|&a| a != 0.0) {
+                    block.calm[lane] = 0.0;
+                }
+            }
+        }
+        if self.obstacles.moving() {
+            let reach = 3.0 * layout.dx() + self.obstacles.speed() * self.horizon;
+            for lane in 0..block.count {
+                if self.obstacles.moving_within(reach, &block.position(lane)) {
+                    block.calm[lane] = 0.0;
+                }
+            }
+        }
+    }
+}
+
+/// Takes the particles whose activity changes out of their blocks, and puts them where they belong.
+fn move_to_shelves<const D: usize, M: Constitutive<D>>(
+    group: &mut Group<D, M>,
+    tiles: &Tiles<D>,
+    layout: &Layout<D>,
+) {
+    let mut moved = Vec::new();
+    take_changed(
+        &mut group.awake.blocks,
+        Activity::Awake,
+        tiles,
+        layout,
+        &mut moved,
+    );
+    take_changed(
+        &mut group.border.blocks,
+        Activity::Border,
+        tiles,
+        layout,
+        &mut moved,
+    );
+    take_changed(
+        &mut group.asleep,
+        Activity::Asleep,
+        tiles,
+        layout,
+        &mut moved,
+    );
+    if !moved.is_empty() {
+        group.append(&moved);
+    }
+}
+
+fn take_changed<const D: usize, S: State>(
+    blocks: &mut Vec<Block<D, S>>,
+    present: Activity,
+    tiles: &Tiles<D>,
+    layout: &Layout<D>,
+    moved: &mut Vec<Particle<D, S>>,
+) {
+    for block in blocks.iter_mut() {
+        let base = Stencils::at(&block.x, layout).base;
+        let mut kept = 0;
+        for lane in 0..block.count {
+            let activity = tiles.activity(base.map(|base| base[lane]));
+            let mut particle = block.get(lane, activity);
+            if activity == present {
+                if kept < lane {
+                    block.set(kept, &particle);
+                }
+                kept += 1;
+                continue;
+            }
+            if present == Activity::Awake {
+                (particle.v, particle.affine) = (nalgebra::zero(), nalgebra::zero());
+            }
+            moved.push(particle);
+        }
+        if kept < block.count {
+            // Lanes behind the last particle have to rest without mass.
+            let mut shrunk = Block::empty(&block.get(0, present));
+            (0..kept).for_each(|lane| shrunk.set(lane, &block.get(lane, present)));
+            shrunk.count = kept;
+            *block = shrunk;
+        }
+    }
+    blocks.retain(|block| block.count > 0);
+}
+
+/// What goes on in each tile of the box.
+struct Tiles<const D: usize> {
+    /// Along each axis.
+    extent: usize,
+    activity: Vec<Activity>,
+    /// Tiles with something that moves.
+    stirred: Vec<[usize; D]>,
+}
+
+impl<const D: usize> Tiles<D> {
+    fn new(layout: &Layout<D>) -> Self {
+        let extent = (layout.extent >> TILE_SHIFT) + 1;
+        Self {
+            extent,
+            activity: vec![Activity::Asleep; extent.pow(D as u32)],
+            stirred: Vec::new(),
+        }
+    }
+
+    fn index(&self, tile: [usize; D]) -> usize {
+        tile.iter()
+            .fold(0, |index, &coordinate| index * self.extent + coordinate)
+    }
+
+    fn activity(&self, base: [u32; D]) -> Activity {
+        self.activity[self.index(base.map(|base| (base >> TILE_SHIFT) as usize))]
+    }
+
+    /// Notes the tiles where moving particles are, and where they may be at the end of the horizon.
+    fn mark<S: State>(
+        &mut self,
+        block: &Block<D, S>,
+        layout: &Layout<D>,
+        sleep: &Sleep,
+        horizon: f32,
+    ) {
+        let base = Stencils::at(&block.x, layout).base;
+        let restless = (0..block.count).filter(|&lane| block.calm[lane] < sleep.frames as f32);
+        for lane in restless {
+            let last = (self.extent - 1) as isize;
+            let ranges: [(usize, usize); D] = std::array::from_fn(|axis| {
+                let cells = (block.v[axis][lane] * horizon / layout.dx()) as isize;
+                let (now, then) = (base[axis][lane] as isize, base[axis][lane] as isize + cells);
+                let tile = |cell: isize| (cell >> TILE_SHIFT).clamp(0, last) as usize;
+                (tile(now.min(then)), tile(now.max(then)))
+            });
+            for_each_tile(ranges, |tile| {
+                let index = self.index(tile);
+                if self.activity[index] != Activity::Awake {
+                    self.activity[index] = Activity::Awake;
+                    self.stirred.push(tile);
+                }
+            });
+        }
+    }
+
+    /// Wakes the neighbours of what moves, and surrounds them with the border.
+    fn spread(&mut self) {
+        for (reach, activity) in [(1, Activity::Awake), (1 + BORDER, Activity::Border)] {
+            for stirred in 0..self.stirred.len() {
+                let ranges = self.stirred[stirred].map(|coordinate| {
+                    let last = self.extent as isize - 1;
+                    let at = |step: isize| (coordinate as isize + step).clamp(0, last) as usize;
+                    (at(-reach), at(reach))
+                });
+                for_each_tile(ranges, |tile| {
+                    let index = self.index(tile);
+                    if self.activity[index] == Activity::Asleep {
+                        self.activity[index] = activity;
+                    }
+                });
+            }
+        }
+    }
+}
+
+/// Visits the tiles between two corners, both included.
+fn for_each_tile<const D: usize>(ranges: [(usize, usize); D], mut visit: impl FnMut([usize; D])) {
+    let mut tile = ranges.map(|(low, _)| low);
+    loop {
+        visit(tile);
+        let mut axis = 0;
+        while tile[axis] == ranges[axis].1 {
+            tile[axis] = ranges[axis].0;
+            axis += 1;
+            if axis == D {
+                return;
+            }
+        }
+        tile[axis] += 1;
+    }
+}

@@ -1,0 +1,216 @@
+//! Sorting particles by grid row, and cutting the grid into slabs that may be scattered side by side.
+
+use super::particle::{Activity, Block, Phase, Run, Sorted};
+use crate::grid::{Layout, PADDING, Stencils};
+use crate::linalg::LANES;
+use crate::material::State;
+use crate::with_group;
+use team::Team;
+
+/// Planes `lo..hi` of the grid; the particles whose stencil starts there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slab {
+    pub lo: usize,
+    pub hi: usize,
+}
+
+/// Thinner slabs of one colour would touch the same nodes: a stencil reaches two planes beyond its
+/// base, and the base moves by one in either direction between sorts.
+const MIN_PLANES: usize = 4;
+/// More than eight threads gain nothing at the sizes that are interactive.
+const MAX_SLABS: usize = 16;
+/// Smaller slabs waste too many lanes of their last blocks.
+const SMALLEST_SLAB: usize = 256;
+
+/// Lowest stencil node of a particle: its row, and its place on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    pub row: u32,
+    pub column: u32,
+}
+
+/// Sorts all particles that carry by grid row, and cuts the grid into slabs of about equal numbers of them.
+///
+/// The cut depends on the particles alone, never on the number of threads. Writes where these particles are,
+/// in no order, to `places`.
+pub fn sort<const D: usize>(
+    phases: &mut [Phase<D>],
+    layout: &Layout<D>,
+    places: &mut Vec<Place>,
+    team: &Team,
+) -> Vec<Slab> {
+    places.clear();
+    let mut ends = Vec::with_capacity(2 * phases.len());
+    for phase in phases.iter() {
+        with_group!(phase, group => for blocks in [&group.awake.blocks, &group.border.blocks] {
+            find_places(blocks, layout, places);
+            ends.push(places.len());
+        });
+    }
+    let slabs = cut(&count_planes(places, layout));
+    let mut start = 0;
+    let mut ends = ends.into_iter();
+    for phase in phases {
+        with_group!(phase, group => {
+            let vacant = group.particles().next().map(|first| group.vacant_like(&first));
+            for (sorted, activity) in [
+                (&mut group.awake, Activity::Awake),
+                (&mut group.border, Activity::Border),
+            ] {
+                let end = ends.next().expect("one end for each");
+                sort_blocks(sorted, activity, &places[start..end], &slabs, layout, vacant.as_ref(), team);
+                start = end;
+            }
+        });
+    }
+    slabs
+}
+
+fn find_places<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
+    layout: &Layout<D>,
+    places: &mut Vec<Place>,
+) {
+    for block in blocks {
+        let base = Stencils::at(&block.x, layout).base;
+        places.extend((0..block.count).map(|lane| Place {
+            row: (0..D - 1).fold(0, |row, axis| row * layout.extent as u32 + base[axis][lane]),
+            column: base[D - 1][lane],
+        }));
+    }
+}
+
+fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec<usize> {
+    let mut per_row = vec![0u32; layout.row_count()];
+    for place in places {
+        per_row[place.row as usize] += 1;
+    }
+    let planes = per_row.chunks(layout.rows_per_plane());
+    planes
+        .map(|rows| rows.iter().sum::<u32>() as usize)
+        .collect()
+}
+
+/// Stable counting sort; the order within a row is the previous one. Each slab begins with a new block.
+fn sort_blocks<const D: usize, S: State>(
+    sorted: &mut Sorted<D, S>,
+    activity: Activity,
+    places: &[Place],
+    slabs: &[Slab],
+    layout: &Layout<D>,
+    vacant: Option<&Block<D, S>>,
+    team: &Team,
+) {
+    let mut next = vec![0u32; layout.row_count()];
+    for place in places {
+        next[place.row as usize] += 1;
+    }
+    let rows_per_plane = layout.rows_per_plane();
+    let (mut slot, mut runs) = (0, Vec::with_capacity(slabs.len()));
+    for slab in slabs {
+        let first = slot;
+        for row in &mut next[slab.lo * rows_per_plane..slab.hi * rows_per_plane] {
+            slot += std::mem::replace(row, slot);
+        }
+        runs.push(Run {
+            first_block: first as usize / LANES,
+            particles: (slot - first) as usize,
+        });
+        slot = slot.next_multiple_of(LANES as u32);
+    }
+    let in_place = runs == sorted.runs && places.is_sorted_by_key(|place| place.row);
+    sorted.runs = runs;
+    let Some(vacant) = vacant.filter(|_| !in_place) else {
+        return;
+    };
+    // Which particle goes to which slot, first as numbers; then each new block fetches its own.
+    let mut sources = vec![VACANT; slot as usize];
+    let mut places = places.iter();
+    for (index, block) in sorted.blocks.iter().enumerate() {
+        for lane in 0..block.count {
+            let place = places.next().expect("one place a particle");
+            let slot = &mut next[place.row as usize];
+            sources[*slot as usize] = (index * LANES + lane) as u32;
+            *slot += 1;
+        }
+    }
+    sorted.scratch.resize(sources.len() / LANES, *vacant);
+    let blocks = &sorted.blocks;
+    let mut targets: Vec<_> = sorted
+        .scratch
+        .iter_mut()
+        .zip(sources.chunks(LANES))
+        .collect();
+    let share = targets.len().div_ceil(4 * team.size()).max(1);
+    let mut parts: Vec<_> = targets.chunks_mut(share).collect();
+    team.for_each(&mut parts, |part| {
+        part.iter_mut()
+            .for_each(|(target, sources)| fetch(target, sources, blocks, activity, vacant));
+    });
+    std::mem::swap(&mut sorted.blocks, &mut sorted.scratch);
+}
+
+fn fetch<const D: usize, S: State>(
+    target: &mut Block<D, S>,
+    sources: &[u32],
+    blocks: &[Block<D, S>],
+    activity: Activity,
+    vacant: &Block<D, S>,
+) {
+    let count = sources
+        .iter()
+        .take_while(|&&source| source != VACANT)
+        .count();
+    if count < LANES {
+        *target = *vacant;
+    }
+    target.count = count;
+    for (lane, &source) in sources.iter().enumerate().take(count) {
+        let source = source as usize;
+        target.set(lane, &blocks[source / LANES].get(source % LANES, activity));
+    }
+}
+
+/// A slot behind the last particle of a slab.
+const VACANT: u32 = u32::MAX;
+
+fn cut(per_plane: &[usize]) -> Vec<Slab> {
+    let total: usize = per_plane.iter().sum();
+    let share = total.div_ceil(MAX_SLABS).max(SMALLEST_SLAB);
+    let end = per_plane.len() - PADDING + 1;
+    let mut slabs = Vec::new();
+    let (mut lo, mut held) = (0, 0);
+    for (plane, &count) in per_plane.iter().enumerate().take(end) {
+        held += count;
+        if held >= share && plane + 1 - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS {
+            slabs.push(Slab { lo, hi: plane + 1 });
+            (lo, held) = (plane + 1, 0);
+        }
+    }
+    match slabs.last_mut() {
+        // What is left over joins the last slab if it is too thin to stand alone.
+        Some(last) if end - lo < MIN_PLANES || held == 0 => last.hi = end,
+        _ => slabs.push(Slab { lo, hi: end }),
+    }
+    slabs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn slabs_tile_the_planes_and_are_never_thin(counts in prop::collection::vec(0usize..300, 20..140)) {
+            let slabs = cut(&counts);
+            prop_assert_eq!(slabs[0].lo, 0);
+            prop_assert_eq!(slabs.last().unwrap().hi, counts.len() - PADDING + 1);
+            for pair in slabs.windows(2) {
+                prop_assert_eq!(pair[0].hi, pair[1].lo);
+            }
+            prop_assert!(slabs.len() == 1 || slabs.iter().all(|s| s.hi - s.lo >= MIN_PLANES));
+            prop_assert!(slabs.len() <= MAX_SLABS);
+        }
+    }
+}

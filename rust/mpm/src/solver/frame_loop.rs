@@ -1,0 +1,453 @@
+//! The frame loop.
+
+use std::sync::Arc;
+
+use crate::boundary::{MaterialFriction, Obstacles, WallContact};
+use crate::diagnostics::Diagnostics;
+use crate::error::MpmError;
+use crate::grid::Grid;
+use crate::linalg::{Matrix, Vector};
+use crate::openings::{EmitterStatus, Population, exchange};
+use crate::particles::{
+    Activity, Disturbance, PERIOD, Phase, Place, Slab, Sleep, count_calm, decide, sort,
+};
+use crate::settings::{Particles, Settings, check_settings, group, per_rest_mass};
+use crate::substep::{
+    Bound, Bounds, FrameReport, Gather, GridForces, Step, StepChooser, g2p, grid_update, p2g,
+};
+use crate::{snapshot, with_group};
+use team::Team;
+
+/// External acceleration besides gravity [m/s^2].
+#[derive(Debug, Clone, Copy)]
+pub enum Force<'a> {
+    None,
+    /// N x D numbers for all frames.
+    Held(&'a [f32]),
+    /// frames x N x D numbers.
+    PerFrame(&'a [f32]),
+}
+
+/// MLS-MPM on one scene.
+#[derive(Clone)]
+pub struct Solver<const D: usize> {
+    pub(super) settings: Settings<D>,
+    pub(super) chooser: StepChooser,
+    pub(super) bounds: Bounds<D>,
+    pub(super) walls: WallContact,
+    pub(super) obstacles: Obstacles<D>,
+    pub(super) material_friction: MaterialFriction,
+    /// See `Gather`.
+    pub(super) per_rest_mass: f32,
+    pub(super) team: Arc<Team>,
+    pub(super) grid: Grid<D>,
+    pub(super) slabs: Vec<Slab>,
+    /// Scratch of `sort`.
+    pub(super) places: Vec<Place>,
+    pub(super) state: SolverState<D>,
+    /// State before the frame in progress; kept to reuse its memory.
+    pub(super) before: Vec<Phase<D>>,
+    pub(super) last_frame: Option<FrameReport>,
+}
+
+/// What a snapshot has to hold.
+#[derive(Clone)]
+pub(crate) struct SolverState<const D: usize> {
+    pub phases: Vec<Phase<D>>,
+    /// Frames done.
+    pub frame: u64,
+    /// Of all particles [m/s].
+    pub max_speed: f32,
+    pub population: Population,
+}
+
+impl<const D: usize> Solver<D> {
+    /// Checks everything; afterwards only the motion itself can fail.
+    pub fn new(settings: Settings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
+        check_settings(&settings)?;
+        let dx = 1.0 / settings.resolution as f32;
+        let chooser = StepChooser::new(
+            settings.substeps,
+            settings.frame_dt,
+            dx,
+            D,
+            &settings.materials,
+        )?;
+        let phases = group(&settings, particles)?;
+        let frictions = || settings.materials.iter().map(|m| m.wall_friction);
+        let uniform =
+            frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
+        let grid = Grid::new(settings.resolution, !uniform);
+        let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
+        Ok(Self {
+            chooser,
+            bounds: Bounds::new(settings.walls, &grid.layout),
+            walls: WallContact::new(&settings.walls, &grid.layout),
+            obstacles: Obstacles::new(settings.obstacles.clone(), &settings.walls, &grid.layout),
+            material_friction: if uniform {
+                MaterialFriction::Uniform(settings.materials[0].wall_friction)
+            } else {
+                MaterialFriction::Mixed
+            },
+            per_rest_mass: per_rest_mass(particles, &settings.emitters, dx),
+            team: Arc::new(Team::new(settings.threads)?),
+            grid,
+            slabs: Vec::new(),
+            places: Vec::new(),
+            before: Vec::new(),
+            state: SolverState {
+                phases,
+                frame: 0,
+                max_speed,
+                population: Population::new(particles.mass.len(), settings.emitters.len()),
+            },
+            last_frame: None,
+            settings,
+        })
+    }
+
+    /// Advances by whole frames and calls back after each with the solver.
+    ///
+    /// On an error the state is the one before the frame that failed; earlier frames stand.
+    pub fn advance(
+        &mut self,
+        frames: usize,
+        force: Force<'_>,
+        mut after: impl FnMut(usize, &Self),
+    ) -> Result<(), MpmError> {
+        let size = self.count() * D;
+        let (forces, expected) = match force {
+            Force::None => (&[][..], 0),
+            Force::Held(forces) => (forces, size),
+            Force::PerFrame(forces) => (forces, size * frames),
+        };
+        if forces.len() != expected {
+            return Err(MpmError::Length {
+                name: "force",
+                expected,
+                got: forces.len(),
+            });
+        }
+        if self.settings.is_open() && expected > 0 && frames > 1 {
+            let allowed = "1 with a force where emitters or sinks change the number of particles";
+            return Err(MpmError::parameter("frames", allowed, frames));
+        }
+        if let Some(bad) = forces.iter().find(|a| !a.is_finite()) {
+            return Err(MpmError::parameter("force", "finite", bad));
+        }
+        for index in 0..frames {
+            let force = match force {
+                Force::None => None,
+                Force::Held(held) => Some(held),
+                Force::PerFrame(all) => Some(&all[index * size..][..size]),
+            };
+            self.advance_frame(force)?;
+            after(index, self);
+        }
+        Ok(())
+    }
+
+    fn advance_frame(&mut self, force: Option<&[f32]>) -> Result<(), MpmError> {
+        self.remember();
+        let max_speed = self.state.max_speed;
+        // The clock of moving obstacles is a function of the frame's number.
+        let start = self.state.frame as f64 * f64::from(self.settings.frame_dt);
+        self.obstacles.move_to(start, 0.0);
+        if let Some(sleep) = self.settings.sleep {
+            self.let_sleep(sleep, force);
+        }
+        match self.substeps(start, force) {
+            Ok(report) => {
+                if let Some(sleep) = &self.settings.sleep {
+                    count_calm(&mut self.state.phases, sleep);
+                }
+                self.last_frame = Some(report);
+                self.state.frame += 1;
+                exchange(&mut self.state, &self.settings, &self.obstacles);
+                Ok(())
+            }
+            Err(error) => {
+                std::mem::swap(&mut self.state.phases, &mut self.before);
+                self.state.max_speed = max_speed;
+                Err(error)
+            }
+        }
+    }
+
+    /// Keeps the present particles, to go back to if what comes fails.
+    pub(super) fn remember(&mut self) {
+        if self.before.is_empty() {
+            self.before.clone_from(&self.state.phases);
+        } else {
+            let pairs = self.before.iter_mut().zip(&self.state.phases);
+            pairs.for_each(|(before, now)| before.copy_particles(now));
+        }
+    }
+
+    /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
+    /// particles may have come.
+    fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
+        let stirred = force.is_some() || !self.settings.emitters.is_empty();
+        if self.state.frame.is_multiple_of(PERIOD) || stirred {
+            let disturbance = Disturbance {
+                force,
+                obstacles: &self.obstacles,
+                horizon: PERIOD as f32 * self.settings.frame_dt,
+            };
+            decide(
+                &mut self.state.phases,
+                &self.grid.layout,
+                &sleep,
+                &disturbance,
+            );
+        }
+    }
+
+    fn substeps(&mut self, start: f64, force: Option<&[f32]>) -> Result<FrameReport, MpmError> {
+        let dx = self.grid.layout.dx();
+        let mut report = FrameReport {
+            substeps: 0,
+            smallest_dt: f32::INFINITY,
+            bound: Bound::Frame,
+        };
+        let pull = self.settings.gravity.norm()
+            + force.map_or(0.0, |force| {
+                force.chunks_exact(D).map(norm).fold(0.0, f32::max)
+            });
+        let frame_dt = self.settings.frame_dt;
+        let mut remaining = frame_dt;
+        // Sorting at the start of a frame makes a frame a function of the state alone.
+        let mut travelled = f32::INFINITY;
+        while remaining > 0.0 {
+            // A substep is at most dx / signal speed long, so speeds gain at most this.
+            let speed = self.state.max_speed + pull * dx / self.chooser.signal_speed;
+            let (dt, bound) = self
+                .chooser
+                .next(remaining, speed, self.obstacles.speed())?;
+            if travelled >= dx {
+                self.sort();
+                travelled = 0.0;
+            }
+            let end = start + f64::from(frame_dt - remaining + dt);
+            self.obstacles.move_to(end, dt);
+            let outcome = self.substep(Step { dt, force });
+            if !outcome {
+                return Err(self.diagnose());
+            }
+            travelled += self.obstacles.travel(self.state.max_speed, dt);
+            remaining -= dt;
+            // What is left after the last substep is rounding.
+            if remaining < 1.0e-3 * dt {
+                remaining = 0.0;
+            }
+            report.substeps += 1;
+            if dt < report.smallest_dt {
+                (report.smallest_dt, report.bound) = (dt, bound);
+            }
+        }
+        Ok(report)
+    }
+
+    pub(super) fn sort(&mut self) {
+        self.slabs = sort(
+            &mut self.state.phases,
+            &self.grid.layout,
+            &mut self.places,
+            &self.team,
+        );
+        self.grid.activate(&self.places);
+        self.walls.activate(&self.grid.active, &self.grid.layout);
+    }
+
+    /// Momentum to the grid, and what forces and contacts make of it there.
+    pub(super) fn move_grid(&mut self, step: Step<'_, D>) {
+        self.grid.clear();
+        p2g(
+            &self.state.phases,
+            &self.slabs,
+            &mut self.grid,
+            step,
+            &self.team,
+        );
+        let forces = GridForces {
+            gravity: self.settings.gravity,
+            walls: &self.walls,
+            obstacles: &self.obstacles,
+            material_friction: self.material_friction,
+        };
+        grid_update(&mut self.grid, &self.slabs, &forces, step.dt, &self.team);
+    }
+
+    /// One substep; false when a particle is no longer sound.
+    fn substep(&mut self, step: Step<'_, D>) -> bool {
+        self.move_grid(step);
+        let (phases, grid) = (&mut self.state.phases, &self.grid);
+        let gather = Gather {
+            dt: step.dt,
+            per_rest_mass: self.per_rest_mass,
+        };
+        let outcome = g2p(
+            phases,
+            grid,
+            &self.bounds,
+            &self.obstacles,
+            gather,
+            &self.team,
+        );
+        self.state.max_speed = outcome.max_speed_squared.sqrt();
+        outcome.sound
+    }
+
+    /// Names the particle that is no longer sound, the lowest index if there are several.
+    pub(super) fn diagnose(&self) -> MpmError {
+        let frame = self.state.frame;
+        let mut found: Option<(u32, MpmError)> = None;
+        for phase in &self.state.phases {
+            with_group!(phase, group => {
+                for p in group.particles() {
+                    let j = group.volume_ratio(&p);
+                    let finite = p.x.iter().chain(&p.v).all(|s| s.is_finite()) && j.is_finite();
+                    let error = if !finite {
+                        MpmError::NonFinite { particle: p.id, frame }
+                    } else if !self.bounds.hold(&p.x) {
+                        let position = p.x.as_slice().to_vec();
+                        let margin = self.grid.layout.dx();
+                        MpmError::LeftDomain { particle: p.id, frame, position, margin }
+                    } else if j <= 0.0 {
+                        MpmError::Inverted { particle: p.id, frame, volume_ratio: j }
+                    } else {
+                        continue;
+                    };
+                    if found.as_ref().is_none_or(|(id, _)| p.id < *id) {
+                        found = Some((p.id, error));
+                    }
+                }
+            });
+        }
+        found
+            .expect("diagnose is called only when a particle is unsound")
+            .1
+    }
+
+    pub fn settings(&self) -> &Settings<D> {
+        &self.settings
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> usize {
+        self.state.population.ids.len()
+    }
+
+    /// Frames done.
+    pub fn frame(&self) -> u64 {
+        self.state.frame
+    }
+
+    /// How the latest frame was cut; None before the first.
+    pub fn last_frame(&self) -> Option<FrameReport> {
+        self.last_frame
+    }
+
+    /// N numbers, ascending, that particles keep for good.
+    pub fn ids(&self) -> &[u64] {
+        &self.state.population.ids
+    }
+
+    /// What each emitter did in the latest frame.
+    pub fn emitters(&self) -> impl Iterator<Item = EmitterStatus> + '_ {
+        let flows = self.state.population.flows.iter();
+        flows.map(|flow| flow.status)
+    }
+
+    /// Writes N indices into the materials.
+    pub fn write_materials(&self, out: &mut [u8]) {
+        for (material, phase) in (0..).zip(&self.state.phases) {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = material;
+            });
+        }
+    }
+
+    /// Writes N masses [kg].
+    pub fn write_masses(&self, out: &mut [f32]) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = p.mass;
+            });
+        }
+    }
+
+    /// Writes N x D positions [m] in the caller's order.
+    pub fn write_positions(&self, out: &mut [f32]) {
+        self.scatter(out, D, |x, _, _, into| into.copy_from_slice(x.as_slice()));
+    }
+
+    /// Writes N x D velocities [m/s] in the caller's order.
+    pub fn write_velocities(&self, out: &mut [f32]) {
+        self.scatter(out, D, |_, v, _, into| into.copy_from_slice(v.as_slice()));
+    }
+
+    /// Writes N x D x D APIC matrices [1/s], row-major, in the caller's order.
+    pub fn write_affine(&self, out: &mut [f32]) {
+        self.scatter(out, D * D, |_, _, c, into| {
+            for (row, values) in into.chunks_exact_mut(D).enumerate() {
+                values
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(column, value)| *value = c[(row, column)]);
+            }
+        });
+    }
+
+    /// Writes for N particles in the caller's order whether they sleep.
+    pub fn write_asleep(&self, out: &mut [bool]) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = p.activity != Activity::Awake;
+            });
+        }
+    }
+
+    /// Writes N volume ratios in the caller's order.
+    pub fn write_volume_ratios(&self, out: &mut [f32]) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                out[p.id as usize] = group.volume_ratio(&p);
+            });
+        }
+    }
+
+    fn scatter(
+        &self,
+        out: &mut [f32],
+        width: usize,
+        write: impl Fn(&Vector<D>, &Vector<D>, &Matrix<D>, &mut [f32]),
+    ) {
+        for phase in &self.state.phases {
+            with_group!(phase, group => for p in group.particles() {
+                write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
+            });
+        }
+    }
+
+    /// Totals over all particles.
+    pub fn diagnostics(&self) -> Diagnostics {
+        Diagnostics::of(&self.state, &self.settings.gravity)
+    }
+
+    /// The complete state. Going on from it gives the same bits.
+    pub fn snapshot(&self) -> Vec<u8> {
+        snapshot::encode(&self.settings, &self.state)
+    }
+
+    /// Takes the state of a snapshot of the same scene; on an error the present one stays.
+    pub fn restore(&mut self, data: &[u8]) -> Result<(), MpmError> {
+        self.state = snapshot::decode(&self.settings, &self.state, data)?;
+        self.last_frame = None;
+        Ok(())
+    }
+}
+
+pub(super) fn norm(components: &[f32]) -> f32 {
+    components.iter().map(|s| s * s).sum::<f32>().sqrt()
+}

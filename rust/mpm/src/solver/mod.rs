@@ -1,0 +1,8 @@
+//! A scene in motion: the frame loop, and motion that somebody else prescribes.
+
+mod frame_loop;
+mod prescribe;
+
+pub(crate) use frame_loop::SolverState;
+pub use frame_loop::{Force, Solver};
+pub use prescribe::{Carry, MotionReport};

@@ -1,0 +1,330 @@
+//! Motion that somebody else prescribes, as a network does.
+//!
+//! Grid velocities follow from the particles' by the transfers of a substep, without stress and gravity. They give
+//! the affine matrices, and these may deform the materials, with return mapping.
+
+use crate::boundary::Obstacles;
+use crate::error::MpmError;
+use crate::grid::{Grid, Stencils};
+use crate::linalg::{Kernel, LANES, Lanes, Vector, run_wide};
+use crate::material::{Constitutive, State};
+use crate::particles::{Activity, Block, Group};
+use crate::substep::{Bounds, Gather, Step, gather};
+use crate::with_group;
+
+use super::frame_loop::{Solver, norm};
+
+/// How a prescribed motion changes the rest of the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Carry {
+    /// Take the affine matrices from the grid velocities; else they are 0.
+    pub affine: bool,
+    /// Deform the materials by the affine matrices over the frames since; else their state stays.
+    pub deform: bool,
+}
+
+/// A deformation is cut into steps of at most this strain: the materials take I + dt C for exp(dt C).
+const STRAIN_PER_STEP: f32 = 0.05;
+const MAX_STEPS: f32 = 64.0;
+
+/// What a prescribed motion did, in numbers that tell whether it is sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionReport {
+    /// Density over rest density that one particle in a hundred exceeds [-].
+    pub density: f32,
+    /// Root mean square of the divergence of velocity [1/s].
+    pub divergence: f32,
+    /// [J], of the particles' velocities without their affine part.
+    pub kinetic_energy: f64,
+    /// -m g . x [J].
+    pub potential_energy: f64,
+}
+
+impl<const D: usize> Solver<D> {
+    /// Puts the particles where somebody else says that they are at the end of frame `frame`: N x D positions [m]
+    /// and velocities [m/s] in the caller's order.
+    ///
+    /// Particles less than a cell past a wall, or in an obstacle, are put back to its surface. On an error the
+    /// state is the one before.
+    pub fn prescribe(
+        &mut self,
+        x: &[f32],
+        v: &[f32],
+        frame: u64,
+        carry: Carry,
+    ) -> Result<MotionReport, MpmError> {
+        let size = self.count() * D;
+        for (name, got) in [("x", x.len()), ("v", v.len())] {
+            if got != size {
+                return Err(MpmError::Length {
+                    name,
+                    expected: size,
+                    got,
+                });
+            }
+        }
+        if self.settings.is_open() || self.settings.sleep.is_some() {
+            let allowed = "without emitters, sinks and sleep where motion is prescribed";
+            return Err(MpmError::parameter("the scene", allowed, "some"));
+        }
+        self.check_motion(x, v)?;
+        self.remember();
+        let max_speed = self.state.max_speed;
+        let frames = frame.saturating_sub(self.state.frame);
+        let dt = frames as f32 * self.settings.frame_dt;
+        let end = frame as f64 * f64::from(self.settings.frame_dt);
+        self.obstacles.move_to(end, 0.0);
+        for phase in &mut self.state.phases {
+            with_group!(phase, group => place(group, x, v, &self.bounds, &self.obstacles));
+        }
+        self.sort();
+        let largest = self.transfer();
+        let steps = if carry.deform {
+            (largest * dt / STRAIN_PER_STEP)
+                .ceil()
+                .clamp(1.0, MAX_STEPS)
+        } else {
+            0.0
+        };
+        let (report, sound) = self.deform(dt, steps as u32);
+        if !sound {
+            let error = self.diagnose();
+            std::mem::swap(&mut self.state.phases, &mut self.before);
+            self.state.max_speed = max_speed;
+            return Err(error);
+        }
+        self.state.max_speed = v.chunks_exact(D).map(norm).fold(0.0, f32::max);
+        self.state.frame = frame;
+        self.last_frame = None;
+        if !carry.affine {
+            self.forget_affine();
+        }
+        Ok(report)
+    }
+
+    fn check_motion(&self, x: &[f32], v: &[f32]) -> Result<(), MpmError> {
+        let frame = self.state.frame;
+        for (particle, (x, v)) in (0..).zip(x.chunks_exact(D).zip(v.chunks_exact(D))) {
+            if !x.iter().chain(v).all(|s| s.is_finite()) {
+                return Err(MpmError::NonFinite { particle, frame });
+            }
+            if !self.bounds.hold(&Vector::from_column_slice(x)) {
+                return Err(MpmError::LeftDomain {
+                    particle,
+                    frame,
+                    position: x.to_vec(),
+                    margin: self.grid.layout.dx(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets the affine matrices from the velocities and the affine matrices so far; returns the largest entry.
+    fn transfer(&mut self) -> f32 {
+        self.move_grid(Step {
+            dt: 0.0,
+            force: None,
+        });
+        let mut largest = 0.0;
+        for phase in &mut self.state.phases {
+            with_group!(phase, group => {
+                let blocks = &mut group.awake.blocks;
+                largest = run_wide(Gradients { blocks, grid: &self.grid }).max(largest);
+            });
+        }
+        largest
+    }
+
+    fn forget_affine(&mut self) {
+        for phase in &mut self.state.phases {
+            with_group!(phase, group => for block in &mut group.awake.blocks {
+                block.affine = [[[0.0; LANES]; D]; D];
+            });
+        }
+    }
+
+    /// Deforms all particles by their affine matrices; false when one is no longer sound.
+    fn deform(&mut self, dt: f32, steps: u32) -> (MotionReport, bool) {
+        let gather = Gather {
+            dt: dt / steps.max(1) as f32,
+            per_rest_mass: self.per_rest_mass,
+        };
+        let mut totals = Totals::new(self.count());
+        for phase in &mut self.state.phases {
+            with_group!(phase, group => run_wide(Deform {
+                blocks: &mut group.awake.blocks,
+                material: &group.material,
+                grid: &self.grid,
+                bounds: &self.bounds,
+                gravity: self.settings.gravity,
+                gather,
+                steps,
+                totals: &mut totals,
+            }));
+        }
+        totals.report()
+    }
+}
+
+/// Puts each particle where it is said to be, within the walls and out of the obstacles.
+fn place<const D: usize, M: Constitutive<D>>(
+    group: &mut Group<D, M>,
+    x: &[f32],
+    v: &[f32],
+    bounds: &Bounds<D>,
+    obstacles: &Obstacles<D>,
+) {
+    let friction = group.wall_friction;
+    for block in &mut group.awake.blocks {
+        for lane in 0..block.count {
+            let mut particle = block.get(lane, Activity::Awake);
+            let first = particle.id as usize * D;
+            particle.x = Vector::from_column_slice(&x[first..][..D]);
+            particle.v = Vector::from_column_slice(&v[first..][..D]);
+            particle.affine.fill(0.0);
+            if obstacles.any() {
+                obstacles.push_out(&mut particle.x, &mut particle.v, friction);
+            }
+            bounds.clamp(&mut particle.x, &mut particle.v);
+            block.set(lane, &particle);
+        }
+    }
+}
+
+/// Affine matrices from the grid's velocities; the particles' own velocities stay.
+struct Gradients<'a, const D: usize, S: State> {
+    blocks: &'a mut [Block<D, S>],
+    grid: &'a Grid<D>,
+}
+
+impl<const D: usize, S: State> Kernel for Gradients<'_, D, S> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        let per_cell = 4.0 / self.grid.layout.dx();
+        let mut largest = 0.0f32;
+        for block in self.blocks {
+            let stencils = Stencils::at(&block.x, &self.grid.layout);
+            let count = block.count.min(LANES);
+            let sums = gather(self.grid, &stencils, count);
+            for i in 0..count {
+                let v = sums.values[i].to_array();
+                for axis in 0..D {
+                    let moments = sums.moments[axis][i].to_array();
+                    for row in 0..D {
+                        let entry = (moments[row] - v[row] * stencils.offset[axis][i]) * per_cell;
+                        block.affine[row][axis][i] = entry;
+                        largest = largest.max(entry.abs());
+                    }
+                }
+            }
+        }
+        largest
+    }
+}
+
+struct Deform<'a, const D: usize, M: Constitutive<D>> {
+    blocks: &'a mut [Block<D, M::State>],
+    material: &'a M,
+    grid: &'a Grid<D>,
+    bounds: &'a Bounds<D>,
+    gravity: Vector<D>,
+    gather: Gather,
+    steps: u32,
+    totals: &'a mut Totals,
+}
+
+impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let per_cell_volume = 1.0 / self.grid.layout.dx().powi(D as i32);
+        for block in self.blocks {
+            let stencils = Stencils::at(&block.x, &self.grid.layout);
+            let count = block.count.min(LANES);
+            let sums = gather(self.grid, &stencils, count);
+            // Of a particle's own material, whatever the others weigh.
+            let mut density = [0.0; LANES];
+            for i in 0..count {
+                let mass = sums.values[i].to_array()[3];
+                density[i] = mass * per_cell_volume * block.volume[i] / block.mass[i];
+            }
+            self.bounds
+                .correct_near_walls(&mut density, &block.x, &stencils);
+            let known = self.material.uses_crowding() && self.gather.per_rest_mass > 0.0;
+            let crowding: Lanes = if known { density } else { [0.0; LANES] };
+            for _ in 0..self.steps {
+                let dt = self.gather.dt;
+                self.material
+                    .deform(&mut block.state, &block.affine, &crowding, dt);
+            }
+            for i in 0..count {
+                let state = M::State::load(&block.state, i);
+                self.totals.sound &= self.material.volume_ratio(&state) > 0.0;
+                self.totals.add(block, i, density[i], &self.gravity);
+            }
+        }
+    }
+}
+
+/// Sums over all particles.
+struct Totals {
+    density: Vec<f32>,
+    divergence_squared: f64,
+    kinetic_energy: f64,
+    potential_energy: f64,
+    sound: bool,
+}
+
+impl Totals {
+    fn new(count: usize) -> Self {
+        Self {
+            density: Vec::with_capacity(count),
+            divergence_squared: 0.0,
+            kinetic_energy: 0.0,
+            potential_energy: 0.0,
+            sound: true,
+        }
+    }
+
+    #[inline(always)]
+    fn add<const D: usize, S: State>(
+        &mut self,
+        block: &Block<D, S>,
+        lane: usize,
+        density: f32,
+        gravity: &Vector<D>,
+    ) {
+        let (mut divergence, mut speed_squared, mut height) = (0.0, 0.0, 0.0);
+        for axis in 0..D {
+            divergence += f64::from(block.affine[axis][axis][lane]);
+            speed_squared += f64::from(block.v[axis][lane]).powi(2);
+            height += f64::from(gravity[axis]) * f64::from(block.x[axis][lane]);
+        }
+        let mass = f64::from(block.mass[lane]);
+        self.density.push(density);
+        self.divergence_squared += divergence * divergence;
+        self.kinetic_energy += 0.5 * mass * speed_squared;
+        self.potential_energy -= mass * height;
+    }
+
+    fn report(mut self) -> (MotionReport, bool) {
+        let count = self.density.len();
+        let density = if count == 0 {
+            0.0
+        } else {
+            let rank = (count - 1) * 99 / 100;
+            *self.density.select_nth_unstable_by(rank, f32::total_cmp).1
+        };
+        let report = MotionReport {
+            density,
+            divergence: (self.divergence_squared / count.max(1) as f64).sqrt() as f32,
+            kinetic_energy: self.kinetic_energy,
+            potential_energy: self.potential_energy,
+        };
+        (report, self.sound)
+    }
+}

@@ -1,0 +1,15 @@
+//! The stages of one substep: `p2g`, `grid_update`, `g2p`, and how long it may be.
+
+mod g2p;
+mod grid_update;
+mod p2g;
+mod timestep;
+#[cfg(test)]
+mod transfer_tests;
+
+pub use g2p::{Bounds, Gather, g2p, gather};
+pub use grid_update::{GridForces, SMALLEST_MASS, grid_update};
+pub use p2g::{Step, p2g};
+pub use timestep::{
+    Bound, DEFAULT_SPEED_CFL, FrameReport, StepChooser, Substeps, reference_substeps,
+};

@@ -1,0 +1,9 @@
+//! What knows about networks: where their answers count, what follows them, and the signal that guards them.
+
+mod answer_gate;
+mod history;
+mod relaxation;
+
+pub use answer_gate::Disturbance;
+pub use history::{AccelerationHistory, SafeguardError, Settings, Signal};
+pub use relaxation::Relaxation;
