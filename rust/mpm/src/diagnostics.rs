@@ -1,8 +1,8 @@
 //! Totals over all particles, summed in double precision.
 
 use crate::linalg::Vector;
-use crate::solver::SolverState;
-use crate::with_group;
+use crate::particles::with_group;
+use crate::state::SolverState;
 
 /// Conserved and extreme quantities at one instant. In 2D, per metre of depth.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,11 +4,10 @@
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
 use crate::material::{Constitutive, State};
-use crate::openings::{EmitterStatus, Flow, Population};
-use crate::particles::{Activity, Group, Particle};
+use crate::openings::{EmitterStatus, Flow, Openings, Population};
+use crate::particles::{Activity, Group, Particle, with_group};
 use crate::settings::Settings;
-use crate::solver::SolverState;
-use crate::with_group;
+use crate::state::SolverState;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
 const VERSION: u32 = 3;
@@ -74,7 +73,7 @@ pub(crate) fn decode<const D: usize>(
     };
     let other = || refuse("it belongs to a scene with other particles".into());
     for phase in &mut state.phases {
-        with_group!(phase, group => read_group(group, &mut reader, settings.is_open()).ok_or_else(other)?);
+        with_group!(phase, group => read_group(group, &mut reader, settings.openings.any()).ok_or_else(other)?);
     }
     state.population = read_population(&state.population, &mut reader).ok_or_else(other)?;
     if !reader.rest.is_empty() || !is_numbered(&state) {
@@ -200,11 +199,13 @@ fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
         walls,
         materials,
         obstacles,
-        emitters,
-        sinks,
+        openings,
         sleep,
         ..
     } = settings;
+    let Openings {
+        emitters, sinks, ..
+    } = openings;
     let text = format!(
         "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?} \
          {emitters:?} {sinks:?} {sleep:?}"

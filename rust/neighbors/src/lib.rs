@@ -4,13 +4,16 @@
 //! are ordered by receiver, then by sender. Dimension is a const generic; D is 2 or 3.
 
 mod error;
+mod filter;
 mod padded;
 mod rows;
 mod scan;
 mod search;
+mod settings;
 mod verlet;
 
 pub use error::GraphError;
 pub use padded::{most_neighbors, write_padded};
-pub use search::{Search, Settings};
+pub use search::Search;
+pub use settings::Settings;
 pub use verlet::VerletList;

@@ -3,7 +3,7 @@
 use team::Team;
 
 use crate::error::GraphError;
-use crate::search::Settings;
+use crate::settings::Settings;
 
 /// The neighbours of all points, in the parts that threads wrote.
 #[derive(Debug, Default)]

@@ -5,33 +5,10 @@ use std::ops::Range;
 use team::Team;
 
 use crate::error::GraphError;
+use crate::filter::Filter;
 use crate::rows::{Part, Rows, pieces};
-use crate::scan::{CellList, Found, Reach, Tile, room, write_sorted};
-
-/// Which pairs of points become edges.
-#[derive(Debug, Clone, Copy)]
-pub struct Settings {
-    /// [m]
-    pub radius: f32,
-    /// Pairs at exactly the radius are joined too.
-    pub inclusive: bool,
-    /// Each point is a neighbour of itself.
-    pub self_edges: bool,
-    /// A graph with more edges is an error.
-    pub max_edges: u32,
-}
-
-impl Settings {
-    /// All pairs of different points at most `radius` apart.
-    pub fn new(radius: f32) -> Self {
-        Self {
-            radius,
-            inclusive: true,
-            self_edges: false,
-            max_edges: u32::MAX,
-        }
-    }
-}
+use crate::scan::{CellList, Reach, Tile, room, write_sorted};
+use crate::settings::{Settings, check_fixed, check_length, check_points};
 
 /// Finds graphs; what it allocates serves the next one too.
 #[derive(Debug)]
@@ -165,66 +142,4 @@ impl<const D: usize> Sweep<'_, D> {
             }
         }
     }
-}
-
-/// What becomes an edge of what a scan found.
-pub(crate) struct Filter<'a, const D: usize> {
-    pub points: &'a [f32],
-    pub fixed: Option<&'a [bool]>,
-    pub reach: Reach,
-}
-
-impl<const D: usize> Filter<'_, D> {
-    /// Moves the edges of a row to its front, in order, and returns their number.
-    pub fn keep(&self, own: usize, found: Found, row: &mut [u32]) -> usize {
-        let mut count = found.count;
-        if found.doubtful {
-            let x = &self.points[own * D..][..D];
-            let joined = |other: usize| self.reach.joins(x, &self.points[other * D..][..D]);
-            count = retain(&mut row[..count], joined);
-        }
-        match self.fixed {
-            Some(fixed) if fixed[own] => {
-                retain(&mut row[..count], |other| !fixed[other] || other == own)
-            }
-            _ => count,
-        }
-    }
-}
-
-/// Moves what is to be kept to the front, in order, and returns how many these are.
-fn retain(row: &mut [u32], keep: impl Fn(usize) -> bool) -> usize {
-    let mut count = 0;
-    for index in 0..row.len() {
-        let entry = row[index];
-        row[count] = entry;
-        count += usize::from(keep(entry as usize));
-    }
-    count
-}
-
-pub(crate) fn check_length(name: &'static str, value: f32) -> Result<(), GraphError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(GraphError::Length { name, value })
-    }
-}
-
-pub(crate) fn check_fixed(fixed: Option<&[bool]>, points: usize) -> Result<(), GraphError> {
-    match fixed {
-        Some(fixed) if fixed.len() != points => Err(GraphError::Flags {
-            points,
-            flags: fixed.len(),
-        }),
-        _ => Ok(()),
-    }
-}
-
-fn check_points(points: usize) -> Result<(), GraphError> {
-    let limit = i32::MAX as usize;
-    if points > limit {
-        return Err(GraphError::Points { points, limit });
-    }
-    Ok(())
 }

@@ -5,9 +5,11 @@ use std::ops::Range;
 use team::Team;
 
 use crate::error::GraphError;
+use crate::filter::Filter;
 use crate::rows::{Part, Rows, pieces};
 use crate::scan::{Reach, Tile, room};
-use crate::search::{Filter, Search, Settings, check_fixed, check_length};
+use crate::search::Search;
+use crate::settings::{Settings, check_fixed, check_length};
 
 /// Graphs of points that move little from one to the next: the same ones as of `Search`.
 ///

@@ -2,37 +2,21 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use mpm::{
-    Carry, Emitter, EmitterStatus, Force, MpmError, Obstacle, Particles, Settings, Sleep, Substeps,
-    Walls,
-};
+use mpm::{Carry, EmitterStatus, Force, MpmError, Sleep};
 use numpy::{
-    IntoPyArray, Ix1, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
+    IntoPyArray, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
     PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use super::any::{AnySolver, with_solver};
+use super::build::{Arguments, Arrays, parse_substeps};
+use super::force::checked_force;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{array, contact, describe, slice_of, vector};
+use crate::convert::{array, contact, slice_of};
 use crate::error::{NativeError, config_error};
-use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
-
-#[derive(Clone)]
-enum AnySolver {
-    Plane(mpm::Solver<2>),
-    Space(mpm::Solver<3>),
-}
-
-/// Runs one expression on the solver of whichever dimension.
-macro_rules! with_solver {
-    ($any:expr, $solver:ident => $body:expr) => {
-        match $any {
-            AnySolver::Plane($solver) => $body,
-            AnySolver::Space($solver) => $body,
-        }
-    };
-}
+use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
 /// MLS-MPM on one scene.
 #[pyclass(frozen, name = "Solver", module = "hybridmpm._native")]
@@ -41,98 +25,6 @@ pub struct PySolver {
     dim: usize,
     resolution: usize,
     frame_dt: f64,
-}
-
-/// "cfl", "reference" or a count.
-fn substeps(
-    argument: Option<&Bound<'_, PyAny>>,
-    cfl: Option<f32>,
-    allow_unstable: bool,
-) -> PyResult<Substeps> {
-    let by_cfl = Substeps::Cfl(cfl);
-    let Some(argument) = argument else {
-        return Ok(by_cfl);
-    };
-    if let Ok(count) = argument.extract::<u32>() {
-        return Ok(Substeps::Fixed {
-            count,
-            allow_unstable,
-        });
-    }
-    match argument.extract::<&str>() {
-        Ok("cfl") => Ok(by_cfl),
-        Ok("reference") => Ok(Substeps::Reference),
-        _ => Err(config_error(format!(
-            "substeps must be \"cfl\", \"reference\" or an integer >= 1, got {}",
-            describe(argument)
-        ))),
-    }
-}
-
-/// The items of a list, all of which must have the scene's dimension.
-fn same_dim<'a, T: pyo3::PyClass, U>(
-    name: &str,
-    dim: usize,
-    list: &'a [PyRef<'_, T>],
-    pick: impl Fn(&'a T) -> Option<U>,
-) -> PyResult<Vec<U>> {
-    list.iter()
-        .enumerate()
-        .map(|(index, item)| {
-            pick(item)
-                .ok_or_else(|| config_error(format!("{name}[{index}] must have {dim} coordinates")))
-        })
-        .collect()
-}
-
-/// Solids and openings of a scene, in its dimension.
-struct Parts<const D: usize> {
-    obstacles: Vec<Obstacle<D>>,
-    emitters: Vec<Emitter<D>>,
-    sinks: Vec<Obstacle<D>>,
-}
-
-/// What both dimensions share of the constructor's arguments.
-struct Arguments<'a> {
-    resolution: usize,
-    frame_dt: f64,
-    gravity: &'a [f64],
-    wall_lower: &'a [f64],
-    wall_upper: &'a [f64],
-    wall_contact: mpm::Contact,
-    materials: Vec<mpm::Material>,
-    substeps: Substeps,
-    sleep: Option<Sleep>,
-    threads: usize,
-    max_particles: usize,
-}
-
-impl Arguments<'_> {
-    fn build<const D: usize>(
-        self,
-        parts: Parts<D>,
-        particles: Particles<'_>,
-    ) -> PyResult<mpm::Solver<D>> {
-        let settings = Settings {
-            resolution: self.resolution,
-            frame_dt: self.frame_dt as f32,
-            gravity: vector("gravity", self.gravity)?,
-            walls: Walls {
-                lower: vector("wall_lower", self.wall_lower)?,
-                upper: vector("wall_upper", self.wall_upper)?,
-                contact: self.wall_contact,
-            },
-            materials: self.materials,
-            obstacles: parts.obstacles,
-            emitters: parts.emitters,
-            sinks: parts.sinks.iter().map(|sink| sink.shape).collect(),
-            max_particles: self.max_particles,
-            substeps: self.substeps,
-            sleep: self.sleep,
-            threads: self.threads,
-        };
-        Ok(mpm::Solver::new(settings, particles).map_err(NativeError)?)
-    }
 }
 
 impl PySolver {
@@ -167,18 +59,7 @@ impl PySolver {
         array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
     ) -> PyResult<Force<'a>> {
         let count = py.detach(|| self.count());
-        let (held, per_frame) = ([count, self.dim], [frames, count, self.dim]);
-        match array {
-            None => Ok(Force::None),
-            Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
-            Some(array) if array.shape() == per_frame => {
-                Ok(Force::PerFrame(slice_of(name, array)?))
-            }
-            Some(array) => Err(config_error(format!(
-                "{name} must be of shape {held:?} or {per_frame:?}, got {:?}",
-                array.shape()
-            ))),
-        }
+        checked_force(name, [frames, count, self.dim], array)
     }
 
     /// The N x `width` numbers that `write` fills in.
@@ -252,80 +133,28 @@ impl PySolver {
         threads: usize,
     ) -> PyResult<Self> {
         let dim = gravity.len();
-        let vectors = format!("float32 of shape (N, {dim})");
-        let scalars = "float32 of shape (N,)";
-        let x = array::<f32, Ix2>("x", &vectors, x)?;
-        let v = array::<f32, Ix2>("v", &vectors, v)?;
-        let material = array::<u8, Ix1>("material", "uint8 of shape (N,)", material)?;
-        let mass = array::<f32, Ix1>("mass", scalars, mass)?;
-        let volume = array::<f32, Ix1>("volume", scalars, volume)?;
-        let volume_ratio = volume_ratio
-            .map(|ratio| array::<f32, Ix1>("volume_ratio", scalars, ratio))
-            .transpose()?;
-        for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
-            if shape[1] != dim {
-                return Err(config_error(format!(
-                    "{name} must be {vectors}, got shape {shape:?}"
-                )));
-            }
-        }
+        let arrays = Arrays::new(dim, x, v, material, mass, volume, volume_ratio)?;
         let arguments = Arguments {
             resolution,
             frame_dt,
-            gravity: &gravity,
-            wall_lower: &wall_lower,
-            wall_upper: &wall_upper,
+            gravity,
+            wall_lower,
+            wall_upper,
             wall_contact: contact(wall_contact, wall_friction)?,
             materials: materials.iter().map(|m| m.inner).collect(),
-            substeps: self::substeps(substeps.as_ref(), cfl, allow_unstable)?,
+            obstacles,
+            emitters,
+            sinks,
+            max_particles: max_particles.unwrap_or(usize::MAX),
+            substeps: parse_substeps(substeps.as_ref(), cfl, allow_unstable)?,
             sleep: sleep_speed.map(|speed| Sleep {
                 speed,
                 frames: sleep_frames,
             }),
             threads,
-            max_particles: max_particles.unwrap_or(usize::MAX),
-        };
-        let particles = Particles {
-            x: slice_of("x", &x)?,
-            v: slice_of("v", &v)?,
-            material: slice_of("material", &material)?,
-            mass: slice_of("mass", &mass)?,
-            volume: slice_of("volume", &volume)?,
-            volume_ratio: volume_ratio
-                .as_ref()
-                .map(|r| slice_of("volume_ratio", r))
-                .transpose()?,
-        };
-        /// The parts in the dimension of one variant of the enumerations.
-        macro_rules! build {
-            ($variant:ident) => {{
-                let solid = |o: &PyObstacle| match o.inner {
-                    AnyObstacle::$variant(o) => Some(o),
-                    _ => None,
-                };
-                let opening = |e: &PyEmitter| match &e.inner {
-                    AnyEmitter::$variant(e) => Some(e.clone()),
-                    _ => None,
-                };
-                let parts = Parts {
-                    obstacles: same_dim("obstacles", dim, &obstacles, solid)?,
-                    emitters: same_dim("emitters", dim, &emitters, opening)?,
-                    sinks: same_dim("sinks", dim, &sinks, solid)?,
-                };
-                AnySolver::$variant(py.detach(|| arguments.build(parts, particles))?)
-            }};
-        }
-        let inner = match dim {
-            2 => build!(Plane),
-            3 => build!(Space),
-            _ => {
-                return Err(config_error(format!(
-                    "gravity must have 2 or 3 components, got {dim}"
-                )));
-            }
         };
         Ok(Self {
-            inner: Mutex::new(inner),
+            inner: Mutex::new(arguments.build(py, &arrays)?),
             dim,
             resolution,
             frame_dt,
@@ -362,7 +191,7 @@ impl PySolver {
         let size = count * self.dim;
         self.detached(py, |any| {
             with_solver!(any, solver => {
-                if !out.is_empty() && (solver.settings().is_open() || solver.count() != count) {
+                if !out.is_empty() && (solver.settings().openings.any() || solver.count() != count) {
                     return Err(config_error(
                         "out must be absent where emitters or sinks change the number of particles",
                     ));
@@ -434,7 +263,10 @@ impl PySolver {
 
     #[getter]
     fn is_open(&self, py: Python<'_>) -> bool {
-        self.detached(py, |any| with_solver!(any, s => s.settings().is_open()))
+        self.detached(
+            py,
+            |any| with_solver!(any, s => s.settings().openings.any()),
+        )
     }
 
     #[getter]

@@ -1,16 +1,23 @@
 //! Walls and obstacles: their shapes, their motion, and what they do to velocities and particles.
 
+mod bounds;
 mod contact;
 mod motion;
+mod moving;
+mod node;
 mod obstacle;
+mod obstacles;
 mod shape;
-mod swept;
+mod wall_contact;
 mod wall_fill;
 mod walls;
 
+pub use bounds::Bounds;
 pub use contact::{Contact, ContactKind};
 pub use motion::{Motion, Swing};
-pub use obstacle::{MaterialFriction, Obstacle, Obstacles, Placed};
+pub use node::MaterialFriction;
+pub use obstacle::{Obstacle, Placed};
+pub use obstacles::Obstacles;
 pub use shape::Shape;
-pub use wall_fill::WallFill;
-pub use walls::{WallContact, Walls};
+pub use wall_contact::WallContact;
+pub use walls::Walls;

@@ -1,16 +1,10 @@
-//! Solids at rest or in prescribed motion: contact on grid nodes, and particles kept outside.
-
-use wide::f32x4;
+//! One solid, at rest or in prescribed motion.
 
 use super::contact::Contact;
 use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
-use super::swept::{ByRow, Swept};
-use super::walls::Walls;
 use crate::error::MpmError;
-use crate::grid::{Layout, Span, Window};
 use crate::linalg::Vector;
-use crate::substep::SMALLEST_MASS;
 
 /// A solid and its surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +56,7 @@ impl<const D: usize> Obstacle<D> {
     }
 
     /// Signed distance and unit normal in the world.
-    pub(crate) fn distance_in(&self, pose: Option<&Pose<D>>, x: &Vector<D>) -> (f32, Vector<D>) {
+    pub(super) fn distance_in(&self, pose: Option<&Pose<D>>, x: &Vector<D>) -> (f32, Vector<D>) {
         let Some(pose) = pose else {
             return self.shape.distance(x);
         };
@@ -71,7 +65,7 @@ impl<const D: usize> Obstacle<D> {
     }
 
     /// Bound on the speed of those points of the solid that can touch material [m/s].
-    pub(crate) fn speed(&self, pose: &Pose<D>) -> f32 {
+    pub(super) fn speed(&self, pose: &Pose<D>) -> f32 {
         let Some(motion) = self.motion else {
             return 0.0;
         };
@@ -81,7 +75,7 @@ impl<const D: usize> Obstacle<D> {
     }
 
     /// Velocity after contact, at a point with this normal.
-    fn resolve(
+    pub(super) fn resolve(
         &self,
         pose: Option<&Pose<D>>,
         x: &Vector<D>,
@@ -116,268 +110,4 @@ impl<const D: usize> Placed<'_, D> {
     pub fn carry(&self, x: &Vector<D>) -> Vector<D> {
         self.pose.map_or(*x, |pose| pose.carry(x))
     }
-}
-
-/// Nodes this deep inside are reached by no particle.
-pub(crate) const BAND_CELLS: f32 = 4.0;
-
-/// A grid node inside an obstacle at rest.
-#[derive(Debug, Clone, Copy)]
-struct SolidNode<const D: usize> {
-    /// Position in its row.
-    column: u32,
-    obstacle: u32,
-    normal: Vector<D>,
-}
-
-/// All obstacles of a scene, prepared for one grid.
-#[derive(Debug, Clone)]
-pub struct Obstacles<const D: usize> {
-    list: Vec<Obstacle<D>>,
-    walls: Walls<D>,
-    layout: Layout<D>,
-    /// Nodes inside obstacles at rest.
-    solid: ByRow<SolidNode<D>>,
-    /// None where all obstacles are at rest.
-    swept: Option<Swept<D>>,
-    /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
-    near: Vec<bool>,
-}
-
-impl<const D: usize> Obstacles<D> {
-    pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
-        let mut prepared = Self {
-            list,
-            walls: *walls,
-            layout: *layout,
-            solid: ByRow::EMPTY,
-            swept: None,
-            near: Vec::new(),
-        };
-        if prepared.list.is_empty() {
-            return prepared;
-        }
-        prepared.find_solid_nodes();
-        if prepared
-            .list
-            .iter()
-            .any(|obstacle| obstacle.motion.is_some())
-        {
-            prepared.swept = Some(Swept::new(prepared.list.len(), prepared.near.clone()));
-            prepared.move_to(0.0, 0.0);
-        }
-        prepared
-    }
-
-    fn find_solid_nodes(&mut self) {
-        let layout = self.layout;
-        self.solid.clear();
-        for row in 0..layout.row_count() {
-            let mut node = layout.row_coordinates(row);
-            for column in 0..layout.extent {
-                node[D - 1] = column;
-                let x = layout.position(node);
-                let mut near = false;
-                for (index, obstacle) in self.list.iter().enumerate() {
-                    if obstacle.motion.is_some() {
-                        continue;
-                    }
-                    let (distance, normal) = obstacle.shape.distance(&x);
-                    near |= distance < stencil_reach(&layout);
-                    if holds(distance, &layout) {
-                        self.solid.nodes.push(SolidNode {
-                            column: column as u32,
-                            obstacle: index as u32,
-                            normal,
-                        });
-                    }
-                }
-                self.near.push(near);
-            }
-            let padding = layout.row_length - layout.extent;
-            self.near.extend(std::iter::repeat_n(false, padding));
-            self.solid.end_row();
-        }
-    }
-
-    /// Puts the moving obstacles where they are at a time [s], the end of a substep of length `dt` [s].
-    pub fn move_to(&mut self, time: f64, dt: f32) {
-        if let Some(swept) = &mut self.swept {
-            swept.move_to(&self.list, &self.layout, time, dt, &mut self.near);
-        }
-    }
-
-    /// Bound on the speed of the moving solids [m/s]; 0 where all are at rest.
-    pub fn speed(&self) -> f32 {
-        self.swept.as_ref().map_or(0.0, |swept| swept.speed)
-    }
-
-    /// Bound on how far a particle with this speed moves in a substep, being pushed out included [m].
-    pub fn travel(&self, speed: f32, dt: f32) -> f32 {
-        match &self.swept {
-            None => speed * dt,
-            Some(swept) => speed * dt + swept.longest_push(speed, dt),
-        }
-    }
-
-    /// Applies contact to the grid velocities of some planes.
-    pub fn apply(&self, window: &mut Window<'_, D>, material_friction: &MaterialFriction) {
-        if self.list.is_empty() {
-            return;
-        }
-        for &span in window.active {
-            self.apply_to_span(window, span, material_friction);
-        }
-    }
-
-    fn apply_to_span(
-        &self,
-        window: &mut Window<'_, D>,
-        span: Span,
-        material_friction: &MaterialFriction,
-    ) {
-        let within = |column: u32| (span.lo..span.hi).contains(&(column as usize));
-        let start = span.row * self.layout.row_length - window.first;
-        for node in self.solid.row(span.row) {
-            if within(node.column) {
-                let contact = self.list[node.obstacle as usize].contact;
-                let index = start + node.column as usize;
-                change_velocity(window, index, material_friction, |v, friction| {
-                    contact.resolve(v, &node.normal, friction)
-                });
-            }
-        }
-        let Some(swept) = &self.swept else {
-            return;
-        };
-        let mut place = self.layout.row_coordinates(span.row);
-        for node in swept.nodes.row(span.row) {
-            if within(node.column) {
-                place[D - 1] = node.column as usize;
-                let x = self.layout.position(place);
-                let obstacle = &self.list[node.obstacle as usize];
-                let pose = swept.poses[node.obstacle as usize].as_ref();
-                let (distance, normal) = obstacle.distance_in(pose, &x);
-                if holds(distance, &self.layout) {
-                    let index = start + node.column as usize;
-                    change_velocity(window, index, material_friction, |v, friction| {
-                        obstacle.resolve(pose, &x, v, &normal, friction)
-                    });
-                }
-            }
-        }
-    }
-
-    /// Whether one of them moves.
-    pub fn moving(&self) -> bool {
-        self.swept.is_some()
-    }
-
-    /// Whether a moving one is nearer to `x` than `reach` [m].
-    pub fn moving_within(&self, reach: f32, x: &Vector<D>) -> bool {
-        self.swept.as_ref().is_some_and(|swept| {
-            let mut posed = self.list.iter().zip(&swept.poses);
-            posed.any(|(obstacle, pose)| {
-                pose.is_some() && obstacle.distance_in(pose.as_ref(), x).0 < reach
-            })
-        })
-    }
-
-    /// Whether there are any.
-    pub fn any(&self) -> bool {
-        !self.near.is_empty()
-    }
-
-    /// Whether the particle with this lowest stencil node has to be tested.
-    #[inline(always)]
-    pub fn near(&self, node: usize) -> bool {
-        self.near[node]
-    }
-
-    /// Whether a point lies inside of one, as they are now.
-    pub fn hold(&self, x: &Vector<D>) -> bool {
-        let pose = |index: usize| self.swept.as_ref()?.poses[index].as_ref();
-        let mut numbered = self.list.iter().enumerate();
-        numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
-    }
-
-    /// Moves a particle that got into an obstacle back to its surface.
-    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
-        for (index, obstacle) in self.list.iter().enumerate() {
-            let pose = self
-                .swept
-                .as_ref()
-                .and_then(|swept| swept.poses[index].as_ref());
-            let (distance, normal) = obstacle.distance_in(pose, x);
-            if distance < 0.0 {
-                *x -= normal * self.correction(distance, pose, v);
-                if pose.is_some() {
-                    // A particle between an obstacle and a wall stays in the box; the obstacle passes it.
-                    *x = Vector::from_fn(|axis, _| {
-                        x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis])
-                    });
-                }
-                *v = obstacle.resolve(pose, x, v, &normal, material_friction);
-            }
-        }
-    }
-
-    /// How far a particle at this negative distance is moved.
-    ///
-    /// An obstacle at rest is entered by what one substep moves a particle. One that moves may have trapped
-    /// it deep inside against a wall; led out at once, it would leave the nodes that are active around it.
-    fn correction(&self, distance: f32, pose: Option<&Pose<D>>, v: &Vector<D>) -> f32 {
-        match (&self.swept, pose) {
-            (Some(swept), Some(_)) => distance.max(-swept.longest_push(v.norm(), swept.dt)),
-            _ => distance,
-        }
-    }
-}
-
-/// Whether an obstacle acts on a node at this distance.
-fn holds<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
-    distance <= 0.0 && distance > -BAND_CELLS * layout.dx()
-}
-
-/// How far from its stencil's lowest node a particle is tested: it has moved by up to a cell since.
-pub(crate) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
-    (1.5 * (D as f32).sqrt() + 1.0) * layout.dx()
-}
-
-fn change_velocity<const D: usize>(
-    window: &mut Window<'_, D>,
-    index: usize,
-    material_friction: &MaterialFriction,
-    change: impl Fn(&Vector<D>, f32) -> Vector<D>,
-) {
-    let lanes = window.nodes[index].to_array();
-    if lanes[3] > SMALLEST_MASS {
-        let v = Vector::from_fn(|axis, _| lanes[axis]);
-        let friction = material_friction.at(window, index, lanes[3]);
-        window.nodes[index] = with_velocity(lanes, &change(&v, friction));
-    }
-}
-
-/// Wall friction of the material at a node: one number, or the mass-weighted mean of several.
-#[derive(Debug, Clone, Copy)]
-pub enum MaterialFriction {
-    Uniform(f32),
-    Mixed,
-}
-
-impl MaterialFriction {
-    #[inline(always)]
-    pub fn at<const D: usize>(&self, window: &Window<'_, D>, index: usize, mass: f32) -> f32 {
-        match self {
-            Self::Uniform(friction) => *friction,
-            Self::Mixed => window.friction_mass[index] / mass,
-        }
-    }
-}
-
-/// A node with another velocity and the same mass.
-#[inline(always)]
-pub fn with_velocity<const D: usize>(mut lanes: [f32; 4], v: &Vector<D>) -> f32x4 {
-    lanes[..D].copy_from_slice(v.as_slice());
-    f32x4::from(lanes)
 }

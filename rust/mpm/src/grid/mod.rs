@@ -1,7 +1,9 @@
 //! The background grid and the splines that join particles to its nodes.
 
+mod layout;
 mod nodes;
 mod stencil;
 
-pub use nodes::{CHUNK, Grid, Layout, MARGIN, PADDING, Span, Window};
+pub use layout::{CHUNK, Layout, PADDING, Place, Span};
+pub use nodes::{Grid, MARGIN, SMALLEST_MASS, Window};
 pub use stencil::{Stencil, Stencils, spline};

@@ -1,109 +1,15 @@
-//! The background grid: its layout, and which part of it particles touch.
+//! The background grid, and which part of it particles touch.
 
 use std::ops::Range;
 
 use wide::f32x4;
 
-use crate::linalg::Vector;
-use crate::particles::Place;
+use super::layout::{CHUNK, Layout, Place, Span};
 
-/// Nodes outside [0, 1] on each side. A particle may be one cell past a wall that lies on the box,
-/// and between two sorts it may move one cell further; its stencil reaches one node beyond.
-pub const PADDING: usize = 4;
-/// Nodes that are swept together; spans consist of them.
-pub const CHUNK: usize = 8;
+/// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
+pub const SMALLEST_MASS: f32 = 1.0e-30;
 /// Cells that a particle may move between two sorts without leaving the active rows.
 pub const MARGIN: usize = 1;
-
-/// Positions of nodes in memory. The last axis is contiguous; a *row* is one line of nodes along it,
-/// a *plane* all rows that share the first coordinate.
-#[derive(Debug, Clone, Copy)]
-pub struct Layout<const D: usize> {
-    /// Cells along each axis of [0, 1].
-    pub resolution: usize,
-    /// Nodes along each axis, padding included.
-    pub extent: usize,
-    /// Nodes that a row takes in memory: whole chunks.
-    pub row_length: usize,
-}
-
-impl<const D: usize> Layout<D> {
-    pub fn new(resolution: usize) -> Self {
-        let extent = resolution + 1 + 2 * PADDING;
-        Self {
-            resolution,
-            extent,
-            row_length: extent.next_multiple_of(CHUNK),
-        }
-    }
-
-    /// Cell size [m].
-    pub fn dx(&self) -> f32 {
-        1.0 / self.resolution as f32
-    }
-
-    /// Position of a node [m].
-    pub fn position(&self, node: [usize; D]) -> Vector<D> {
-        Vector::from_fn(|axis, _| (node[axis] as f32 - PADDING as f32) * self.dx())
-    }
-
-    pub fn row_count(&self) -> usize {
-        self.extent.pow(D as u32 - 1)
-    }
-
-    pub fn rows_per_plane(&self) -> usize {
-        self.extent.pow(D as u32 - 2)
-    }
-
-    pub fn nodes_per_plane(&self) -> usize {
-        self.rows_per_plane() * self.row_length
-    }
-
-    /// Row of a node.
-    #[inline(always)]
-    #[cfg(test)]
-    pub fn row(&self, node: [usize; D]) -> usize {
-        node[..D - 1]
-            .iter()
-            .fold(0, |row, &coordinate| row * self.extent + coordinate)
-    }
-
-    /// Coordinates of a row, the last axis left at 0.
-    pub fn row_coordinates(&self, row: usize) -> [usize; D] {
-        let mut node = [0; D];
-        let mut rest = row;
-        for axis in (0..D - 1).rev() {
-            node[axis] = rest % self.extent;
-            rest /= self.extent;
-        }
-        node
-    }
-
-    /// Distance in memory between neighbours along an axis.
-    pub fn stride(&self, axis: usize) -> usize {
-        match D - 1 - axis {
-            0 => 1,
-            rows => self.extent.pow(rows as u32 - 1) * self.row_length,
-        }
-    }
-
-    /// Memory offsets of the 3^(D-1) rows of a stencil from its lowest node, first axis fastest.
-    #[inline(always)]
-    pub fn stencil_row(&self, step: [usize; 2]) -> usize {
-        match D {
-            2 => step[0] * self.row_length,
-            _ => (step[0] * self.extent + step[1]) * self.row_length,
-        }
-    }
-}
-
-/// The part `lo..hi` of a row that some particle may touch before the next sort, in whole chunks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Span {
-    pub row: usize,
-    pub lo: usize,
-    pub hi: usize,
-}
 
 /// Some planes of the grid, which one thread may write while others write other planes.
 #[derive(Debug)]
@@ -371,11 +277,5 @@ mod tests {
         grid.activate(&[place(&grid, [14, 14])]);
         assert!(grid.nodes.iter().all(|node| *node == f32x4::ZERO));
         assert!(grid.friction_mass.iter().all(|mass| *mass == 0.0));
-    }
-
-    #[test]
-    fn rows_and_coordinates_agree() {
-        let layout = Layout::<3>::new(16);
-        assert_eq!(layout.row_coordinates(layout.row([5, 11, 3])), [5, 11, 0]);
     }
 }

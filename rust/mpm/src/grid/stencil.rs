@@ -1,6 +1,6 @@
 //! Quadratic B-splines (Jiang et al. 2016, eq. 123).
 
-use super::nodes::{Layout, PADDING};
+use super::layout::{Layout, PADDING};
 use crate::linalg::{LANES, Lanes, Vector};
 
 /// The 3^D nodes that one particle exchanges with.

@@ -1,6 +1,7 @@
 //! Elastic solids.
 
-use super::model::{Constitutive, Lame, State, increment};
+use super::constitutive::{Constitutive, State, increment};
+use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, svd};
 
 /// Fixed-corotated solid (Stomakhin et al. 2012). Its state is F.

@@ -1,12 +1,15 @@
 //! Constitutive models. A material decides what a particle has to carry: water one number, sand the elastic
 //! part of its stretch, elastic solids a deformation gradient.
 
+mod constitutive;
 mod elastic;
+mod lame;
 mod model;
 mod sand;
 mod water;
 
+pub use constitutive::{Constitutive, State};
 pub use elastic::Elastic;
-pub use model::{Constitutive, Material, Model, State};
+pub use model::{Material, Model};
 pub use sand::Sand;
 pub use water::Water;

@@ -1,89 +1,10 @@
-//! What a constitutive model computes, and a material as a scene names it.
-
-use std::fmt::Debug;
+//! A material as a scene names it: a model with its constants, its density and its friction.
 
 use super::elastic::Elastic;
+use super::lame::Lame;
 use super::sand::Sand;
 use super::water::Water;
 use crate::error::MpmError;
-use crate::linalg::{Lanes, Matrix, Symmetrics};
-
-/// What the transfer loops need of a material. What they call is inlined into them, once per material and
-/// dimension, and works on a block of particles at a time.
-pub trait Constitutive<const D: usize>: Send + Sync {
-    /// What one particle carries besides position, velocity and affine matrix.
-    type State: State;
-
-    /// The state at a given volume ratio, without shear.
-    fn initial_state(&self, volume_ratio: f32) -> Self::State;
-    /// tau = J sigma [Pa].
-    fn kirchhoff_stress(&self, states: &<Self::State as State>::Block) -> Symmetrics<D>;
-    /// Deforms by the velocity gradient `affine[row][column]` [1/s] over `dt` [s], and lets plastic flow happen.
-    ///
-    /// `crowding` is the density on the grid over the rest density, 0 where unknown.
-    fn deform(
-        &self,
-        states: &mut <Self::State as State>::Block,
-        affine: &[[Lanes; D]; D],
-        crowding: &Lanes,
-        dt: f32,
-    );
-    /// Whether `deform` looks at `crowding`.
-    fn uses_crowding(&self) -> bool {
-        false
-    }
-    /// J of water, det F of solids [-].
-    fn volume_ratio(&self, state: &Self::State) -> f32;
-    /// Stored elastic energy per rest volume [Pa].
-    fn energy_density(&self, state: &Self::State) -> f32;
-}
-
-/// State of one particle, and how a block of particles holds it.
-pub trait State: Copy + Send + Sync + Debug + PartialEq {
-    /// One array over the lanes for each number.
-    type Block: Copy + Send + Sync + Debug;
-
-    /// The same state in all lanes.
-    fn splat(self) -> Self::Block;
-    fn load(block: &Self::Block, lane: usize) -> Self;
-    fn store(self, block: &mut Self::Block, lane: usize);
-    /// Plain numbers in a fixed order, for snapshots.
-    fn write(&self, put: &mut impl FnMut(f32));
-    fn read(take: &mut impl FnMut() -> f32) -> Self;
-}
-
-/// I + dt C of one particle.
-#[inline(always)]
-pub(super) fn increment<const D: usize>(
-    affine: &[[Lanes; D]; D],
-    lane: usize,
-    dt: f32,
-) -> Matrix<D> {
-    Matrix::from_fn(|row, column| {
-        let identity = if row == column { 1.0 } else { 0.0 };
-        identity + dt * affine[row][column][lane]
-    })
-}
-
-/// Lame parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lame {
-    /// [Pa]
-    pub mu: f32,
-    /// [Pa]
-    pub lambda: f32,
-}
-
-impl Lame {
-    /// From Young's modulus [Pa] and Poisson's ratio [-].
-    pub fn new(youngs_modulus: f32, poisson_ratio: f32) -> Self {
-        let (e, nu) = (youngs_modulus, poisson_ratio);
-        Self {
-            mu: e / (2.0 * (1.0 + nu)),
-            lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)),
-        }
-    }
-}
 
 /// A constitutive model with its constants.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,7 @@
 //! Dry sand.
 
-use super::model::{Constitutive, Lame, State, increment};
+use super::constitutive::{Constitutive, State, increment};
+use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Spectrum, Symmetric, Symmetrics, Vector, exp, ln};
 
 /// Dry sand: StVK-Hencky elasticity with a Drucker-Prager yield surface (Klar et al. 2016).

@@ -1,6 +1,6 @@
 //! Weakly compressible water.
 
-use super::model::{Constitutive, State};
+use super::constitutive::{Constitutive, State};
 use crate::linalg::{LANES, Lanes, Symmetrics};
 
 /// Water: tau = lambda J (J - 1) I. Carries J only.

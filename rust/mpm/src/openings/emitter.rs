@@ -1,8 +1,8 @@
 //! Openings that let material into a scene.
 
+use crate::boundary::Walls;
 use crate::error::MpmError;
 use crate::linalg::Vector;
-use crate::settings::Settings;
 
 /// An opening that material leaves at a given velocity, in layers one spacing apart.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +68,15 @@ impl EmitterStatus {
 
 impl<const D: usize> Emitter<D> {
     /// Refuses numbers out of range, and openings whose material would start outside the walls.
-    pub(crate) fn check(&self, name: &str, settings: &Settings<D>) -> Result<(), MpmError> {
+    ///
+    /// `name` is that of the emitter in errors, `materials` their number; a frame lasts `frame_dt` [s].
+    pub(crate) fn check(
+        &self,
+        name: &str,
+        materials: usize,
+        walls: &Walls<D>,
+        frame_dt: f32,
+    ) -> Result<(), MpmError> {
         let refuse = |what: &str, allowed, value: &dyn std::fmt::Debug| {
             Err(MpmError::parameter(
                 format!("{name}.{what}"),
@@ -76,7 +84,7 @@ impl<const D: usize> Emitter<D> {
                 value,
             ))
         };
-        if usize::from(self.material) >= settings.materials.len() {
+        if usize::from(self.material) >= materials {
             return refuse("material", "an index into materials", &self.material);
         }
         let speed = self.velocity.norm();
@@ -105,13 +113,13 @@ impl<const D: usize> Emitter<D> {
                 &(self.jitter.len(), self.sites.len()),
             );
         }
-        let farthest = f64::from(speed) * f64::from(settings.frame_dt);
+        let farthest = f64::from(speed) * f64::from(frame_dt);
         for (offset, jitter) in [0.0, farthest].iter().flat_map(|&offset| {
             let layers = self.jitter.chunks(self.sites.len());
             layers.map(move |jitter| (offset, jitter))
         }) {
             let layer = self.layer(offset, jitter);
-            if let Some(outside) = layer.iter().find(|x| !settings.walls.contain(x)) {
+            if let Some(outside) = layer.iter().find(|x| !walls.contain(x)) {
                 let allowed = "an opening whose material stays inside the walls in its first frame";
                 return refuse("sites", allowed, &outside.as_slice());
             }

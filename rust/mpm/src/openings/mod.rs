@@ -2,6 +2,9 @@
 
 mod emitter;
 mod exchange;
+mod population;
 
 pub use emitter::{Emitter, EmitterStatus};
-pub(crate) use exchange::{Flow, Population, exchange};
+pub(crate) use exchange::FrameEnd;
+pub use exchange::Openings;
+pub(crate) use population::{Flow, Population};

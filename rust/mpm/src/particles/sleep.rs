@@ -5,13 +5,15 @@
 //! border whose particles do not move but still carry: with their mass, and with the stress that they had
 //! when they fell asleep.
 
-use super::particle::{Activity, Block, Group, Particle, Phase};
+use super::block::Block;
+use super::group::{Group, Phase, with_group};
+use super::particle::{Activity, Particle};
+use super::tiles::Tiles;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;
 use crate::grid::{Layout, Stencils};
 use crate::linalg::LANES;
 use crate::material::{Constitutive, State};
-use crate::with_group;
 
 /// When particles count as at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,10 +46,6 @@ impl Sleep {
 
 /// Frames between two decisions.
 pub const PERIOD: u64 = 4;
-/// Cells along a tile, as a power of two.
-const TILE_SHIFT: u32 = 1;
-/// Tiles of the border: more than a stencil and its nodes' stencils reach.
-const BORDER: isize = 2;
 
 /// Counts the frames at rest of all awake particles, at the end of a frame.
 pub fn count_calm<const D: usize>(phases: &mut [Phase<D>], sleep: &Sleep) {
@@ -85,7 +83,7 @@ pub fn decide<const D: usize>(
             let Group { awake, border, asleep, .. } = group;
             for block in awake.blocks.iter_mut().chain(&mut border.blocks).chain(asleep) {
                 disturbance.stir(block, layout);
-                tiles.mark(block, layout, sleep, disturbance.horizon);
+                tiles.mark(block, layout, sleep.frames as f32, disturbance.horizon);
             }
         });
     }
@@ -184,97 +182,4 @@ fn take_changed<const D: usize, S: State>(
         }
     }
     blocks.retain(|block| block.count > 0);
-}
-
-/// What goes on in each tile of the box.
-struct Tiles<const D: usize> {
-    /// Along each axis.
-    extent: usize,
-    activity: Vec<Activity>,
-    /// Tiles with something that moves.
-    stirred: Vec<[usize; D]>,
-}
-
-impl<const D: usize> Tiles<D> {
-    fn new(layout: &Layout<D>) -> Self {
-        let extent = (layout.extent >> TILE_SHIFT) + 1;
-        Self {
-            extent,
-            activity: vec![Activity::Asleep; extent.pow(D as u32)],
-            stirred: Vec::new(),
-        }
-    }
-
-    fn index(&self, tile: [usize; D]) -> usize {
-        tile.iter()
-            .fold(0, |index, &coordinate| index * self.extent + coordinate)
-    }
-
-    fn activity(&self, base: [u32; D]) -> Activity {
-        self.activity[self.index(base.map(|base| (base >> TILE_SHIFT) as usize))]
-    }
-
-    /// Notes the tiles where moving particles are, and where they may be at the end of the horizon.
-    fn mark<S: State>(
-        &mut self,
-        block: &Block<D, S>,
-        layout: &Layout<D>,
-        sleep: &Sleep,
-        horizon: f32,
-    ) {
-        let base = Stencils::at(&block.x, layout).base;
-        let restless = (0..block.count).filter(|&lane| block.calm[lane] < sleep.frames as f32);
-        for lane in restless {
-            let last = (self.extent - 1) as isize;
-            let ranges: [(usize, usize); D] = std::array::from_fn(|axis| {
-                let cells = (block.v[axis][lane] * horizon / layout.dx()) as isize;
-                let (now, then) = (base[axis][lane] as isize, base[axis][lane] as isize + cells);
-                let tile = |cell: isize| (cell >> TILE_SHIFT).clamp(0, last) as usize;
-                (tile(now.min(then)), tile(now.max(then)))
-            });
-            for_each_tile(ranges, |tile| {
-                let index = self.index(tile);
-                if self.activity[index] != Activity::Awake {
-                    self.activity[index] = Activity::Awake;
-                    self.stirred.push(tile);
-                }
-            });
-        }
-    }
-
-    /// Wakes the neighbours of what moves, and surrounds them with the border.
-    fn spread(&mut self) {
-        for (reach, activity) in [(1, Activity::Awake), (1 + BORDER, Activity::Border)] {
-            for stirred in 0..self.stirred.len() {
-                let ranges = self.stirred[stirred].map(|coordinate| {
-                    let last = self.extent as isize - 1;
-                    let at = |step: isize| (coordinate as isize + step).clamp(0, last) as usize;
-                    (at(-reach), at(reach))
-                });
-                for_each_tile(ranges, |tile| {
-                    let index = self.index(tile);
-                    if self.activity[index] == Activity::Asleep {
-                        self.activity[index] = activity;
-                    }
-                });
-            }
-        }
-    }
-}
-
-/// Visits the tiles between two corners, both included.
-fn for_each_tile<const D: usize>(ranges: [(usize, usize); D], mut visit: impl FnMut([usize; D])) {
-    let mut tile = ranges.map(|(low, _)| low);
-    loop {
-        visit(tile);
-        let mut axis = 0;
-        while tile[axis] == ranges[axis].1 {
-            tile[axis] = ranges[axis].0;
-            axis += 1;
-            if axis == D {
-                return;
-            }
-        }
-        tile[axis] += 1;
-    }
 }

@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use crate::boundary::{MaterialFriction, Obstacles, WallContact};
-use crate::diagnostics::Diagnostics;
+use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
-use crate::grid::Grid;
-use crate::linalg::{Matrix, Vector};
-use crate::openings::{EmitterStatus, Population, exchange};
+use crate::grid::{Grid, Place};
+use crate::initial::{Particles, group, per_rest_mass};
+use crate::openings::{FrameEnd, Population};
 use crate::particles::{
-    Activity, Disturbance, PERIOD, Phase, Place, Slab, Sleep, count_calm, decide, sort,
+    Disturbance, PERIOD, Phase, Slab, Sleep, count_calm, decide, sort, with_group,
 };
-use crate::settings::{Particles, Settings, check_settings, group, per_rest_mass};
+use crate::settings::Settings;
+use crate::snapshot;
+use crate::state::SolverState;
 use crate::substep::{
-    Bound, Bounds, FrameReport, Gather, GridForces, Step, StepChooser, g2p, grid_update, p2g,
+    Bound, FrameReport, Gather, GridForces, Step, StepChooser, g2p, grid_update, p2g,
 };
-use crate::{snapshot, with_group};
 use team::Team;
 
 /// External acceleration besides gravity [m/s^2].
@@ -50,21 +50,10 @@ pub struct Solver<const D: usize> {
     pub(super) last_frame: Option<FrameReport>,
 }
 
-/// What a snapshot has to hold.
-#[derive(Clone)]
-pub(crate) struct SolverState<const D: usize> {
-    pub phases: Vec<Phase<D>>,
-    /// Frames done.
-    pub frame: u64,
-    /// Of all particles [m/s].
-    pub max_speed: f32,
-    pub population: Population,
-}
-
 impl<const D: usize> Solver<D> {
     /// Checks everything; afterwards only the motion itself can fail.
     pub fn new(settings: Settings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
-        check_settings(&settings)?;
+        settings.check()?;
         let dx = 1.0 / settings.resolution as f32;
         let chooser = StepChooser::new(
             settings.substeps,
@@ -89,7 +78,7 @@ impl<const D: usize> Solver<D> {
             } else {
                 MaterialFriction::Mixed
             },
-            per_rest_mass: per_rest_mass(particles, &settings.emitters, dx),
+            per_rest_mass: per_rest_mass(particles, &settings.openings.emitters, dx),
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
@@ -99,7 +88,7 @@ impl<const D: usize> Solver<D> {
                 phases,
                 frame: 0,
                 max_speed,
-                population: Population::new(particles.mass.len(), settings.emitters.len()),
+                population: Population::new(particles.mass.len(), settings.openings.emitters.len()),
             },
             last_frame: None,
             settings,
@@ -128,7 +117,7 @@ impl<const D: usize> Solver<D> {
                 got: forces.len(),
             });
         }
-        if self.settings.is_open() && expected > 0 && frames > 1 {
+        if self.settings.openings.any() && expected > 0 && frames > 1 {
             let allowed = "1 with a force where emitters or sinks change the number of particles";
             return Err(MpmError::parameter("frames", allowed, frames));
         }
@@ -163,7 +152,7 @@ impl<const D: usize> Solver<D> {
                 }
                 self.last_frame = Some(report);
                 self.state.frame += 1;
-                exchange(&mut self.state, &self.settings, &self.obstacles);
+                self.exchange();
                 Ok(())
             }
             Err(error) => {
@@ -172,6 +161,25 @@ impl<const D: usize> Solver<D> {
                 Err(error)
             }
         }
+    }
+
+    fn exchange(&mut self) {
+        let SolverState {
+            phases,
+            frame,
+            max_speed,
+            population,
+        } = &mut self.state;
+        let mut end = FrameEnd {
+            groups: phases,
+            population,
+            max_speed,
+            frame: *frame,
+            frame_dt: self.settings.frame_dt,
+            resolution: self.settings.resolution,
+            obstacles: &self.obstacles,
+        };
+        end.exchange(&self.settings.openings);
     }
 
     /// Keeps the present particles, to go back to if what comes fails.
@@ -187,7 +195,7 @@ impl<const D: usize> Solver<D> {
     /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
     /// particles may have come.
     fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
-        let stirred = force.is_some() || !self.settings.emitters.is_empty();
+        let stirred = force.is_some() || !self.settings.openings.emitters.is_empty();
         if self.state.frame.is_multiple_of(PERIOD) || stirred {
             let disturbance = Disturbance {
                 force,
@@ -346,93 +354,6 @@ impl<const D: usize> Solver<D> {
     /// How the latest frame was cut; None before the first.
     pub fn last_frame(&self) -> Option<FrameReport> {
         self.last_frame
-    }
-
-    /// N numbers, ascending, that particles keep for good.
-    pub fn ids(&self) -> &[u64] {
-        &self.state.population.ids
-    }
-
-    /// What each emitter did in the latest frame.
-    pub fn emitters(&self) -> impl Iterator<Item = EmitterStatus> + '_ {
-        let flows = self.state.population.flows.iter();
-        flows.map(|flow| flow.status)
-    }
-
-    /// Writes N indices into the materials.
-    pub fn write_materials(&self, out: &mut [u8]) {
-        for (material, phase) in (0..).zip(&self.state.phases) {
-            with_group!(phase, group => for p in group.particles() {
-                out[p.id as usize] = material;
-            });
-        }
-    }
-
-    /// Writes N masses [kg].
-    pub fn write_masses(&self, out: &mut [f32]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
-                out[p.id as usize] = p.mass;
-            });
-        }
-    }
-
-    /// Writes N x D positions [m] in the caller's order.
-    pub fn write_positions(&self, out: &mut [f32]) {
-        self.scatter(out, D, |x, _, _, into| into.copy_from_slice(x.as_slice()));
-    }
-
-    /// Writes N x D velocities [m/s] in the caller's order.
-    pub fn write_velocities(&self, out: &mut [f32]) {
-        self.scatter(out, D, |_, v, _, into| into.copy_from_slice(v.as_slice()));
-    }
-
-    /// Writes N x D x D APIC matrices [1/s], row-major, in the caller's order.
-    pub fn write_affine(&self, out: &mut [f32]) {
-        self.scatter(out, D * D, |_, _, c, into| {
-            for (row, values) in into.chunks_exact_mut(D).enumerate() {
-                values
-                    .iter_mut()
-                    .enumerate()
-                    .for_each(|(column, value)| *value = c[(row, column)]);
-            }
-        });
-    }
-
-    /// Writes for N particles in the caller's order whether they sleep.
-    pub fn write_asleep(&self, out: &mut [bool]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
-                out[p.id as usize] = p.activity != Activity::Awake;
-            });
-        }
-    }
-
-    /// Writes N volume ratios in the caller's order.
-    pub fn write_volume_ratios(&self, out: &mut [f32]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
-                out[p.id as usize] = group.volume_ratio(&p);
-            });
-        }
-    }
-
-    fn scatter(
-        &self,
-        out: &mut [f32],
-        width: usize,
-        write: impl Fn(&Vector<D>, &Vector<D>, &Matrix<D>, &mut [f32]),
-    ) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
-                write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
-            });
-        }
-    }
-
-    /// Totals over all particles.
-    pub fn diagnostics(&self) -> Diagnostics {
-        Diagnostics::of(&self.state, &self.settings.gravity)
     }
 
     /// The complete state. Going on from it gives the same bits.

@@ -2,7 +2,7 @@
 
 mod frame_loop;
 mod prescribe;
+mod read;
 
-pub(crate) use frame_loop::SolverState;
 pub use frame_loop::{Force, Solver};
 pub use prescribe::{Carry, MotionReport};

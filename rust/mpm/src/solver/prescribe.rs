@@ -3,16 +3,14 @@
 //! Grid velocities follow from the particles' by the transfers of a substep, without stress and gravity. They give
 //! the affine matrices, and these may deform the materials, with return mapping.
 
-use crate::boundary::Obstacles;
+use super::frame_loop::{Solver, norm};
+use crate::boundary::{Bounds, Obstacles};
 use crate::error::MpmError;
 use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Vector, run_wide};
 use crate::material::{Constitutive, State};
-use crate::particles::{Activity, Block, Group};
-use crate::substep::{Bounds, Gather, Step, gather};
-use crate::with_group;
-
-use super::frame_loop::{Solver, norm};
+use crate::particles::{Activity, Block, Group, with_group};
+use crate::substep::{Gather, Step, gather};
 
 /// How a prescribed motion changes the rest of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,7 +61,7 @@ impl<const D: usize> Solver<D> {
                 });
             }
         }
-        if self.settings.is_open() || self.settings.sleep.is_some() {
+        if self.settings.openings.any() || self.settings.sleep.is_some() {
             let allowed = "without emitters, sinks and sleep where motion is prescribed";
             return Err(MpmError::parameter("the scene", allowed, "some"));
         }

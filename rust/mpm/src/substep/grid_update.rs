@@ -3,13 +3,10 @@
 use wide::f32x4;
 
 use crate::boundary::{MaterialFriction, Obstacles, WallContact};
-use crate::grid::{CHUNK, Grid, Window};
+use crate::grid::{CHUNK, Grid, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Vector, lanes, run_wide};
 use crate::particles::Slab;
 use team::Team;
-
-/// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
-pub const SMALLEST_MASS: f32 = 1.0e-30;
 
 /// Everything that acts on grid velocities.
 pub struct GridForces<'a, const D: usize> {

@@ -7,8 +7,8 @@ mod timestep;
 #[cfg(test)]
 mod transfer_tests;
 
-pub use g2p::{Bounds, Gather, g2p, gather};
-pub use grid_update::{GridForces, SMALLEST_MASS, grid_update};
+pub use g2p::{Gather, g2p, gather};
+pub use grid_update::{GridForces, grid_update};
 pub use p2g::{Step, p2g};
 pub use timestep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, StepChooser, Substeps, reference_substeps,

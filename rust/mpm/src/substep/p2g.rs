@@ -7,8 +7,7 @@ use wide::f32x4;
 use crate::grid::{Grid, Layout, MARGIN, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
 use crate::material::{Constitutive, State};
-use crate::particles::{Block, Phase, Slab};
-use crate::with_group;
+use crate::particles::{Block, Phase, Slab, with_group};
 use team::Team;
 
 /// What one substep needs besides the state.

@@ -2,10 +2,12 @@
 
 use proptest::prelude::*;
 
-use super::g2p::{Bounds, Gather, g2p};
+use super::g2p::{Gather, g2p};
 use super::grid_update::{GridForces, grid_update};
 use super::p2g::{Step, p2g};
-use crate::boundary::{Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls};
+use crate::boundary::{
+    Bounds, Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls,
+};
 use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;

@@ -2,8 +2,8 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use mpm::{
-    Contact, ContactKind, Force, Material, Obstacle, Particles, Settings, Solver, Substeps, Vector,
-    Walls,
+    Contact, ContactKind, Force, Material, Obstacle, Openings, Particles, Settings, Solver,
+    Substeps, Vector, Walls,
 };
 
 pub const FRAME: f32 = 0.0025;
@@ -40,9 +40,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         walls,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
-        emitters: Vec::new(),
-        sinks: Vec::new(),
-        max_particles: usize::MAX,
+        openings: Openings::NONE,
         substeps: Substeps::Cfl(None),
         sleep: None,
         threads: 1,

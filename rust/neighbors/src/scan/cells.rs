@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use super::tile::LANES;
 use crate::error::GraphError;
+
+/// Points that are tested at once.
+pub(crate) const LANES: usize = 8;
 
 /// Points in the order of their cells, each cell at least as wide as the radius.
 #[derive(Debug)]

@@ -2,11 +2,8 @@
 
 use std::ops::Range;
 
-use super::cells::CellList;
+use super::cells::{CellList, LANES};
 use super::reach::Reach;
-
-/// Points that are tested at once.
-pub(crate) const LANES: usize = 8;
 
 /// What a scan found.
 #[derive(Debug, Clone, Copy)]

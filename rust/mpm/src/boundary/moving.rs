@@ -1,45 +1,12 @@
 //! Where moving obstacles are, and which grid nodes they can touch for a while.
 
 use super::motion::Pose;
-use super::obstacle::{BAND_CELLS, Obstacle, stencil_reach};
+use super::node::{BAND_CELLS, ByRow, stencil_reach};
+use super::obstacle::Obstacle;
 use crate::grid::Layout;
 
 /// How far solids may move before the nodes that they can touch are looked for anew.
 const MARGIN_CELLS: f32 = 2.0;
-
-/// Something at grid nodes, ordered by row.
-#[derive(Debug, Clone)]
-pub struct ByRow<T> {
-    pub nodes: Vec<T>,
-    /// Row r has `nodes[starts[r]..starts[r + 1]]`; empty where there are no rows.
-    starts: Vec<u32>,
-}
-
-impl<T> ByRow<T> {
-    pub const EMPTY: Self = Self {
-        nodes: Vec::new(),
-        starts: Vec::new(),
-    };
-
-    /// Starts anew, with no row ended.
-    pub fn clear(&mut self) {
-        self.nodes.clear();
-        self.starts.clear();
-        self.starts.push(0);
-    }
-
-    pub fn end_row(&mut self) {
-        self.starts.push(self.nodes.len() as u32);
-    }
-
-    #[inline(always)]
-    pub fn row(&self, row: usize) -> &[T] {
-        if self.starts.is_empty() {
-            return &[];
-        }
-        &self.nodes[self.starts[row] as usize..self.starts[row + 1] as usize]
-    }
-}
 
 /// A grid node that a moving obstacle may hold before the next search.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,178 @@
+//! From the arguments of Python's constructor to a solver.
+
+use mpm::{Contact, Material, Openings, Particles, Settings, Sleep, Substeps, Walls};
+use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use super::any::AnySolver;
+use crate::convert::{array, describe, slice_of, vector};
+use crate::error::{NativeError, config_error};
+use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyObstacle};
+
+/// "cfl", "reference" or a count.
+pub fn parse_substeps(
+    argument: Option<&Bound<'_, PyAny>>,
+    cfl: Option<f32>,
+    allow_unstable: bool,
+) -> PyResult<Substeps> {
+    let by_cfl = Substeps::Cfl(cfl);
+    let Some(argument) = argument else {
+        return Ok(by_cfl);
+    };
+    if let Ok(count) = argument.extract::<u32>() {
+        return Ok(Substeps::Fixed {
+            count,
+            allow_unstable,
+        });
+    }
+    match argument.extract::<&str>() {
+        Ok("cfl") => Ok(by_cfl),
+        Ok("reference") => Ok(Substeps::Reference),
+        _ => Err(config_error(format!(
+            "substeps must be \"cfl\", \"reference\" or an integer >= 1, got {}",
+            describe(argument)
+        ))),
+    }
+}
+
+/// Arrays of the initial particles, of the right types and numbers of axes.
+pub struct Arrays<'py> {
+    x: PyReadonlyArray2<'py, f32>,
+    v: PyReadonlyArray2<'py, f32>,
+    material: PyReadonlyArray1<'py, u8>,
+    mass: PyReadonlyArray1<'py, f32>,
+    volume: PyReadonlyArray1<'py, f32>,
+    volume_ratio: Option<PyReadonlyArray1<'py, f32>>,
+}
+
+impl<'py> Arrays<'py> {
+    pub fn new(
+        dim: usize,
+        x: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        material: &Bound<'py, PyAny>,
+        mass: &Bound<'py, PyAny>,
+        volume: &Bound<'py, PyAny>,
+        volume_ratio: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let vectors = format!("float32 of shape (N, {dim})");
+        let scalars = "float32 of shape (N,)";
+        let arrays = Self {
+            x: array::<f32, Ix2>("x", &vectors, x)?,
+            v: array::<f32, Ix2>("v", &vectors, v)?,
+            material: array::<u8, Ix1>("material", "uint8 of shape (N,)", material)?,
+            mass: array::<f32, Ix1>("mass", scalars, mass)?,
+            volume: array::<f32, Ix1>("volume", scalars, volume)?,
+            volume_ratio: volume_ratio
+                .map(|ratio| array::<f32, Ix1>("volume_ratio", scalars, ratio))
+                .transpose()?,
+        };
+        for (name, shape) in [("x", arrays.x.shape()), ("v", arrays.v.shape())] {
+            if shape[1] != dim {
+                return Err(config_error(format!(
+                    "{name} must be {vectors}, got shape {shape:?}"
+                )));
+            }
+        }
+        Ok(arrays)
+    }
+
+    fn particles(&self) -> PyResult<Particles<'_>> {
+        let ratio = self.volume_ratio.as_ref();
+        Ok(Particles {
+            x: slice_of("x", &self.x)?,
+            v: slice_of("v", &self.v)?,
+            material: slice_of("material", &self.material)?,
+            mass: slice_of("mass", &self.mass)?,
+            volume: slice_of("volume", &self.volume)?,
+            volume_ratio: ratio.map(|r| slice_of("volume_ratio", r)).transpose()?,
+        })
+    }
+}
+
+/// What the constructor takes besides the particles.
+pub struct Arguments<'py> {
+    pub resolution: usize,
+    pub frame_dt: f64,
+    pub gravity: Vec<f64>,
+    pub wall_lower: Vec<f64>,
+    pub wall_upper: Vec<f64>,
+    pub wall_contact: Contact,
+    pub materials: Vec<Material>,
+    pub obstacles: Vec<PyRef<'py, PyObstacle>>,
+    pub emitters: Vec<PyRef<'py, PyEmitter>>,
+    pub sinks: Vec<PyRef<'py, PyObstacle>>,
+    pub max_particles: usize,
+    pub substeps: Substeps,
+    pub sleep: Option<Sleep>,
+    pub threads: usize,
+}
+
+impl Arguments<'_> {
+    /// Builds the solver with the GIL released.
+    pub fn build(self, py: Python<'_>, arrays: &Arrays<'_>) -> PyResult<AnySolver> {
+        /// The settings in the dimension of one variant of the enumerations.
+        macro_rules! build {
+            ($variant:ident) => {{
+                let solid = |o: &PyObstacle| match o.inner {
+                    AnyObstacle::$variant(o) => Some(o),
+                    _ => None,
+                };
+                let opening = |e: &PyEmitter| match &e.inner {
+                    AnyEmitter::$variant(e) => Some(e.clone()),
+                    _ => None,
+                };
+                let dim = self.gravity.len();
+                let obstacles = same_dim("obstacles", dim, &self.obstacles, solid)?;
+                let emitters = same_dim("emitters", dim, &self.emitters, opening)?;
+                let sinks = same_dim("sinks", dim, &self.sinks, solid)?;
+                let settings = Settings {
+                    resolution: self.resolution,
+                    frame_dt: self.frame_dt as f32,
+                    gravity: vector("gravity", &self.gravity)?,
+                    walls: Walls {
+                        lower: vector("wall_lower", &self.wall_lower)?,
+                        upper: vector("wall_upper", &self.wall_upper)?,
+                        contact: self.wall_contact,
+                    },
+                    materials: self.materials,
+                    obstacles,
+                    openings: Openings {
+                        emitters,
+                        sinks: sinks.iter().map(|sink| sink.shape).collect(),
+                        max_particles: self.max_particles,
+                    },
+                    substeps: self.substeps,
+                    sleep: self.sleep,
+                    threads: self.threads,
+                };
+                let particles = arrays.particles()?;
+                let solver = py.detach(|| mpm::Solver::new(settings, particles));
+                Ok(AnySolver::$variant(solver.map_err(NativeError)?))
+            }};
+        }
+        match self.gravity.len() {
+            2 => build!(Plane),
+            3 => build!(Space),
+            dim => Err(config_error(format!(
+                "gravity must have 2 or 3 components, got {dim}"
+            ))),
+        }
+    }
+}
+
+/// The items of a list, all of which must have the scene's dimension.
+fn same_dim<'a, T: pyo3::PyClass, U>(
+    name: &str,
+    dim: usize,
+    list: &'a [PyRef<'_, T>],
+    pick: impl Fn(&'a T) -> Option<U>,
+) -> PyResult<Vec<U>> {
+    list.iter()
+        .enumerate()
+        .map(|(index, item)| {
+            pick(item)
+                .ok_or_else(|| config_error(format!("{name}[{index}] must have {dim} coordinates")))
+        })
+        .collect()
+}

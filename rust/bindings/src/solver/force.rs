@@ -1,0 +1,26 @@
+//! The external force of an array.
+
+use mpm::Force;
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::convert::slice_of;
+use crate::error::config_error;
+
+/// The force in an array, for so many frames of so many particles in so many dimensions.
+pub fn checked_force<'a>(
+    name: &str,
+    [frames, count, dim]: [usize; 3],
+    array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
+) -> PyResult<Force<'a>> {
+    let (held, per_frame) = ([count, dim], [frames, count, dim]);
+    match array {
+        None => Ok(Force::None),
+        Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
+        Some(array) if array.shape() == per_frame => Ok(Force::PerFrame(slice_of(name, array)?)),
+        Some(array) => Err(config_error(format!(
+            "{name} must be of shape {held:?} or {per_frame:?}, got {:?}",
+            array.shape()
+        ))),
+    }
+}

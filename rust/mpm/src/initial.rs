@@ -1,0 +1,152 @@
+//! The particles that a solver starts with, and their checks.
+
+use crate::error::MpmError;
+use crate::linalg::{Matrix, Vector};
+use crate::material::{Constitutive, Material, Model};
+use crate::openings::Emitter;
+use crate::particles::{Activity, Group, Particle, Phase};
+use crate::settings::Settings;
+
+/// Initial particles, N of each, vectors as N x D numbers.
+#[derive(Debug, Clone, Copy)]
+pub struct Particles<'a> {
+    /// [m]
+    pub x: &'a [f32],
+    /// [m/s]
+    pub v: &'a [f32],
+    /// Index into the materials.
+    pub material: &'a [u8],
+    /// [kg]
+    pub mass: &'a [f32],
+    /// Rest volume [m^D].
+    pub volume: &'a [f32],
+    /// Initial J; 1 where absent.
+    pub volume_ratio: Option<&'a [f32]>,
+}
+
+/// One over the mass that fills a cell at rest; 0 where particles differ in density by more than 1 %,
+/// because the mass of a node then says nothing about how full it is.
+pub(crate) fn per_rest_mass<const D: usize>(
+    particles: Particles<'_>,
+    emitters: &[Emitter<D>],
+    dx: f32,
+) -> f32 {
+    let densities = || {
+        let present = particles.mass.iter().zip(particles.volume);
+        let coming = emitters.iter().map(|e| (&e.mass, &e.volume));
+        present.chain(coming).map(|(mass, volume)| mass / volume)
+    };
+    let (lightest, heaviest) = densities().fold((f32::INFINITY, 0.0f32), |(low, high), rho| {
+        (low.min(rho), high.max(rho))
+    });
+    if heaviest > 0.0 && heaviest <= 1.01 * lightest {
+        1.0 / (heaviest * dx.powi(D as i32))
+    } else {
+        0.0
+    }
+}
+
+/// Checks the particles and groups them by material.
+pub(crate) fn group<const D: usize>(
+    settings: &Settings<D>,
+    particles: Particles<'_>,
+) -> Result<Vec<Phase<D>>, MpmError> {
+    check_particles(settings, particles)?;
+    Ok(settings
+        .materials
+        .iter()
+        .enumerate()
+        .map(|(index, material)| match material.model {
+            Model::Water(model) => Phase::Water(select(model, material, index, particles)),
+            Model::Sand(model) => Phase::Sand(select(model, material, index, particles)),
+            Model::Elastic(model) => Phase::Elastic(select(model, material, index, particles)),
+        })
+        .collect())
+}
+
+fn select<const D: usize, M: Constitutive<D>>(
+    model: M,
+    material: &Material,
+    index: usize,
+    input: Particles<'_>,
+) -> Group<D, M> {
+    let particles: Vec<_> = (0..input.mass.len())
+        .filter(|&i| usize::from(input.material[i]) == index)
+        .map(|i| Particle {
+            x: Vector::from_column_slice(&input.x[i * D..][..D]),
+            v: Vector::from_column_slice(&input.v[i * D..][..D]),
+            affine: Matrix::zeros(),
+            mass: input.mass[i],
+            volume: input.volume[i],
+            id: i as u32,
+            calm: 0.0,
+            activity: Activity::Awake,
+            state: model.initial_state(input.volume_ratio.map_or(1.0, |ratios| ratios[i])),
+        })
+        .collect();
+    Group::new(model, material.wall_friction, &particles)
+}
+
+fn check_particles<const D: usize>(
+    settings: &Settings<D>,
+    particles: Particles<'_>,
+) -> Result<(), MpmError> {
+    let n = particles.mass.len();
+    let lengths = [
+        ("x", particles.x.len(), n * D),
+        ("v", particles.v.len(), n * D),
+        ("material", particles.material.len(), n),
+        ("volume", particles.volume.len(), n),
+        (
+            "volume_ratio",
+            particles.volume_ratio.map_or(n, <[f32]>::len),
+            n,
+        ),
+    ];
+    if let Some(&(name, got, expected)) = lengths.iter().find(|(_, got, expected)| got != expected)
+    {
+        return Err(MpmError::Length {
+            name,
+            expected,
+            got,
+        });
+    }
+    let walls = &settings.walls;
+    for i in 0..n {
+        let x = Vector::<D>::from_column_slice(&particles.x[i * D..][..D]);
+        if !walls.contain(&x) {
+            return Err(MpmError::parameter(
+                format!("x[{i}]"),
+                "inside the walls",
+                x.as_slice(),
+            ));
+        }
+        let v = &particles.v[i * D..][..D];
+        if !v.iter().all(|s| s.is_finite()) {
+            return Err(MpmError::parameter(format!("v[{i}]"), "finite", v));
+        }
+        if usize::from(particles.material[i]) >= settings.materials.len() {
+            let value = particles.material[i];
+            return Err(MpmError::parameter(
+                format!("material[{i}]"),
+                "an index into materials",
+                value,
+            ));
+        }
+        let ratio = particles.volume_ratio.map_or(1.0, |ratios| ratios[i]);
+        for (name, value) in [
+            ("mass", particles.mass[i]),
+            ("volume", particles.volume[i]),
+            ("volume_ratio", ratio),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(MpmError::parameter(
+                    format!("{name}[{i}]"),
+                    "finite and > 0",
+                    value,
+                ));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,192 @@
+//! Particles grouped by material, so that the loops over them have no branches.
+
+use std::ops::Range;
+
+use super::block::Block;
+use super::particle::{Activity, Particle};
+use crate::linalg::LANES;
+use crate::material::{Constitutive, Elastic, Sand, State, Water};
+
+/// Blocks in the order of grid rows.
+#[derive(Debug, Clone)]
+pub struct Sorted<const D: usize, S: State> {
+    pub blocks: Vec<Block<D, S>>,
+    /// The other half of each sort; its content means nothing.
+    pub(super) scratch: Vec<Block<D, S>>,
+    /// Where the particles of each slab are; empty before the first sort.
+    pub(super) runs: Vec<Run>,
+}
+
+impl<const D: usize, S: State> Sorted<D, S> {
+    const EMPTY: Self = Self {
+        blocks: Vec::new(),
+        scratch: Vec::new(),
+        runs: Vec::new(),
+    };
+
+    /// The blocks of one slab.
+    pub fn of_slab(&self, slab: usize) -> &[Block<D, S>] {
+        &self.blocks[self.runs[slab].blocks()]
+    }
+
+    fn copy_from(&mut self, from: &Self) {
+        self.blocks.clone_from(&from.blocks);
+        self.runs.clone_from(&from.runs);
+    }
+}
+
+/// Consecutive particles that begin with a new block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Run {
+    pub first_block: usize,
+    pub particles: usize,
+}
+
+impl Run {
+    pub fn blocks(self) -> Range<usize> {
+        self.first_block..self.first_block + self.particles.div_ceil(LANES)
+    }
+}
+
+/// All particles of one material.
+#[derive(Debug, Clone)]
+pub struct Group<const D: usize, M: Constitutive<D>> {
+    pub material: M,
+    pub wall_friction: f32,
+    pub awake: Sorted<D, M::State>,
+    pub border: Sorted<D, M::State>,
+    /// In no order.
+    pub asleep: Vec<Block<D, M::State>>,
+}
+
+impl<const D: usize, M: Constitutive<D>> Group<D, M> {
+    pub fn new(material: M, wall_friction: f32, particles: &[Particle<D, M::State>]) -> Self {
+        let mut group = Self {
+            material,
+            wall_friction,
+            awake: Sorted::EMPTY,
+            border: Sorted::EMPTY,
+            asleep: Vec::new(),
+        };
+        group.append(particles);
+        group
+    }
+
+    /// Removes all particles.
+    pub fn clear(&mut self) {
+        (self.awake, self.border) = (Sorted::EMPTY, Sorted::EMPTY);
+        self.asleep.clear();
+    }
+
+    /// Puts particles, in this order, behind the others of their activity. Needs a sort afterwards.
+    pub fn append(&mut self, particles: &[Particle<D, M::State>]) {
+        for activity in [Activity::Awake, Activity::Border, Activity::Asleep] {
+            let mine: Vec<_> = particles
+                .iter()
+                .filter(|p| p.activity == activity)
+                .collect();
+            let blocks: Vec<_> = mine
+                .chunks(LANES)
+                .map(|chunk| self.block_of(chunk))
+                .collect();
+            match activity {
+                Activity::Awake => self.awake.blocks.extend(blocks),
+                Activity::Border => self.border.blocks.extend(blocks),
+                Activity::Asleep => self.asleep.extend(blocks),
+            }
+        }
+        self.awake.runs.clear();
+        self.border.runs.clear();
+    }
+
+    fn block_of(&self, particles: &[&Particle<D, M::State>]) -> Block<D, M::State> {
+        let mut block = self.vacant_like(particles[0]);
+        (particles.iter().enumerate()).for_each(|(lane, particle)| block.set(lane, particle));
+        block.count = particles.len();
+        block
+    }
+
+    /// A block without particles whose lanes rest where this particle is.
+    pub fn vacant_like(&self, particle: &Particle<D, M::State>) -> Block<D, M::State> {
+        Block::empty(&Particle {
+            state: self.material.initial_state(1.0),
+            ..*particle
+        })
+    }
+
+    /// All blocks, with what their particles take part in.
+    pub fn blocks(&self) -> impl Iterator<Item = (&Block<D, M::State>, Activity)> {
+        let awake = self
+            .awake
+            .blocks
+            .iter()
+            .map(|block| (block, Activity::Awake));
+        let border = self
+            .border
+            .blocks
+            .iter()
+            .map(|block| (block, Activity::Border));
+        let asleep = self.asleep.iter().map(|block| (block, Activity::Asleep));
+        awake.chain(border).chain(asleep)
+    }
+
+    pub fn particles(&self) -> impl Iterator<Item = Particle<D, M::State>> + '_ {
+        let of_block = |(block, activity): (&Block<D, M::State>, Activity)| {
+            let block = *block;
+            (0..block.count).map(move |lane| block.get(lane, activity))
+        };
+        self.blocks().flat_map(of_block)
+    }
+
+    pub fn len(&self) -> usize {
+        self.blocks().map(|(block, _)| block.count).sum()
+    }
+
+    fn copy_from(&mut self, from: &Self) {
+        self.awake.copy_from(&from.awake);
+        self.border.copy_from(&from.border);
+        self.asleep.clone_from(&from.asleep);
+    }
+
+    /// J of water, det F of solids [-].
+    pub fn volume_ratio(&self, particle: &Particle<D, M::State>) -> f32 {
+        self.material.volume_ratio(&particle.state)
+    }
+
+    /// Stored elastic energy [J].
+    pub fn elastic_energy(&self, particle: &Particle<D, M::State>) -> f32 {
+        self.material.energy_density(&particle.state) * particle.volume
+    }
+}
+
+/// A group of any material.
+#[derive(Debug, Clone)]
+pub enum Phase<const D: usize> {
+    Water(Group<D, Water>),
+    Sand(Group<D, Sand>),
+    Elastic(Group<D, Elastic>),
+}
+
+impl<const D: usize> Phase<D> {
+    /// Takes over the particles of a phase of the same material without allocating.
+    pub fn copy_particles(&mut self, from: &Self) {
+        match (self, from) {
+            (Self::Water(to), Self::Water(from)) => to.copy_from(from),
+            (Self::Sand(to), Self::Sand(from)) => to.copy_from(from),
+            (Self::Elastic(to), Self::Elastic(from)) => to.copy_from(from),
+            _ => unreachable!("the phases of a solver keep their order"),
+        }
+    }
+}
+
+/// Runs one expression on the group of whichever material.
+macro_rules! with_group {
+    ($phase:expr, $group:ident => $body:expr) => {
+        match $phase {
+            $crate::particles::Phase::Water($group) => $body,
+            $crate::particles::Phase::Sand($group) => $body,
+            $crate::particles::Phase::Elastic($group) => $body,
+        }
+    };
+}
+pub(crate) use with_group;
