@@ -7,26 +7,26 @@ use crate::state::SolverState;
 /// Conserved and extreme quantities at one instant. In 2D, per metre of depth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnostics {
-    /// [kg]
+    /// Mass of all particles [kg].
     pub mass: f64,
-    /// [kg m/s]
+    /// Momentum, D components [kg m/s].
     pub momentum: Vec<f64>,
-    /// [m]
+    /// Centre of mass, D components [m].
     pub centroid: Vec<f64>,
-    /// [J], of the particles' velocities without their affine part.
+    /// Kinetic energy of the particles' velocities without their affine part [J].
     pub kinetic_energy: f64,
-    /// -m g . x [J].
+    /// Potential energy -m g . x [J].
     pub potential_energy: f64,
-    /// [J]
+    /// Stored elastic energy [J].
     pub elastic_energy: f64,
-    /// [m/s]
+    /// Largest speed of a particle [m/s].
     pub max_speed: f64,
-    /// Extremes of J or det F [-]; 1 without particles.
+    /// Smallest and largest J or det F [-]; 1 without particles.
     pub min_volume_ratio: f64,
     pub max_volume_ratio: f64,
-    /// Added by emitters since frame 0 [kg].
+    /// Mass that emitters have added since frame 0 [kg].
     pub emitted_mass: f64,
-    /// Removed by sinks since frame 0 [kg].
+    /// Mass that sinks have removed since frame 0 [kg].
     pub removed_mass: f64,
 }
 
@@ -45,8 +45,8 @@ impl Diagnostics {
             emitted_mass: state.population.emitted_mass,
             removed_mass: state.population.removed_mass,
         };
-        for phase in &state.phases {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &state.groups {
+            with_group!(group, group => for p in group.particles() {
                 let v = p.v;
                 let mass = f64::from(p.mass);
                 let speed_squared: f64 = v.iter().map(|&s| f64::from(s).powi(2)).sum();

@@ -4,21 +4,21 @@ use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
 use crate::material::{Constitutive, Material, Model};
 use crate::openings::Emitter;
-use crate::particles::{Activity, Group, Particle, Phase};
-use crate::settings::Settings;
+use crate::particles::{Activity, Group, MaterialGroup, Particle};
+use crate::settings::SolverSettings;
 
 /// Initial particles, N of each, vectors as N x D numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Particles<'a> {
-    /// [m]
+    /// Positions [m].
     pub x: &'a [f32],
-    /// [m/s]
+    /// Velocities [m/s].
     pub v: &'a [f32],
-    /// Index into the materials.
+    /// Indices into the materials.
     pub material: &'a [u8],
-    /// [kg]
+    /// Masses [kg].
     pub mass: &'a [f32],
-    /// Rest volume [m^D].
+    /// Rest volumes [m^D].
     pub volume: &'a [f32],
     /// Initial J; 1 where absent.
     pub volume_ratio: Option<&'a [f32]>,
@@ -48,18 +48,20 @@ pub(crate) fn per_rest_mass<const D: usize>(
 
 /// Checks the particles and groups them by material.
 pub(crate) fn group<const D: usize>(
-    settings: &Settings<D>,
+    settings: &SolverSettings<D>,
     particles: Particles<'_>,
-) -> Result<Vec<Phase<D>>, MpmError> {
+) -> Result<Vec<MaterialGroup<D>>, MpmError> {
     check_particles(settings, particles)?;
     Ok(settings
         .materials
         .iter()
         .enumerate()
         .map(|(index, material)| match material.model {
-            Model::Water(model) => Phase::Water(select(model, material, index, particles)),
-            Model::Sand(model) => Phase::Sand(select(model, material, index, particles)),
-            Model::Elastic(model) => Phase::Elastic(select(model, material, index, particles)),
+            Model::Water(model) => MaterialGroup::Water(select(model, material, index, particles)),
+            Model::Sand(model) => MaterialGroup::Sand(select(model, material, index, particles)),
+            Model::Elastic(model) => {
+                MaterialGroup::Elastic(select(model, material, index, particles))
+            }
         })
         .collect())
 }
@@ -88,7 +90,7 @@ fn select<const D: usize, M: Constitutive<D>>(
 }
 
 fn check_particles<const D: usize>(
-    settings: &Settings<D>,
+    settings: &SolverSettings<D>,
     particles: Particles<'_>,
 ) -> Result<(), MpmError> {
     let n = particles.mass.len();
@@ -114,7 +116,7 @@ fn check_particles<const D: usize>(
     let walls = &settings.walls;
     for i in 0..n {
         let x = Vector::<D>::from_column_slice(&particles.x[i * D..][..D]);
-        if !walls.contain(&x) {
+        if !walls.contains(&x) {
             return Err(MpmError::parameter(
                 format!("x[{i}]"),
                 "inside the walls",

@@ -1,7 +1,8 @@
 //! MLS-MPM (Hu et al. 2018) for water, sand and elastic solids in 2D and 3D, on the CPU.
 //!
-//! One substep is `clear`, `p2g`, `grid_update`, `g2p`, each in the file of that name. Dimension is a
-//! const generic; D is 2 or 3. This crate opens no file, reads no clock and knows no Python.
+//! A substep clears the grid and goes through `p2g`, `grid_update` and `g2p`, each in the file of that name under
+//! `substep`. The dimension D, 2 or 3, is a const generic. This crate opens no file, reads no clock and knows no
+//! Python.
 
 mod boundary;
 mod diagnostics;
@@ -28,6 +29,6 @@ pub use material::Material;
 pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};
 pub use particles::Sleep;
-pub use settings::Settings;
-pub use solver::{Carry, Force, MotionReport, Solver};
+pub use settings::SolverSettings;
+pub use solver::{Force, MotionReport, PrescribeOptions, Solver};
 pub use substep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};

@@ -10,26 +10,26 @@ use crate::substep::Substeps;
 
 /// Everything about a scene but its particles.
 #[derive(Debug, Clone)]
-pub struct Settings<const D: usize> {
+pub struct SolverSettings<const D: usize> {
     /// Grid cells along each axis, 8 to 1024.
     pub resolution: usize,
     /// Length of a frame [s].
     pub frame_dt: f32,
-    /// [m/s^2]
+    /// Gravity [m/s^2].
     pub gravity: Vector<D>,
     pub walls: Walls<D>,
-    /// 1 to 255.
+    /// 1 to 255 materials.
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
     pub openings: Openings<D>,
     pub substeps: Substeps,
     /// Whether regions at rest may sleep; None for the ground truth.
     pub sleep: Option<Sleep>,
-    /// At least 1; no influence on the result.
+    /// Threads that a frame may use, at least 1; the result does not depend on them.
     pub threads: usize,
 }
 
-impl<const D: usize> Settings<D> {
+impl<const D: usize> SolverSettings<D> {
     /// Refuses what is out of range.
     pub(crate) fn check(&self) -> Result<(), MpmError> {
         if !(8..=1024).contains(&self.resolution) {

@@ -6,7 +6,7 @@ use crate::linalg::{Matrix, Vector};
 use crate::material::{Constitutive, State};
 use crate::openings::{EmitterStatus, Flow, Openings, Population};
 use crate::particles::{Activity, Group, Particle, with_group};
-use crate::settings::Settings;
+use crate::settings::SolverSettings;
 use crate::state::SolverState;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
@@ -15,15 +15,18 @@ const VERSION: u32 = 3;
 const HEADER: usize = 8 + 4 + 8 + 8 + 4;
 const CHECKSUM: usize = 8;
 
-pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &SolverState<D>) -> Vec<u8> {
+pub(crate) fn encode<const D: usize>(
+    settings: &SolverSettings<D>,
+    state: &SolverState<D>,
+) -> Vec<u8> {
     let mut out = Vec::new();
     out.extend_from_slice(MAGIC);
     out.extend_from_slice(&VERSION.to_le_bytes());
     out.extend_from_slice(&fingerprint(settings).to_le_bytes());
     out.extend_from_slice(&state.frame.to_le_bytes());
     out.extend_from_slice(&state.max_speed.to_le_bytes());
-    for phase in &state.phases {
-        with_group!(phase, group => {
+    for group in &state.groups {
+        with_group!(group, group => {
             out.extend_from_slice(&(group.len() as u32).to_le_bytes());
             for p in group.particles() {
                 out.extend_from_slice(&p.id.to_le_bytes());
@@ -39,7 +42,7 @@ pub(crate) fn encode<const D: usize>(settings: &Settings<D>, state: &SolverState
 
 /// `present` is a state of the same scene; it tells which groups to expect.
 pub(crate) fn decode<const D: usize>(
-    settings: &Settings<D>,
+    settings: &SolverSettings<D>,
     present: &SolverState<D>,
     data: &[u8],
 ) -> Result<SolverState<D>, MpmError> {
@@ -68,12 +71,12 @@ pub(crate) fn decode<const D: usize>(
     let mut state = SolverState {
         frame: reader.u64(),
         max_speed: reader.f32(),
-        phases: present.phases.clone(),
+        groups: present.groups.clone(),
         population: present.population.clone(),
     };
     let other = || refuse("it belongs to a scene with other particles".into());
-    for phase in &mut state.phases {
-        with_group!(phase, group => read_group(group, &mut reader, settings.openings.any()).ok_or_else(other)?);
+    for group in &mut state.groups {
+        with_group!(group, group => read_group(group, &mut reader, settings.openings.any()).ok_or_else(other)?);
     }
     state.population = read_population(&state.population, &mut reader).ok_or_else(other)?;
     if !reader.rest.is_empty() || !is_numbered(&state) {
@@ -86,8 +89,8 @@ pub(crate) fn decode<const D: usize>(
 fn is_numbered<const D: usize>(state: &SolverState<D>) -> bool {
     let mut taken = vec![false; state.population.ids.len()];
     let mut count = 0;
-    for phase in &state.phases {
-        with_group!(phase, group => for p in group.particles() {
+    for group in &state.groups {
+        with_group!(group, group => for p in group.particles() {
             count += 1;
             if let Some(taken) = taken.get_mut(p.id as usize) {
                 *taken = true;
@@ -111,7 +114,7 @@ fn write_population(population: &Population, out: &mut Vec<u8>) {
     }
 }
 
-/// None when there are more ids than bytes. As many emitters as at present are read.
+/// Reads as many emitters as there are at present. None where there are more ids than bytes.
 fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Population> {
     let count = reader.u64();
     if count > reader.rest.len() as u64 / 8 {
@@ -135,7 +138,8 @@ fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Popu
     })
 }
 
-/// None when the group has another size, or ids that the present one lacks; not so where both may change.
+/// Reads the particles of a group. None where it has another size than the present one, or ids that this one lacks;
+/// in a scene with openings both may differ.
 fn read_group<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     reader: &mut Reader<'_>,
@@ -190,9 +194,9 @@ fn read<const D: usize, S: State>(id: u32, take: &mut impl FnMut() -> f32) -> Pa
     }
 }
 
-/// Of all settings that shape the motion; substeps and threads may differ.
-fn fingerprint<const D: usize>(settings: &Settings<D>) -> u64 {
-    let Settings {
+/// Hash of all settings that shape the motion. Substeps and threads are not among them and may differ.
+fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
+    let SolverSettings {
         resolution,
         frame_dt,
         gravity,

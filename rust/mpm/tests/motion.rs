@@ -4,8 +4,8 @@ mod common;
 
 use common::{Bodies, FRAME, GRAVITY, elastic, positions, run, sand, settings, velocities, water};
 use mpm::{
-    Contact, ContactKind, Force, Motion, MpmError, Obstacle, Settings, Shape, Solver, Substeps,
-    Swing, Vector,
+    Contact, ContactKind, Force, Motion, MpmError, Obstacle, Shape, Solver, SolverSettings,
+    Substeps, Swing, Vector,
 };
 
 const FREE: Contact = Contact {
@@ -269,7 +269,7 @@ fn a_press_that_leaves_no_room_throws_nothing_out_of_the_box() {
 }
 
 /// A scene with every kind of motion.
-fn machine() -> (Bodies, Settings<2>) {
+fn machine() -> (Bodies, SolverSettings<2>) {
     let mut settings = settings::<2>(64, vec![water()]);
     let swing = Swing {
         period: 0.3,
@@ -316,7 +316,7 @@ fn threads_do_not_change_the_result() {
         "the parallel path starts above that"
     );
     let result = |threads| {
-        let mut solver = bodies.solver(Settings {
+        let mut solver = bodies.solver(SolverSettings {
             threads,
             ..settings.clone()
         });

@@ -3,7 +3,9 @@
 mod common;
 
 use common::*;
-use mpm::{Contact, ContactKind, Force, Motion, Obstacle, Settings, Shape, Sleep, Solver, Vector};
+use mpm::{
+    Contact, ContactKind, Force, Motion, Obstacle, Shape, Sleep, Solver, SolverSettings, Vector,
+};
 
 const SLEEP: Sleep = Sleep {
     speed: 0.02,
@@ -27,7 +29,7 @@ fn heap(sleep: Option<Sleep>) -> Solver<2> {
 }
 
 fn heap_on(sleep: Option<Sleep>, threads: usize) -> Solver<2> {
-    let mut settings: Settings<2> = settings(64, vec![sand()]);
+    let mut settings: SolverSettings<2> = settings(64, vec![sand()]);
     (settings.sleep, settings.threads) = (sleep, threads);
     let grain = ([0.5, 0.34375], [0.507_812_5, 0.351_562_5], [0.0, 3.2]);
     let bodies = Bodies::default()
@@ -120,7 +122,7 @@ fn a_moving_obstacle_wakes_what_it_comes_near_to() {
         radius: 0.05,
     };
     let motion = Motion::new(Vector::<2>::new(0.0, -0.6), &[], Vector::<2>::zeros(), None).unwrap();
-    let mut settings: Settings<2> = settings(64, vec![sand()]);
+    let mut settings: SolverSettings<2> = settings(64, vec![sand()]);
     settings.sleep = Some(SLEEP);
     settings.obstacles = vec![Obstacle::new(shape, contact).unwrap().moving(motion)];
     let bodies = Bodies::default().block(64, [0.3, 0.1], [0.7, 0.3], [0.0; 2], 0);
@@ -166,7 +168,7 @@ fn sleeping_gives_the_same_bits_on_any_threads_and_after_any_restore() {
 
 #[test]
 fn a_space_scene_sleeps_too() {
-    let mut settings: Settings<3> = settings(32, vec![sand()]);
+    let mut settings: SolverSettings<3> = settings(32, vec![sand()]);
     settings.sleep = Some(SLEEP);
     let bodies = Bodies::default().block(32, [0.4, 0.1, 0.4], [0.6, 0.2, 0.6], [0.0; 3], 0);
     let mut solver = bodies.solver(settings);

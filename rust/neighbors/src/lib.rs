@@ -15,5 +15,5 @@ mod verlet;
 pub use error::GraphError;
 pub use padded::{most_neighbors, write_padded};
 pub use search::Search;
-pub use settings::Settings;
+pub use settings::GraphSettings;
 pub use verlet::VerletList;

@@ -3,7 +3,7 @@
 use team::Team;
 
 use crate::error::GraphError;
-use crate::settings::Settings;
+use crate::settings::GraphSettings;
 
 /// The neighbours of all points, in the parts that threads wrote.
 #[derive(Debug, Default)]
@@ -63,7 +63,7 @@ impl Rows {
     }
 
     /// Fails where there are more entries than the settings allow.
-    pub fn check_size(&self, points: usize, settings: &Settings) -> Result<(), GraphError> {
+    pub fn check_size(&self, points: usize, settings: &GraphSettings) -> Result<(), GraphError> {
         let limit = settings.max_edges as usize;
         if self.parts.iter().map(Part::len).sum::<usize>() > limit {
             let radius = settings.radius;

@@ -8,7 +8,7 @@ use crate::error::GraphError;
 use crate::filter::Filter;
 use crate::rows::{Part, Rows, pieces};
 use crate::scan::{CellList, Reach, Tile, room, write_sorted};
-use crate::settings::{Settings, check_fixed, check_length, check_points};
+use crate::settings::{GraphSettings, check_fixed, check_length, check_points};
 
 /// Finds graphs; what it allocates serves the next one too.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl<const D: usize> Search<D> {
         &mut self,
         points: &[f32],
         fixed: Option<&[bool]>,
-        settings: &Settings,
+        settings: &GraphSettings,
         team: &Team,
     ) -> Result<usize, GraphError> {
         check_length("radius", settings.radius)?;
@@ -112,7 +112,7 @@ fn slabs<const D: usize>(cells: &CellList<D>, count: usize) -> Vec<Range<usize>>
 struct Sweep<'a, const D: usize> {
     cells: &'a CellList<D>,
     filter: Filter<'a, D>,
-    settings: &'a Settings,
+    settings: &'a GraphSettings,
 }
 
 impl<const D: usize> Sweep<'_, D> {

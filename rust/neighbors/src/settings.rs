@@ -4,8 +4,8 @@ use crate::error::GraphError;
 
 /// Which pairs of points become edges.
 #[derive(Debug, Clone, Copy)]
-pub struct Settings {
-    /// [m]
+pub struct GraphSettings {
+    /// Largest distance of a pair [m].
     pub radius: f32,
     /// Pairs at exactly the radius are joined too.
     pub inclusive: bool,
@@ -15,7 +15,7 @@ pub struct Settings {
     pub max_edges: u32,
 }
 
-impl Settings {
+impl GraphSettings {
     /// All pairs of different points at most `radius` apart.
     pub fn new(radius: f32) -> Self {
         Self {

@@ -9,14 +9,14 @@ use crate::filter::Filter;
 use crate::rows::{Part, Rows, pieces};
 use crate::scan::{Reach, Tile, room};
 use crate::search::Search;
-use crate::settings::{Settings, check_fixed, check_length};
+use crate::settings::{GraphSettings, check_fixed, check_length};
 
-/// Graphs of points that move little from one to the next: the same ones as of `Search`.
+/// Graphs of points that move little from one to the next; they are the same as those of `Search`.
 ///
 /// Pairs within the radius and a skin are found once. They hold until some point has moved by half the skin.
 #[derive(Debug)]
 pub struct VerletList<const D: usize> {
-    settings: Settings,
+    settings: GraphSettings,
     skin: f32,
     search: Search<D>,
     /// Where the points were when the candidates were found; nothing before that.
@@ -35,7 +35,7 @@ const MARGIN: f64 = 1.0e-6;
 
 impl<const D: usize> VerletList<D> {
     /// `skin` [m] is what is added to the radius.
-    pub fn new(settings: Settings, skin: f32) -> Result<Self, GraphError> {
+    pub fn new(settings: GraphSettings, skin: f32) -> Result<Self, GraphError> {
         check_length("radius", settings.radius)?;
         check_length("skin", skin)?;
         check_length("radius + skin", settings.radius + skin)?;
@@ -66,7 +66,7 @@ impl<const D: usize> VerletList<D> {
         team: &Team,
     ) -> Result<usize, GraphError> {
         check_fixed(fixed, points.len() / D)?;
-        if !self.holds(points) {
+        if !self.still_valid(points) {
             self.rebuild(points, team)?;
         }
         let count = points.len() / D;
@@ -94,18 +94,18 @@ impl<const D: usize> VerletList<D> {
         Ok(self.rows.locate(count, found))
     }
 
-    /// As `Search::starts`.
+    /// The edges into point i are `starts[i]` to `starts[i + 1]`, as in `Search::starts`.
     pub fn starts(&self) -> &[u32] {
         &self.rows.starts
     }
 
-    /// As `Search::write_senders`.
+    /// Writes the senders of all edges, as `Search::write_senders` does.
     pub fn write_senders(&self, into: &mut [u32], team: &Team) {
         self.rows.write(into, team);
     }
 
     /// Whether no point has moved so far that an edge could be missing among the candidates.
-    fn holds(&self, points: &[f32]) -> bool {
+    fn still_valid(&self, points: &[f32]) -> bool {
         let most = (f64::from(self.skin) / 2.0 * (1.0 - MARGIN)).powi(2);
         let pairs = points.chunks_exact(D).zip(self.origin.chunks_exact(D));
         // A point that is no number has moved too far: the search then says which.
@@ -123,7 +123,7 @@ impl<const D: usize> VerletList<D> {
         // Should the search fail, the next call starts afresh.
         self.origin.clear();
         let wide = f64::from(self.settings.radius) + f64::from(self.skin);
-        let settings = Settings {
+        let settings = GraphSettings {
             radius: (wide * (1.0 + MARGIN)) as f32,
             inclusive: true,
             max_edges: u32::MAX,

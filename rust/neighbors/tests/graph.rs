@@ -1,6 +1,6 @@
 //! Graphs against the comparison of all pairs, whatever the cloud of points.
 
-use neighbors::{GraphError, Search, Settings, VerletList, most_neighbors, write_padded};
+use neighbors::{GraphError, GraphSettings, Search, VerletList, most_neighbors, write_padded};
 use proptest::prelude::*;
 use team::Team;
 
@@ -11,7 +11,11 @@ struct Graph {
 }
 
 /// All pairs, in double precision.
-fn brute_force<const D: usize>(x: &[f32], fixed: Option<&[bool]>, settings: &Settings) -> Graph {
+fn brute_force<const D: usize>(
+    x: &[f32],
+    fixed: Option<&[bool]>,
+    settings: &GraphSettings,
+) -> Graph {
     let (points, _) = x.as_chunks::<D>();
     let radius_squared = f64::from(settings.radius).powi(2);
     let mut graph = Graph {
@@ -43,7 +47,7 @@ fn search<const D: usize>(
     search: &mut Search<D>,
     x: &[f32],
     fixed: Option<&[bool]>,
-    settings: &Settings,
+    settings: &GraphSettings,
     team: &Team,
 ) -> Graph {
     let edges = search.find(x, fixed, settings, team).unwrap();
@@ -70,7 +74,7 @@ fn clouds(dim: usize) -> impl Strategy<Value = Vec<f32>> {
     prop_oneof![15 => cloud, 1 => clump]
 }
 
-fn settings() -> impl Strategy<Value = Settings> {
+fn settings() -> impl Strategy<Value = GraphSettings> {
     let radius = prop_oneof![
         Just(1.0f32 / 32.0),
         Just(1.0 / 16.0),
@@ -78,14 +82,16 @@ fn settings() -> impl Strategy<Value = Settings> {
         Just(1.0e-20),
         Just(1.0e20)
     ];
-    (radius, any::<bool>(), any::<bool>()).prop_map(|(radius, inclusive, self_edges)| Settings {
-        inclusive,
-        self_edges,
-        ..Settings::new(radius)
+    (radius, any::<bool>(), any::<bool>()).prop_map(|(radius, inclusive, self_edges)| {
+        GraphSettings {
+            inclusive,
+            self_edges,
+            ..GraphSettings::new(radius)
+        }
     })
 }
 
-fn same_as_brute_force<const D: usize>(x: &[f32], settings: &Settings, flags: u64) {
+fn same_as_brute_force<const D: usize>(x: &[f32], settings: &GraphSettings, flags: u64) {
     let fixed: Vec<bool> = (0..x.len() / D)
         .map(|i| flags >> (i % 64) & 1 == 1)
         .collect();
@@ -151,7 +157,7 @@ fn jittered<const D: usize>(per_axis: usize) -> Vec<f32> {
 #[test]
 fn threads_do_not_change_a_large_graph() {
     fn check<const D: usize>(x: &[f32], radius: f32) {
-        let settings = Settings::new(radius);
+        let settings = GraphSettings::new(radius);
         let mut reused = Search::<D>::new();
         let expected = brute_force::<D>(x, None, &settings);
         for threads in [1, 2, 4] {
@@ -166,7 +172,7 @@ fn threads_do_not_change_a_large_graph() {
 #[test]
 fn candidates_serve_until_a_point_has_moved_half_the_skin() {
     let team = Team::new(1).unwrap();
-    let mut list = VerletList::<2>::new(Settings::new(0.05), 0.02).unwrap();
+    let mut list = VerletList::<2>::new(GraphSettings::new(0.05), 0.02).unwrap();
     let mut x = jittered::<2>(20);
     for (moved, rebuilds) in [(0.0, 1), (0.009, 1), (0.0009, 1), (0.0009, 2), (0.009, 2)] {
         x[17] += moved;
@@ -194,31 +200,31 @@ fn padded_rows_hold_the_senders_and_then_the_point_itself() {
 #[test]
 fn nonsense_is_named() {
     let team = Team::new(1).unwrap();
-    let error = |x: &[f32], fixed: Option<&[bool]>, settings: &Settings| {
+    let error = |x: &[f32], fixed: Option<&[bool]>, settings: &GraphSettings| {
         let error = Search::<2>::new().find(x, fixed, settings, &team);
         error.unwrap_err()
     };
     assert_eq!(
-        error(&[], None, &Settings::new(0.0)).to_string(),
+        error(&[], None, &GraphSettings::new(0.0)).to_string(),
         "radius must be finite and > 0 m, got 0"
     );
-    let bad = error(&[0.0, 0.0, f32::NAN, 0.0], None, &Settings::new(1.0));
+    let bad = error(&[0.0, 0.0, f32::NAN, 0.0], None, &GraphSettings::new(1.0));
     assert!(bad.to_string().starts_with("x[1] must be finite"));
     assert_eq!(
-        error(&[0.0; 4], Some(&[true]), &Settings::new(1.0)),
+        error(&[0.0; 4], Some(&[true]), &GraphSettings::new(1.0)),
         GraphError::Flags {
             points: 2,
             flags: 1
         }
     );
-    let few = Settings {
+    let few = GraphSettings {
         max_edges: 5,
-        ..Settings::new(1.0)
+        ..GraphSettings::new(1.0)
     };
     let edges = error(&[0.0; 6], None, &few).to_string();
     assert!(edges.contains("3 points has more than max_edges = 5"));
     for (radius, skin) in [(0.1, 0.0), (f32::NAN, 0.1), (3.0e38, 3.0e38)] {
-        let refused = VerletList::<3>::new(Settings::new(radius), skin);
+        let refused = VerletList::<3>::new(GraphSettings::new(radius), skin);
         assert!(matches!(refused, Err(GraphError::Length { .. })));
     }
 }

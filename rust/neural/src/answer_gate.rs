@@ -1,35 +1,35 @@
-//! Which points anything happens to: those of an undisturbed body fall freely, whatever a network says of them.
+//! Where a network's answer counts: points that nothing disturbs fall freely, whatever the network says.
 
 /// Where a network's answer counts, from the latest states of points and the edges between them.
 #[derive(Debug, Clone, Copy)]
-pub struct Disturbance<const D: usize> {
-    /// R [m].
+pub struct AnswerGate<const D: usize> {
+    /// Radius of the graph, R [m].
     pub radius: f32,
     /// Unit of accelerations and of relative velocities [m per step^2 and m per step]; above 0.
     pub scale: [f32; D],
-    /// Edges that a disturbance is felt across.
+    /// Number of edges in a row that a disturbance is felt across.
     pub hops: usize,
     /// Disturbance that lets 63 % of the answer count; above 0.
     pub quiet: f32,
-    /// Subtracted from each point's own, so that rounding does not pile up over hops.
+    /// Disturbance of a point that counts as none, so that rounding does not pile up over hops.
     pub unnoticed: f32,
-    /// Bound of it, which keeps sums of sums finite.
+    /// Largest disturbance of a point, which keeps sums of sums finite.
     pub most: f32,
     /// Corners of the box [m].
     pub lower: [f32; D],
     pub upper: [f32; D],
 }
 
-impl<const D: usize> Disturbance<D> {
-    /// Returns the share in [0, 1] of the answer that counts for each point.
+impl<const D: usize> AnswerGate<D> {
+    /// Returns the weight in [0, 1] that the answer has at each point.
     ///
-    /// `states` are two or more, one step apart, oldest first; `known` is the acceleration [m per step^2] that
+    /// `states` are two or more, one step apart, oldest first; `known_acceleration` is the acceleration [m per step^2] that
     /// disturbs nothing. Edges are ordered by receiver: those into point i come from
     /// `senders[starts[i]..starts[i + 1]]`.
-    pub fn shares(
+    pub fn weights(
         &self,
         states: &[&[[f32; D]]],
-        known: &[[f32; D]],
+        known_acceleration: &[[f32; D]],
         starts: &[u32],
         senders: &[u32],
     ) -> Vec<f32> {
@@ -47,10 +47,10 @@ impl<const D: usize> Disturbance<D> {
                 for three in states.windows(3) {
                     let [a, b, c] = [three[0], three[1], three[2]].map(|state| &state[point]);
                     let change = difference(&difference(c, b), &difference(b, a));
-                    own += self.square(&difference(&change, &known[point]));
+                    own += self.square(&difference(&change, &known_acceleration[point]));
                 }
                 let ahead = std::array::from_fn(|axis| {
-                    now[point][axis] + velocity[point][axis] + known[point][axis]
+                    now[point][axis] + velocity[point][axis] + known_acceleration[point][axis]
                 });
                 own += self.near_walls(&now[point]) + self.near_walls(&ahead);
                 for sender in into(point) {
@@ -96,7 +96,7 @@ fn difference<const D: usize>(a: &[f32; D], b: &[f32; D]) -> [f32; D] {
 mod tests {
     use super::*;
 
-    const SETTINGS: Disturbance<2> = Disturbance {
+    const SETTINGS: AnswerGate<2> = AnswerGate {
         radius: 0.1,
         scale: [1e-3; 2],
         hops: 1,
@@ -117,14 +117,14 @@ mod tests {
         drop.map(|drop| [0.45, 0.5, 0.55].map(|x| [x, 0.5 - drop]))
     }
 
-    fn shares(states: &[[[f32; 2]; 3]; 3]) -> Vec<f32> {
+    fn weights(states: &[[[f32; 2]; 3]; 3]) -> Vec<f32> {
         let states: Vec<&[[f32; 2]]> = states.iter().map(<[_; 3]>::as_slice).collect();
-        SETTINGS.shares(&states, &[FALL; 3], &STARTS, &SENDERS)
+        SETTINGS.weights(&states, &[FALL; 3], &STARTS, &SENDERS)
     }
 
     #[test]
     fn nothing_happens_in_free_fall() {
-        assert_eq!(shares(&fall()), [0.0; 3]);
+        assert_eq!(weights(&fall()), [0.0; 3]);
     }
 
     #[test]
@@ -132,17 +132,17 @@ mod tests {
         let mut states = fall();
         states[2][0][0] -= 1e-3;
         // The first point departs and moves against the second; the third is joined to that alone.
-        let found = shares(&states);
+        let found = weights(&states);
         assert!(
             found[0] > 0.99 && found[1] > 0.99 && found[2] > 0.99,
             "{found:?}"
         );
-        let none = Disturbance {
+        let none = AnswerGate {
             hops: 0,
             ..SETTINGS
         };
         let states: Vec<&[[f32; 2]]> = states.iter().map(<[_; 3]>::as_slice).collect();
-        let found = none.shares(&states, &[FALL; 3], &STARTS, &SENDERS);
+        let found = none.weights(&states, &[FALL; 3], &STARTS, &SENDERS);
         assert!(found[1] > 0.99 && found[2] == 0.0, "{found:?}");
     }
 
@@ -153,7 +153,7 @@ mod tests {
             state[2][0] += 0.351;
         }
         // 0.099 from the wall: 0.01 radii within, now and ahead.
-        let alone = SETTINGS.shares(
+        let alone = SETTINGS.weights(
             &states.iter().map(<[_; 3]>::as_slice).collect::<Vec<_>>(),
             &[FALL; 3],
             &[0, 0, 0, 0],

@@ -30,20 +30,20 @@ pub enum SafeguardError {
 /// What the latest accelerations say.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Signal {
-    /// Mean cosine over the particles that are not calm in both windows, 1 where too few are; None until both
+    /// Mean cosine over the active particles, those not calm in both windows; 1 where these are too few, None until both
     /// windows are full.
     pub cosine: Option<f32>,
     /// Mean cosine over all particles, 0 for one without acceleration; None until both windows are full.
     pub plain: Option<f32>,
-    /// Share of the particles that are not calm.
+    /// Share of the particles that are active [-].
     pub active: f32,
     /// Power mean of order 4 of the latest accelerations, which the largest dominate [m/s^2]; 0 before there are any.
     pub largest: f32,
 }
 
-/// Settings of a history.
+/// What a history is made for, and when it calls particles calm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct HistorySettings {
     pub particles: usize,
     /// D, 2 or 3.
     pub dim: usize,
@@ -51,16 +51,16 @@ pub struct Settings {
     pub window: usize,
     /// Time between two positions [s].
     pub dt: f32,
-    /// A particle is calm whose root mean square acceleration is not above this in both windows [m/s^2].
-    pub floor: f32,
-    /// With a smaller share of particles that are not calm the scene is calm.
-    pub quorum: f32,
+    /// Root mean square acceleration that a calm particle exceeds in neither window [m/s^2].
+    pub calm_acceleration: f32,
+    /// Share of the particles that must not be calm for the scene to count as active [-].
+    pub min_active_share: f32,
 }
 
 /// Scalar products of the two windows of each particle.
 #[derive(Debug, Clone, Default)]
 struct Products {
-    /// Of the older with the newer window.
+    /// Product of the older with the newer window.
     across: Vec<f64>,
     older: Vec<f64>,
     newer: Vec<f64>,
@@ -81,8 +81,8 @@ impl Products {
 /// Vectors are kept axis by axis, and as many zeros behind the particles as fill the last lanes.
 #[derive(Debug, Clone)]
 pub struct AccelerationHistory {
-    settings: Settings,
-    /// Numbers of one axis.
+    settings: HistorySettings,
+    /// Numbers of one axis, those behind the particles included.
     stride: usize,
     /// Positions pushed so far.
     pushed: usize,
@@ -93,20 +93,20 @@ pub struct AccelerationHistory {
     /// What the latest acceleration replaced.
     replaced: Vec<f32>,
     products: Products,
-    /// Before the latest step.
+    /// Products before the latest step.
     before: Products,
     undoable: bool,
 }
 
 impl AccelerationHistory {
-    pub fn new(settings: Settings) -> Result<Self, SafeguardError> {
-        let Settings {
+    pub fn new(settings: HistorySettings) -> Result<Self, SafeguardError> {
+        let HistorySettings {
             particles,
             dim,
             window,
             dt,
-            floor,
-            quorum,
+            calm_acceleration,
+            min_active_share,
         } = settings;
         let refuse = |name, allowed, value: String| {
             Err(SafeguardError::Parameter {
@@ -124,11 +124,19 @@ impl AccelerationHistory {
         if !(dt > 0.0 && dt.is_finite()) {
             return refuse("dt", "finite and > 0 s", dt.to_string());
         }
-        if !(floor >= 0.0 && floor.is_finite()) {
-            return refuse("floor", "finite and >= 0 m/s^2", floor.to_string());
+        if !(calm_acceleration >= 0.0 && calm_acceleration.is_finite()) {
+            return refuse(
+                "calm_acceleration",
+                "finite and >= 0 m/s^2",
+                calm_acceleration.to_string(),
+            );
         }
-        if !(0.0..=1.0).contains(&quorum) {
-            return refuse("quorum", "in [0, 1]", quorum.to_string());
+        if !(0.0..=1.0).contains(&min_active_share) {
+            return refuse(
+                "min_active_share",
+                "in [0, 1]",
+                min_active_share.to_string(),
+            );
         }
         let stride = particles.next_multiple_of(LANES);
         let size = stride * dim;
@@ -145,7 +153,7 @@ impl AccelerationHistory {
         })
     }
 
-    pub fn settings(&self) -> &Settings {
+    pub fn settings(&self) -> &HistorySettings {
         &self.settings
     }
 
@@ -156,7 +164,7 @@ impl AccelerationHistory {
 
     /// Takes the next positions, N x D numbers [m].
     pub fn push(&mut self, x: &[f32]) -> Result<Signal, SafeguardError> {
-        let Settings { particles, dim, .. } = self.settings;
+        let HistorySettings { particles, dim, .. } = self.settings;
         if x.len() != particles * dim {
             return Err(SafeguardError::Length {
                 particles,
@@ -243,14 +251,14 @@ impl AccelerationHistory {
     }
 
     fn signal(&self) -> Signal {
-        let Settings {
+        let HistorySettings {
             particles,
             window,
-            floor,
-            quorum,
+            calm_acceleration,
+            min_active_share,
             ..
         } = self.settings;
-        let threshold = floor * floor * window as f32;
+        let threshold = calm_acceleration * calm_acceleration * window as f32;
         let mut plain = [0.0f32; LANES];
         let mut moving = [0.0f32; LANES];
         let mut active = [0.0f32; LANES];
@@ -289,7 +297,7 @@ impl AccelerationHistory {
         let count = particles.max(1) as f64;
         let total = |lanes: [f32; LANES]| lanes.iter().copied().map(f64::from).sum::<f64>();
         let (active, full) = (total(active), self.is_full());
-        let cosine = if active / count >= f64::from(quorum) && active > 0.0 {
+        let cosine = if active / count >= f64::from(min_active_share) && active > 0.0 {
             total(moving) / active
         } else {
             1.0
@@ -303,7 +311,7 @@ impl AccelerationHistory {
     }
 
     fn largest(&self) -> f32 {
-        let Settings { particles, dim, .. } = self.settings;
+        let HistorySettings { particles, dim, .. } = self.settings;
         if self.pushed < 3 || particles == 0 {
             return 0.0;
         }

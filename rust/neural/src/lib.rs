@@ -4,6 +4,6 @@ mod answer_gate;
 mod history;
 mod relaxation;
 
-pub use answer_gate::Disturbance;
-pub use history::{AccelerationHistory, SafeguardError, Settings, Signal};
+pub use answer_gate::AnswerGate;
+pub use history::{AccelerationHistory, HistorySettings, SafeguardError, Signal};
 pub use relaxation::Relaxation;

@@ -6,12 +6,13 @@ const SMALLEST: f32 = 1e-12;
 /// How points that have crowded together push each other apart. The kernel is (1 - d/R)^2.
 #[derive(Debug, Clone, Copy)]
 pub struct Relaxation<const D: usize> {
-    /// R [m].
+    /// Radius of the graph, R [m].
     pub radius: f32,
     /// Sum of the kernel over the neighbours of a point at rest; above 0.
     pub rest_density: f32,
     /// Displacement over R that one neighbour at distance 0 gives at twice the density of rest.
     pub strength: f32,
+    /// How often densities are computed and points moved.
     pub rounds: usize,
     /// Corners of the box that nothing leaves [m].
     pub lower: [f32; D],
@@ -19,9 +20,15 @@ pub struct Relaxation<const D: usize> {
 }
 
 impl<const D: usize> Relaxation<D> {
-    /// Moves each point by its `share` of the displacement. Edges are ordered by receiver: those into point i come
-    /// from `senders[starts[i]..starts[i + 1]]`.
-    pub fn apply(&self, x: &mut [[f32; D]], share: &[f32], starts: &[u32], senders: &[u32]) {
+    /// Moves each point by its `answer_weight` times the displacement. Edges are ordered by receiver: those into
+    /// point i come from `senders[starts[i]..starts[i + 1]]`.
+    pub fn apply(
+        &self,
+        x: &mut [[f32; D]],
+        answer_weight: &[f32],
+        starts: &[u32],
+        senders: &[u32],
+    ) {
         let mut excess = vec![0.0; x.len()];
         for _ in 0..self.rounds {
             let into = |point: usize| {
@@ -35,7 +42,7 @@ impl<const D: usize> Relaxation<D> {
                 *excess = (density / self.rest_density - 1.0).max(0.0);
             }
             let before = x.to_vec();
-            for point in (0..x.len()).filter(|&point| share[point] != 0.0) {
+            for point in (0..x.len()).filter(|&point| answer_weight[point] != 0.0) {
                 let mut push = [0.0; D];
                 for sender in into(point) {
                     let both = excess[sender] + excess[point];
@@ -49,7 +56,7 @@ impl<const D: usize> Relaxation<D> {
                         *push -= size * offset;
                     }
                 }
-                let length = share[point] * (0.5 * self.strength * self.radius);
+                let length = answer_weight[point] * (0.5 * self.strength * self.radius);
                 for axis in 0..D {
                     let moved = x[point][axis] + push[axis] * length;
                     // Not `max` and `min`, which would put NaN on a wall.
@@ -72,7 +79,7 @@ impl<const D: usize> Relaxation<D> {
     }
 }
 
-/// From receiver to sender, in radii.
+/// A pair of points: the way from receiver to sender, in radii.
 struct Pair<const D: usize> {
     offset: [f32; D],
     distance: f32,
@@ -116,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn points_without_a_share_and_walls_hold() {
+    fn points_without_weight_and_walls_hold() {
         let mut x = pair(0.02);
         let narrow = Relaxation {
             upper: [0.521, 1.0],

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use neighbors::{GraphError, Search, Settings, VerletList};
+use neighbors::{GraphError, GraphSettings, Search, VerletList};
 use pyo3::prelude::*;
 use team::Team;
 
@@ -20,7 +20,7 @@ pub trait Finder: Send + Sync {
 /// A search of each dimension, for one after the other.
 pub struct Direct {
     dim: Dimension<Search<2>, Search<3>>,
-    settings: Settings,
+    settings: GraphSettings,
 }
 
 pub enum Dimension<Two, Three> {
@@ -36,11 +36,11 @@ impl Direct {
             } else {
                 Dimension::Three(Search::new())
             },
-            settings: Settings::new(0.0),
+            settings: GraphSettings::new(0.0),
         }
     }
 
-    pub fn set(&mut self, settings: Settings) {
+    pub fn set(&mut self, settings: GraphSettings) {
         self.settings = settings;
     }
 
@@ -113,7 +113,7 @@ pub struct Candidates {
 }
 
 impl Candidates {
-    pub fn new(dim: usize, settings: Settings, skin: f32) -> Result<Self, GraphError> {
+    pub fn new(dim: usize, settings: GraphSettings, skin: f32) -> Result<Self, GraphError> {
         Ok(Self {
             dim: if dim == 2 {
                 Dimension::Two(VerletList::new(settings, skin)?)

@@ -5,7 +5,7 @@ mod padded;
 mod record;
 mod verlet;
 
-use neighbors::{GraphError, Settings};
+use neighbors::{GraphError, GraphSettings};
 use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -38,7 +38,7 @@ pub fn py_radius_graph<'py>(
     out: Option<Bound<'py, PyRadiusGraph>>,
 ) -> PyResult<Bound<'py, PyRadiusGraph>> {
     let points = Points::new(x, types, kinematic)?;
-    let settings = Settings {
+    let settings = GraphSettings {
         radius,
         inclusive,
         self_edges,

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use neighbors::Settings;
+use neighbors::GraphSettings;
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
@@ -56,7 +56,7 @@ impl PyRadiusGraph {
         &self,
         py: Python<'_>,
         points: &Points<'_>,
-        settings: Settings,
+        settings: GraphSettings,
         team: &Team,
     ) -> PyResult<()> {
         let mut held = self.held()?;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use neighbors::Settings;
+use neighbors::GraphSettings;
 use pyo3::prelude::*;
 use team::Team;
 
@@ -13,7 +13,7 @@ use super::{Points, in_use, raised};
 /// Graphs of points that move little from one to the next.
 #[pyclass(frozen, name = "VerletList", module = "hybridmpm._native")]
 pub struct PyVerletList {
-    settings: Settings,
+    settings: GraphSettings,
     #[pyo3(get)]
     skin: f32,
     team: Arc<Team>,
@@ -22,9 +22,9 @@ pub struct PyVerletList {
 }
 
 struct Held {
-    /// Of the latest dimension.
+    /// Candidates in the dimension of the latest call.
     candidates: Candidates,
-    /// Rebuilds of those of other dimensions, before.
+    /// Rebuilds of candidates in other dimensions, before.
     before: u64,
 }
 
@@ -46,7 +46,7 @@ impl PyVerletList {
         max_edges: Option<u32>,
         threads: usize,
     ) -> PyResult<Self> {
-        let settings = Settings {
+        let settings = GraphSettings {
             radius,
             inclusive,
             self_edges,

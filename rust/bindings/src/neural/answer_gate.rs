@@ -1,6 +1,6 @@
 //! `disturbance`: where the answer of a network counts.
 
-use ::neural::Disturbance;
+use ::neural::AnswerGate;
 use numpy::{IntoPyArray, Ix2, Ix3, PyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -61,12 +61,12 @@ pub fn disturbance<'py>(
         lower: &lower,
         upper: &upper,
     };
-    let shares = if dim == 2 {
-        numbers.shares::<2>(py, history, known, &edges)
+    let weights = if dim == 2 {
+        numbers.weights::<2>(py, history, known, &edges)
     } else {
-        numbers.shares::<3>(py, history, known, &edges)
+        numbers.weights::<3>(py, history, known, &edges)
     };
-    Ok(shares?.into_pyarray(py))
+    Ok(weights?.into_pyarray(py))
 }
 
 struct Numbers<'a> {
@@ -79,7 +79,7 @@ struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    fn shares<const D: usize>(
+    fn weights<const D: usize>(
         &self,
         py: Python<'_>,
         history: &[f32],
@@ -88,7 +88,7 @@ impl Numbers<'_> {
     ) -> PyResult<Vec<f32>> {
         let [lower, upper] = corners::<D>(self.lower, self.upper)?;
         let [quiet, unnoticed, most] = self.limits;
-        let settings = Disturbance::<D> {
+        let settings = AnswerGate::<D> {
             radius: self.radius,
             scale: components("scale", self.scale)?,
             hops: self.hops,
@@ -103,6 +103,6 @@ impl Numbers<'_> {
             return Ok(Vec::new());
         }
         let states: Vec<&[[f32; D]]> = history.as_chunks().0.chunks(known.len()).collect();
-        Ok(py.detach(|| settings.shares(&states, known, &edges.starts, &edges.senders)))
+        Ok(py.detach(|| settings.weights(&states, known, &edges.starts, &edges.senders)))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use ::neural::{AccelerationHistory, SafeguardError, Settings, Signal};
+use ::neural::{AccelerationHistory, HistorySettings, SafeguardError, Signal};
 use numpy::{Ix2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -41,13 +41,13 @@ impl PyAccelerationHistory {
         floor: f32,
         quorum: f32,
     ) -> PyResult<Self> {
-        let settings = Settings {
+        let settings = HistorySettings {
             particles,
             dim,
             window,
             dt,
-            floor,
-            quorum,
+            calm_acceleration: floor,
+            min_active_share: quorum,
         };
         let inner = AccelerationHistory::new(settings).map_err(raised)?;
         Ok(Self {

@@ -1,6 +1,6 @@
 //! From the arguments of Python's constructor to a solver.
 
-use mpm::{Contact, Material, Openings, Particles, Settings, Sleep, Substeps, Walls};
+use mpm::{Contact, Material, Openings, Particles, Sleep, SolverSettings, Substeps, Walls};
 use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -126,7 +126,7 @@ impl Arguments<'_> {
                 let obstacles = same_dim("obstacles", dim, &self.obstacles, solid)?;
                 let emitters = same_dim("emitters", dim, &self.emitters, opening)?;
                 let sinks = same_dim("sinks", dim, &self.sinks, solid)?;
-                let settings = Settings {
+                let settings = SolverSettings {
                     resolution: self.resolution,
                     frame_dt: self.frame_dt as f32,
                     gravity: vector("gravity", &self.gravity)?,

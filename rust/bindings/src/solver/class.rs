@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use mpm::{Carry, EmitterStatus, Force, MpmError, Sleep};
+use mpm::{EmitterStatus, Force, MpmError, PrescribeOptions, Sleep};
 use numpy::{
     IntoPyArray, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
     PyReadwriteArray3, PyUntypedArrayMethods,
@@ -228,10 +228,10 @@ impl PySolver {
             }
         }
         let (x, v) = (slice_of("x", &x)?, slice_of("v", &v)?);
-        let carry = Carry { affine, deform };
+        let options = PrescribeOptions { affine, deform };
         let report = self.detached(
             py,
-            |any| with_solver!(any, solver => solver.prescribe(x, v, frame, carry)),
+            |any| with_solver!(any, solver => solver.prescribe(x, v, frame, options)),
         );
         Ok(PyMotionReport(report.map_err(NativeError)?))
     }

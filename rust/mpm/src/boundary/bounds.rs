@@ -33,9 +33,9 @@ impl<const D: usize> Bounds<D> {
         }
     }
 
-    /// Whether the position is allowed; false also for NaN.
+    /// Whether a particle may be at this position; false also for NaN.
     #[inline(always)]
-    pub fn hold(&self, x: &Vector<D>) -> bool {
+    pub fn allows(&self, x: &Vector<D>) -> bool {
         (0..D).all(|axis| x[axis] >= self.lowest[axis] && x[axis] <= self.highest[axis])
     }
 
@@ -65,7 +65,7 @@ impl<const D: usize> Bounds<D> {
     /// over.
     #[cold]
     pub fn put_back(&self, x: &mut Vector<D>, v: &mut Vector<D>) -> bool {
-        if !self.hold(x) {
+        if !self.allows(x) {
             return false;
         }
         self.clamp(x, v);

@@ -3,10 +3,10 @@
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
 
-/// Back and forth instead of on and on.
+/// Motion back and forth instead of on and on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
-    /// [s]
+    /// Time of one swing there and back [s].
     pub period: f32,
     /// Where in the period the motion starts, in [0, 1): at 0 with full speed, at 0.75 at rest, going forth.
     pub phase: f32,
@@ -19,11 +19,11 @@ pub struct Swing {
 /// exp(W s), W being the matrix of the angular velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion<const D: usize> {
-    /// Of the centre [m/s]; of a swing the largest.
+    /// Velocity of the centre [m/s]; the largest one where the motion swings.
     velocity: Vector<D>,
     /// W, skew: its product with an arm from the centre is the velocity at its end [1/s].
     spin: Matrix<D>,
-    /// Of rotation, at time 0 [m].
+    /// Centre of rotation at time 0 [m].
     center: Vector<D>,
     swing: Option<Swing>,
 }
@@ -110,13 +110,13 @@ impl<const D: usize> Motion<D> {
         self.center
     }
 
-    /// [rad/s]; each component stands in W twice.
+    /// Angular speed [rad/s]; W holds each component of it twice.
     fn angular_speed(&self) -> f64 {
         let twice: f64 = self.spin.iter().map(|w| f64::from(*w).powi(2)).sum();
         (0.5 * twice).sqrt()
     }
 
-    /// s and ds/dt.
+    /// The clock s and its rate ds/dt.
     fn clock(&self, time: f64) -> (f64, f64) {
         let Some(Swing { period, phase }) = self.swing else {
             return (time, 1.0);
@@ -145,7 +145,7 @@ pub struct Pose<const D: usize> {
     start: Vector<D>,
     center: Vector<D>,
     rotation: Matrix<D>,
-    /// Of the centre [m/s].
+    /// Velocity of the centre [m/s].
     velocity: Vector<D>,
     /// W now [1/s].
     spin: Matrix<D>,

@@ -8,9 +8,9 @@ use crate::grid::Layout;
 /// How far solids may move before the nodes that they can touch are looked for anew.
 const MARGIN_CELLS: f32 = 2.0;
 
-/// A grid node that a moving obstacle may hold before the next search.
+/// A grid node that a moving obstacle may act on before the next search.
 #[derive(Debug, Clone, Copy)]
-pub struct SweptNode {
+pub struct ReachableNode {
     /// Position in its row.
     pub column: u32,
     pub obstacle: u32,
@@ -18,21 +18,21 @@ pub struct SweptNode {
 
 /// The moving obstacles of a scene at one instant.
 #[derive(Debug, Clone)]
-pub struct Swept<const D: usize> {
-    /// Of each obstacle of the scene, None of those at rest.
+pub struct MovingObstacles<const D: usize> {
+    /// Pose of each obstacle of the scene; None where it is at rest.
     pub poses: Vec<Option<Pose<D>>>,
     /// Bound on the speed of all solids [m/s].
     pub speed: f32,
     /// Length of the present substep [s].
     pub dt: f32,
-    pub nodes: ByRow<SweptNode>,
-    /// What is near to obstacles at rest.
+    pub nodes: ByRow<ReachableNode>,
+    /// Nodes near to obstacles at rest, as `Obstacles::near`.
     near_solid: Vec<bool>,
     /// When the nodes were looked for [s]; None before the first search.
     searched: Option<f64>,
 }
 
-impl<const D: usize> Swept<D> {
+impl<const D: usize> MovingObstacles<D> {
     pub fn new(obstacle_count: usize, near_solid: Vec<bool>) -> Self {
         Self {
             poses: vec![None; obstacle_count],
@@ -45,7 +45,7 @@ impl<const D: usize> Swept<D> {
     }
 
     /// Goes to a time [s]. When nodes are searched has no influence on the motion: more are found than an
-    /// obstacle holds, and each is tested before it is used.
+    /// obstacle acts on, and each is tested before it is used.
     pub fn move_to(
         &mut self,
         list: &[Obstacle<D>],
@@ -88,7 +88,7 @@ impl<const D: usize> Swept<D> {
                     let nodes = &mut self.nodes.nodes;
                     let near = &mut near[row * layout.row_length..][..layout.extent];
                     search_row(obstacle, pose, layout, row, near, |column| {
-                        nodes.push(SweptNode {
+                        nodes.push(ReachableNode {
                             column: column as u32,
                             obstacle: index as u32,
                         });

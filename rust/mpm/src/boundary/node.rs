@@ -26,7 +26,7 @@ impl MaterialFriction {
 pub(super) const BAND_CELLS: f32 = 4.0;
 
 /// Whether an obstacle acts on a node at this distance.
-pub(super) fn holds<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
+pub(super) fn acts_at<const D: usize>(distance: f32, layout: &Layout<D>) -> bool {
     distance <= 0.0 && distance > -BAND_CELLS * layout.dx()
 }
 

@@ -6,10 +6,10 @@ use super::shape::{Shape, farthest_corner};
 use crate::error::MpmError;
 use crate::linalg::Vector;
 
-/// A solid and its surface.
+/// A solid, what its surface does, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstacle<const D: usize> {
-    /// At time 0.
+    /// The solid at time 0.
     pub shape: Shape<D>,
     pub contact: Contact,
     /// None for a solid at rest.

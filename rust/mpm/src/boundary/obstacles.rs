@@ -1,8 +1,8 @@
 //! All solids of a scene: contact on grid nodes, and particles kept outside.
 
 use super::motion::Pose;
-use super::moving::Swept;
-use super::node::{ByRow, MaterialFriction, change_velocity, holds, stencil_reach};
+use super::moving::MovingObstacles;
+use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, stencil_reach};
 use super::obstacle::Obstacle;
 use super::walls::Walls;
 use crate::grid::{Layout, Span, Window};
@@ -26,7 +26,7 @@ pub struct Obstacles<const D: usize> {
     /// Nodes inside obstacles at rest.
     solid: ByRow<SolidNode<D>>,
     /// None where all obstacles are at rest.
-    swept: Option<Swept<D>>,
+    moving: Option<MovingObstacles<D>>,
     /// Whether a particle whose stencil starts at this node may touch an obstacle; empty without obstacles.
     near: Vec<bool>,
 }
@@ -38,7 +38,7 @@ impl<const D: usize> Obstacles<D> {
             walls: *walls,
             layout: *layout,
             solid: ByRow::EMPTY,
-            swept: None,
+            moving: None,
             near: Vec::new(),
         };
         if prepared.list.is_empty() {
@@ -50,7 +50,10 @@ impl<const D: usize> Obstacles<D> {
             .iter()
             .any(|obstacle| obstacle.motion.is_some())
         {
-            prepared.swept = Some(Swept::new(prepared.list.len(), prepared.near.clone()));
+            prepared.moving = Some(MovingObstacles::new(
+                prepared.list.len(),
+                prepared.near.clone(),
+            ));
             prepared.move_to(0.0, 0.0);
         }
         prepared
@@ -71,7 +74,7 @@ impl<const D: usize> Obstacles<D> {
                     }
                     let (distance, normal) = obstacle.shape.distance(&x);
                     near |= distance < stencil_reach(&layout);
-                    if holds(distance, &layout) {
+                    if acts_at(distance, &layout) {
                         self.solid.nodes.push(SolidNode {
                             column: column as u32,
                             obstacle: index as u32,
@@ -89,21 +92,21 @@ impl<const D: usize> Obstacles<D> {
 
     /// Puts the moving obstacles where they are at a time [s], the end of a substep of length `dt` [s].
     pub fn move_to(&mut self, time: f64, dt: f32) {
-        if let Some(swept) = &mut self.swept {
-            swept.move_to(&self.list, &self.layout, time, dt, &mut self.near);
+        if let Some(moving) = &mut self.moving {
+            moving.move_to(&self.list, &self.layout, time, dt, &mut self.near);
         }
     }
 
     /// Bound on the speed of the moving solids [m/s]; 0 where all are at rest.
     pub fn speed(&self) -> f32 {
-        self.swept.as_ref().map_or(0.0, |swept| swept.speed)
+        self.moving.as_ref().map_or(0.0, |moving| moving.speed)
     }
 
     /// Bound on how far a particle with this speed moves in a substep, being pushed out included [m].
     pub fn travel(&self, speed: f32, dt: f32) -> f32 {
-        match &self.swept {
+        match &self.moving {
             None => speed * dt,
-            Some(swept) => speed * dt + swept.longest_push(speed, dt),
+            Some(moving) => speed * dt + moving.longest_push(speed, dt),
         }
     }
 
@@ -134,18 +137,18 @@ impl<const D: usize> Obstacles<D> {
                 });
             }
         }
-        let Some(swept) = &self.swept else {
+        let Some(moving) = &self.moving else {
             return;
         };
         let mut place = self.layout.row_coordinates(span.row);
-        for node in swept.nodes.row(span.row) {
+        for node in moving.nodes.row(span.row) {
             if within(node.column) {
                 place[D - 1] = node.column as usize;
                 let x = self.layout.position(place);
                 let obstacle = &self.list[node.obstacle as usize];
-                let pose = swept.poses[node.obstacle as usize].as_ref();
+                let pose = moving.poses[node.obstacle as usize].as_ref();
                 let (distance, normal) = obstacle.distance_in(pose, &x);
-                if holds(distance, &self.layout) {
+                if acts_at(distance, &self.layout) {
                     let index = start + node.column as usize;
                     change_velocity(window, index, material_friction, |v, friction| {
                         obstacle.resolve(pose, &x, v, &normal, friction)
@@ -156,14 +159,14 @@ impl<const D: usize> Obstacles<D> {
     }
 
     /// Whether one of them moves.
-    pub fn moving(&self) -> bool {
-        self.swept.is_some()
+    pub fn any_moves(&self) -> bool {
+        self.moving.is_some()
     }
 
     /// Whether a moving one is nearer to `x` than `reach` [m].
     pub fn moving_within(&self, reach: f32, x: &Vector<D>) -> bool {
-        self.swept.as_ref().is_some_and(|swept| {
-            let mut posed = self.list.iter().zip(&swept.poses);
+        self.moving.as_ref().is_some_and(|moving| {
+            let mut posed = self.list.iter().zip(&moving.poses);
             posed.any(|(obstacle, pose)| {
                 pose.is_some() && obstacle.distance_in(pose.as_ref(), x).0 < reach
             })
@@ -182,8 +185,8 @@ impl<const D: usize> Obstacles<D> {
     }
 
     /// Whether a point lies inside of one, as they are now.
-    pub fn hold(&self, x: &Vector<D>) -> bool {
-        let pose = |index: usize| self.swept.as_ref()?.poses[index].as_ref();
+    pub fn contains(&self, x: &Vector<D>) -> bool {
+        let pose = |index: usize| self.moving.as_ref()?.poses[index].as_ref();
         let mut numbered = self.list.iter().enumerate();
         numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
     }
@@ -192,9 +195,9 @@ impl<const D: usize> Obstacles<D> {
     pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
         for (index, obstacle) in self.list.iter().enumerate() {
             let pose = self
-                .swept
+                .moving
                 .as_ref()
-                .and_then(|swept| swept.poses[index].as_ref());
+                .and_then(|moving| moving.poses[index].as_ref());
             let (distance, normal) = obstacle.distance_in(pose, x);
             if distance < 0.0 {
                 *x -= normal * self.correction(distance, pose, v);
@@ -214,8 +217,8 @@ impl<const D: usize> Obstacles<D> {
     /// An obstacle at rest is entered by what one substep moves a particle. One that moves may have trapped
     /// it deep inside against a wall; led out at once, it would leave the nodes that are active around it.
     fn correction(&self, distance: f32, pose: Option<&Pose<D>>, v: &Vector<D>) -> f32 {
-        match (&self.swept, pose) {
-            (Some(swept), Some(_)) => distance.max(-swept.longest_push(v.norm(), swept.dt)),
+        match (&self.moving, pose) {
+            (Some(moving), Some(_)) => distance.max(-moving.longest_push(v.norm(), moving.dt)),
             _ => distance,
         }
     }

@@ -15,7 +15,7 @@ pub struct Walls<const D: usize> {
 impl<const D: usize> Walls<D> {
     /// Whether a point lies between the walls; false also for NaN.
     #[inline(always)]
-    pub fn contain(&self, x: &Vector<D>) -> bool {
+    pub fn contains(&self, x: &Vector<D>) -> bool {
         (0..D).all(|axis| x[axis] >= self.lower[axis] && x[axis] <= self.upper[axis])
     }
 

@@ -3,9 +3,9 @@
 /// Lame parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lame {
-    /// [Pa]
+    /// Shear modulus [Pa].
     pub mu: f32,
-    /// [Pa]
+    /// First parameter [Pa].
     pub lambda: f32,
 }
 

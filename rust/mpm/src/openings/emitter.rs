@@ -9,7 +9,7 @@ use crate::linalg::Vector;
 pub struct Emitter<const D: usize> {
     /// Index into the materials.
     pub material: u8,
-    /// Of the material that leaves [m/s].
+    /// Velocity of the material that leaves [m/s].
     pub velocity: Vector<D>,
     /// Distance between layers [m].
     pub spacing: f32,
@@ -17,13 +17,13 @@ pub struct Emitter<const D: usize> {
     pub sites: Vec<Vector<D>>,
     /// Offsets from the sites [m], of one layer after the other; used in turn.
     pub jitter: Vec<Vector<D>>,
-    /// Of each particle [kg].
+    /// Mass of each particle [kg].
     pub mass: f32,
     /// Rest volume of each particle [m^D].
     pub volume: f32,
-    /// [s]
+    /// When material begins to leave [s].
     pub start: f64,
-    /// May be infinite [s].
+    /// When it ceases to [s]; may be infinite.
     pub stop: f64,
 }
 
@@ -119,7 +119,7 @@ impl<const D: usize> Emitter<D> {
             layers.map(move |jitter| (offset, jitter))
         }) {
             let layer = self.layer(offset, jitter);
-            if let Some(outside) = layer.iter().find(|x| !walls.contain(x)) {
+            if let Some(outside) = layer.iter().find(|x| !walls.contains(x)) {
                 let allowed = "an opening whose material stays inside the walls in its first frame";
                 return refuse("sites", allowed, &outside.as_slice());
             }

@@ -8,7 +8,7 @@ use super::population::Population;
 use crate::boundary::{Obstacles, Shape};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Constitutive;
-use crate::particles::{Activity, Group, Particle, Phase, with_group};
+use crate::particles::{Activity, Group, MaterialGroup, Particle, with_group};
 
 /// Where material enters and leaves a scene.
 #[derive(Debug, Clone)]
@@ -37,7 +37,7 @@ impl<const D: usize> Openings<D> {
 
 /// A scene at the end of a frame, for sinks and emitters to act on.
 pub(crate) struct FrameEnd<'a, const D: usize> {
-    pub groups: &'a mut [Phase<D>],
+    pub groups: &'a mut [MaterialGroup<D>],
     pub population: &'a mut Population,
     /// Largest speed of the particles [m/s].
     pub max_speed: &'a mut f32,
@@ -70,8 +70,8 @@ impl<const D: usize> FrameEnd<'_, D> {
     fn drain(&mut self, sinks: &[Shape<D>]) {
         let population = &mut *self.population;
         let mut kept = vec![true; population.ids.len()];
-        for phase in &*self.groups {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &*self.groups {
+            with_group!(group, group => for p in group.particles() {
                 if sinks.iter().any(|sink| sink.distance(&p.x).0 < 0.0) {
                     kept[p.id as usize] = false;
                     population.removed_mass += f64::from(p.mass);
@@ -91,8 +91,8 @@ impl<const D: usize> FrameEnd<'_, D> {
             .collect();
         let reach = WOKEN_CELLS / self.resolution as f32;
         let near = |x: &Vector<D>| sinks.iter().any(|sink| sink.distance(x).0 < reach);
-        for phase in &mut *self.groups {
-            with_group!(phase, group => {
+        for group in &mut *self.groups {
+            with_group!(group, group => {
                 let staying: Vec<_> = group
                     .particles()
                     .filter(|p| kept[p.id as usize])
@@ -160,7 +160,7 @@ impl<const D: usize> FrameEnd<'_, D> {
 
     /// Whether a layer would get into an obstacle, or into material that is already there.
     fn is_blocked(&self, emitter: &Emitter<D>, offset: f64, layer: &[Vector<D>]) -> bool {
-        if layer.iter().any(|x| self.obstacles.hold(x)) {
+        if layer.iter().any(|x| self.obstacles.contains(x)) {
             return true;
         }
         // Of the even layer: with jitter the one before may come as near as half a spacing.
@@ -176,8 +176,8 @@ impl<const D: usize> FrameEnd<'_, D> {
             .add_scalar(reach);
         let most = CROWDED * layer.len() as f32;
         let mut found = 0.0;
-        for phase in &*self.groups {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &*self.groups {
+            with_group!(group, group => for p in group.particles() {
                 let close = |site: &Vector<D>| (p.x - site).norm_squared() < reach * reach;
                 let boxed = (0..D).all(|axis| p.x[axis] > lower[axis] && p.x[axis] < upper[axis]);
                 if boxed && even.iter().any(close) {

@@ -5,8 +5,9 @@ use super::emitter::EmitterStatus;
 /// How far an emitter has come.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Flow {
-    /// Way of the material since it left room for the latest layer [m].
+    /// How far the material has moved since it left room for the latest layer [m].
     pub travelled: f64,
+    /// Layers that have left.
     pub layers: u64,
     pub status: EmitterStatus,
 }
@@ -14,12 +15,13 @@ pub(crate) struct Flow {
 /// Who the particles are, and the balance of those that came and went.
 #[derive(Debug, Clone)]
 pub(crate) struct Population {
-    /// Number for good of each particle, in the caller's order; ascending.
+    /// Number that each particle keeps for good, in the caller's order; ascending.
     pub ids: Vec<u64>,
+    /// Number that the next particle gets.
     pub next_id: u64,
-    /// [kg]
+    /// Mass that emitters have added since frame 0 [kg].
     pub emitted_mass: f64,
-    /// [kg]
+    /// Mass that sinks have removed since frame 0 [kg].
     pub removed_mass: f64,
     pub flows: Vec<Flow>,
 }

@@ -55,7 +55,7 @@ pub struct Group<const D: usize, M: Constitutive<D>> {
     pub wall_friction: f32,
     pub awake: Sorted<D, M::State>,
     pub border: Sorted<D, M::State>,
-    /// In no order.
+    /// Sleeping particles far from awake ones, in no order.
     pub asleep: Vec<Block<D, M::State>>,
 }
 
@@ -161,31 +161,31 @@ impl<const D: usize, M: Constitutive<D>> Group<D, M> {
 
 /// A group of any material.
 #[derive(Debug, Clone)]
-pub enum Phase<const D: usize> {
+pub enum MaterialGroup<const D: usize> {
     Water(Group<D, Water>),
     Sand(Group<D, Sand>),
     Elastic(Group<D, Elastic>),
 }
 
-impl<const D: usize> Phase<D> {
-    /// Takes over the particles of a phase of the same material without allocating.
+impl<const D: usize> MaterialGroup<D> {
+    /// Takes over the particles of a group of the same material without allocating.
     pub fn copy_particles(&mut self, from: &Self) {
         match (self, from) {
             (Self::Water(to), Self::Water(from)) => to.copy_from(from),
             (Self::Sand(to), Self::Sand(from)) => to.copy_from(from),
             (Self::Elastic(to), Self::Elastic(from)) => to.copy_from(from),
-            _ => unreachable!("the phases of a solver keep their order"),
+            _ => unreachable!("the groups of a solver keep their order"),
         }
     }
 }
 
 /// Runs one expression on the group of whichever material.
 macro_rules! with_group {
-    ($phase:expr, $group:ident => $body:expr) => {
-        match $phase {
-            $crate::particles::Phase::Water($group) => $body,
-            $crate::particles::Phase::Sand($group) => $body,
-            $crate::particles::Phase::Elastic($group) => $body,
+    ($any:expr, $group:ident => $body:expr) => {
+        match $any {
+            $crate::particles::MaterialGroup::Water($group) => $body,
+            $crate::particles::MaterialGroup::Sand($group) => $body,
+            $crate::particles::MaterialGroup::Elastic($group) => $body,
         }
     };
 }

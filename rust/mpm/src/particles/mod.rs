@@ -10,8 +10,8 @@ mod tiles;
 
 pub use block::Block;
 pub(crate) use group::with_group;
-pub use group::{Group, Phase};
+pub use group::{Group, MaterialGroup};
 pub use particle::{Activity, Particle};
 pub use slabs::Slab;
-pub use sleep::{Disturbance, PERIOD, Sleep, count_calm, decide};
+pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};
 pub use sort::sort;

@@ -11,7 +11,7 @@ pub struct Particle<const D: usize, S> {
     pub v: Vector<D>,
     /// APIC matrix C [1/s].
     pub affine: Matrix<D>,
-    /// [kg]
+    /// Mass [kg].
     pub mass: f32,
     /// Rest volume [m^D].
     pub volume: f32,
@@ -28,7 +28,7 @@ pub struct Particle<const D: usize, S> {
 pub enum Activity {
     #[default]
     Awake,
-    /// Asleep, but near to awake particles: still carries and pushes.
+    /// Asleep, but near to awake particles, which its mass and stress on the grid support.
     Border,
     Asleep,
 }

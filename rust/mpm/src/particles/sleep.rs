@@ -1,12 +1,12 @@
 //! Regions at rest fall asleep: their particles stay where they are and cost nothing.
 //!
-//! The box is divided into tiles. A tile is awake while a particle in it or in a neighbouring tile moves, or will
-//! get there before the next decision; so what approaches wakes what it is going to touch. Around awake tiles lies a
-//! border whose particles do not move but still carry: with their mass, and with the stress that they had
-//! when they fell asleep.
+//! The box is divided into tiles. A tile is awake while a particle that moves is in it or in a neighbouring tile, or
+//! will get there before the next decision: what approaches wakes what it is going to touch. Around the awake
+//! tiles lies a border. Its particles do not move, but they keep their mass and their stress on the grid and so
+//! support the awake ones.
 
 use super::block::Block;
-use super::group::{Group, Phase, with_group};
+use super::group::{Group, MaterialGroup, with_group};
 use super::particle::{Activity, Particle};
 use super::tiles::Tiles;
 use crate::boundary::Obstacles;
@@ -15,12 +15,12 @@ use crate::grid::{Layout, Stencils};
 use crate::linalg::LANES;
 use crate::material::{Constitutive, State};
 
-/// When particles count as at rest.
+/// When particles count as at rest: after some frames in a row at whose end they were slow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
-    /// Slower than this [m/s], at the end of each frame
+    /// Speed below which a particle is slow [m/s].
     pub speed: f32,
-    /// for so many frames.
+    /// Frames in a row after which a slow particle is at rest.
     pub frames: u32,
 }
 
@@ -48,10 +48,10 @@ impl Sleep {
 pub const PERIOD: u64 = 4;
 
 /// Counts the frames at rest of all awake particles, at the end of a frame.
-pub fn count_calm<const D: usize>(phases: &mut [Phase<D>], sleep: &Sleep) {
+pub fn count_calm<const D: usize>(groups: &mut [MaterialGroup<D>], sleep: &Sleep) {
     let limit = sleep.speed * sleep.speed;
-    for phase in phases {
-        with_group!(phase, group => for block in &mut group.awake.blocks {
+    for group in groups {
+        with_group!(group, group => for block in &mut group.awake.blocks {
             for lane in 0..LANES {
                 let speed_squared: f32 = (0..D).map(|axis| block.v[axis][lane] * block.v[axis][lane]).sum();
                 let calm = block.calm[lane] + 1.0;
@@ -62,7 +62,7 @@ pub fn count_calm<const D: usize>(phases: &mut [Phase<D>], sleep: &Sleep) {
 }
 
 /// What can wake a region besides its own motion.
-pub struct Disturbance<'a, const D: usize> {
+pub struct WakeCauses<'a, const D: usize> {
     /// External acceleration in the caller's order.
     pub force: Option<&'a [f32]>,
     pub obstacles: &'a Obstacles<D>,
@@ -72,28 +72,28 @@ pub struct Disturbance<'a, const D: usize> {
 
 /// Decides who sleeps until the next decision.
 pub fn decide<const D: usize>(
-    phases: &mut [Phase<D>],
+    groups: &mut [MaterialGroup<D>],
     layout: &Layout<D>,
     sleep: &Sleep,
-    disturbance: &Disturbance<'_, D>,
+    causes: &WakeCauses<'_, D>,
 ) {
     let mut tiles = Tiles::new(layout);
-    for phase in phases.iter_mut() {
-        with_group!(phase, group => {
+    for group in groups.iter_mut() {
+        with_group!(group, group => {
             let Group { awake, border, asleep, .. } = group;
             for block in awake.blocks.iter_mut().chain(&mut border.blocks).chain(asleep) {
-                disturbance.stir(block, layout);
-                tiles.mark(block, layout, sleep.frames as f32, disturbance.horizon);
+                causes.stir(block, layout);
+                tiles.mark(block, layout, sleep.frames as f32, causes.horizon);
             }
         });
     }
     tiles.spread();
-    for phase in phases {
-        with_group!(phase, group => move_to_shelves(group, &tiles, layout));
+    for group in groups {
+        with_group!(group, group => move_to_shelves(group, &tiles, layout));
     }
 }
 
-impl<const D: usize> Disturbance<'_, D> {
+impl<const D: usize> WakeCauses<'_, D> {
     /// Whoever is forced, or near to something that moves, is not at rest.
     fn stir<S: State>(&self, block: &mut Block<D, S>, layout: &Layout<D>) {
         if let Some(force) = self.force {
@@ -104,7 +104,7 @@ impl<const D: usize> Disturbance<'_, D> {
                 }
             }
         }
-        if self.obstacles.moving() {
+        if self.obstacles.any_moves() {
             let reach = 3.0 * layout.dx() + self.obstacles.speed() * self.horizon;
             for lane in 0..block.count {
                 if self.obstacles.moving_within(reach, &block.position(lane)) {

@@ -1,7 +1,7 @@
 //! Sorting particles by grid row.
 
 use super::block::Block;
-use super::group::{Phase, Run, Sorted, with_group};
+use super::group::{MaterialGroup, Run, Sorted, with_group};
 use super::particle::Activity;
 use super::slabs::{Slab, count_planes, cut};
 use crate::grid::{Layout, Place, Stencils};
@@ -14,15 +14,15 @@ use team::Team;
 /// The cut depends on the particles alone, never on the number of threads. Writes where these particles are,
 /// in no order, to `places`.
 pub fn sort<const D: usize>(
-    phases: &mut [Phase<D>],
+    groups: &mut [MaterialGroup<D>],
     layout: &Layout<D>,
     places: &mut Vec<Place>,
     team: &Team,
 ) -> Vec<Slab> {
     places.clear();
-    let mut ends = Vec::with_capacity(2 * phases.len());
-    for phase in phases.iter() {
-        with_group!(phase, group => for blocks in [&group.awake.blocks, &group.border.blocks] {
+    let mut ends = Vec::with_capacity(2 * groups.len());
+    for group in groups.iter() {
+        with_group!(group, group => for blocks in [&group.awake.blocks, &group.border.blocks] {
             find_places(blocks, layout, places);
             ends.push(places.len());
         });
@@ -30,8 +30,8 @@ pub fn sort<const D: usize>(
     let slabs = cut(&count_planes(places, layout));
     let mut start = 0;
     let mut ends = ends.into_iter();
-    for phase in phases {
-        with_group!(phase, group => {
+    for group in groups {
+        with_group!(group, group => {
             let vacant = group.particles().next().map(|first| group.vacant_like(&first));
             for (sorted, activity) in [
                 (&mut group.awake, Activity::Awake),

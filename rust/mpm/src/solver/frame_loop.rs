@@ -8,13 +8,13 @@ use crate::grid::{Grid, Place};
 use crate::initial::{Particles, group, per_rest_mass};
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
-    Disturbance, PERIOD, Phase, Slab, Sleep, count_calm, decide, sort, with_group,
+    MaterialGroup, PERIOD, Slab, Sleep, WakeCauses, count_calm, decide, sort, with_group,
 };
-use crate::settings::Settings;
+use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
 use crate::substep::{
-    Bound, FrameReport, Gather, GridForces, Step, StepChooser, g2p, grid_update, p2g,
+    Bound, FrameReport, G2pStep, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g,
 };
 use team::Team;
 
@@ -31,13 +31,13 @@ pub enum Force<'a> {
 /// MLS-MPM on one scene.
 #[derive(Clone)]
 pub struct Solver<const D: usize> {
-    pub(super) settings: Settings<D>,
+    pub(super) settings: SolverSettings<D>,
     pub(super) chooser: StepChooser,
     pub(super) bounds: Bounds<D>,
     pub(super) walls: WallContact,
     pub(super) obstacles: Obstacles<D>,
     pub(super) material_friction: MaterialFriction,
-    /// See `Gather`.
+    /// See `G2pStep`.
     pub(super) per_rest_mass: f32,
     pub(super) team: Arc<Team>,
     pub(super) grid: Grid<D>,
@@ -46,13 +46,13 @@ pub struct Solver<const D: usize> {
     pub(super) places: Vec<Place>,
     pub(super) state: SolverState<D>,
     /// State before the frame in progress; kept to reuse its memory.
-    pub(super) before: Vec<Phase<D>>,
+    pub(super) before: Vec<MaterialGroup<D>>,
     pub(super) last_frame: Option<FrameReport>,
 }
 
 impl<const D: usize> Solver<D> {
     /// Checks everything; afterwards only the motion itself can fail.
-    pub fn new(settings: Settings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
+    pub fn new(settings: SolverSettings<D>, particles: Particles<'_>) -> Result<Self, MpmError> {
         settings.check()?;
         let dx = 1.0 / settings.resolution as f32;
         let chooser = StepChooser::new(
@@ -62,7 +62,7 @@ impl<const D: usize> Solver<D> {
             D,
             &settings.materials,
         )?;
-        let phases = group(&settings, particles)?;
+        let groups = group(&settings, particles)?;
         let frictions = || settings.materials.iter().map(|m| m.wall_friction);
         let uniform =
             frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
@@ -85,7 +85,7 @@ impl<const D: usize> Solver<D> {
             places: Vec::new(),
             before: Vec::new(),
             state: SolverState {
-                phases,
+                groups,
                 frame: 0,
                 max_speed,
                 population: Population::new(particles.mass.len(), settings.openings.emitters.len()),
@@ -148,7 +148,7 @@ impl<const D: usize> Solver<D> {
         match self.substeps(start, force) {
             Ok(report) => {
                 if let Some(sleep) = &self.settings.sleep {
-                    count_calm(&mut self.state.phases, sleep);
+                    count_calm(&mut self.state.groups, sleep);
                 }
                 self.last_frame = Some(report);
                 self.state.frame += 1;
@@ -156,7 +156,7 @@ impl<const D: usize> Solver<D> {
                 Ok(())
             }
             Err(error) => {
-                std::mem::swap(&mut self.state.phases, &mut self.before);
+                std::mem::swap(&mut self.state.groups, &mut self.before);
                 self.state.max_speed = max_speed;
                 Err(error)
             }
@@ -165,13 +165,13 @@ impl<const D: usize> Solver<D> {
 
     fn exchange(&mut self) {
         let SolverState {
-            phases,
+            groups,
             frame,
             max_speed,
             population,
         } = &mut self.state;
         let mut end = FrameEnd {
-            groups: phases,
+            groups,
             population,
             max_speed,
             frame: *frame,
@@ -185,9 +185,9 @@ impl<const D: usize> Solver<D> {
     /// Keeps the present particles, to go back to if what comes fails.
     pub(super) fn remember(&mut self) {
         if self.before.is_empty() {
-            self.before.clone_from(&self.state.phases);
+            self.before.clone_from(&self.state.groups);
         } else {
-            let pairs = self.before.iter_mut().zip(&self.state.phases);
+            let pairs = self.before.iter_mut().zip(&self.state.groups);
             pairs.for_each(|(before, now)| before.copy_particles(now));
         }
     }
@@ -197,17 +197,12 @@ impl<const D: usize> Solver<D> {
     fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
         let stirred = force.is_some() || !self.settings.openings.emitters.is_empty();
         if self.state.frame.is_multiple_of(PERIOD) || stirred {
-            let disturbance = Disturbance {
+            let causes = WakeCauses {
                 force,
                 obstacles: &self.obstacles,
                 horizon: PERIOD as f32 * self.settings.frame_dt,
             };
-            decide(
-                &mut self.state.phases,
-                &self.grid.layout,
-                &sleep,
-                &disturbance,
-            );
+            decide(&mut self.state.groups, &self.grid.layout, &sleep, &causes);
         }
     }
 
@@ -238,7 +233,7 @@ impl<const D: usize> Solver<D> {
             }
             let end = start + f64::from(frame_dt - remaining + dt);
             self.obstacles.move_to(end, dt);
-            let outcome = self.substep(Step { dt, force });
+            let outcome = self.substep(P2gStep { dt, force });
             if !outcome {
                 return Err(self.diagnose());
             }
@@ -258,7 +253,7 @@ impl<const D: usize> Solver<D> {
 
     pub(super) fn sort(&mut self) {
         self.slabs = sort(
-            &mut self.state.phases,
+            &mut self.state.groups,
             &self.grid.layout,
             &mut self.places,
             &self.team,
@@ -268,10 +263,10 @@ impl<const D: usize> Solver<D> {
     }
 
     /// Momentum to the grid, and what forces and contacts make of it there.
-    pub(super) fn move_grid(&mut self, step: Step<'_, D>) {
+    pub(super) fn move_grid(&mut self, step: P2gStep<'_, D>) {
         self.grid.clear();
         p2g(
-            &self.state.phases,
+            &self.state.groups,
             &self.slabs,
             &mut self.grid,
             step,
@@ -287,15 +282,15 @@ impl<const D: usize> Solver<D> {
     }
 
     /// One substep; false when a particle is no longer sound.
-    fn substep(&mut self, step: Step<'_, D>) -> bool {
+    fn substep(&mut self, step: P2gStep<'_, D>) -> bool {
         self.move_grid(step);
-        let (phases, grid) = (&mut self.state.phases, &self.grid);
-        let gather = Gather {
+        let (groups, grid) = (&mut self.state.groups, &self.grid);
+        let gather = G2pStep {
             dt: step.dt,
             per_rest_mass: self.per_rest_mass,
         };
         let outcome = g2p(
-            phases,
+            groups,
             grid,
             &self.bounds,
             &self.obstacles,
@@ -310,14 +305,14 @@ impl<const D: usize> Solver<D> {
     pub(super) fn diagnose(&self) -> MpmError {
         let frame = self.state.frame;
         let mut found: Option<(u32, MpmError)> = None;
-        for phase in &self.state.phases {
-            with_group!(phase, group => {
+        for group in &self.state.groups {
+            with_group!(group, group => {
                 for p in group.particles() {
                     let j = group.volume_ratio(&p);
                     let finite = p.x.iter().chain(&p.v).all(|s| s.is_finite()) && j.is_finite();
                     let error = if !finite {
                         MpmError::NonFinite { particle: p.id, frame }
-                    } else if !self.bounds.hold(&p.x) {
+                    } else if !self.bounds.allows(&p.x) {
                         let position = p.x.as_slice().to_vec();
                         let margin = self.grid.layout.dx();
                         MpmError::LeftDomain { particle: p.id, frame, position, margin }
@@ -337,7 +332,7 @@ impl<const D: usize> Solver<D> {
             .1
     }
 
-    pub fn settings(&self) -> &Settings<D> {
+    pub fn settings(&self) -> &SolverSettings<D> {
         &self.settings
     }
 

@@ -5,4 +5,4 @@ mod prescribe;
 mod read;
 
 pub use frame_loop::{Force, Solver};
-pub use prescribe::{Carry, MotionReport};
+pub use prescribe::{MotionReport, PrescribeOptions};

@@ -10,11 +10,11 @@ use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Vector, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
-use crate::substep::{Gather, Step, gather};
+use crate::substep::{G2pStep, P2gStep, gather};
 
-/// How a prescribed motion changes the rest of the state.
+/// What a prescribed motion does to affine matrices and materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Carry {
+pub struct PrescribeOptions {
     /// Take the affine matrices from the grid velocities; else they are 0.
     pub affine: bool,
     /// Deform the materials by the affine matrices over the frames since; else their state stays.
@@ -32,9 +32,9 @@ pub struct MotionReport {
     pub density: f32,
     /// Root mean square of the divergence of velocity [1/s].
     pub divergence: f32,
-    /// [J], of the particles' velocities without their affine part.
+    /// Kinetic energy of the particles' velocities without their affine part [J].
     pub kinetic_energy: f64,
-    /// -m g . x [J].
+    /// Potential energy -m g . x [J].
     pub potential_energy: f64,
 }
 
@@ -49,7 +49,7 @@ impl<const D: usize> Solver<D> {
         x: &[f32],
         v: &[f32],
         frame: u64,
-        carry: Carry,
+        options: PrescribeOptions,
     ) -> Result<MotionReport, MpmError> {
         let size = self.count() * D;
         for (name, got) in [("x", x.len()), ("v", v.len())] {
@@ -72,12 +72,12 @@ impl<const D: usize> Solver<D> {
         let dt = frames as f32 * self.settings.frame_dt;
         let end = frame as f64 * f64::from(self.settings.frame_dt);
         self.obstacles.move_to(end, 0.0);
-        for phase in &mut self.state.phases {
-            with_group!(phase, group => place(group, x, v, &self.bounds, &self.obstacles));
+        for group in &mut self.state.groups {
+            with_group!(group, group => place(group, x, v, &self.bounds, &self.obstacles));
         }
         self.sort();
         let largest = self.transfer();
-        let steps = if carry.deform {
+        let steps = if options.deform {
             (largest * dt / STRAIN_PER_STEP)
                 .ceil()
                 .clamp(1.0, MAX_STEPS)
@@ -87,14 +87,14 @@ impl<const D: usize> Solver<D> {
         let (report, sound) = self.deform(dt, steps as u32);
         if !sound {
             let error = self.diagnose();
-            std::mem::swap(&mut self.state.phases, &mut self.before);
+            std::mem::swap(&mut self.state.groups, &mut self.before);
             self.state.max_speed = max_speed;
             return Err(error);
         }
         self.state.max_speed = v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         self.state.frame = frame;
         self.last_frame = None;
-        if !carry.affine {
+        if !options.affine {
             self.forget_affine();
         }
         Ok(report)
@@ -106,7 +106,7 @@ impl<const D: usize> Solver<D> {
             if !x.iter().chain(v).all(|s| s.is_finite()) {
                 return Err(MpmError::NonFinite { particle, frame });
             }
-            if !self.bounds.hold(&Vector::from_column_slice(x)) {
+            if !self.bounds.allows(&Vector::from_column_slice(x)) {
                 return Err(MpmError::LeftDomain {
                     particle,
                     frame,
@@ -120,13 +120,13 @@ impl<const D: usize> Solver<D> {
 
     /// Sets the affine matrices from the velocities and the affine matrices so far; returns the largest entry.
     fn transfer(&mut self) -> f32 {
-        self.move_grid(Step {
+        self.move_grid(P2gStep {
             dt: 0.0,
             force: None,
         });
         let mut largest = 0.0;
-        for phase in &mut self.state.phases {
-            with_group!(phase, group => {
+        for group in &mut self.state.groups {
+            with_group!(group, group => {
                 let blocks = &mut group.awake.blocks;
                 largest = run_wide(Gradients { blocks, grid: &self.grid }).max(largest);
             });
@@ -135,8 +135,8 @@ impl<const D: usize> Solver<D> {
     }
 
     fn forget_affine(&mut self) {
-        for phase in &mut self.state.phases {
-            with_group!(phase, group => for block in &mut group.awake.blocks {
+        for group in &mut self.state.groups {
+            with_group!(group, group => for block in &mut group.awake.blocks {
                 block.affine = [[[0.0; LANES]; D]; D];
             });
         }
@@ -144,13 +144,13 @@ impl<const D: usize> Solver<D> {
 
     /// Deforms all particles by their affine matrices; false when one is no longer sound.
     fn deform(&mut self, dt: f32, steps: u32) -> (MotionReport, bool) {
-        let gather = Gather {
+        let gather = G2pStep {
             dt: dt / steps.max(1) as f32,
             per_rest_mass: self.per_rest_mass,
         };
         let mut totals = Totals::new(self.count());
-        for phase in &mut self.state.phases {
-            with_group!(phase, group => run_wide(Deform {
+        for group in &mut self.state.groups {
+            with_group!(group, group => run_wide(Deform {
                 blocks: &mut group.awake.blocks,
                 material: &group.material,
                 grid: &self.grid,
@@ -229,7 +229,7 @@ struct Deform<'a, const D: usize, M: Constitutive<D>> {
     grid: &'a Grid<D>,
     bounds: &'a Bounds<D>,
     gravity: Vector<D>,
-    gather: Gather,
+    gather: G2pStep,
     steps: u32,
     totals: &'a mut Totals,
 }
@@ -244,7 +244,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
             let sums = gather(self.grid, &stencils, count);
-            // Of a particle's own material, whatever the others weigh.
+            // The density of a particle's own material, whatever the others weigh.
             let mut density = [0.0; LANES];
             for i in 0..count {
                 let mass = sums.values[i].to_array()[3];

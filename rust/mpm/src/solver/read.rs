@@ -20,8 +20,8 @@ impl<const D: usize> Solver<D> {
 
     /// Writes N indices into the materials.
     pub fn write_materials(&self, out: &mut [u8]) {
-        for (material, phase) in (0..).zip(&self.state.phases) {
-            with_group!(phase, group => for p in group.particles() {
+        for (material, group) in (0..).zip(&self.state.groups) {
+            with_group!(group, group => for p in group.particles() {
                 out[p.id as usize] = material;
             });
         }
@@ -29,8 +29,8 @@ impl<const D: usize> Solver<D> {
 
     /// Writes N masses [kg].
     pub fn write_masses(&self, out: &mut [f32]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
                 out[p.id as usize] = p.mass;
             });
         }
@@ -60,8 +60,8 @@ impl<const D: usize> Solver<D> {
 
     /// Writes for N particles in the caller's order whether they sleep.
     pub fn write_asleep(&self, out: &mut [bool]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
                 out[p.id as usize] = p.activity != Activity::Awake;
             });
         }
@@ -69,8 +69,8 @@ impl<const D: usize> Solver<D> {
 
     /// Writes N volume ratios in the caller's order.
     pub fn write_volume_ratios(&self, out: &mut [f32]) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
                 out[p.id as usize] = group.volume_ratio(&p);
             });
         }
@@ -82,8 +82,8 @@ impl<const D: usize> Solver<D> {
         width: usize,
         write: impl Fn(&Vector<D>, &Vector<D>, &Matrix<D>, &mut [f32]),
     ) {
-        for phase in &self.state.phases {
-            with_group!(phase, group => for p in group.particles() {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
                 write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
             });
         }

@@ -8,13 +8,13 @@ use crate::boundary::{Bounds, Obstacles};
 use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, State};
-use crate::particles::{Activity, Block, Phase, with_group};
+use crate::particles::{Activity, Block, MaterialGroup, with_group};
 use team::Team;
 
 /// What one substep needs besides the grid.
 #[derive(Debug, Clone, Copy)]
-pub struct Gather {
-    /// [s]
+pub struct G2pStep {
+    /// Length of the substep [s].
     pub dt: f32,
     /// One over the mass of a cell at rest density [1/kg]; 0 where bodies differ in density.
     pub per_rest_mass: f32,
@@ -44,16 +44,16 @@ impl Outcome {
 
 /// Updates all particles from the grid's velocities.
 pub fn g2p<const D: usize>(
-    phases: &mut [Phase<D>],
+    groups: &mut [MaterialGroup<D>],
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
-    step: Gather,
+    step: G2pStep,
     team: &Team,
 ) -> Outcome {
     let mut outcome = Outcome::NOTHING;
-    for phase in phases {
-        with_group!(phase, group => {
+    for group in groups {
+        with_group!(group, group => {
             let (material, friction) = (&group.material, group.wall_friction);
             let share = group.awake.blocks.len().div_ceil(4 * team.size()).max(1);
             let mut parts: Vec<_> = group.awake.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
@@ -75,7 +75,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     grid: &'a Grid<D>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
-    step: Gather,
+    step: G2pStep,
 }
 
 /// Weighted sums over the nodes of each particle, each as velocity and mass.
@@ -121,7 +121,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             }
             sound &= broken == 0;
             if moved.outside {
-                sound &= contain(block, bounds);
+                sound &= keep_inside(block, bounds);
             }
             if sound && obstacles.any() {
                 push_out(block, &stencils, obstacles, friction);
@@ -269,11 +269,11 @@ fn store(lanes: &mut Lanes, from: usize, values: f32x4) {
 
 /// Puts particles back between the walls; false if one is too far past them.
 #[cold]
-fn contain<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bounds<D>) -> bool {
+fn keep_inside<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bounds<D>) -> bool {
     let mut sound = true;
     for lane in 0..block.count {
         let mut particle = block.get(lane, Activity::Awake);
-        if !bounds.walls.contain(&particle.x) {
+        if !bounds.walls.contains(&particle.x) {
             sound &= bounds.put_back(&mut particle.x, &mut particle.v);
             block.set(lane, &particle);
         }

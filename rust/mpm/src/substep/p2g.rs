@@ -7,13 +7,13 @@ use wide::f32x4;
 use crate::grid::{Grid, Layout, MARGIN, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
 use crate::material::{Constitutive, State};
-use crate::particles::{Block, Phase, Slab, with_group};
+use crate::particles::{Block, MaterialGroup, Slab, with_group};
 use team::Team;
 
 /// What one substep needs besides the state.
 #[derive(Clone, Copy)]
-pub struct Step<'a, const D: usize> {
-    /// [s]
+pub struct P2gStep<'a, const D: usize> {
+    /// Length of the substep [s].
     pub dt: f32,
     /// External acceleration [m/s^2] in the caller's order, N x D numbers.
     pub force: Option<&'a [f32]>,
@@ -24,10 +24,10 @@ pub struct Step<'a, const D: usize> {
 /// Slabs of one colour touch different nodes and may run at once; colours follow each other, so each node
 /// sums in the same order whatever the number of threads.
 pub fn p2g<const D: usize>(
-    phases: &[Phase<D>],
+    groups: &[MaterialGroup<D>],
     slabs: &[Slab],
     grid: &mut Grid<D>,
-    step: Step<'_, D>,
+    step: P2gStep<'_, D>,
     team: &Team,
 ) {
     for colour in 0..2 {
@@ -36,8 +36,8 @@ pub fn p2g<const D: usize>(
         let windows = grid.windows(of_colour.clone().map(|(_, slab)| reach(slab)));
         let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
         team.for_each(&mut parts, |(slab, window)| {
-            for phase in phases {
-                with_group!(phase, group => {
+            for group in groups {
+                with_group!(group, group => {
                     for blocks in [group.awake.of_slab(*slab), group.border.of_slab(*slab)] {
                         run_wide(Scatter {
                             blocks,
@@ -62,7 +62,7 @@ struct Scatter<'a, const D: usize, M: Constitutive<D>> {
     blocks: &'a [Block<D, M::State>],
     material: &'a M,
     layout: Layout<D>,
-    step: Step<'a, D>,
+    step: P2gStep<'a, D>,
     /// Memory index of the first of `nodes`.
     first: usize,
     nodes: &'a mut [f32x4],

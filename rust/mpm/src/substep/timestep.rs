@@ -18,7 +18,7 @@ pub enum Substeps {
     Cfl(Option<f32>),
     /// floor(frame / (0.02 dx)) + 1 equal ones, the rule of the ground truth.
     Reference,
-    /// That many equal ones.
+    /// So many equal ones.
     Fixed { count: u32, allow_unstable: bool },
 }
 
@@ -56,9 +56,9 @@ impl Bound {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameReport {
     pub substeps: u32,
-    /// [s]
+    /// Length of the shortest substep [s].
     pub smallest_dt: f32,
-    /// What chose the smallest step.
+    /// What chose it.
     pub bound: Bound,
 }
 
@@ -74,7 +74,7 @@ pub struct StepChooser {
     pub substeps: Substeps,
     pub frame_dt: f32,
     pub dx: f32,
-    /// Of the stiffest material present [m/s].
+    /// Signal speed of the stiffest material present [m/s].
     pub signal_speed: f32,
     /// Largest step that all materials take by default [s].
     default_dt: f32,

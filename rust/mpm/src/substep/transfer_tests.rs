@@ -2,16 +2,16 @@
 
 use proptest::prelude::*;
 
-use super::g2p::{Gather, g2p};
+use super::g2p::{G2pStep, g2p};
 use super::grid_update::{GridForces, grid_update};
-use super::p2g::{Step, p2g};
+use super::p2g::{P2gStep, p2g};
 use crate::boundary::{
     Bounds, Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls,
 };
 use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
-use crate::particles::{Activity, Group, Particle, Phase, sort};
+use crate::particles::{Activity, Group, MaterialGroup, Particle, sort};
 use team::Team;
 
 const RESOLUTION: usize = 16;
@@ -127,17 +127,17 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         volume_correction: true,
     };
     let group = Group::new(water, 0.0, particles);
-    let mut phases = vec![Phase::Water(group)];
+    let mut groups = vec![MaterialGroup::Water(group)];
     let team = Team::new(1).unwrap();
     let mut places = Vec::new();
-    let slabs = sort(&mut phases, &layout, &mut places, &team);
+    let slabs = sort(&mut groups, &layout, &mut places, &team);
     grid.activate(&places);
     grid.clear();
     p2g(
-        &phases,
+        &groups,
         &slabs,
         &mut grid,
-        Step {
+        P2gStep {
             dt: 0.0,
             force: None,
         },
@@ -153,12 +153,12 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     };
     grid_update(&mut grid, &slabs, &forces, 0.0, &team);
     let bounds = Bounds::new(walls, &layout);
-    let gather = Gather {
+    let gather = G2pStep {
         dt: 0.0,
         per_rest_mass: 0.0,
     };
-    assert!(g2p(&mut phases, &grid, &bounds, &obstacles, gather, &team).sound);
-    let Some(Phase::Water(group)) = phases.pop() else {
+    assert!(g2p(&mut groups, &grid, &bounds, &obstacles, gather, &team).sound);
+    let Some(MaterialGroup::Water(group)) = groups.pop() else {
         unreachable!()
     };
     (momentum, group.particles().collect())

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use mpm::{
-    Contact, ContactKind, Force, Material, Obstacle, Openings, Particles, Settings, Solver,
+    Contact, ContactKind, Force, Material, Obstacle, Openings, Particles, Solver, SolverSettings,
     Substeps, Vector, Walls,
 };
 
@@ -23,7 +23,7 @@ pub fn elastic() -> Material {
 }
 
 /// Settings of the default box: walls at 0.1 and 0.9, gravity along the second axis.
-pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> Settings<D> {
+pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> SolverSettings<D> {
     let contact = Contact {
         kind: ContactKind::Separating,
         friction: None,
@@ -33,7 +33,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         upper: Vector::from_element(0.9),
         contact,
     };
-    Settings {
+    SolverSettings {
         resolution,
         frame_dt: FRAME,
         gravity: Vector::from_fn(|axis, _| if axis == 1 { -GRAVITY } else { 0.0 }),
@@ -88,7 +88,7 @@ impl Bodies {
         self
     }
 
-    pub fn solver<const D: usize>(&self, settings: Settings<D>) -> Solver<D> {
+    pub fn solver<const D: usize>(&self, settings: SolverSettings<D>) -> Solver<D> {
         let mass: Vec<f32> = (self.volume.iter().zip(&self.material))
             .map(|(volume, &material)| volume * settings.materials[usize::from(material)].density)
             .collect();

@@ -33,7 +33,8 @@ impl Reach {
         }
     }
 
-    /// In double precision, so that the answer is the same from both ends and at the radius itself.
+    /// Whether a pair is an edge. Computed in double precision, so that the answer is the same from both ends and at
+    /// the radius itself.
     pub fn joins(&self, a: &[f32], b: &[f32]) -> bool {
         let pairs = a.iter().zip(b);
         let squared = pairs

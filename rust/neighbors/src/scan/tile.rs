@@ -168,7 +168,7 @@ mod wide {
     use super::super::reach::Reach;
     use super::{Found, LANES};
 
-    /// For each set of lanes their numbers, in order.
+    /// Numbers of the lanes in each set of lanes, ascending.
     static CHOSEN: [[u8; LANES]; 1 << LANES] = chosen();
 
     const fn chosen() -> [[u8; LANES]; 1 << LANES] {

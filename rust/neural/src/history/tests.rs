@@ -3,14 +3,14 @@ use super::*;
 const WINDOW: usize = 5;
 const PARTICLES: usize = 60;
 
-fn settings(dim: usize) -> Settings {
-    Settings {
+fn settings(dim: usize) -> HistorySettings {
+    HistorySettings {
         particles: PARTICLES,
         dim,
         window: WINDOW,
         dt: 0.01,
-        floor: 0.5,
-        quorum: 0.02,
+        calm_acceleration: 0.5,
+        min_active_share: 0.02,
     }
 }
 
@@ -161,28 +161,28 @@ fn what_large_numbers_leave_behind_is_below_the_floor() {
 fn settings_are_refused_by_name() {
     let good = settings(2);
     for (bad, name) in [
-        (Settings { dim: 4, ..good }, "dim"),
-        (Settings { window: 0, ..good }, "window"),
+        (HistorySettings { dim: 4, ..good }, "dim"),
+        (HistorySettings { window: 0, ..good }, "window"),
         (
-            Settings {
+            HistorySettings {
                 dt: f32::NAN,
                 ..good
             },
             "dt",
         ),
         (
-            Settings {
-                floor: -1.0,
+            HistorySettings {
+                calm_acceleration: -1.0,
                 ..good
             },
-            "floor",
+            "calm_acceleration",
         ),
         (
-            Settings {
-                quorum: 2.0,
+            HistorySettings {
+                min_active_share: 2.0,
                 ..good
             },
-            "quorum",
+            "min_active_share",
         ),
     ] {
         let error = AccelerationHistory::new(bad).unwrap_err();
