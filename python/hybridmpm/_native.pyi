@@ -521,9 +521,11 @@ class Solver:
         Parameters
         ----------
         frames : int >= 0
-        force : float32 (N, D) or (frames, N, D), optional
-            External acceleration [m/s^2] besides gravity, held over the call or given per frame. With
-            emitters or sinks, N is that before the call, and `frames` is 1.
+        force : float32 (D,), (N, D) or (frames, N, D), optional
+            External acceleration [m/s^2] besides gravity: the same for all particles, one for each particle,
+            or one for each particle and frame. The first two hold over the call. (D,) costs nothing and
+            gives the bits of an (N, D) whose rows are all alike. With emitters or sinks, N is that before
+            the call, and `frames` is 1 unless the force is (D,).
         out : float32 (frames, N, D), C-contiguous, optional
             Receives the positions after each frame. Not with emitters or sinks.
 
@@ -532,7 +534,7 @@ class Solver:
         NonFiniteError, DomainError, InvertedError, StepSizeError
             Naming particle and frame. The state is then the one before the failed frame.
         ConfigError
-            Arrays of wrong shape; nothing has moved.
+            An array has the wrong shape, or the force is not finite; nothing has moved.
         """
 
     def prescribe(
@@ -642,7 +644,7 @@ def advance_all(
         One that stands in the list twice advances twice.
     frames : int >= 0
     force : N entries, optional
-        For each solver None or what its `advance` takes.
+        For each solver None or what its `advance` takes: (D,), (N, D) or (frames, N, D).
     threads : int >= 1, optional
         As many as the process may use if absent.
 

@@ -118,25 +118,6 @@ fn steps_above_the_limit_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn forces_are_checked() {
-    let mut solver = drop().solver(settings::<2>(32, vec![water()]));
-    let n = solver.count();
-    let refuse = |solver: &mut Solver<2>, force: Force<'_>| {
-        solver.advance(3, force, |_, _| ()).unwrap_err().to_string()
-    };
-    assert!(refuse(&mut solver, Force::Held(&[0.0; 3])).starts_with("force must have"));
-    assert!(refuse(&mut solver, Force::PerFrame(&vec![0.0; 2 * n])).starts_with("force must have"));
-    assert!(
-        refuse(&mut solver, Force::Held(&vec![f32::NAN; 2 * n]))
-            .starts_with("force must be finite")
-    );
-    assert!(
-        refuse(&mut solver, Force::Held(&vec![1.0e12; 2 * n])).contains("lower the velocities")
-    );
-    assert_eq!(solver.frame(), 0);
-}
-
-#[test]
 fn snapshots_continue_with_the_same_bits_and_refuse_anything_else() {
     let fresh = || drop().solver(settings::<2>(32, vec![water()]));
     let mut solver = fresh();

@@ -29,28 +29,6 @@ fn free_fall_matches_g_t_squared_over_two() {
 }
 
 #[test]
-fn external_acceleration_moves_each_particle_by_its_own() {
-    let bodies = Bodies::default()
-        .block(64, [0.2, 0.5], [0.3, 0.6], [0.0, 0.0], 0)
-        .block(64, [0.6, 0.5], [0.7, 0.6], [0.0, 0.0], 0);
-    let mut solver = bodies.solver(settings::<2>(64, vec![water()]));
-    let force: Vec<f32> = bodies
-        .x
-        .chunks(2)
-        .flat_map(|x| [if x[0] < 0.5 { 4.0 } else { -4.0 }, GRAVITY])
-        .collect();
-    solver.advance(40, Force::Held(&force), |_, _| ()).unwrap();
-    let speed = 4.0 * 40.0 * FRAME;
-    for (v, start) in velocities(&solver).chunks(2).zip(bodies.x.chunks(2)) {
-        let expected = if start[0] < 0.5 { speed } else { -speed };
-        assert!(
-            (v[0] - expected).abs() < 1.0e-4 && v[1].abs() < 1.0e-4,
-            "{v:?}"
-        );
-    }
-}
-
-#[test]
 fn a_mirrored_scene_gives_the_mirrored_result() {
     for material in [water(), sand()] {
         let side = |mirror: bool| {

@@ -13,14 +13,16 @@ pub fn checked_force<'a>(
     [frames, count, dim]: [usize; 3],
     array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
 ) -> PyResult<Force<'a>> {
+    let Some(array) = array else {
+        return Ok(Force::None);
+    };
     let (held, per_frame) = ([count, dim], [frames, count, dim]);
-    match array {
-        None => Ok(Force::None),
-        Some(array) if array.shape() == held => Ok(Force::Held(slice_of(name, array)?)),
-        Some(array) if array.shape() == per_frame => Ok(Force::PerFrame(slice_of(name, array)?)),
-        Some(array) => Err(config_error(format!(
-            "{name} must be of shape {held:?} or {per_frame:?}, got {:?}",
-            array.shape()
+    match array.shape() {
+        shape if shape == [dim] => Ok(Force::Uniform(slice_of(name, array)?)),
+        shape if shape == held => Ok(Force::Held(slice_of(name, array)?)),
+        shape if shape == per_frame => Ok(Force::PerFrame(slice_of(name, array)?)),
+        shape => Err(config_error(format!(
+            "{name} must be of shape {held:?} or {per_frame:?}, or [{dim}] for all particles alike, got {shape:?}"
         ))),
     }
 }

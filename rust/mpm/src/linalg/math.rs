@@ -17,6 +17,12 @@ pub fn lanes<const D: usize>(v: &Vector<D>, last: f32) -> f32x4 {
     f32x4::from(lanes)
 }
 
+/// Length of the vector with these components.
+#[inline(always)]
+pub fn norm(components: &[f32]) -> f32 {
+    components.iter().map(|s| s * s).sum::<f32>().sqrt()
+}
+
 /// det M. nalgebra's needs concrete sizes.
 #[inline(always)]
 pub fn determinant<const D: usize>(m: &Matrix<D>) -> f32 {

@@ -7,5 +7,5 @@ mod svd;
 
 pub use eigen::{Spectrum, Symmetrics};
 pub use lanes::{Kernel, LANES, Lanes, exp, ln, run_wide};
-pub use math::{Matrix, Symmetric, Vector, determinant, lanes, shear_index};
+pub use math::{Matrix, Symmetric, Vector, determinant, lanes, norm, shear_index};
 pub use svd::{Svd, svd};

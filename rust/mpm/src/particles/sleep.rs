@@ -11,6 +11,7 @@ use super::particle::{Activity, Particle};
 use super::tiles::Tiles;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;
+use crate::force::FrameForce;
 use crate::grid::{Layout, Stencils};
 use crate::linalg::LANES;
 use crate::material::{Constitutive, State};
@@ -63,8 +64,7 @@ pub fn count_calm<const D: usize>(groups: &mut [MaterialGroup<D>], sleep: &Sleep
 
 /// What can wake a region besides its own motion.
 pub struct WakeCauses<'a, const D: usize> {
-    /// External acceleration in the caller's order.
-    pub force: Option<&'a [f32]>,
+    pub force: FrameForce<'a, D>,
     pub obstacles: &'a Obstacles<D>,
     /// Time to the next decision [s].
     pub horizon: f32,
@@ -96,10 +96,9 @@ pub fn decide<const D: usize>(
 impl<const D: usize> WakeCauses<'_, D> {
     /// Whoever is forced, or near to something that moves, is not at rest.
     fn stir<S: State>(&self, block: &mut Block<D, S>, layout: &Layout<D>) {
-        if let Some(force) = self.force {
+        if self.force.is_some() {
             for lane in 0..block.count {
-                let a = &force[block.id[lane] as usize * D..][..D];
-                if a.iter().any(|&a| a != 0.0) {
+                if self.force.pushes(block.id[lane]) {
                     block.calm[lane] = 0.0;
                 }
             }

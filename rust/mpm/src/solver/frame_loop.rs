@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
+use crate::force::{Force, FrameForce};
 use crate::grid::{Grid, Place};
 use crate::initial::{Particles, group, per_rest_mass};
+use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
     MaterialGroup, PERIOD, Slab, Sleep, WakeCauses, count_calm, decide, sort, with_group,
@@ -17,16 +19,6 @@ use crate::substep::{
     Bound, FrameReport, G2pStep, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g,
 };
 use team::Team;
-
-/// External acceleration besides gravity [m/s^2].
-#[derive(Debug, Clone, Copy)]
-pub enum Force<'a> {
-    None,
-    /// N x D numbers for all frames.
-    Held(&'a [f32]),
-    /// frames x N x D numbers.
-    PerFrame(&'a [f32]),
-}
 
 /// MLS-MPM on one scene.
 #[derive(Clone)]
@@ -104,39 +96,16 @@ impl<const D: usize> Solver<D> {
         force: Force<'_>,
         mut after: impl FnMut(usize, &Self),
     ) -> Result<(), MpmError> {
-        let size = self.count() * D;
-        let (forces, expected) = match force {
-            Force::None => (&[][..], 0),
-            Force::Held(forces) => (forces, size),
-            Force::PerFrame(forces) => (forces, size * frames),
-        };
-        if forces.len() != expected {
-            return Err(MpmError::Length {
-                name: "force",
-                expected,
-                got: forces.len(),
-            });
-        }
-        if self.settings.openings.any() && expected > 0 && frames > 1 {
-            let allowed = "1 with a force where emitters or sinks change the number of particles";
-            return Err(MpmError::parameter("frames", allowed, frames));
-        }
-        if let Some(bad) = forces.iter().find(|a| !a.is_finite()) {
-            return Err(MpmError::parameter("force", "finite", bad));
-        }
+        force.check::<D>(frames, self.count(), self.settings.openings.any())?;
         for index in 0..frames {
-            let force = match force {
-                Force::None => None,
-                Force::Held(held) => Some(held),
-                Force::PerFrame(all) => Some(&all[index * size..][..size]),
-            };
+            let force = force.in_frame(index, self.count());
             self.advance_frame(force)?;
             after(index, self);
         }
         Ok(())
     }
 
-    fn advance_frame(&mut self, force: Option<&[f32]>) -> Result<(), MpmError> {
+    fn advance_frame(&mut self, force: FrameForce<'_, D>) -> Result<(), MpmError> {
         self.remember();
         let max_speed = self.state.max_speed;
         // The clock of moving obstacles is a function of the frame's number.
@@ -194,7 +163,7 @@ impl<const D: usize> Solver<D> {
 
     /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
     /// particles may have come.
-    fn let_sleep(&mut self, sleep: Sleep, force: Option<&[f32]>) {
+    fn let_sleep(&mut self, sleep: Sleep, force: FrameForce<'_, D>) {
         let stirred = force.is_some() || !self.settings.openings.emitters.is_empty();
         if self.state.frame.is_multiple_of(PERIOD) || stirred {
             let causes = WakeCauses {
@@ -206,17 +175,14 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    fn substeps(&mut self, start: f64, force: Option<&[f32]>) -> Result<FrameReport, MpmError> {
+    fn substeps(&mut self, start: f64, force: FrameForce<'_, D>) -> Result<FrameReport, MpmError> {
         let dx = self.grid.layout.dx();
         let mut report = FrameReport {
             substeps: 0,
             smallest_dt: f32::INFINITY,
             bound: Bound::Frame,
         };
-        let pull = self.settings.gravity.norm()
-            + force.map_or(0.0, |force| {
-                force.chunks_exact(D).map(norm).fold(0.0, f32::max)
-            });
+        let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
         let mut remaining = frame_dt;
         // Sorting at the start of a frame makes a frame a function of the state alone.
@@ -362,8 +328,4 @@ impl<const D: usize> Solver<D> {
         self.last_frame = None;
         Ok(())
     }
-}
-
-pub(super) fn norm(components: &[f32]) -> f32 {
-    components.iter().map(|s| s * s).sum::<f32>().sqrt()
 }

@@ -4,5 +4,5 @@ mod frame_loop;
 mod prescribe;
 mod read;
 
-pub use frame_loop::{Force, Solver};
+pub use frame_loop::Solver;
 pub use prescribe::{MotionReport, PrescribeOptions};

@@ -3,11 +3,12 @@
 //! Grid velocities follow from the particles' by the transfers of a substep, without stress and gravity. They give
 //! the affine matrices, and these may deform the materials, with return mapping.
 
-use super::frame_loop::{Solver, norm};
+use super::frame_loop::Solver;
 use crate::boundary::{Bounds, Obstacles};
 use crate::error::MpmError;
+use crate::force::FrameForce;
 use crate::grid::{Grid, Stencils};
-use crate::linalg::{Kernel, LANES, Lanes, Vector, run_wide};
+use crate::linalg::{Kernel, LANES, Lanes, Vector, norm, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
 use crate::substep::{G2pStep, P2gStep, gather};
@@ -122,7 +123,7 @@ impl<const D: usize> Solver<D> {
     fn transfer(&mut self) -> f32 {
         self.move_grid(P2gStep {
             dt: 0.0,
-            force: None,
+            force: FrameForce::None,
         });
         let mut largest = 0.0;
         for group in &mut self.state.groups {

@@ -4,6 +4,7 @@
 
 use wide::f32x4;
 
+use crate::force::FrameForce;
 use crate::grid::{Grid, Layout, MARGIN, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
 use crate::material::{Constitutive, State};
@@ -15,8 +16,7 @@ use team::Team;
 pub struct P2gStep<'a, const D: usize> {
     /// Length of the substep [s].
     pub dt: f32,
-    /// External acceleration [m/s^2] in the caller's order, N x D numbers.
-    pub force: Option<&'a [f32]>,
+    pub force: FrameForce<'a, D>,
 }
 
 /// Adds all particles to a cleared grid.
@@ -159,11 +159,20 @@ impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
     #[inline(always)]
     fn pushed(&self, block: &Block<D, M::State>) -> [Lanes; D] {
         let mut v = block.v;
-        if let Some(force) = self.step.force {
-            for i in 0..block.count.min(LANES) {
-                let a = &force[block.id[i] as usize * D..][..D];
+        match self.step.force {
+            FrameForce::None => {}
+            FrameForce::Uniform(a) => {
                 for axis in 0..D {
-                    v[axis][i] += self.step.dt * a[axis];
+                    let gain = self.step.dt * a[axis];
+                    v[axis].iter_mut().for_each(|v| *v += gain);
+                }
+            }
+            FrameForce::PerParticle(all) => {
+                for i in 0..block.count.min(LANES) {
+                    let a = &all[block.id[i] as usize * D..][..D];
+                    for axis in 0..D {
+                        v[axis][i] += self.step.dt * a[axis];
+                    }
                 }
             }
         }

@@ -8,6 +8,7 @@ use super::p2g::{P2gStep, p2g};
 use crate::boundary::{
     Bounds, Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls,
 };
+use crate::force::FrameForce;
 use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
@@ -139,7 +140,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         &mut grid,
         P2gStep {
             dt: 0.0,
-            force: None,
+            force: FrameForce::None,
         },
         &team,
     );
