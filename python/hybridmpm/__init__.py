@@ -3,7 +3,7 @@
 The names in `__all__` are public, and so are the modules among them; the rest may move.
 """
 
-from hybridmpm import control, data, downsampling, hybrid, metrics, physics, scenarios
+from hybridmpm import control, data, downsampling, hybrid, metrics, physics, recording, scenarios, simulators
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
@@ -19,6 +19,7 @@ from hybridmpm.errors import (
     DataError,
     DomainError,
     ExportError,
+    ForceError,
     GraphSizeError,
     InvertedError,
     NonFiniteError,
@@ -54,6 +55,8 @@ from hybridmpm.scene import (
     Walls,
     Water,
 )
+from hybridmpm.simulator import Simulator
+from hybridmpm.simulators import load
 
 __all__ = [
     "Ball",
@@ -69,6 +72,7 @@ __all__ = [
     "DomainError",
     "Elastic",
     "ExportError",
+    "ForceError",
     "FrameReport",
     "GraphSizeError",
     "HalfSpaceObstacle",
@@ -91,6 +95,7 @@ __all__ = [
     "SceneError",
     "SegmentObstacle",
     "SimulationError",
+    "Simulator",
     "SketchError",
     "Sleep",
     "SnapshotError",
@@ -105,8 +110,11 @@ __all__ = [
     "data",
     "downsampling",
     "hybrid",
+    "load",
     "metrics",
     "physics",
     "radius_graph",
+    "recording",
     "scenarios",
+    "simulators",
 ]

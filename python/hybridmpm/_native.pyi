@@ -420,6 +420,18 @@ class AccelerationHistory:
     def undo(self) -> None:
         """Take the latest push back; raises `ConfigError` where there is none or it was taken back."""
 
+    def snapshot(self) -> bytes:
+        """Return the complete state. Going on from it gives the same bits."""
+
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of a history with the same settings.
+
+        Raises
+        ------
+        SnapshotError
+            The bytes are cut off, or of other settings; the present state is then untouched.
+        """
+
     def copy(self) -> AccelerationHistory:
         """Return an independent history in the same state."""
 

@@ -23,6 +23,7 @@ __all__ = [
     "DataError",
     "DomainError",
     "ExportError",
+    "ForceError",
     "GraphSizeError",
     "InvertedError",
     "NonFiniteError",
@@ -57,6 +58,10 @@ class SceneError(ConfigError):
     def of(cls, problems: Sequence[tuple[str, str]]) -> "SceneError":
         """Build the error whose message lists `problems`, as "field: message; field: message"."""
         return cls("; ".join(f"{field}: {text}" if field else text for field, text in problems), problems)
+
+
+class ForceError(ConfigError):
+    """A force has a wrong shape, is not finite, or its function raised; the message says what is allowed."""
 
 
 class UnknownScenarioError(SceneError):

@@ -1,64 +1,251 @@
 """`Simulator`: what all simulators have in common, whatever moves the particles."""
 
-from typing import Protocol, Self
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _native
+from hybridmpm._support.arguments import whole
+from hybridmpm.decisions import Decision, Mode, frames_of_mpm
+from hybridmpm.errors import ConfigError, SnapshotError
+from hybridmpm.force import CheckedForce, Force, checked_force
 from hybridmpm.scene import Scene
+from hybridmpm.snapshots import SavedState, read_state, write_state
+
+Kind = Literal["mpm", "neural", "hybrid"]
+"""Names of the three simulators: MPM, a network, or a network that MPM takes over from."""
+
+MAX_FRAMES_AT_ONCE = 1_000_000
+
+_Floats = npt.NDArray[np.float32]
 
 
-class Simulator(Protocol):
-    """Particles of a scene that go on by whole frames. N is their number, D the dimension."""
+class Simulator(ABC):
+    """Particles of a scene that advance by whole frames.
+
+    N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
+    frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
+    """
+
+    kind: ClassVar[Kind]
+    """Name of this kind of simulator: "mpm", "neural" or "hybrid"."""
 
     @property
+    @abstractmethod
     def scene(self) -> Scene:
-        """The scene it was made from."""
+        """The scene that this simulator was made from."""
 
     @property
     def dim(self) -> int:
-        """D, 2 or 3."""
+        """Dimension D, 2 or 3."""
+        return self.scene.dim
 
     @property
+    @abstractmethod
+    def r_p(self) -> float:
+        """Ratio of the particles to those of the scene, in (0, 1]."""
+
+    @property
+    @abstractmethod
+    def r_t(self) -> int:
+        """Number of frames that one step of the network spans; 1 where MPM simulates alone."""
+
+    @property
+    @abstractmethod
+    def mode(self) -> Mode:
+        """Who simulates the next frame, if no force acts on it: "mpm" or "neural"."""
+
+    @property
+    @abstractmethod
     def frame(self) -> int:
-        """Frames done since the start."""
+        """Number of frames since the start."""
 
     @property
     def time(self) -> float:
         """Simulated time since the start [s]."""
+        return self.frame * self.scene.frame_dt
 
     @property
+    @abstractmethod
     def particle_count(self) -> int:
-        """N, at present."""
+        """Number N of particles at present."""
 
     @property
+    @abstractmethod
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending."""
+        """Numbers (N,) that the particles keep for good, ascending."""
 
     @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]."""
+    @abstractmethod
+    def positions(self) -> _Floats:
+        """Positions (N, D) [m]; a copy."""
 
     @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m/s]."""
+    @abstractmethod
+    def velocities(self) -> _Floats:
+        """Velocities (N, D) [m/s]; a copy."""
 
     @property
+    @abstractmethod
     def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,)."""
+        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
 
     @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg]; in 2D of a slice one metre deep."""
+    @abstractmethod
+    def mass(self) -> _Floats:
+        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
 
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
-        """Go on by whole frames; force is an acceleration [m/s^2], (N, D) or (frames, N, D)."""
+    @property
+    @abstractmethod
+    def last_frame(self) -> _native.FrameReport | None:
+        """How MPM cut the latest frame into substeps; None before the first and where a network made it."""
 
-    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Advance, and return positions (frames + 1, N, D) [m]; the first are those before the call."""
+    @property
+    @abstractmethod
+    def log(self) -> tuple[Decision, ...]:
+        """All decisions so far about who simulates, in the order in which they were made."""
 
+    @property
+    def mpm_share(self) -> float:
+        """Share of the frames so far that MPM simulated; 1 before the first. Frames redone count once."""
+        return frames_of_mpm(self.log, self.frame) / self.frame if self.frame else 1.0
+
+    @property
+    def safeguard(self) -> float | None:
+        """Value of the safeguard that watches the network; None where there is none, or none yet."""
+        return None
+
+    @abstractmethod
+    def diagnostics(self) -> _native.Diagnostics:
+        """Mass, momentum, energies and extremes over all particles, at this instant."""
+
+    def advance(self, frames: int = 1, force: Force = None) -> None:
+        """Advance by whole frames.
+
+        Parameters
+        ----------
+        frames : int in [0, 1000000]
+            Number T of frames.
+        force : optional
+            External acceleration [m/s^2] besides gravity, taken as float32; see `hybridmpm.force`:
+
+            - (D,): the same for all particles, over the whole call;
+            - (N, D): one for each particle, held over the call;
+            - (T, N, D): one for each frame and particle;
+            - a function, called before each frame with this simulator: it answers with (D,), (N, D), a pair
+              as below with (K, D), or None;
+            - a pair (ids (K,), accelerations (K, D) or (T, K, D)): particles that it does not name get none,
+              and ids of particles that are gone are ignored.
+
+            Where particles come and go, arrays (N, D) are for one frame at a time and (T, N, D) is refused.
+
+        Raises
+        ------
+        ForceError
+            The force has a wrong shape, is not finite, or its function raised. An array is checked before
+            anything moves; with a function the frames before the one it failed at are done.
+        ConfigError
+            `frames` is out of range; nothing has moved.
+        SimulationError
+            A frame failed; the subclass tells how, the message names particle and frame. The state is then
+            the one before that frame.
+        """
+        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+        self._advance(frames, checked_force(force, self, frames), None)
+
+    def rollout(self, frames: int, force: Force = None) -> _Floats:
+        """Advance, and return where the particles were on the way.
+
+        Parameters and errors are those of `advance`.
+
+        Returns
+        -------
+        float32 (frames + 1, N, D)
+            Positions [m] as they were shown; the first row is the state before the call.
+
+        Raises
+        ------
+        ConfigError
+            The scene has emitters or sinks, so N may change.
+        """
+        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+        if self.scene.is_open:
+            raise ConfigError(
+                "rollout needs a fixed number of particles, but this scene has emitters or sinks: use "
+                "hybridmpm.recording.record, which follows particles that come and go"
+            )
+        checked = checked_force(force, self, frames)
+        path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
+        path[0] = self.positions
+        self._advance(frames, checked, path[1:])
+        return path
+
+    def _advance(self, frames: int, force: CheckedForce, path: _Floats | None) -> None:
+        """Advance by frames, and write the positions after each into a row of `path` (frames, N, D)."""
+        for index in range(frames):
+            self._advance_frame(force.at(index))
+            if path is not None:
+                path[index] = self.positions
+
+    @abstractmethod
+    def _advance_frame(self, force: _Floats | None) -> None:
+        """Advance by one frame under a checked acceleration, (D,) or (N, D) [m/s^2]."""
+
+    @abstractmethod
     def reset(self) -> None:
         """Go back to frame 0."""
 
+    @abstractmethod
     def copy(self) -> Self:
-        """Return an independent simulator in the same state."""
+        """Return an independent simulator in the same state; a network is shared."""
+
+    @abstractmethod
+    def snapshot(self) -> bytes:
+        """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
+
+    @abstractmethod
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene and settings.
+
+        Raises
+        ------
+        SnapshotError
+            The bytes are damaged or belong to another scene; the present state is then untouched.
+        """
+
+    def save(self, path: str | Path) -> None:
+        """Write scene, settings and state to a file that `load` goes on from with the same bits.
+
+        The file appears under its name only once it is complete. Networks are named in it, not held.
+
+        Raises
+        ------
+        ExportError
+            The folder does not exist or refuses the file.
+        """
+        saved = SavedState(
+            kind=self.kind,
+            scene=self.scene,
+            settings=self._settings_to_save(),
+            frame=self.frame,
+            state=self.snapshot(),
+        )
+        write_state(Path(path), saved)
+
+    @abstractmethod
+    def _settings_to_save(self) -> dict[str, Any]:
+        """Return the settings that `load` makes an equal simulator from, as plain data for JSON."""
+
+    @classmethod
+    def _saved(cls, path: str | Path) -> SavedState:
+        """Read a file, and refuse one of another kind of simulator."""
+        saved = read_state(Path(path))
+        if saved.kind != cls.kind:
+            raise SnapshotError(
+                f"{path} holds the state of a simulator of kind {saved.kind!r}, and {cls.__name__} is of "
+                f"kind {cls.kind!r}: use hybridmpm.load, which reads all kinds"
+            )
+        return saved

@@ -1,10 +1,11 @@
 """Rust modules and crates depend on each other in one direction, and no folder of sources is crowded.
 
-An arrow goes from the module that names a path (`crate::`, `super::`, `self::` or a child's name, in a `use` or
-in the text) to the module that defines what the path ends at. A re-export is followed to the child that defines the
-name, so declaring and re-exporting children gives a `mod.rs` or `lib.rs` no arrow. Every file is a module.
-A room is a folder of `src` with all that is in it, or a file of `src` itself; rooms form no circle either, so
-that a folder can be understood without those that depend on it. Tests (`#[cfg(test)] mod`) are left out.
+An arrow goes from the module that names a path (`crate::`, `super::`, `self::` or a child's name, in a `use`
+or in the text) to the module that defines what the path ends at. A re-export is followed to the child that
+defines the name, so declaring and re-exporting children gives a `mod.rs` or `lib.rs` no arrow. Every file is
+a module. A room is a folder of `src` with all that is in it, or a file of `src` itself; rooms form no circle
+either, so that a folder can be understood without those that depend on it. Tests (`#[cfg(test)] mod`) are
+left out.
 """
 
 import re

@@ -1,34 +1,21 @@
 """`hybridmpm simulate`."""
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 import click
 import numpy as np
 
-from hybridmpm import export, scenarios
+from hybridmpm import export, scenarios, simulators
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.errors import ExportError
-from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.mpm import MpmSolver, Substeps
-from hybridmpm.physics import NeuralPhysics
-from hybridmpm.physics.load import load_network
+from hybridmpm.mpm import Substeps
+from hybridmpm.physics.load import model_for
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import Simulator
-
-
-@dataclass(frozen=True, kw_only=True)
-class Networks:
-    """Which network simulates, and how it is watched."""
-
-    solver: str
-    model: str | None
-    r_c: float
-    safeguard: Safeguard
+from hybridmpm.simulator import Kind, Simulator
 
 
 class SubstepsType(click.ParamType[Substeps, object]):
@@ -78,8 +65,8 @@ class SubstepsType(click.ParamType[Substeps, object]):
 )
 @click.option(
     "--solver",
-    "solver_name",
-    type=click.Choice(["mpm", "neural", "hybrid"]),
+    "kind",
+    type=click.Choice(list(simulators.SIMULATORS)),
     default="mpm",
     show_default=True,
     help="hybrid: a network that MPM takes over from at an alarm; neural: the network alone.",
@@ -159,7 +146,7 @@ def simulate(
     resume_file: Path | None,
     frames: int | None,
     substeps: Substeps,
-    solver_name: str,
+    kind: Kind,
     model: str | None,
     r_c: float,
     safeguard: Safeguard,
@@ -185,16 +172,20 @@ def simulate(
             raise click.UsageError(f"--out: {error}.") from None
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
-    networks = Networks(solver=solver_name, model=model, r_c=r_c, safeguard=safeguard)
-    _refuse_of_others(ctx, networks)
-    solver: Simulator
     if resume_file is not None:
         _refuse_beside_resume(ctx)
-        solver = MpmSolver.load(resume_file, threads=threads)
-    elif solver_name == "mpm":
-        solver = MpmSolver(_scene(scenario, scene_file, seed), substeps=substeps, threads=threads)
+        solver = simulators.load(resume_file, model=model, threads=threads)
     else:
-        solver = _with_network(_scene(scenario, scene_file, seed), scenario, networks, threads)
+        _refuse_of_others(ctx, kind)
+        scene = _scene(scenario, scene_file, seed)
+        settings = {"substeps": substeps, "model": model, "r_c": r_c, "safeguard": safeguard}
+        taken = simulators.settings_of(kind)
+        if "model" in taken:
+            if model is None and scenario is None:
+                raise click.UsageError("With --scene, a network has to be chosen by --model NAME.")
+            settings["model"] = model_for(model, scenario)
+        given = {name: value for name, value in settings.items() if name in taken}
+        solver = simulators.make(kind, scene, threads=threads, **given)
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
@@ -205,7 +196,7 @@ def simulate(
             recording = record(solver, frames, every=every, on_progress=bar.update)
     finally:
         # An interrupt comes between frames, and a frame that fails leaves the state before it.
-        if save_file is not None and isinstance(solver, MpmSolver):
+        if save_file is not None:
             solver.save(save_file)
             click.echo(f"saved frame {solver.frame} to {save_file}")
     seconds = time.perf_counter() - began
@@ -214,29 +205,16 @@ def simulate(
         _write(target, recording, style)
 
 
-def _refuse_of_others(ctx: click.Context, networks: Networks) -> None:
-    """Refuse options that mean nothing to the chosen solver."""
-    means = {
-        "mpm": {"substeps", "resume_file", "save_file"},
-        "neural": {"model"},
-        "hybrid": {"model", "r_c", "safeguard"},
-    }
-    foreign = set().union(*means.values()) - means[networks.solver]
+def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
+    """Refuse options that mean nothing to the chosen simulator."""
+    taken = simulators.settings_of(kind)
     for param in ctx.command.params:
-        given = ctx.get_parameter_source(param.name or "") is not click.core.ParameterSource.DEFAULT
-        if given and param.name in foreign:
-            takers = [name for name, options in means.items() if param.name in options]
+        name = param.name or ""
+        takers = [other for other in simulators.SIMULATORS if name in simulators.settings_of(other)]
+        given = ctx.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT
+        if given and takers and name not in taken:
             hint = f"{param.get_error_hint(ctx)} is for --solver {' or '.join(takers)}"
-            raise click.UsageError(f"{hint}, not for {networks.solver}.")
-
-
-def _with_network(scene: Scene, scenario: str | None, networks: Networks, threads: int) -> Simulator:
-    if networks.model is None and scenario is None:
-        raise click.UsageError("With --scene, a network has to be chosen by --model NAME.")
-    model = load_network(networks.model, scene, scenario=scenario, threads=threads)
-    if networks.solver == "neural":
-        return NeuralPhysics(scene, model, threads=threads)
-    return HybridSimulator(scene, model, r_c=networks.r_c, safeguard=networks.safeguard, threads=threads)
+            raise click.UsageError(f"{hint}, not for {kind}.")
 
 
 def _refuse_beside_resume(ctx: click.Context) -> None:
@@ -244,11 +222,11 @@ def _refuse_beside_resume(ctx: click.Context) -> None:
     given = [
         param.get_error_hint(ctx)
         for param in ctx.command.params
-        if param.name in {"scenario", "scene_file", "seed", "substeps"}
+        if param.name in {"scenario", "scene_file", "seed", "kind", "substeps", "r_c", "safeguard"}
         and ctx.get_parameter_source(param.name) is not click.core.ParameterSource.DEFAULT
     ]
     if given:
-        raise click.UsageError(f"--resume goes on with the scene and substeps of its file; drop {given[0]}.")
+        raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
 
 
 def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
@@ -263,9 +241,9 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
     line = f"{solver.scene.name or 'scene'}: {solver.particle_count} particles, {frames} frames"
     if frames:
         line += f", {1e3 * seconds / frames:.2f} ms per frame"
-    if frames and isinstance(solver, MpmSolver) and solver.last_frame:
+    if frames and solver.last_frame:
         line += f", {solver.last_frame.substeps} substeps in the last"
-    if isinstance(solver, HybridSimulator):
+    if solver.log:
         line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
     mass = solver.mass.sum(dtype=np.float64)
     fastest = np.linalg.norm(solver.velocities, axis=1).max(initial=0.0)

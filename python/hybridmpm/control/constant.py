@@ -34,8 +34,11 @@ class ControlledTrajectory:
 
     positions: npt.NDArray[np.float32]
     """(T + 1, N, D) [m]; row 0 is the state at the start."""
-    acceleration: npt.NDArray[np.float32]
-    """(D,) [m/s^2], besides gravity."""
+    force: npt.NDArray[np.float32]
+    """External acceleration besides gravity [m/s^2], as `Simulator.advance` takes it over T frames: (D,)
+    where it is one constant, else (T, N, D)."""
+    mean_force: Floats
+    """(T, D) [m/s^2]: `force` in each frame, as the mean over the mass of the particles."""
     target_displacement: Floats
     """(D,) [m]: how far the centre of mass was asked to move."""
     displacement: Floats
@@ -50,13 +53,13 @@ class ControlledTrajectory:
         """T."""
         return len(self.positions) - 1
 
-    def force(self) -> npt.NDArray[np.float32]:
-        """Return the control of one frame, (N, D) [m/s^2].
+    def force_at(self, index: int) -> npt.NDArray[np.float32]:
+        """Return the force of a frame, counted from 0 at the start: (D,) or (N, D) [m/s^2].
 
-        `solver.advance(1, force=trajectory.force())`, T times from the state at the start, gives
-        `positions` bit for bit.
+        `solver.advance(T, trajectory.force)` from the state at the start gives `positions` bit for bit, and
+        so does `solver.advance(1, trajectory.force_at(index))` for each frame in turn.
         """
-        return np.tile(self.acceleration, (self.positions.shape[1], 1))
+        return self.force if self.force.ndim == 1 else self.force[index]
 
 
 def follow(
@@ -155,10 +158,10 @@ class _Shooting:
             except SimulationError as err:
                 failures.append(err)
                 # Halfway to what is known to work: the best so far, else no control at all.
-                trial = (trial + (0.0 if best is None else best.acceleration)) / 2
+                trial = (trial + (0.0 if best is None else best.force)) / 2
                 continue
             # Only these two are kept of a rollout that is not the best: positions are large.
-            shot = result.acceleration.astype(np.float64), result.displacement
+            shot = result.force.astype(np.float64), result.displacement
             if last is not None:
                 gain = _broyden(gain, shot, last)
             last = shot
@@ -182,17 +185,17 @@ class _Shooting:
         # Rounded once, here: what is reported is exactly what was applied.
         applied = acceleration.astype(np.float32)
         twin = self._solver.copy()
-        force = np.tile(applied, (twin.particle_count, 1))
         positions = np.empty((self._frames + 1, twin.particle_count, twin.dim), dtype=np.float32)
         positions[0] = twin.positions
         for row in positions[1:]:
             self._on_frame()
-            twin.advance(1, force)
+            twin.advance(1, applied)
             row[:] = twin.positions
         centroids = np.array([self._weights @ frame for frame in positions])
         return ControlledTrajectory(
             positions=positions,
-            acceleration=applied,
+            force=applied,
+            mean_force=np.tile(applied.astype(np.float64), (self._frames, 1)),
             target_displacement=self._target,
             displacement=centroids[-1] - centroids[0],
             centroids=centroids,

@@ -10,6 +10,7 @@ from hybridmpm._native import __version__
 from hybridmpm._support.files import replacing
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
+from hybridmpm.downsampling.merge import spacing_at
 from hybridmpm.errors import DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS
@@ -99,7 +100,7 @@ def describe(
     failed : seed to message
     """
     scene = scenes[0]
-    spacing = scene.spacing * recipe.r_p ** (-1 / scene.dim)
+    spacing = spacing_at(scene, recipe.r_p)
     first = next(iter(statistics.values()))
     dt = scene.frame_dt * recipe.stride
     return {

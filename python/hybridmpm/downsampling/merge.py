@@ -77,6 +77,11 @@ def checked_ratio(r_p: float) -> float:
     return float(r_p)
 
 
+def spacing_at(scene: Scene, r_p: float) -> float:
+    """Return the mean distance [m] of a scene's particles once they are merged at a ratio `r_p` in (0, 1]."""
+    return float(scene.spacing * checked_ratio(r_p) ** (-1 / scene.dim))
+
+
 def _shares(sizes: npt.NDArray[np.int64], total: int) -> list[int]:
     """Divide `total` among groups in proportion to their sizes, at least one each, by largest remainder."""
     exact = sizes * (total / sizes.sum())

@@ -5,6 +5,7 @@
 - `Decision` is an entry of the log that a run can be replayed from.
 """
 
+from hybridmpm.decisions import Decision
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
     DEFAULT,
@@ -18,7 +19,6 @@ from hybridmpm.hybrid.guards import (
     NonFinite,
     Outside,
 )
-from hybridmpm.hybrid.log import Decision
 from hybridmpm.hybrid.simulator import HybridSimulator
 
 __all__ = [

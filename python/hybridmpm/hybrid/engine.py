@@ -1,7 +1,5 @@
 """The frame loop of the hybrid simulator: who simulates next, and how one hands over to the other."""
 
-import copy
-from collections import deque
 from dataclasses import dataclass
 from typing import Self
 
@@ -9,188 +7,192 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import GraphSizeError, NonFiniteError, SimulationError
-from hybridmpm.hybrid import handoff as handoffs
+from hybridmpm.hybrid import handoff
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.hybrid.log import Decision, Mode
-from hybridmpm.hybrid.network import Network
-from hybridmpm.hybrid.state import Checkpoint, Patience, Step
+from hybridmpm.hybrid.state import Backoff, HybridState, Moment
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.spec import HISTORY
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import Track
 
 NOISE_FLOOR = 0.05 * 9.81
-"""A particle is calm whose root mean square acceleration is below this [m/s^2]."""
-QUORUM = 0.02
-"""With a smaller share of particles that are not calm the scene is calm."""
-
-_CHECKPOINTS = 4
+"""Root mean square acceleration [m/s^2] below which a particle is calm."""
+MIN_ACTIVE_SHARE = 0.02
+"""Share of particles that are not calm below which the whole scene is calm."""
 
 _Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What stays the same over a run."""
+class HybridSettings:
+    """Settings that stay the same over a run."""
 
     window: int
+    """Steps of the network in each of the safeguard's two windows of time."""
     safeguard: Safeguard
-    handoff: handoffs.Handoff
+    handoff: handoff.Handoff
 
 
 class Engine:
-    """State of a hybrid simulation, and the frame loop over it.
+    """A hybrid simulation without checks of arguments: its state, and the frame loop over it.
 
     Parameters
     ----------
     mpm : MpmSolver
-        At frame 0; the engine's own from now on.
-    network : Network
+        Solver at frame 0; the engine's own from now on.
+    stepper : Stepper
+        The network.
     guards : tuple of Guard
-    settings : Settings
+        Guards that watch the network, in the order of their stages.
+    settings : HybridSettings
     """
 
     def __init__(
-        self, mpm: MpmSolver, network: Network, guards: tuple[Guard, ...], settings: Settings
+        self, mpm: MpmSolver, stepper: Stepper, guards: tuple[Guard, ...], settings: HybridSettings
     ) -> None:
-        self.mpm = mpm
-        """At the state shown, or during a step of the network at its beginning."""
-        self._network, self._settings = network, settings
+        self._settings = settings
         self._fresh = mpm.snapshot()
-        self.frame = 0
-        self.mode: Mode = "mpm"
-        self.value: float | None = None
-        """Of the safeguard."""
-        self.log: list[Decision] = []
-        self.script: list[Decision] | None = None
-        """Decisions to follow in place of the guards'."""
-        self._guards = tuple(guard.copy() for guard in guards)
-        self._step: Step | None = None
-        self._steps = 0
-        self._path: deque[_Floats] = deque([mpm.positions], maxlen=HISTORY)
-        self._history = _native.AccelerationHistory(
+        track = Track(stepper, mpm.scene, mpm.materials)
+        history = _native.AccelerationHistory(
             mpm.particle_count,
             mpm.dim,
             window=settings.window,
-            dt=network.dt,
+            dt=track.step_dt,
             floor=NOISE_FLOOR,
-            quorum=QUORUM,
+            quorum=MIN_ACTIVE_SHARE,
         )
-        self._history.push(self._path[0])
-        self._checkpoints: deque[Checkpoint] = deque(maxlen=_CHECKPOINTS)
-        self._patience = Patience(settings.window)
-        self._is_redoing = False
+        x = mpm.positions
+        track.observe(x)
+        history.push(x)
+        moment = Moment(track, history, tuple(guard.copy() for guard in guards))
+        self.state = HybridState(mpm, moment, Backoff(settings.window))
+        self.script: list[Decision] | None = None
+        """Decisions to follow in place of the guards', where a log is replayed."""
 
     def copy(self) -> Self:
         """Return an independent engine in the same state, with the same network."""
-        twin = copy.copy(self)
-        twin.mpm = self.mpm.copy()
-        twin._history = self._history.copy()  # noqa: SLF001 - of this very class
-        twin._guards = tuple(guard.copy() for guard in self._guards)  # noqa: SLF001
-        twin.log = list(self.log)
-        twin._path = self._path.copy()  # noqa: SLF001
-        twin._checkpoints = self._checkpoints.copy()  # noqa: SLF001
-        twin._patience = copy.copy(self._patience)  # noqa: SLF001
+        twin = object.__new__(type(self))
+        twin.__dict__ = {**self.__dict__, "state": self.state.copy()}
         return twin
 
     @property
     def is_between(self) -> bool:
         """Whether a step of the network is under way."""
-        return self._step is not None
+        return self._now.track.is_under_way
 
     @property
     def positions(self) -> _Floats:
-        """(N, D) [m], as shown."""
-        return self.mpm.positions if self._step is None else self._step.x.at(self._moment)
+        """Positions (N, D) [m], as shown."""
+        track = self._now.track
+        return track.positions if track.is_under_way else self.state.mpm.positions
 
     @property
     def velocities(self) -> _Floats:
-        """(N, D) [m/s], as shown."""
-        if self._step is None:
-            return self.mpm.velocities
-        begin, end = self._step.v
-        return np.asarray(begin + np.float32(self._moment) * (end - begin))
+        """Velocities (N, D) [m/s], as shown."""
+        track, ends = self._now.track, self._now.velocities
+        if not track.is_under_way or ends is None:
+            return self.state.mpm.velocities
+        begin, end = ends
+        return np.asarray(begin + np.float32(track.phase / track.r_t) * (end - begin))
 
     @property
-    def _moment(self) -> float:
-        """Part of the step under way that is over."""
-        return (self.frame % self._network.r_t) / self._network.r_t
+    def _now(self) -> Moment:
+        return self.state.moment
+
+    @property
+    def _guards(self) -> tuple[Guard, ...]:
+        return self._now.guards
+
+    @property
+    def _r_t(self) -> int:
+        return self._now.track.r_t
 
     def advance_frame(self, force: _Floats | None) -> None:
-        """Go on by one frame, under a force (N, D) [m/s^2] that is not zero everywhere, or None."""
-        if force is not None and self.mode == "neural":
+        """Advance by one frame, under a force (D,) or (N, D) [m/s^2] that is not zero everywhere, or None."""
+        if force is not None and self.state.mode == "neural":
             self._interrupt()
-        if self.mode == "neural" and self._step is None:
+        if self.state.mode == "neural" and not self._now.track.is_under_way:
             self._begin_step()
-        if self.mode == "mpm":
+        if self.state.mode == "mpm":
             self._advance_mpm(force)
             return
-        self.frame += 1
-        if self.frame % self._network.r_t == 0:
+        if (self._now.frame + 1) % self._r_t == 0:
             self._end_step()
+        else:
+            self._now.frame += 1
+            self._now.track.tick()
 
     # MPM simulates.
 
-    def _advance_mpm(self, force: _Floats | None = None) -> None:
+    def _advance_mpm(self, force: _Floats | None) -> None:
         try:
-            self.mpm.advance(1, force)
+            self.state.mpm.advance(1, force)
         except SimulationError:
-            # What MPM cannot go on from, shortly after it took over, is the network's doing.
-            if not self._checkpoints or force is not None:
+            # A state that MPM cannot go on from, shortly after it took over, is the network's doing.
+            if not self.state.checkpoints or force is not None:
                 raise
-            self._patience.renew(is_fault=True)
+            self.state.backoff.restart(is_fault=True)
             self._roll_back("unsound", None)
-            self.mpm.advance(1)
-        self.frame += 1
-        if self._checkpoints and (
-            force is not None or self.frame - self.log[-1].noticed > self._settings.window * self._network.r_t
-        ):
-            self._checkpoints.clear()
-        if self.frame % self._network.r_t:
-            return
-        x = self.mpm.positions
-        self._path.append(x)
-        signal = self._history.push(x)
-        self.value = self._read(signal)
-        view = View(x=x, mpm=self.mpm, r_t=self._network.r_t, steps=0, signal=signal)
-        values = [(guard, guard.value(view)) for guard in self._guards if guard.stage is Stage.MOTION]
-        calm = force is None and all(value is None or guard.is_quiet(value) for guard, value in values)
-        self._patience.see(is_calm=calm)
+            self.state.mpm.advance(1)
+        self._after_mpm(is_forced=force is not None)
         if self._may_enter(is_forced=force is not None):
             self._enter()
+
+    def _after_mpm(self, *, is_forced: bool) -> None:
+        """Take note of the frame that MPM has made."""
+        state, now = self.state, self._now
+        now.frame += 1
+        if state.checkpoints and (
+            is_forced or now.frame - state.log[-1].noticed > self._settings.window * self._r_t
+        ):
+            state.checkpoints.clear()
+        if now.frame % self._r_t:
+            return
+        x = state.mpm.positions
+        now.track.observe(x)
+        signal = now.history.push(x)
+        now.value = self._read(signal)
+        view = View(x=x, mpm=state.mpm, r_t=self._r_t, steps=0, signal=signal)
+        values = [(guard, guard.value(view)) for guard in self._guards if guard.stage is Stage.MOTION]
+        calm = not is_forced and all(value is None or guard.is_quiet(value) for guard, value in values)
+        state.backoff.count(is_calm=calm)
 
     def _read(self, signal: _native.AccelerationSignal) -> float | None:
         return signal.cosine if self._settings.safeguard == "ours" else signal.plain
 
     def _may_enter(self, *, is_forced: bool) -> bool:
-        if len(self._path) < HISTORY or self._is_redoing:
+        if self._now.frame % self._r_t or not self._now.track.ready:
             return False
         if self.script is not None:
             decision = self._scripted()
             return decision is not None and decision.mode == "neural"
-        return self._patience.is_over and not is_forced
+        return self.state.backoff.is_over and not is_forced
 
     def _scripted(self) -> Decision | None:
         """Return the decision that holds at the present frame, by the log that is replayed."""
-        held = [decision for decision in self.script or () if decision.frame <= self.frame]
+        held = [decision for decision in self.script or () if decision.frame <= self._now.frame]
         return held[-1] if held else None
 
     def left_by_script(self) -> bool:
         """Let MPM take over from the network here if the log that is replayed says so."""
         decision = self._scripted()
-        if self.mode == "mpm" or self._step is not None or decision is None or decision.mode == "neural":
+        network_goes_on = decision is None or decision.mode == "neural"
+        if self.state.mode == "mpm" or self._now.track.is_under_way or network_goes_on:
             return False
-        self._patience.renew()
+        assert decision is not None  # noqa: S101 - or the network would go on
+        self.state.backoff.restart()
         self._leave(decision.reason, decision.value, noticed=decision.noticed)
         return True
 
     def _enter(self) -> None:
-        self._decide("neural", "calm" if self.log else "warm-up", self.value)
-        self._steps = 0
-        self._checkpoints.clear()
-        self._keep()
+        state, now = self.state, self._now
+        self._decide("neural", "calm" if state.log else "warm-up", now.value)
+        state.checkpoints.clear()
+        state.keep()
         if self.script is None and any(guard.stage is Stage.STATE for guard in self._guards):
-            report = self.mpm.copy().prescribe(self.mpm.positions, self.mpm.velocities, self.frame)
+            report = state.mpm.copy().prescribe(state.mpm.positions, state.mpm.velocities, now.frame)
             for guard in self._guards:
                 guard.begin(report)
 
@@ -200,12 +202,13 @@ class Engine:
         """Ask the network for a step, or leave it to MPM."""
         if self.left_by_script():
             return
+        now = self._now
         try:
-            x = self._network.step(self._path)
+            x = now.track.answer()
         except GraphSizeError:
             if not self._guards:
                 raise
-            self._patience.renew(is_fault=True)
+            self.state.backoff.restart(is_fault=True)
             self._roll_back("unsound", None)
             return
         if self._is_alarmed(Stage.RAW, x):
@@ -213,41 +216,42 @@ class Engine:
         if not np.isfinite(x).all():
             worst = int(np.argmin(np.isfinite(x).all(axis=1)))
             raise NonFiniteError(
-                f"the network's answer for particle {worst} is not finite in frame {self.frame}: "
+                f"the network's answer for particle {worst} is not finite in frame {now.frame}: "
                 "let the guard 'non-finite' watch it"
             )
-        x = np.clip(x, self._network.walls[0], self._network.walls[1])
-        signal = self._history.push(x)
+        x = np.clip(x, *now.track.walls)
+        signal = now.history.push(x)
         if self._is_alarmed(Stage.MOTION, x, signal=signal):
             return
-        self.value = self._read(signal)
-        latest = self._path[-1]
-        v = handoffs.velocity([self._path[-2], latest, x], -1, self._network.dt)
-        between = self._network.between(self._path[-2], latest, x)
-        self._step = Step(x=between, v=(self.mpm.velocities, v))
+        now.value = self._read(signal)
+        latest = now.track.states
+        end = handoff.velocity([latest[-2], latest[-1], x], -1, now.track.step_dt)
+        now.velocities = (self.state.mpm.velocities, end)
+        now.track.begin(x)
 
     def _end_step(self) -> None:
         """Arrive where the network's step leads, and look whether that state is sound."""
-        step, self._step = self._step, None
-        assert step is not None  # noqa: S101 - a step ends where one began
+        now, mpm = self._now, self.state.mpm
+        assert now.velocities is not None  # noqa: S101 - a step ends where one began
+        now.frame += 1
         try:
-            report = self.mpm.prescribe(
-                step.x.end, step.v[1], self.frame, deform=self._settings.handoff == "shadow"
+            report = mpm.prescribe(
+                now.track.end, now.velocities[1], now.frame, deform=self._settings.handoff == "shadow"
             )
         except SimulationError:
             if not self._guards:
-                self.frame, self._step = self.frame - 1, step
+                now.frame -= 1
                 raise
-            self._patience.renew(is_fault=True)
+            self.state.backoff.restart(is_fault=True)
             self._roll_back("unsound", None)
             return
-        x = self.mpm.positions
-        self._path.append(x)
-        self._steps += 1
+        x = mpm.positions
+        now.track.observe(x)
+        now.steps += 1
         if self._is_alarmed(Stage.STATE, x, report=report):
             return
-        if self._steps % self._settings.window == 0:
-            self._keep()
+        if now.steps % self._settings.window == 0:
+            self.state.keep()
 
     def _is_alarmed(
         self,
@@ -260,8 +264,9 @@ class Engine:
         """Ask the guards of a stage; at the first alarm let MPM take over."""
         if self.script is not None:
             return False
-        steps = self._steps + (stage is not Stage.STATE)
-        view = View(x=x, mpm=self.mpm, r_t=self._network.r_t, steps=steps, signal=signal, report=report)
+        now = self._now
+        steps = now.steps + (stage is not Stage.STATE)
+        view = View(x=x, mpm=self.state.mpm, r_t=self._r_t, steps=steps, signal=signal, report=report)
         for guard in self._guards:
             if guard.stage is not stage:
                 continue
@@ -269,8 +274,8 @@ class Engine:
             if value is None or not guard.alarms(value):
                 continue
             if stage is Stage.MOTION:
-                self._history.undo()
-            self._patience.renew(steps=self._steps, is_fault=guard.is_fault)
+                now.history.undo()
+            self.state.backoff.restart(steps=now.steps, is_fault=guard.is_fault)
             if guard.late:
                 self._roll_back(guard.name, value)
             else:
@@ -280,88 +285,84 @@ class Engine:
 
     # From one to the other.
 
-    def _keep(self) -> None:
-        self._checkpoints.append(
-            Checkpoint(
-                frame=self.frame,
-                steps=self._steps,
-                mpm=self.mpm.snapshot(),
-                path=tuple(self._path),
-                history=self._history.copy(),
-                guards=tuple(guard.copy() for guard in self._guards),
-                value=self.value,
-            )
-        )
-
-    def _roll_back(self, reason: str, value: float | None) -> None:
-        """Go back to a state before the failure, and let MPM redo the frames since."""
-        noticed = self.frame
-        while (
-            len(self._checkpoints) > 1
-            and self._steps - self._checkpoints[-1].steps < self._settings.window // 2
-        ):
-            self._checkpoints.pop()
-        back = self._checkpoints.pop()
-        self.mpm.restore(back.mpm)
-        self.frame, self._steps, self.value, self._step = back.frame, back.steps, back.value, None
-        self._path.clear()
-        self._path.extend(back.path)
-        self._history = back.history.copy()
-        self._guards = tuple(guard.copy() for guard in back.guards)
-        self._leave(reason, value, noticed=noticed)
-        self._is_redoing = True
-        try:
-            while self.frame < noticed:
-                self._advance_mpm()
-        finally:
-            self._is_redoing = False
-
     def _leave(self, reason: str, value: float | None, *, noticed: int | None = None) -> bool:
-        """Let MPM go on from the present state; false where it had to go on from an earlier one."""
-        if self._steps and not self._is_handed_over(reason, value):
-            return False
-        self._decide("mpm", reason, value, noticed)
-        self._steps = 0
-        return True
-
-    def _is_handed_over(self, reason: str, value: float | None) -> bool:
-        """Bring MPM into a state that fits the network's; where it cannot follow, go back further."""
-        if self._settings.handoff == "shadow":
-            return True
-        if self._settings.handoff == "cold":
-            handoffs.cold(self.mpm, self._fresh)
-            return True
-        steps = min(handoffs.STEPS, self._steps)
-        first = self._checkpoints[0] if self._checkpoints else None
-        start = first.mpm if first is not None and first.steps == 0 and steps == self._steps else None
+        """Let MPM go on from the present state; False where it had to go on from an earlier one."""
         try:
-            handoffs.warm(self.mpm, self._path, r_t=self._network.r_t, start=start, steps=steps)
+            self._hand_over()
         except SimulationError:
-            if not self._checkpoints:
+            if not self.state.checkpoints:
                 raise
             self._roll_back(reason, value)
             return False
+        self._decide("mpm", reason, value, noticed)
         return True
+
+    def _roll_back(self, reason: str, value: float | None) -> None:
+        """Go back to a state before the failure, and let MPM redo the frames since.
+
+        Where MPM cannot go on from there, an earlier state is tried; the oldest one is MPM's own.
+        """
+        state, noticed = self.state, self._now.frame
+        while True:
+            while (
+                len(state.checkpoints) > 1
+                and self._now.steps - state.checkpoints[-1].moment.steps < self._settings.window // 2
+            ):
+                state.checkpoints.pop()
+            state.take_back(state.checkpoints.pop())
+            try:
+                self._hand_over()
+            except SimulationError:
+                if not state.checkpoints:
+                    raise
+                continue
+            self._decide("mpm", reason, value, noticed)
+            if self._is_redone(noticed):
+                return
+            reason, value = "unsound", None
+
+    def _is_redone(self, until: int) -> bool:
+        """Let MPM redo frames; False where it fails and there is an earlier state to go back to."""
+        try:
+            while self._now.frame < until:
+                self.state.mpm.advance(1)
+                self._after_mpm(is_forced=False)
+        except SimulationError:
+            if not self.state.checkpoints:
+                raise
+            self.state.backoff.restart(is_fault=True)
+            return False
+        return True
+
+    def _hand_over(self) -> None:
+        """Bring MPM into a state that fits the network's motion."""
+        now, mpm, checkpoints = self._now, self.state.mpm, self.state.checkpoints
+        if not now.steps or self._settings.handoff == "shadow":
+            return
+        if self._settings.handoff == "cold":
+            handoff.cold(mpm, self._fresh)
+            return
+        steps = min(handoff.STEPS, now.steps)
+        first = checkpoints[0] if checkpoints else None
+        made_by_mpm = first is not None and first.moment.steps == 0 and steps == now.steps
+        start = first.mpm if first is not None and made_by_mpm else None
+        handoff.warm(mpm, now.track.states, r_t=self._r_t, start=start, steps=steps)
 
     def _interrupt(self) -> None:
         """Let MPM go on from the present state because a force acts, be it amid a step of the network."""
-        step, x, v = self._step, self.positions, self.velocities
-        self._patience.renew()
-        if step is not None:
-            self._step = None
-            self._history.undo()
-        if self._leave("force", self.value) and step is not None:
-            self.mpm.advance(self.frame % self._network.r_t)
-            self.mpm.prescribe(x, v, self.frame)
+        now, x, v = self._now, self.positions, self.velocities
+        amid, phase = now.track.is_under_way, now.track.phase
+        self.state.backoff.restart()
+        if amid:
+            now.track.drop()
+            now.history.undo()
+        if self._leave("force", now.value) and amid:
+            self.state.mpm.advance(phase)
+            self.state.mpm.prescribe(x, v, now.frame)
 
     def _decide(self, mode: Mode, reason: str, value: float | None, noticed: int | None = None) -> None:
-        self.mode = mode
-        self.log.append(
-            Decision(
-                frame=self.frame,
-                mode=mode,
-                value=value,
-                reason=reason,
-                noticed=self.frame if noticed is None else noticed,
-            )
-        )
+        now = self._now
+        self.state.mode, now.steps = mode, 0
+        noticed = now.frame if noticed is None else noticed
+        decision = Decision(frame=now.frame, mode=mode, value=value, reason=reason, noticed=noticed)
+        self.state.log.append(decision)

@@ -3,13 +3,14 @@
 import copy
 import enum
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar, Self
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.errors import SnapshotError
 from hybridmpm.mpm import MpmSolver
 
 
@@ -39,8 +40,13 @@ class View:
     """Only for `STATE`."""
 
 
+@dataclass(eq=False)
 class Guard(ABC):
-    """One measure, and the values of it that are alarming."""
+    """One measure of the network's motion, and the values of it that are alarming.
+
+    A guard is a dataclass. The fields of its constructor are its settings; fields with `init=False` are what
+    it remembers from step to step, as numbers or tuples of them, and they are kept in snapshots.
+    """
 
     name: ClassVar[str]
     stage: ClassVar[Stage]
@@ -67,3 +73,38 @@ class Guard(ABC):
     def copy(self) -> Self:
         """Return an independent guard in the same state."""
         return copy.copy(self)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the arguments that the constructor makes an equal guard from."""
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.init}
+
+    def remember(self) -> dict[str, Any]:
+        """Return what the guard remembers, for a snapshot.
+
+        Raises
+        ------
+        SnapshotError
+            The guard keeps something in an attribute that is no field of its dataclass.
+        """
+        known = {field.name for field in fields(self)}
+        unknown = sorted(set(vars(self)) - known)
+        if unknown:
+            raise SnapshotError(
+                f"the guard {self.name!r} keeps {', '.join(unknown)}, which a snapshot would lose: make its "
+                "class a dataclass and declare them as fields with init=False"
+            )
+        return {field.name: getattr(self, field.name) for field in fields(self) if not field.init}
+
+    def recall(self, memory: dict[str, Any]) -> None:
+        """Take what `remember` returned.
+
+        Raises
+        ------
+        SnapshotError
+            It was another kind of guard that remembered it.
+        """
+        known = {field.name for field in fields(self) if not field.init}
+        if known != set(memory):
+            raise SnapshotError("the snapshot was made with other guards")
+        for name, value in memory.items():
+            setattr(self, name, tuple(value) if isinstance(value, list) else value)

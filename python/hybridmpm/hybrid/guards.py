@@ -7,7 +7,8 @@ state that it has made (`STATE`). An alarm of the first two refuses the step; wh
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from hybridmpm.mpm import MpmSolver
 Safeguard = Literal["ours", "paper"]
 
 
+@dataclass(eq=False)
 class Cosine(Guard):
     """Mean cosine between the accelerations of the last two windows of time; alarming below `r_c`.
 
@@ -31,12 +33,15 @@ class Cosine(Guard):
     stage = Stage.MOTION
     is_fault = False
 
-    def __init__(self, r_c: float = 0.8, hysteresis: float = 0.25, safeguard: Safeguard = "ours") -> None:
-        self.r_c = _within("r_c", r_c, -1, 1)
-        self.hysteresis = _within("hysteresis", hysteresis, 0, 1)
-        if safeguard not in ("ours", "paper"):
-            raise ConfigError(f"safeguard must be 'ours' or 'paper', got {safeguard!r}")
-        self.safeguard = safeguard
+    r_c: float = 0.8
+    hysteresis: float = 0.25
+    safeguard: Safeguard = "ours"
+
+    def __post_init__(self) -> None:
+        self.r_c = _within("r_c", self.r_c, -1, 1)
+        self.hysteresis = _within("hysteresis", self.hysteresis, 0, 1)
+        if self.safeguard not in ("ours", "paper"):
+            raise ConfigError(f"safeguard must be 'ours' or 'paper', got {self.safeguard!r}")
 
     def value(self, view: View) -> float | None:
         if view.signal is None:
@@ -50,6 +55,7 @@ class Cosine(Guard):
         return value >= self.r_c + self.hysteresis * (1 - self.r_c)
 
 
+@dataclass(eq=False)
 class Impact(Guard):
     """Jump of the largest accelerations: their power mean over that of the steps before.
 
@@ -70,25 +76,29 @@ class Impact(Guard):
     is_fault = False
     late = True
 
-    def __init__(self, threshold: float = 3.0, *, memory: int = 10, floor: float = 3.0) -> None:
-        self.threshold = _within("threshold", threshold, 1, 1e6)
-        self._memory, self._floor = memory, floor
-        self._before: tuple[float, ...] = ()
+    threshold: float = 3.0
+    memory: int = field(default=10, kw_only=True)
+    floor: float = field(default=3.0, kw_only=True)
+    _before: tuple[float, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        self.threshold = _within("threshold", self.threshold, 1, 1e6)
 
     def value(self, view: View) -> float | None:
         if view.signal is None or view.signal.largest == 0:
             return None
         largest, before = view.signal.largest, self._before
-        ratio = largest / max(sum(before) / len(before), self._floor) if before else None
+        ratio = largest / max(sum(before) / len(before), self.floor) if before else None
         # A step that will be refused did not happen; MPM's own will be remembered in its place.
         if view.steps == 0 or ratio is None or not self.alarms(ratio):
-            self._before = (*before, largest)[-self._memory :]
+            self._before = (*before, largest)[-self.memory :]
         return ratio
 
     def alarms(self, value: float) -> bool:
         return value > self.threshold
 
 
+@dataclass(eq=False)
 class NonFinite(Guard):
     """Number of particles whose position is NaN or infinite."""
 
@@ -105,6 +115,7 @@ class NonFinite(Guard):
         return value > 0
 
 
+@dataclass(eq=False)
 class Outside(Guard):
     """Number of particles outside of [0, 1]^D, or past a wall by more than one grid cell."""
 
@@ -125,6 +136,7 @@ class Outside(Guard):
         return value > 0
 
 
+@dataclass(eq=False)
 class Density(Guard):
     """Density over rest density that one particle in a hundred exceeds, over that when the network took over.
 
@@ -139,9 +151,11 @@ class Density(Guard):
     stage = Stage.STATE
     late = True
 
-    def __init__(self, threshold: float = 1.7) -> None:
-        self.threshold = _within("threshold", threshold, 1, 1e6)
-        self._start = 1.0
+    threshold: float = 1.7
+    _start: float = field(default=1.0, init=False)
+
+    def __post_init__(self) -> None:
+        self.threshold = _within("threshold", self.threshold, 1, 1e6)
 
     def begin(self, start: _native.MotionReport) -> None:
         self._start = max(start.density, 1.0)
@@ -153,6 +167,7 @@ class Density(Guard):
         return value > self.threshold
 
 
+@dataclass(eq=False)
 class Energy(Guard):
     """Growth of kinetic and potential energy above their least value since the network took over.
 
@@ -169,9 +184,12 @@ class Energy(Guard):
     stage = Stage.STATE
     late = True
 
-    def __init__(self, threshold: float = 0.15) -> None:
-        self.threshold = _within("threshold", threshold, 0, 1e6)
-        self._least = self._scale = np.inf
+    threshold: float = 0.15
+    _least: float = field(default=np.inf, init=False)
+    _scale: float = field(default=np.inf, init=False)
+
+    def __post_init__(self) -> None:
+        self.threshold = _within("threshold", self.threshold, 0, 1e6)
 
     def begin(self, start: _native.MotionReport) -> None:
         self._least = start.kinetic_energy + start.potential_energy
@@ -190,6 +208,7 @@ class Energy(Guard):
         return value > self.threshold
 
 
+@dataclass(eq=False)
 class Divergence(Guard):
     """Root mean square of the divergence of velocity [1/s]: an alternative to the cosine, and dearer.
 
@@ -203,8 +222,10 @@ class Divergence(Guard):
     stage = Stage.STATE
     is_fault = False
 
-    def __init__(self, threshold: float = 15.0) -> None:
-        self.threshold = _within("threshold", threshold, 0, 1e9)
+    threshold: float = 15.0
+
+    def __post_init__(self) -> None:
+        self.threshold = _within("threshold", self.threshold, 0, 1e9)
 
     def value(self, view: View) -> float | None:
         return None if view.report is None else view.report.divergence
@@ -213,6 +234,7 @@ class Divergence(Guard):
         return value > self.threshold
 
 
+@dataclass(eq=False)
 class Audit(Guard):
     """Error of the network's acceleration against MPM's own next step, over that of free fall.
 
@@ -232,14 +254,17 @@ class Audit(Guard):
     name = "audit"
     stage = Stage.MOTION
     late = True
-    PERIOD = 20
+    PERIOD: ClassVar[int] = 20
 
-    def __init__(self, threshold: float = 0.9, *, period: int = PERIOD, floor: float = 2.5) -> None:
-        self.threshold = _within("threshold", threshold, 0, 1e6)
-        self._period, self._floor = period, floor
+    threshold: float = 0.9
+    period: int = field(default=PERIOD, kw_only=True)
+    floor: float = field(default=2.5, kw_only=True)
+
+    def __post_init__(self) -> None:
+        self.threshold = _within("threshold", self.threshold, 0, 1e6)
 
     def value(self, view: View) -> float | None:
-        if view.steps == 0 or (view.steps - 1) % self._period:
+        if view.steps == 0 or (view.steps - 1) % self.period:
             return None
         mpm = view.mpm
         twin = mpm.copy()
@@ -254,7 +279,7 @@ class Audit(Guard):
         to_acceleration = 2 / dt**2
         error = _mean_square(view.x.astype(np.float64) - twin.positions) * to_acceleration**2
         scale = _mean_square(fall - twin.positions) * to_acceleration**2
-        return float(np.sqrt(error / (scale + self._floor**2)))
+        return float(np.sqrt(error / (scale + self.floor**2)))
 
     def alarms(self, value: float) -> bool:
         return value >= self.threshold

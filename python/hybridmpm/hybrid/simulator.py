@@ -1,35 +1,40 @@
-"""`HybridSimulator`: a network that goes ahead, guards that watch it, and MPM to fall back to."""
+"""`HybridSimulator`: a network, guards that watch it, and MPM to fall back to."""
 
 import copy
+import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Self
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
+from hybridmpm._support.packing import pack, unpack
+from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.downsampling.merge import checked_ratio
-from hybridmpm.errors import ConfigError
-from hybridmpm.hybrid.engine import Engine, Settings
+from hybridmpm.errors import ConfigError, SnapshotError
+from hybridmpm.force import Force
+from hybridmpm.hybrid.engine import Engine, HybridSettings
 from hybridmpm.hybrid.guard import Guard
-from hybridmpm.hybrid.guards import DEFAULT, Cosine, Safeguard, build
+from hybridmpm.hybrid.guards import DEFAULT, GUARDS, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
-from hybridmpm.hybrid.log import Decision, Mode, frames_of_mpm, standing
-from hybridmpm.hybrid.network import Network
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE, acceleration
+from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Kind, Simulator
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
+_MAGIC, _VERSION = b"HMPMHYBR", 1
 
 _Floats = npt.NDArray[np.float32]
 
 
-class HybridSimulator:
-    """A network simulates where its guards are content; else MPM does, with the same particles.
+class HybridSimulator(Simulator):
+    """A network simulates while its guards see no trouble, and MPM otherwise, on the same particles.
 
     MPM simulates the first 5 `r_t` frames, from which the network gets its history, every frame with an
     external force, and all frames from an alarm until the motion has been calm for a window of time. An alarm
@@ -39,11 +44,12 @@ class HybridSimulator:
     Parameters
     ----------
     scene : Scene
-        Without emitters, sinks and moving obstacles.
-    physics : Stepper
-        The network.
+        Scene without emitters, sinks and moving obstacles.
+    model : str, Path or Stepper
+        The network: name of a model of the library, an .onnx file, or anything that steps like a
+        `NeuralModel`. "zero" is free fall.
     r_c : float in [-1, 1]
-        Alarming mean cosine between the accelerations of two windows of time.
+        Mean cosine between the accelerations of two windows of time below which the cosine guard alarms.
     window : int in [1, 100]
         Steps of the network in each of the two windows, and those that have to be calm before it takes over.
     hysteresis : float in [0, 1]
@@ -56,24 +62,32 @@ class HybridSimulator:
     handoff : "warm", "shadow" or "cold"
         What MPM takes over from the network besides positions and velocities; see docs/hybrid.md.
     threads : int in [1, 1024]
-        Of MPM; the result does not depend on it.
+        Threads of MPM and of a network that is loaded here; the result does not depend on them.
 
     Raises
     ------
     ConfigError
-        A setting is out of range, the network was not made for such a scene, or the scene cannot be simulated
-        by a network.
+        A setting is out of range, there is no such network, it was not made for such a scene, or the scene
+        cannot be simulated by a network.
+    DataError
+        The network's file is damaged.
 
     Notes
     -----
     N = round(r_p N_h) particles, in the order of `MpmSolver(scene, r_p=...)`. Between two steps of the
     network positions and velocities are interpolated. The same scene, network and calls give the same bits.
+
+    A frame fails with `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError` where MPM failed,
+    or the network where no guard watches it. A rollout shows frames that were undone later as they were when
+    their turn came.
     """
+
+    kind: ClassVar[Kind] = "hybrid"
 
     def __init__(
         self,
         scene: Scene,
-        physics: Stepper,
+        model: Model,
         *,
         r_c: float = 0.8,
         window: int = 10,
@@ -84,161 +98,120 @@ class HybridSimulator:
         threads: int = 1,
     ) -> None:
         _check_scene(scene)
-        physics.check(scene)
+        self._model = as_stepper(model, scene, threads=threads)
+        self._model.check(scene)
         if handoff not in KINDS:
             raise ConfigError(f"handoff must be among {', '.join(KINDS)}; got {handoff!r}")
         self._cosine = Cosine(r_c, hysteresis, safeguard)
         self._guards = build(guards, self._cosine)
-        self._settings = Settings(
+        self._settings = HybridSettings(
             window=whole("window", window, 1, MAX_WINDOW), safeguard=safeguard, handoff=handoff
         )
-        mpm = MpmSolver(scene, r_p=checked_ratio(physics.r_p), threads=threads)
+        mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
         self._fresh = mpm.snapshot()
-        self._network = Network(physics, scene, mpm.materials)
-        self._engine = Engine(mpm, self._network, self._guards, self._settings)
+        self._engine = Engine(mpm, self._model, self._guards, self._settings)
+
+    @property
+    def model(self) -> Stepper:
+        """The network."""
+        return self._model
+
+    @property
+    def _mpm(self) -> MpmSolver:
+        return self._engine.state.mpm
 
     @property
     def scene(self) -> Scene:
         """The scene that this simulator was made from."""
-        return self._engine.mpm.scene
+        return self._mpm.scene
 
     @property
-    def physics(self) -> Stepper:
-        """The network."""
-        return self._network.physics
+    def r_p(self) -> float:
+        """Ratio of the particles to those of the scene, in (0, 1]: the network's."""
+        return self._mpm.r_p
 
     @property
-    def dim(self) -> int:
-        """D, 2 or 3."""
-        return self._engine.mpm.dim
+    def r_t(self) -> int:
+        """Number of frames that one step of the network spans."""
+        return self._engine.state.moment.track.r_t
 
     @property
     def resolution(self) -> int:
-        """Grid cells per metre of MPM."""
-        return self._engine.mpm.resolution
+        """Number of MPM's grid cells per metre."""
+        return self._mpm.resolution
 
     @property
     def frame(self) -> int:
-        """Frames done since the start."""
-        return self._engine.frame
-
-    @property
-    def time(self) -> float:
-        """Simulated time since the start [s]."""
-        return self.frame * self.scene.frame_dt
+        """Number of frames since the start."""
+        return self._engine.state.moment.frame
 
     @property
     def particle_count(self) -> int:
-        """N."""
-        return self._engine.mpm.particle_count
+        """Number N of particles."""
+        return self._mpm.particle_count
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
         """Numbers (N,) of the particles: 0, 1, ..."""
-        return self._engine.mpm.ids
+        return self._mpm.ids
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
         """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return self._engine.mpm.materials
+        return self._mpm.materials
 
     @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg], read-only; in 2D of a slice one metre deep."""
-        return self._engine.mpm.mass
+    def mass(self) -> _Floats:
+        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
+        return self._mpm.mass
 
     @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]; a copy."""
+    def positions(self) -> _Floats:
+        """Positions (N, D) [m]; a copy."""
         return self._engine.positions
 
     @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m/s]; a copy."""
+    def velocities(self) -> _Floats:
+        """Velocities (N, D) [m/s]; a copy."""
         return self._engine.velocities
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame, if no force acts on it."""
-        return self._engine.mode
+        """Who simulates the next frame, if no force acts on it: "mpm" or "neural"."""
+        return self._engine.state.mode
 
     @property
     def safeguard(self) -> float | None:
         """Mean cosine between the accelerations of the last two windows; None until both are full."""
-        return self._engine.value
+        return self._engine.state.moment.value
 
     @property
     def r_c(self) -> float:
-        """Below this `safeguard` is alarming."""
+        """Value of `safeguard` below which the cosine guard alarms."""
         return self._cosine.r_c
 
     @property
     def log(self) -> tuple[Decision, ...]:
-        """All decisions so far, in the order in which they were made."""
-        return tuple(self._engine.log)
-
-    @property
-    def mpm_share(self) -> float:
-        """Share of the frames so far that MPM simulated, those redone counted once; 1 before the first."""
-        return frames_of_mpm(self._engine.log, self.frame) / self.frame if self.frame else 1.0
+        """All decisions so far about who simulates, in the order in which they were made."""
+        return tuple(self._engine.state.log)
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
-        """How MPM cut its latest frame; None where the network made the present state."""
-        return self._engine.mpm.last_frame
+        """How MPM cut its latest frame; None before the first and where the network made it."""
+        return None if self._engine.is_between else self._mpm.last_frame
 
     def diagnostics(self) -> _native.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
-        mpm = self._engine.mpm
+        mpm = self._mpm
         if self._engine.is_between:
             mpm = mpm.copy()
             mpm.prescribe(self.positions, self.velocities, self.frame)
         return mpm.diagnostics()
 
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
-        """Go on by whole frames.
+    def _advance_frame(self, force: _Floats | None) -> None:
+        self._engine.advance_frame(force if force is not None and force.any() else None)
 
-        Parameters
-        ----------
-        frames : int in [0, 1000000]
-        force : (N, D) or (frames, N, D), optional
-            External acceleration [m/s^2] besides gravity, held over the call or given per frame. Frames in
-            which it is not zero everywhere are simulated by MPM.
-
-        Raises
-        ------
-        NonFiniteError, DomainError, InvertedError, StepSizeError
-            MPM failed, or the network where no guard watches it. The state is then the one before the frame.
-        ConfigError
-            `frames` out of range or `force` of a wrong shape; nothing has moved.
-        """
-        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        forces = self._checked(force, frames)
-        for index in range(frames):
-            now = forces if forces is None or forces.ndim == 2 else forces[index]
-            self._engine.advance_frame(now if now is not None and now.any() else None)
-
-    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Advance, and return where the particles were on the way, as they were shown.
-
-        Parameters and errors are those of `advance`.
-
-        Returns
-        -------
-        float32 (frames + 1, N, D)
-            Positions [m]; the first row is the state before the call. Frames that were undone later stay as
-            they were when their turn came.
-        """
-        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        forces = self._checked(force, frames)
-        path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
-        path[0] = self.positions
-        for index in range(frames):
-            self.advance(1, forces if forces is None or forces.ndim == 2 else forces[index])
-            path[index + 1] = self.positions
-        return path
-
-    def replay(self, log: Iterable[Decision], frames: int, force: npt.ArrayLike | None = None) -> None:
+    def replay(self, log: Iterable[Decision], frames: int, force: Force = None) -> None:
         """Start again and advance as a log says, whatever the guards would; the result has the same bits.
 
         What the log says of the last frame is done too: where MPM takes over there, it has.
@@ -246,22 +219,23 @@ class HybridSimulator:
         Parameters
         ----------
         log : iterable of Decision
-            Of a simulator of the same scene and network, with the same handoff.
+            Log of a simulator of the same scene and network, with the same handoff.
         frames : int in [0, 1000000]
-        force : (N, D) or (frames, N, D), optional
-            That of the logged run.
+            Number of frames to simulate.
+        force : optional
+            Force of the logged run; see `advance`.
 
         Raises
         ------
         ConfigError
             The log lets the network begin where it cannot; otherwise as `advance`.
         """
-        script = standing(log)
+        script = without_undone(log)
         for decision in script:
-            if decision.mode == "neural" and decision.frame % self._network.r_t:
+            if decision.mode == "neural" and decision.frame % self.r_t:
                 raise ConfigError(
                     f"the log lets the network begin at frame {decision.frame}, which must be a multiple of "
-                    f"its r_t = {self._network.r_t}"
+                    f"its r_t = {self.r_t}"
                 )
         self.reset()
         self._engine.script = script
@@ -273,9 +247,8 @@ class HybridSimulator:
 
     def reset(self) -> None:
         """Go back to frame 0."""
-        mpm = self._engine.mpm
-        mpm.restore(self._fresh)
-        self._engine = Engine(mpm, self._network, self._guards, self._settings)
+        self._mpm.restore(self._fresh)
+        self._engine = Engine(self._mpm, self._model, self._guards, self._settings)
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state, with the same network."""
@@ -283,15 +256,91 @@ class HybridSimulator:
         twin._engine = self._engine.copy()  # noqa: SLF001 - of this very class
         return twin
 
-    def _checked(self, force: npt.ArrayLike | None, frames: int) -> _Floats | None:
-        forces = acceleration("force", force)
-        if forces is not None:
-            held = (self.particle_count, self.dim)
-            if forces.shape not in (held, (frames, *held)):
-                raise ConfigError(f"force must be of shape {held} or {(frames, *held)}, got {forces.shape}")
-            if not np.isfinite(forces).all():
-                raise ConfigError("force must be finite")
-        return forces
+    def snapshot(self) -> bytes:
+        """Return state, log, history and guards, versioned and checksummed. Going on gives the same bits.
+
+        Raises
+        ------
+        SnapshotError
+            A guard of one's own keeps something that it does not declare; see `Guard`.
+        """
+        return pack(_MAGIC, _VERSION, self._engine.state.remember())
+
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene, network and guards.
+
+        Raises
+        ------
+        SnapshotError
+            The bytes are damaged or belong to another scene or other guards; the present state is then
+            untouched.
+        """
+        self._engine.state = self._engine.state.recalled(unpack(_MAGIC, _VERSION, data))
+
+    def _settings_to_save(self) -> dict[str, Any]:
+        return {
+            "model": described(self._model),
+            "guards": [
+                {"name": guard.name, "settings": guard.settings()}
+                if type(guard) is GUARDS.get(guard.name)
+                else None
+                for guard in self._guards
+            ],
+            "r_c": self._cosine.r_c,
+            "hysteresis": self._cosine.hysteresis,
+            **dataclasses.asdict(self._settings),
+        }
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        *,
+        model: Model | None = None,
+        guards: Sequence[str | Guard] | None = None,
+        threads: int = 1,
+    ) -> Self:
+        """Build the simulator of a file that `save` wrote, in the state it was in.
+
+        Parameters
+        ----------
+        path : str or Path
+        model : str, Path or Stepper, optional
+            The network, where the file does not name one that is here. The file holds no network.
+        guards : sequence of str or Guard, optional
+            The guards, where some of them are one's own: the file holds what they remember, not their code.
+        threads : int in [1, 1024]
+            May differ from before; the result does not depend on it.
+
+        Raises
+        ------
+        SnapshotError
+            The file is foreign, damaged, cut off, of another version, or its network or a guard is missing or
+            another; the message names the file.
+        OSError
+            The file cannot be read.
+        """
+        saved = cls._saved(path)
+        threads = whole("threads", threads, 1, 1024)
+        try:
+            settings = dict(saved.settings)
+            stepper = recalled(settings.pop("model"), model, saved.scene, threads=threads)
+            described_guards = settings.pop("guards")
+            watching = _recalled_guards(described_guards) if guards is None else guards
+            simulator = cls(saved.scene, stepper, guards=watching, threads=threads, **settings)
+            simulator.restore(saved.state)
+        except (ConfigError, SnapshotError, KeyError, TypeError) as error:
+            raise SnapshotError(f"{path} cannot be taken up: {error}") from error
+        return simulator
+
+
+def _recalled_guards(descriptions: Iterable[dict[str, Any] | None]) -> list[Guard]:
+    guards: list[Guard] = []
+    for description in descriptions:
+        if description is None:
+            raise SnapshotError("the file was saved with guards of your own: give all guards as `guards`")
+        guards.append(GUARDS[description["name"]](**description["settings"]))
+    return guards
 
 
 def _check_scene(scene: Scene) -> None:

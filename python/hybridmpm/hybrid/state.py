@@ -1,73 +1,202 @@
-"""What the frame loop keeps in mind."""
+"""What changes while a hybrid simulation runs: one record that copies, checkpoints and snapshots share."""
 
-from dataclasses import dataclass
+import copy
+import dataclasses
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.decisions import Decision, Mode
+from hybridmpm.errors import SnapshotError
 from hybridmpm.hybrid.guard import Guard
-from hybridmpm.physics.track import StepPath
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics.track import Track
 
 _Floats = npt.NDArray[np.float32]
+_CHECKPOINTS = 4
 _MAX_DOUBLINGS = 6
 
 
-@dataclass(frozen=True)
-class Step:
-    """A step of the network under way, from one state to the next, `r_t` frames later."""
+@dataclass
+class Backoff:
+    """How many steps the motion has to be calm before the network takes over.
 
-    x: StepPath
-    v: tuple[_Floats, _Floats]
-    """At its two ends."""
+    None at the beginning, then a window of them, and twice as many after each failure in a row.
+    """
+
+    window: int
+    calm: int = 0
+    """Calm steps in a row so far."""
+    needed: int = 0
+    """Calm steps in a row that the network has to wait for."""
+    failures: int = 0
+    """Failures of the network in a row, at most six."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the network may take over."""
+        return self.calm >= self.needed
+
+    def count(self, *, is_calm: bool) -> None:
+        """Count a step of MPM."""
+        self.calm = self.calm + 1 if is_calm else 0
+
+    def restart(self, *, steps: int | None = None, is_fault: bool = False) -> None:
+        """Wait anew, because MPM takes over.
+
+        Parameters
+        ----------
+        steps : int, optional
+            Number of steps that the network made. A network that does not last for a window counts as one
+            that erred, whoever noticed; after four windows its failures are forgiven.
+        is_fault : bool
+            Whether the network erred.
+        """
+        if is_fault or (steps is not None and steps < self.window):
+            self.failures = min(self.failures + 1, _MAX_DOUBLINGS)
+        elif steps is not None and steps >= 4 * self.window:
+            self.failures = 0
+        self.calm, self.needed = 0, self.window * 2**self.failures
+
+
+@dataclass
+class Moment:
+    """The part of the state that a rollback takes back, beside MPM's own."""
+
+    track: Track
+    """The states that the network looks back on, and its step under way."""
+    history: _native.AccelerationHistory
+    """Accelerations of the last two windows of time."""
+    guards: tuple[Guard, ...]
+    frame: int = 0
+    """Number of frames since the start."""
+    steps: int = 0
+    """Number of steps that the network made since it took over."""
+    value: float | None = None
+    """Value of the safeguard."""
+    velocities: tuple[_Floats, _Floats] | None = None
+    """Velocities (N, D) [m/s] at the two ends of the network's step under way."""
+
+    def copy(self) -> "Moment":
+        """Return an independent moment with the same network."""
+        return dataclasses.replace(
+            self,
+            track=self.track.copy(),
+            history=self.history.copy(),
+            guards=tuple(guard.copy() for guard in self.guards),
+        )
+
+    def remember(self) -> dict[str, Any]:
+        """Return the moment as a tree for a snapshot."""
+        return {
+            "track": self.track.remember(),
+            "history": self.history.snapshot(),
+            "guards": [guard.remember() for guard in self.guards],
+            "frame": self.frame,
+            "steps": self.steps,
+            "value": self.value,
+            "velocities": None if self.velocities is None else list(self.velocities),
+        }
+
+    def recalled(self, memory: dict[str, Any]) -> "Moment":
+        """Return the moment that `remember` returned, with the network and the guards of this one."""
+        twin = self.copy()
+        twin.track.recall(memory["track"])
+        twin.history.restore(memory["history"])
+        for guard, remembered in zip(twin.guards, memory["guards"], strict=True):
+            guard.recall(remembered)
+        ends = memory["velocities"]
+        return dataclasses.replace(
+            twin,
+            frame=memory["frame"],
+            steps=memory["steps"],
+            value=memory["value"],
+            velocities=None if ends is None else (ends[0], ends[1]),
+        )
 
 
 @dataclass(frozen=True)
 class Checkpoint:
     """A state to go back to."""
 
-    frame: int
-    steps: int
-    """Of the network, since it took over."""
+    moment: Moment
     mpm: bytes
-    path: tuple[_Floats, ...]
-    history: _native.AccelerationHistory
-    guards: tuple[Guard, ...]
-    value: float | None
+    """Snapshot of MPM."""
 
 
-class Patience:
-    """For how many steps the motion has to be calm before the network takes over.
+@dataclass
+class HybridState:
+    """All that changes while a hybrid simulation runs."""
 
-    None at the beginning, then a window of them, twice as many after each failure in a row.
-    """
+    mpm: MpmSolver
+    """MPM at the present state, or during a step of the network at the step's beginning."""
+    moment: Moment
+    backoff: Backoff
+    mode: Mode = "mpm"
+    """Who simulates the next frame."""
+    log: list[Decision] = field(default_factory=list)
+    checkpoints: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=_CHECKPOINTS))
+    """States to go back to, the oldest first. The oldest of all is MPM's own, where the network took over."""
 
-    def __init__(self, window: int) -> None:
-        self._window = window
-        self._calm = self._needed = self._failures = 0
+    def copy(self) -> "HybridState":
+        """Return an independent state with the same network."""
+        return dataclasses.replace(
+            self,
+            mpm=self.mpm.copy(),
+            moment=self.moment.copy(),
+            backoff=copy.copy(self.backoff),
+            log=list(self.log),
+            checkpoints=self.checkpoints.copy(),
+        )
 
-    @property
-    def is_over(self) -> bool:
-        """Whether the network may take over."""
-        return self._calm >= self._needed
+    def keep(self) -> None:
+        """Keep the present state, to go back to."""
+        self.checkpoints.append(Checkpoint(self.moment.copy(), self.mpm.snapshot()))
 
-    def see(self, *, is_calm: bool) -> None:
-        """Count a step."""
-        self._calm = self._calm + 1 if is_calm else 0
+    def take_back(self, checkpoint: Checkpoint) -> None:
+        """Go back to a state. Log, backoff and other checkpoints stay."""
+        self.mpm.restore(checkpoint.mpm)
+        self.moment = checkpoint.moment.copy()
 
-    def renew(self, *, steps: int | None = None, is_fault: bool = False) -> None:
-        """Begin anew, because MPM takes over.
+    def remember(self) -> dict[str, Any]:
+        """Return the state as a tree for a snapshot."""
+        return {
+            "mpm": self.mpm.snapshot(),
+            "moment": self.moment.remember(),
+            "backoff": dataclasses.asdict(self.backoff),
+            "mode": self.mode,
+            "log": [dataclasses.asdict(decision) for decision in self.log],
+            "checkpoints": [{"moment": kept.moment.remember(), "mpm": kept.mpm} for kept in self.checkpoints],
+        }
 
-        Parameters
-        ----------
-        steps : int, optional
-            That the network made. One that does not last for a window counts as one that erred, whoever
-            noticed; after four windows its failures are forgiven.
-        is_fault : bool
-            Whether the network erred.
+    def recalled(self, memory: dict[str, Any]) -> Self:
+        """Return the state that `remember` returned, with the scene, network and guards of this one.
+
+        Raises
+        ------
+        SnapshotError
+            It is of another scene or of other guards.
         """
-        if is_fault or (steps is not None and steps < self._window):
-            self._failures = min(self._failures + 1, _MAX_DOUBLINGS)
-        elif steps is not None and steps >= 4 * self._window:
-            self._failures = 0
-        self._calm, self._needed = 0, self._window * 2**self._failures
+        mpm = self.mpm.copy()
+        mpm.restore(memory["mpm"])
+        if len(memory["moment"]["guards"]) != len(self.moment.guards):
+            raise SnapshotError("the snapshot was made with other guards")
+        return dataclasses.replace(
+            self,
+            mpm=mpm,
+            moment=self.moment.recalled(memory["moment"]),
+            backoff=Backoff(**memory["backoff"]),
+            mode=memory["mode"],
+            log=[Decision(**decision) for decision in memory["log"]],
+            checkpoints=deque(
+                (
+                    Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"])
+                    for kept in memory["checkpoints"]
+                ),
+                maxlen=_CHECKPOINTS,
+            ),
+        )

@@ -2,7 +2,6 @@
 
 from hybridmpm.mpm.batch import MpmBatch
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.mpm.snapshots import Substeps
-from hybridmpm.mpm.solver import MpmSolver
+from hybridmpm.mpm.solver import MpmSolver, Substeps
 
 __all__ = ["MpmBatch", "MpmSolver", "Sleep", "Substeps"]

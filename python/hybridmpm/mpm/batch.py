@@ -3,15 +3,17 @@
 from collections.abc import Iterator, Sequence
 from typing import overload
 
+import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
-from hybridmpm.errors import ConfigError
+from hybridmpm.errors import BatchError, ConfigError, SimulationError
+from hybridmpm.force import CheckedForce, Force, checked_force
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.mpm.snapshots import Substeps
-from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE, MpmSolver, acceleration
+from hybridmpm.mpm.solver import MpmSolver, Substeps
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import MAX_FRAMES_AT_ONCE
 
 
 class MpmBatch(Sequence[MpmSolver]):
@@ -66,31 +68,74 @@ class MpmBatch(Sequence[MpmSolver]):
     def __iter__(self) -> Iterator[MpmSolver]:
         return iter(self._members)
 
-    def advance(self, frames: int = 1, force: Sequence[npt.ArrayLike | None] | None = None) -> None:
+    def advance(self, frames: int = 1, force: Sequence[Force] | None = None) -> None:
         """Advance every member by whole frames.
 
         Parameters
         ----------
         frames : int in [0, 1000000]
-        force : one entry a member, optional
-            What the member's own `advance` takes: (N, D) or (frames, N, D) [m/s^2], or None.
+        force : sequence with one entry for each member, optional
+            Force on the member, in any form that its own `advance` takes, or None.
 
         Raises
         ------
         BatchError
             Frames of some members failed. Its message and its `failures` name them by index; each is in the
             state before its failed frame, and all others have advanced.
+        ForceError
+            An array among the forces has a wrong shape or is not finite; nothing has moved.
         ConfigError
-            `frames` out of range or `force` of a wrong shape; nothing has moved.
+            `frames` is out of range, or `force` has not one entry for each member; nothing has moved.
         """
+        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
         if force is not None and len(force) != len(self):
             raise ConfigError(f"force must have one entry a scene, {len(self)}, got {len(force)}")
-        held = force if force is not None else [None] * len(self)
-        _native.advance_all(
-            [member._solver for member in self._members],  # noqa: SLF001 - the core advances them together
-            whole("frames", frames, 0, MAX_FRAMES_AT_ONCE),
-            [acceleration(f"force[{index}]", one) for index, one in enumerate(held)],
-            self._threads,
-        )
+        given = force if force is not None else [None] * len(self)
+        checked = [
+            checked_force(one, member, frames, f"force[{index}]")
+            for index, (one, member) in enumerate(zip(given, self._members, strict=True))
+        ]
+        if any(one.by_frame for one in checked):
+            failures = self._advance_by_frame(frames, checked)
+        else:
+            failures = self._advance_members(frames, dict(enumerate(one.array for one in checked)))
+        _raise_failures(failures)
         for member in self._members:
-            member._tell_limit()  # noqa: SLF001 - as its own `advance` does
+            member._tell_limit(stacklevel=3)  # noqa: SLF001 - as its own `advance` does
+
+    def _advance_by_frame(self, frames: int, forces: Sequence[CheckedForce]) -> dict[int, SimulationError]:
+        """Advance frame by frame, since some forces depend on the state; members that fail stay behind."""
+        failures: dict[int, SimulationError] = {}
+        for frame in range(frames):
+            rows: dict[int, npt.NDArray[np.float32] | None] = {}
+            for index in sorted(set(range(len(self))) - set(failures)):
+                try:
+                    rows[index] = forces[index].at(frame)
+                except SimulationError as error:
+                    failures[index] = error
+            failures |= self._advance_members(1, rows)
+        return failures
+
+    def _advance_members(
+        self, frames: int, forces: dict[int, npt.NDArray[np.float32] | None]
+    ) -> dict[int, SimulationError]:
+        """Advance the members that have an entry, side by side; return the errors of those that failed."""
+        indices = list(forces)
+        try:
+            _native.advance_all(
+                [self._members[index]._solver for index in indices],  # noqa: SLF001 - the core advances them
+                frames,
+                list(forces.values()),
+                self._threads,
+            )
+        except BatchError as error:
+            return {indices[place]: failure for place, failure in error.failures.items()}
+        return {}
+
+
+def _raise_failures(failures: dict[int, SimulationError]) -> None:
+    if failures:
+        ordered = dict(sorted(failures.items()))
+        error = BatchError("; ".join(f"scene {index}: {failure}" for index, failure in ordered.items()))
+        error.failures = ordered
+        raise error

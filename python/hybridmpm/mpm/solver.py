@@ -3,27 +3,28 @@
 import copy
 import warnings
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
-from hybridmpm.downsampling import coarse_resolution, merge
-from hybridmpm.downsampling.merge import checked_ratio
+from hybridmpm.decisions import Decision, Mode
+from hybridmpm.downsampling.merge import checked_ratio, coarse_resolution, merge
 from hybridmpm.errors import ConfigError, SnapshotError, ThinObstacleWarning
+from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.mpm.snapshots import SavedState, Substeps, read_state, write_state
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.scene.openings import EmitterStatus
+from hybridmpm.simulator import Kind, Simulator
 
-MAX_FRAMES_AT_ONCE = 1_000_000
+Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
 
 
-class MpmSolver:
+class MpmSolver(Simulator):
     """MLS-MPM (Hu et al. 2018) on a scene. Safe to share between threads: calls wait for each other.
 
     Parameters
@@ -67,6 +68,8 @@ class MpmSolver:
     ones come last, and `ids` tells who is who. An emitter that finds `max_particles` in the scene stops, with
     a `ParticleLimitWarning`.
     """
+
+    kind: ClassVar[Kind] = "mpm"
 
     def __init__(
         self,
@@ -127,28 +130,38 @@ class MpmSolver:
         return self._scene
 
     @property
-    def dim(self) -> int:
-        """D, 2 or 3."""
-        return self._scene.dim
-
-    @property
     def resolution(self) -> int:
         """Grid cells per metre; fewer than the scene's where `r_p` asks for a coarser grid."""
         return self._solver.resolution
 
     @property
     def frame(self) -> int:
-        """Frames done since the start."""
+        """Number of frames since the start."""
         return self._solver.frame
 
     @property
-    def time(self) -> float:
-        """Simulated time since the start [s]."""
-        return self._solver.time
+    def r_p(self) -> float:
+        """Ratio of the particles to those of the scene, in (0, 1]."""
+        return self._r_p
+
+    @property
+    def r_t(self) -> int:
+        """1: MPM makes every frame."""
+        return 1
+
+    @property
+    def mode(self) -> Mode:
+        """Who simulates the next frame: always "mpm"."""
+        return "mpm"
+
+    @property
+    def log(self) -> tuple[Decision, ...]:
+        """Empty: nobody else ever simulates."""
+        return ()
 
     @property
     def particle_count(self) -> int:
-        """N, at present."""
+        """Number N of particles at present."""
         return self._solver.particle_count
 
     @property
@@ -163,27 +176,27 @@ class MpmSolver:
 
     @property
     def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]; a copy."""
+        """Positions (N, D) [m]; a copy."""
         return self._solver.positions
 
     @property
     def velocities(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m/s]; a copy."""
+        """Velocities (N, D) [m/s]; a copy."""
         return self._solver.velocities
 
     @property
     def affine(self) -> npt.NDArray[np.float32]:
-        """APIC matrix C, snapshot (N, D, D) [1/s]; a copy."""
+        """APIC matrices C (N, D, D) [1/s]; a copy."""
         return self._solver.affine
 
     @property
     def volume_ratio(self) -> npt.NDArray[np.float32]:
-        """J of water, det F of solids, snapshot (N,) [-]; a copy."""
+        """Volume over rest volume (N,) [-]: J of water, det F of solids; a copy."""
         return self._solver.volume_ratio
 
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:
-        """Which particles sleep, snapshot (N,); a copy. None does unless the solver was given a `Sleep`."""
+        """Whether each particle (N,) sleeps; a copy. None does unless the solver was given a `Sleep`."""
         return self._solver.asleep
 
     @property
@@ -193,7 +206,7 @@ class MpmSolver:
 
     @property
     def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg], read-only; in 2D of a slice one metre deep."""
+        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
         return _read_only(self._solver.mass)
 
     @property
@@ -201,51 +214,16 @@ class MpmSolver:
         """How the latest frame was cut into substeps; None before the first."""
         return self._solver.last_frame
 
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
-        """Go on by whole frames.
+    def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
+        if force.by_frame:
+            super()._advance(frames, force, path)
+        else:
+            # The core goes through all frames in one call.
+            self._solver.advance(frames, force.array, path)
+        self._tell_limit(stacklevel=4)
 
-        Parameters
-        ----------
-        frames : int in [0, 1000000]
-        force : (N, D) or (frames, N, D), optional
-            External acceleration [m/s^2] besides gravity, held over the call or given per frame. Taken as
-            float32. In a scene with emitters or sinks only for one frame at a time, of the N before it.
-
-        Raises
-        ------
-        NonFiniteError, DomainError, InvertedError, StepSizeError
-            Naming particle and frame. The state is then the one before the failed frame.
-        ConfigError
-            `frames` out of range or `force` of a wrong shape; nothing has moved.
-        """
-        self._solver.advance(whole("frames", frames, 0, MAX_FRAMES_AT_ONCE), acceleration("force", force))
-        self._tell_limit()
-
-    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Advance, and return where the particles were on the way.
-
-        Parameters and errors are those of `advance`.
-
-        Returns
-        -------
-        float32 (frames + 1, N, D)
-            Positions [m]; the first row is the state before the call.
-
-        Raises
-        ------
-        ConfigError
-            The scene has emitters or sinks, so N may change: `hybridmpm.recording.record` follows them.
-        """
-        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        if self._scene.is_open:
-            raise ConfigError(
-                "rollout needs a fixed number of particles, but this scene has emitters or sinks; "
-                "hybridmpm.recording.record follows particles that come and go"
-            )
-        path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
-        path[0] = self.positions
-        self._solver.advance(frames, acceleration("force", force), path[1:])
-        return path
+    def _advance_frame(self, force: npt.NDArray[np.float32] | None) -> None:
+        self._solver.advance(1, force)
 
     def prescribe(
         self,
@@ -287,14 +265,14 @@ class MpmSolver:
             deform=deform,
         )
 
-    def _tell_limit(self) -> None:
+    def _tell_limit(self, stacklevel: int) -> None:
         """Warn, once, where an emitter has stopped because of `max_particles`."""
         if not self._limit_told and "full" in self._solver.emitters:
             self._limit_told = True
             warnings.warn(
                 f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}",
                 ParticleLimitWarning,
-                stacklevel=3,
+                stacklevel=stacklevel,
             )
 
     def snapshot(self) -> bytes:
@@ -311,27 +289,14 @@ class MpmSolver:
         """
         self._solver.restore(data)
 
-    def save(self, path: str | Path) -> None:
-        """Write scene, settings and state to a file that `load` goes on from with the same bits.
-
-        The file appears under its name only once it is complete.
-
-        Raises
-        ------
-        ExportError
-            The folder does not exist or refuses the file.
-        """
-        saved = SavedState(
-            scene=self._scene,
-            substeps=self._substeps,
-            cfl=self._cfl,
-            allow_unstable=self._allow_unstable,
-            sleep=self._sleep,
-            r_p=self._r_p,
-            frame=self.frame,
-            state=self.snapshot(),
-        )
-        write_state(Path(path), saved)
+    def _settings_to_save(self) -> dict[str, Any]:
+        return {
+            "substeps": self._substeps,
+            "cfl": self._cfl,
+            "allow_unstable": self._allow_unstable,
+            "sleep": None if self._sleep is None else self._sleep.model_dump(),
+            "r_p": self._r_p,
+        }
 
     @classmethod
     def load(cls, path: str | Path, *, threads: int = 1) -> Self:
@@ -351,20 +316,19 @@ class MpmSolver:
         OSError
             The file cannot be read.
         """
-        saved = read_state(Path(path))
+        saved = cls._saved(path)
         threads = whole("threads", threads, 1, 1024)
         try:
+            settings = dict(saved.settings)
+            sleep = settings.pop("sleep")
             solver = cls(
                 saved.scene,
-                substeps=saved.substeps,
-                cfl=saved.cfl,
-                allow_unstable=saved.allow_unstable,
-                sleep=saved.sleep,
-                r_p=saved.r_p,
+                **settings,
+                sleep=None if sleep is None else Sleep.model_validate(sleep),
                 threads=threads,
             )
             solver.restore(saved.state)
-        except (ConfigError, SnapshotError) as error:
+        except (ConfigError, ValueError, KeyError, TypeError) as error:
             raise SnapshotError(f"{path} cannot be taken up by this version: {error}") from error
         return solver
 
@@ -386,8 +350,3 @@ class MpmSolver:
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     array.flags.writeable = False
     return array
-
-
-def acceleration(name: str, force: npt.ArrayLike | None) -> npt.NDArray[np.float32] | None:
-    """Return an external acceleration as the core takes it, or raise `ConfigError` naming it."""
-    return None if force is None else float32(name, force, "(N, D)", "(frames, N, D)")

@@ -13,7 +13,7 @@ from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import KINEMATIC
 
 
-class ZeroStepper:
+class FreeFall:
     """Free fall between walls: each particle flies on under the known acceleration alone.
 
     Particles meet neither each other nor obstacles; walls stop them. It is a `Stepper`.
@@ -64,7 +64,7 @@ class ZeroStepper:
         return free_fall(history, types, acceleration, walls, self._frame_dt * self._r_t)
 
 
-class RelaxedStepper(ZeroStepper):
+class RelaxedFreeFall(FreeFall):
     """Free fall, followed by the relaxation of density of a network: what the network does unlearned.
 
     All particles take part, also those of a body that nothing has disturbed.

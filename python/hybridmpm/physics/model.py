@@ -1,5 +1,6 @@
 """`NeuralModel`: a trained network under onnxruntime."""
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -39,6 +40,8 @@ class NeuralModel:
         An ONNX file that `hybridmpm export` wrote.
     where : str
         Begins the messages of errors.
+    name : str, optional
+        Name or path that `load` finds the same model by, for snapshot files.
     threads : int in [1, 1024]
 
     Raises
@@ -49,12 +52,16 @@ class NeuralModel:
         Of other features, or `threads` is out of range.
     """
 
-    def __init__(self, data: bytes, *, where: str, threads: int = 1) -> None:
+    def __init__(self, data: bytes, *, where: str, name: str | None = None, threads: int = 1) -> None:
         check_file(data, where=where)
         self._session = _session(data, whole("threads", threads, 1, 1024), where)
         properties = self._session.get_modelmeta().custom_metadata_map
         self._info = ModelInfo.from_properties(properties, where=where)
         self._where = where
+        self.name = name
+        """Name or path that `load` finds it by; None for bytes from elsewhere."""
+        self.sha256 = hashlib.sha256(data).hexdigest()
+        """SHA-256 of the file."""
         self._relaxation = Relaxation(self.spec)
 
     @classmethod
@@ -69,12 +76,12 @@ class NeuralModel:
         """
         path = Path(name)
         if path.suffix != ".onnx":
-            return cls(read_model(str(name)), where=f"model {name}", threads=threads)
+            return cls(read_model(str(name)), where=f"model {name}", name=str(name), threads=threads)
         try:
             data = path.read_bytes()
         except OSError as error:
             raise DataError(f"cannot read {path}: {error.strerror or error}") from None
-        return cls(data, where=str(path), threads=threads)
+        return cls(data, where=str(path), name=str(path), threads=threads)
 
     @property
     def info(self) -> ModelInfo:

@@ -2,40 +2,50 @@
 
 import copy
 from pathlib import Path
-from typing import Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm import _native
 from hybridmpm._support.arguments import whole
-from hybridmpm.errors import ConfigError
+from hybridmpm._support.packing import pack, unpack
+from hybridmpm.decisions import Decision, Mode
+from hybridmpm.errors import ConfigError, DomainError, NonFiniteError, SnapshotError
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE, acceleration
-from hybridmpm.physics.model import NeuralModel
+from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
-from hybridmpm.physics.track import Track
+from hybridmpm.physics.track import Track, warmup_frames
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Kind, Simulator
+
+_MAGIC, _VERSION = b"HMPMNEUR", 1
+
+_Floats = npt.NDArray[np.float32]
 
 
-class NeuralPhysics:
-    """A learned simulator on a scene; a `Simulator`.
+class NeuralPhysics(Simulator):
+    """A learned simulator on a scene.
 
-    The first 5 r_t frames, which the network looks back on, are MPM's. From then on the network steps r_t
+    MPM makes the first 5 r_t frames, which the network looks back on. From then on the network steps r_t
     frames at once, and frames between are interpolated. N is the number of fluid particles, D the dimension;
-    obstacles take part as kinematic particles that are not among them.
+    obstacles take part as kinematic particles that are not among the N.
 
     Parameters
     ----------
     scene : Scene
-    model : Stepper
-        A `NeuralModel`, or anything that steps like one.
+    model : str, Path or Stepper
+        The network: name of a model of the library, an .onnx file, or anything that steps like a
+        `NeuralModel`. "zero" is free fall.
     threads : int in [1, 1024]
-        Of the first frames; those of the network are its own.
+        Threads of the first frames, and of a network that is loaded here.
 
     Raises
     ------
     ConfigError
-        The scene is not of the kind that the model was trained on, or a setting is out of range.
+        The network was not made for such a scene, there is none of this name, or a setting is out of range.
+    DataError
+        The network's file is damaged.
     SceneError
         The scene cannot be filled with particles.
 
@@ -43,48 +53,58 @@ class NeuralPhysics:
     -----
     A frame that fails raises `NonFiniteError`, `DomainError` or `GraphSizeError`, or in the first frames an
     error of `MpmSolver`, and the state is the one before that frame.
+
+    A force that changes within a step of the network takes effect at once; the network sees it from its next
+    step on.
     """
 
-    def __init__(self, scene: Scene, model: Stepper, *, threads: int = 1) -> None:
-        model.check(scene)
-        self._model = model
-        self._solver = MpmSolver(scene, r_p=model.r_p, threads=threads)
-        self._frame = 0
-        self._track = self._fresh_track()
+    kind: ClassVar[Kind] = "neural"
 
-    @classmethod
-    def load(cls, name: str | Path, scene: Scene, *, threads: int = 1) -> Self:
-        """Load a model by name or file (`NeuralModel.load`) and put it on a scene."""
-        return cls(scene, NeuralModel.load(name, threads=threads), threads=threads)
+    def __init__(self, scene: Scene, model: Model, *, threads: int = 1) -> None:
+        self._model = as_stepper(model, scene, threads=threads)
+        self._model.check(scene)
+        self._solver = MpmSolver(scene, r_p=self._model.r_p, threads=threads)
+        self._start()
+
+    def _start(self) -> None:
+        self._frame = 0
+        self._force = np.zeros((self.particle_count, self.dim), dtype=np.float32)
+        self._track = Track(self._model, self.scene, self.materials)
+        self._track.observe(self._solver.positions)
 
     @property
     def model(self) -> Stepper:
-        """What steps."""
+        """The network."""
         return self._model
 
     @property
     def scene(self) -> Scene:
-        """The scene it was made from."""
+        """The scene that this simulator was made from."""
         return self._solver.scene
 
     @property
-    def dim(self) -> int:
-        """D, 2 or 3."""
-        return self.scene.dim
+    def r_p(self) -> float:
+        """Ratio of the particles to those of the scene, in (0, 1]: the network's."""
+        return self._solver.r_p
+
+    @property
+    def r_t(self) -> int:
+        """Number of frames that one step of the network spans."""
+        return self._track.r_t
+
+    @property
+    def mode(self) -> Mode:
+        """Who simulates the next frame: "mpm" in the first 5 r_t frames, then "neural"."""
+        return "neural" if self._track.ready else "mpm"
 
     @property
     def frame(self) -> int:
-        """Frames done since the start."""
+        """Number of frames since the start."""
         return self._frame
 
     @property
-    def time(self) -> float:
-        """Simulated time since the start [s]."""
-        return self._frame * self.scene.frame_dt
-
-    @property
     def particle_count(self) -> int:
-        """N."""
+        """Number N of particles."""
         return self._solver.particle_count
 
     @property
@@ -93,13 +113,13 @@ class NeuralPhysics:
         return self._solver.ids
 
     @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]; a copy."""
-        return self._track.positions.copy()
+    def positions(self) -> _Floats:
+        """Positions (N, D) [m]; a copy."""
+        return self._solver.positions if self._by_mpm else self._track.positions.copy()
 
     @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m/s]; a copy."""
+    def velocities(self) -> _Floats:
+        """Velocities (N, D) [m/s]; a copy."""
         return self._solver.velocities if self._by_mpm else self._track.velocities
 
     @property
@@ -108,87 +128,145 @@ class NeuralPhysics:
         return self._solver.materials
 
     @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg], read-only; in 2D of a slice one metre deep."""
+    def mass(self) -> _Floats:
+        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
         return self._solver.mass
 
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
-        """Go on by whole frames.
+    @property
+    def last_frame(self) -> _native.FrameReport | None:
+        """How MPM cut its latest frame; None before the first and where the network made it."""
+        return self._solver.last_frame if self._by_mpm else None
 
-        Parameters
-        ----------
-        frames : int in [0, 1000000]
-        force : (N, D) or (frames, N, D), optional
-            External acceleration [m/s^2] besides gravity, held over the call or given per frame. Taken as
-            float32. A change within a network step takes effect at once, and the network sees it from its
-            next step on.
+    @property
+    def log(self) -> tuple[Decision, ...]:
+        """The one decision there is, once it is made: after the first frames the network takes over."""
+        if not self._track.ready:
+            return ()
+        warmup = warmup_frames(self.r_t)
+        return (Decision(frame=warmup, mode="neural", value=None, reason="warm-up", noticed=warmup),)
 
-        Raises
-        ------
-        NonFiniteError, DomainError, GraphSizeError, InvertedError, StepSizeError
-            Naming particle and frame. The state is then the one before the failed frame.
-        ConfigError
-            `frames` out of range or `force` of a wrong shape; nothing has moved.
+    def diagnostics(self) -> _native.Diagnostics:
+        """Mass, momentum, energies and extremes over all particles, at this instant.
+
+        A network knows no stress: elastic energy is that of the last frame that MPM made.
         """
-        frames, force = self._arguments(frames, force)
-        for k in range(frames):
-            self._advance(None if force is None else force[k])
+        if self._by_mpm:
+            return self._solver.diagnostics()
+        solver = self._solver.copy()
+        solver.prescribe(self.positions, self.velocities, self._frame)
+        return solver.diagnostics()
 
-    def rollout(self, frames: int, force: npt.ArrayLike | None = None) -> npt.NDArray[np.float32]:
-        """Advance, and return where the particles were on the way.
+    def _advance_frame(self, force: _Floats | None) -> None:
+        if self._track.ready:
+            held = np.zeros(self.dim, dtype=np.float32) if force is None else force
+            self._advance_by_network(np.broadcast_to(held, self._force.shape))
+        else:
+            self._solver.advance(1, force)
+            if self._solver.frame % self.r_t == 0:
+                self._track.observe(self._solver.positions)
+        self._frame += 1
 
-        Parameters and errors are those of `advance`.
+    def _advance_by_network(self, force: _Floats) -> None:
+        track = self._track.copy()  # a frame that fails leaves the state before it
+        if not track.is_under_way:
+            after = track.answer(force)
+            track.begin(after, force)
+            self._check(track)
+        elif not np.array_equal(force, self._force):
+            track.push(force - self._force)
+            self._check(track)
+        track.tick()
+        if track.phase == track.r_t:
+            track.arrive()
+        self._track, self._force = track, force
 
-        Returns
-        -------
-        float32 (frames + 1, N, D)
-            Positions [m]; the first row is the state before the call.
-        """
-        frames, force = self._arguments(frames, force)
-        path = np.empty((frames + 1, self.particle_count, self.dim), dtype=np.float32)
-        path[0] = self._track.positions
-        for k in range(frames):
-            self._advance(None if force is None else force[k])
-            path[k + 1] = self._track.positions
-        return path
+    def _check(self, track: Track) -> None:
+        """Refuse a step that leads nowhere that a particle may be."""
+        frame, end = self._frame + 1, track.end
+        bad = ~np.isfinite(end).all(axis=1)
+        if bad.any():
+            raise NonFiniteError(
+                f"particle {int(bad.argmax())} became non-finite in frame {frame}, in a network step: the "
+                "scene is beyond what the network can do, or a force without bound acts"
+            )
+        lower, upper = track.walls
+        beyond = np.maximum(lower - end, end - upper).max(axis=1, initial=0.0)
+        if (beyond > self.scene.dx).any():
+            particle = int(beyond.argmax())
+            raise DomainError(
+                f"particle {particle} left the domain in frame {frame}, in a network step, at "
+                f"{end[particle].tolist()} m; allowed is up to {self.scene.dx:.2e} m past a wall"
+            )
+
+    @property
+    def _by_mpm(self) -> bool:
+        """Whether MPM made the present state."""
+        return self._frame == self._solver.frame
 
     def reset(self) -> None:
         """Go back to frame 0."""
         self._solver.reset()
-        self._frame = 0
-        self._track = self._fresh_track()
+        self._start()
 
     def copy(self) -> Self:
-        """Return an independent simulator in the same state; the two share the model."""
+        """Return an independent simulator in the same state; the two share the network."""
         twin = copy.copy(self)
         twin._solver, twin._track = self._solver.copy(), self._track.copy()  # noqa: SLF001 - of this class
         return twin
 
-    @property
-    def _by_mpm(self) -> bool:
-        return self._frame == self._solver.frame
+    def snapshot(self) -> bytes:
+        """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
+        state = {
+            "frame": self._frame,
+            "force": np.ascontiguousarray(self._force),
+            "solver": self._solver.snapshot(),
+            "track": self._track.remember(),
+        }
+        return pack(_MAGIC, _VERSION, state)
 
-    def _fresh_track(self) -> Track:
-        track = Track(self._model, self.scene, self.materials)
-        track.observe(self._solver.positions)
-        return track
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene and network.
 
-    def _advance(self, force: npt.NDArray[np.float32] | None) -> None:
-        if self._track.ready:
-            self._track.advance(self._frame + 1, force)
-        else:
-            self._solver.advance(1, force)
-            self._track.observe(self._solver.positions)
-        self._frame += 1
+        Raises
+        ------
+        SnapshotError
+            The bytes are damaged or belong to another scene; the present state is then untouched.
+        """
+        state = unpack(_MAGIC, _VERSION, data)
+        track = self._track.copy()
+        track.recall(state["track"])
+        self._solver.restore(state["solver"])
+        self._track, self._force, self._frame = track, state["force"], state["frame"]
 
-    def _arguments(
-        self, frames: int, force: npt.ArrayLike | None
-    ) -> tuple[int, npt.NDArray[np.float32] | None]:
-        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        given = acceleration("force", force)
-        if given is None:
-            return frames, None
-        one = (self.particle_count, self.dim)
-        if given.shape not in {one, (frames, *one)}:
-            raise ConfigError(f"force must have shape {one} or {(frames, *one)}, got {given.shape}")
-        return frames, np.broadcast_to(given, (frames, *one))
+    def _settings_to_save(self) -> dict[str, Any]:
+        return {"model": described(self._model)}
+
+    @classmethod
+    def load(cls, path: str | Path, *, model: Model | None = None, threads: int = 1) -> Self:
+        """Build the simulator of a file that `save` wrote, in the state it was in.
+
+        Parameters
+        ----------
+        path : str or Path
+        model : str, Path or Stepper, optional
+            The network, where the file does not name one that is here. The file holds no network.
+        threads : int in [1, 1024]
+            May differ from before; the result does not depend on it.
+
+        Raises
+        ------
+        SnapshotError
+            The file is foreign, damaged, cut off, of another version, or its network is missing or another;
+            the message names the file.
+        OSError
+            The file cannot be read.
+        """
+        saved = cls._saved(path)
+        threads = whole("threads", threads, 1, 1024)
+        try:
+            stepper = recalled(saved.settings["model"], model, saved.scene, threads=threads)
+            simulator = cls(saved.scene, stepper, threads=threads)
+            simulator.restore(saved.state)
+        except (ConfigError, SnapshotError, KeyError, TypeError) as error:
+            raise SnapshotError(f"{path} cannot be taken up: {error}") from error
+        return simulator

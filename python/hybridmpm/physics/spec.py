@@ -9,6 +9,7 @@ from typing import Any, Self
 
 from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
+from hybridmpm.downsampling.merge import spacing_at
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 
@@ -100,7 +101,7 @@ class NetworkSpec:
     @property
     def spacing(self) -> float:
         """Mean distance of particles at rest [m]: that of the scene's, r_p^(-1/D) wider."""
-        return float(_example(self.scenarios[0]).spacing * self.r_p ** (-1 / self.dim))
+        return spacing_at(_example(self.scenarios[0]), self.r_p)
 
     @property
     def node_features(self) -> int:

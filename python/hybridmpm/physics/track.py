@@ -1,13 +1,17 @@
-"""Particles that a network moves: what it looks back on, and the frames within its steps."""
+"""Particles that a network moves: the states it looks back on, and the frames within its steps."""
 
+import copy
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Self
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.errors import DomainError, NonFiniteError
+from hybridmpm._support.arguments import whole
+from hybridmpm.downsampling.merge import spacing_at
+from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Scene
@@ -87,126 +91,183 @@ class StepPath:
 
 
 class Track:
-    """Fluid particles under a network, frame by frame, with the obstacles as kinematic particles.
+    """What a network looks back on, and the step that is under way.
 
-    Whatever computes the first frames hands each to `observe`, until the track is `ready`; from then on
-    `advance` goes on by the network, and `observe` may take over again at any frame.
+    It keeps the latest six states, `r_t` frames apart: `observe` takes one that somebody else computed,
+    `arrive` one that the network's own step led to. Obstacles take part as kinematic particles that are not
+    among the N.
 
     Parameters
     ----------
     stepper : Stepper
         The network.
     scene : Scene
-        Of a kind that the network was made for; see `Stepper.check`.
+        Scene of a kind that the network was made for; see `Stepper.check`.
     materials : (N,)
         DeepMind's types of the fluid particles.
 
     Raises
     ------
     ConfigError
-        The scene is none for the network.
+        The network was not made for such a scene, or its r_t is out of range.
     """
 
     def __init__(self, stepper: Stepper, scene: Scene, materials: npt.NDArray[np.integer]) -> None:
         stepper.check(scene)
         self._stepper, self._scene = stepper, scene
-        self._solids = kinematic_particles(scene, scene.spacing * stepper.r_p ** (-1 / scene.dim))
+        self.r_t = whole("r_t of the network", stepper.r_t, 1, 100)
+        """Frames that one step spans."""
+        self.step_dt = self.r_t * scene.frame_dt
+        """Time that one step spans [s]."""
+        self.walls = np.array([scene.walls.lower, scene.walls.upper], dtype=np.float32)
+        """Lower and upper corner (2, D) [m]."""
+        self._solids = kinematic_particles(scene, spacing_at(scene, stepper.r_p))
         solid_types = np.full(len(self._solids), KINEMATIC)
         self._types = np.concatenate([materials, solid_types]).astype(np.int64)
         self._fluid = len(materials)
-        self._walls = np.array([scene.walls.lower, scene.walls.upper], dtype=np.float32)
         self._gravity = np.array(scene.gravity, dtype=np.float32)
-        self._states: deque[_Floats] = deque(maxlen=warmup_frames(stepper.r_t) + 1)
+        self._states: deque[_Floats] = deque(maxlen=HISTORY)
         self._path: StepPath | None = None
         self._phase = 0
-        self._push = np.zeros((self._fluid, scene.dim), dtype=np.float32)
 
     @property
     def ready(self) -> bool:
         """Whether the network has all the states that it looks back on."""
-        return len(self._states) == self._states.maxlen
+        return len(self._states) == HISTORY
+
+    @property
+    def states(self) -> Sequence[_Floats]:
+        """The latest states, at most six, each (N, D) [m], oldest first; not to be written to."""
+        return self._states
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether a step has begun and not arrived."""
+        return self._path is not None and self._phase < self.r_t
+
+    @property
+    def phase(self) -> int:
+        """Frames of the step that are over, in [0, r_t]."""
+        return self._phase
+
+    @property
+    def end(self) -> _Floats:
+        """Positions (N, D) [m] that the step under way leads to."""
+        return self._under_way().end
 
     @property
     def positions(self) -> _Floats:
-        """Of the latest frame (N, D) [m]; not to be written to."""
-        return self._states[-1]
+        """Positions (N, D) [m] at the present frame; not to be written to."""
+        if self._path is None or self._phase == self.r_t:
+            return self._states[-1]
+        return np.clip(self._path.at(self._phase / self.r_t), *self.walls)
 
     @property
     def velocities(self) -> _Floats:
-        """Of the latest frame (N, D) [m/s]; only after `advance`."""
-        if self._path is None:
-            raise RuntimeError("there are velocities only after a frame of the network")
-        moment = self._phase / self._stepper.r_t
-        return self._path.velocity(moment) / np.float32(self._step_dt)
-
-    @property
-    def _step_dt(self) -> float:
-        return self._scene.frame_dt * self._stepper.r_t
+        """Velocities (N, D) [m/s] within the latest step of the network or at its end."""
+        return self._under_way().velocity(self._phase / self.r_t) / np.float32(self.step_dt)
 
     def observe(self, positions: _Floats) -> None:
-        """Take in the next frame (N, D) [m], computed elsewhere; the array must not change afterwards."""
-        self._states.append(positions)
-        self._path = None
+        """Take in a state (N, D) [m] computed elsewhere, `r_t` frames after the last; ends a step under way.
 
-    def advance(self, frame: int, force: _Floats | None = None) -> None:
-        """Go on by one frame.
+        The array must not change afterwards.
+        """
+        self._states.append(positions)
+        self._path, self._phase = None, 0
+
+    def answer(self, force: _Floats | None = None) -> _Floats:
+        """Ask the network where the particles are one step later.
 
         Parameters
         ----------
-        frame : int
-            The frame that this makes, for messages.
-        force : (N, D), optional
-            External acceleration [m/s^2] besides gravity. Where it changes within a network step, the
-            rest of the step is moved by the change (`StepPath.pushed`), and the network sees the result at
-            its next step.
+        force : (D,) or (N, D), optional
+            External acceleration [m/s^2] besides gravity.
+
+        Returns
+        -------
+        float32 (N, D)
+            Positions [m]; they may be anything, NaN among it.
 
         Raises
         ------
-        NonFiniteError, DomainError
-            Naming particle and frame; or what the stepper raises. The state is then the one before.
+        ConfigError
+            The network's answer has another shape.
         """
-        push = np.zeros_like(self._push) if force is None else force
-        path, phase = self._path, self._phase
-        if path is None or phase == self._stepper.r_t:
-            path, phase = self._checked(self._next_path(push), frame), 0
-        elif not np.array_equal(push, self._push):
-            change = (push - self._push) * np.float32(self._step_dt**2)
-            path = self._checked(path.pushed(phase / self._stepper.r_t, change, *self._walls), frame)
-        state = path.at((phase + 1) / self._stepper.r_t)
-        self._path, self._phase, self._push = path, phase + 1, push
-        self._states.append(np.clip(state, *self._walls))
+        if not self.ready:
+            raise RuntimeError(f"the network needs {HISTORY} states, got {len(self._states)}")
+        history = np.empty((HISTORY, len(self._types), self._scene.dim), dtype=np.float32)
+        history[:, : self._fluid] = list(self._states)
+        history[:, self._fluid :] = self._solids
+        known = np.tile(self._gravity, (len(self._types), 1))
+        known[: self._fluid] = self._known(force)
+        after = np.asarray(self._stepper.step(history, self._types, known, self.walls), dtype=np.float32)
+        if after.shape != history.shape[1:]:
+            raise ConfigError(
+                f"the network must answer positions of shape {history.shape[1:]}, got {after.shape}"
+            )
+        return after[: self._fluid]
+
+    def begin(self, after: _Floats, force: _Floats | None = None) -> None:
+        """Begin a step that leads to `after` (N, D) [m], under a force as in `answer`."""
+        known = self._known(force) * np.float32(self.step_dt**2)
+        self._path = StepPath.between(self._states[-2], self._states[-1], after, known)
+        self._phase = 0
+
+    def push(self, change: _Floats) -> None:
+        """Change the force within the step under way, by (D,) or (N, D) [m/s^2]; see `StepPath.pushed`."""
+        step = np.broadcast_to(change, (self._fluid, self._scene.dim)) * np.float32(self.step_dt**2)
+        self._path = self._under_way().pushed(self._phase / self.r_t, step, *self.walls)
+
+    def tick(self) -> None:
+        """Go on by one frame of the step under way."""
+        self._phase += 1
+
+    def arrive(self) -> None:
+        """Take the end of the step as the latest state; its velocities stay known."""
+        self._states.append(np.clip(self._under_way().end, *self.walls))
+        self._phase = self.r_t
+
+    def drop(self) -> None:
+        """Give up the step under way."""
+        self._path, self._phase = None, 0
 
     def copy(self) -> "Track":
-        """Return an independent track in the same state."""
-        twin = object.__new__(Track)
-        twin.__dict__ = {**self.__dict__, "_states": self._states.copy()}
+        """Return an independent track in the same state; the two share the network."""
+        twin = copy.copy(self)
+        twin._states = self._states.copy()  # noqa: SLF001 - of this very class
         return twin
 
-    def _next_path(self, push: _Floats) -> StepPath:
-        if not self.ready:
-            raise RuntimeError(f"the network needs {self._states.maxlen} frames, got {len(self._states)}")
-        fluid = self._fluid
-        history = np.empty((HISTORY, len(self._types), self._scene.dim), dtype=np.float32)
-        history[:, :fluid] = list(self._states)[:: self._stepper.r_t]
-        history[:, fluid:] = self._solids
-        known = np.tile(self._gravity, (len(self._types), 1))
-        known[:fluid] += push
-        after = self._stepper.step(history, self._types, known, self._walls)[:fluid]
-        in_steps = known[:fluid] * np.float32(self._step_dt**2)
-        return StepPath.between(history[-2, :fluid], history[-1, :fluid], after, in_steps)
+    def remember(self) -> dict[str, Any]:
+        """Return the state, for a snapshot."""
+        path = self._path
+        return {
+            "states": list(self._states),
+            "phase": self._phase,
+            "path": None if path is None else {f.name: getattr(path, f.name) for f in fields(path)},
+        }
 
-    def _checked(self, path: StepPath, frame: int) -> StepPath:
-        bad = ~np.isfinite(path.end).all(axis=1)
-        if bad.any():
-            raise NonFiniteError(
-                f"particle {int(bad.argmax())} became non-finite in frame {frame}, in a network step: the "
-                "scene is beyond what the network can do, or a force without bound acts"
-            )
-        beyond = np.maximum(self._walls[0] - path.end, path.end - self._walls[1]).max(axis=1, initial=0.0)
-        if (beyond > self._scene.dx).any():
-            particle = int(beyond.argmax())
-            raise DomainError(
-                f"particle {particle} left the domain in frame {frame}, in a network step, at "
-                f"{path.end[particle].tolist()} m; allowed is up to {self._scene.dx:.2e} m past a wall"
-            )
-        return path
+    def recall(self, memory: dict[str, Any]) -> None:
+        """Take a state that `remember` returned.
+
+        Raises
+        ------
+        SnapshotError
+            It is of other particles.
+        """
+        shape = (self._fluid, self._scene.dim)
+        for state in memory["states"]:
+            if state.shape != shape:
+                raise SnapshotError(f"the snapshot has states of shape {state.shape}, this scene {shape}")
+        self._states = deque(memory["states"], maxlen=HISTORY)
+        self._path = None if memory["path"] is None else StepPath(**memory["path"])
+        self._phase = memory["phase"]
+
+    def _under_way(self) -> StepPath:
+        if self._path is None:
+            raise RuntimeError("no step of the network is under way")
+        return self._path
+
+    def _known(self, force: _Floats | None) -> _Floats:
+        """Gravity and force of the fluid particles, (N, D) [m/s^2]."""
+        known = np.tile(self._gravity, (self._fluid, 1))
+        return known if force is None else known + force

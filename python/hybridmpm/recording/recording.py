@@ -8,10 +8,9 @@ import numpy.typing as npt
 
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
-from hybridmpm.mpm.solver import MAX_FRAMES_AT_ONCE
 from hybridmpm.recording.tracks import Tracks
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import Simulator
+from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Simulator
 
 MAX_BYTES = 4 * 2**30
 """A recording is held in memory; one larger than this is refused before it starts."""

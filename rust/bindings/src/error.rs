@@ -106,6 +106,11 @@ pub fn config_error(message: impl Into<String>) -> PyErr {
     raise(&CONFIG_ERROR, message.into())
 }
 
+/// A `SnapshotError` of bytes that fit nothing here.
+pub fn snapshot_error(message: impl Into<String>) -> PyErr {
+    raise(&SNAPSHOT_ERROR, message.into())
+}
+
 /// Local wrapper, because neither `MpmError` nor `PyErr` belongs to this crate.
 pub struct NativeError(pub MpmError);
 
@@ -121,7 +126,7 @@ impl From<NativeError> for PyErr {
             MpmError::UnstableStep { .. } | MpmError::TooFast { .. } => {
                 StepSizeError::new_err(message)
             }
-            MpmError::Snapshot { .. } => raise(&SNAPSHOT_ERROR, message),
+            MpmError::Snapshot { .. } => snapshot_error(message),
         }
     }
 }

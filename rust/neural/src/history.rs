@@ -5,6 +5,8 @@
 //! whatever the window. Sums are in double precision: what large numbers leave behind once they have left is
 //! far below the noise floor.
 
+mod snapshot;
+
 use thiserror::Error;
 
 /// Partial sums, so that a sum over particles is computed several at a time and always in one order.
@@ -25,6 +27,8 @@ pub enum SafeguardError {
         expected: usize,
         got: usize,
     },
+    #[error("{0}")]
+    Snapshot(&'static str),
 }
 
 /// What the latest accelerations say.

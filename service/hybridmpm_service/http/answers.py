@@ -211,7 +211,7 @@ class TrajectoryBody(BaseModel):
                     "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
                     "frames": 2,
                     "first_frame": 12,
-                    "acceleration": [8.1, 16.2],
+                    "mean_force": [[8.1, 16.2], [8.1, 16.2]],
                     "target_displacement": [0.3, 0.2],
                     "displacement": [0.29, 0.18],
                     "centroids": [[0.41, 0.52], [0.5, 0.6], [0.7, 0.7]],
@@ -225,7 +225,9 @@ class TrajectoryBody(BaseModel):
     sketch: dict[str, Any]
     frames: int
     first_frame: int = Field(description="Frame of the session at which the sketch begins to steer.")
-    acceleration: list[float] = Field(description="Of the control, besides gravity [m/s^2].")
+    mean_force: list[list[float]] = Field(
+        description="External acceleration besides gravity in each frame, the mean over the fluid [m/s^2]."
+    )
     target_displacement: list[float] = Field(description="Asked of the centre of mass [m].")
     displacement: list[float] = Field(description="Reached [m].")
     centroids: list[list[float]] = Field(description="frames + 1 rows.")
@@ -254,7 +256,7 @@ def trajectory_arrays(plan: ControlledTrajectory, stride: int) -> dict[str, npt.
         "positions": plan.positions[indices],
         "frame_indices": indices,
         "centroids": plan.centroids,
-        "acceleration": plan.acceleration,
+        "mean_force": plan.mean_force,
         "target_displacement": plan.target_displacement,
         "displacement": plan.displacement,
     }

@@ -4,9 +4,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from hybridmpm.hybrid import Decision, HybridSimulator
-from hybridmpm.hybrid.log import standing
-from hybridmpm_service.sessions.solvers import Mode, SafeguardKind
+from hybridmpm.decisions import Decision, Mode, without_undone
+from hybridmpm.simulator import Simulator
+from hybridmpm_service.sessions.solvers import SafeguardKind, Watch
 
 HISTORY_FRAMES = 1000
 """Frames for which values are kept: the length of most scenarios."""
@@ -31,18 +31,18 @@ class Safeguard:
     def phases(self, frame: int) -> list[tuple[int, Mode]]:
         """Return from which frame on who simulated, for the last `HISTORY_FRAMES` before `frame`."""
         all_phases: list[tuple[int, Mode]] = [(0, "mpm")]
-        all_phases += [(decision.frame, decision.mode) for decision in standing(self.decisions)]
+        all_phases += [(decision.frame, decision.mode) for decision in without_undone(self.decisions)]
         first = max(0, frame - HISTORY_FRAMES)
         ends = [start for start, _ in all_phases[1:]] + [frame + 1]
         return [phase for phase, end in zip(all_phases, ends, strict=True) if end > first]
 
 
 class SafeguardRecorder:
-    """Keeps the latest values of a hybrid simulator's safeguard."""
+    """Keeps the latest values of a simulator's safeguard."""
 
-    def __init__(self, simulator: HybridSimulator, kind: SafeguardKind) -> None:
-        self._simulator, self._kind = simulator, kind
-        self._r_t = simulator.physics.r_t
+    def __init__(self, simulator: Simulator, watch: Watch) -> None:
+        self._simulator, self._watch = simulator, watch
+        self._r_t = simulator.r_t
         self._values: deque[tuple[int, float]] = deque(maxlen=max(2, HISTORY_FRAMES // self._r_t))
 
     def note(self) -> None:
@@ -58,8 +58,8 @@ class SafeguardRecorder:
     def look(self) -> Safeguard:
         """Return what there is."""
         return Safeguard(
-            kind=self._kind,
-            r_c=self._simulator.r_c,
+            kind=self._watch.kind,
+            r_c=self._watch.r_c,
             value=finite(self._simulator.safeguard),
             mpm_share=self._simulator.mpm_share,
             frames=tuple(frame for frame, _ in self._values),

@@ -94,7 +94,7 @@ class Session:
 
         chosen, simulation = await asyncio.to_thread(build)
         session = cls(name, simulation, clock)
-        session.solver, session.model = chosen.kind, chosen.model
+        session.solver, session.model = chosen.simulator.kind, chosen.model
         return session
 
     @property

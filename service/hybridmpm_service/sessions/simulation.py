@@ -6,7 +6,7 @@ No HTTP, no asyncio, no threads in here: `Session` adds those.
 import statistics
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,10 +14,10 @@ import numpy.typing as npt
 
 from hybridmpm import Scene
 from hybridmpm.control import ControlledTrajectory, Sketch, follow
-from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.decisions import Mode
 from hybridmpm_service.sessions.frames import Frame, encode
 from hybridmpm_service.sessions.safeguard_record import Safeguard, SafeguardRecorder
-from hybridmpm_service.sessions.solvers import ChosenSolver, Mode, mode_of, ratio_of, report_of, stride_of
+from hybridmpm_service.sessions.solvers import ChosenSolver
 
 Clock = Callable[[], float]
 """Seconds from an arbitrary start, never going back."""
@@ -34,8 +34,8 @@ class Control:
     first_frame: int
     frames_done: int
     frames: int
-    force: npt.NDArray[np.float32]
-    """(N, D) [m/s^2], the same in every frame."""
+    plan: ControlledTrajectory
+    """Trajectory that the sketch gave, with the force of each frame."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Particles:
 
 
 class Simulation:
-    """A solver that a sketch can steer.
+    """A simulator that a sketch can steer.
 
     Parameters
     ----------
@@ -101,10 +101,8 @@ class Simulation:
     """
 
     def __init__(self, chosen: ChosenSolver, *, clock: Clock) -> None:
-        self._solver = chosen.solver
-        self._recorder: SafeguardRecorder | None = None
-        if isinstance(chosen.solver, HybridSimulator):
-            self._recorder = SafeguardRecorder(chosen.solver, chosen.safeguard or "ours")
+        self._solver = chosen.simulator
+        self._recorder = None if chosen.watch is None else SafeguardRecorder(chosen.simulator, chosen.watch)
         self._clock = clock
         self._control: Control | None = None
         self._steered = False
@@ -120,8 +118,8 @@ class Simulation:
 
     @property
     def r_p(self) -> float:
-        """Particles over those of the scene."""
-        return ratio_of(self._solver)
+        """Ratio of the particles to those of the scene."""
+        return self._solver.r_p
 
     @property
     def particle_count(self) -> int:
@@ -158,7 +156,7 @@ class Simulation:
             No plan was found; an older control goes on.
         """
         plan = follow(self._solver, sketch, frames, on_frame=on_frame)
-        self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force())
+        self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan)
         return plan
 
     def reset(self) -> None:
@@ -195,7 +193,7 @@ class Simulation:
             centroid=tuple(map(float, self._weights @ positions)),
             control=self._control,
             last_frame=self._last_frame(frame) if frame.number else None,
-            mode=mode_of(self._solver),
+            mode=self._solver.mode,
             safeguard=None if self._recorder is None else self._recorder.look(),
             message=encode(frame),
         )
@@ -205,7 +203,7 @@ class Simulation:
         latest = list(self._milliseconds.copy())
         if not latest:
             return Timing(0.0, 0.0, 0.0)
-        span = min(stride_of(self._solver), len(latest))
+        span = min(self._solver.r_t, len(latest))
         times = sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1))
         since = self._clock() - _PACE_WINDOW_SECONDS
         recent = sum(moment > since for moment in self._finished.copy())
@@ -213,7 +211,7 @@ class Simulation:
         return Timing(statistics.median(times), p95, recent * self._frame_dt / _PACE_WINDOW_SECONDS)
 
     def _last_frame(self, frame: Frame) -> LastFrame:
-        report = report_of(self._solver)
+        report = self._solver.last_frame
         if report is None:
             return LastFrame(None, None, frame.solver_ms)
         return LastFrame(report.substeps, report.bound, frame.solver_ms)
@@ -221,7 +219,7 @@ class Simulation:
     def _one_frame(self) -> None:
         control = self._control
         start = self._clock()
-        self._solver.advance(1, force=None if control is None else control.force)
+        self._solver.advance(1, None if control is None else control.plan.force_at(control.frames_done))
         end = self._clock()
         if self._recorder is not None:
             self._recorder.note()
@@ -232,9 +230,4 @@ class Simulation:
         self._steered = control is not None
         if control is not None:
             done = control.frames_done + 1
-            ended = done == control.frames
-            self._control = (
-                None
-                if ended
-                else Control(control.kind, control.first_frame, done, control.frames, control.force)
-            )
+            self._control = None if done == control.frames else replace(control, frames_done=done)

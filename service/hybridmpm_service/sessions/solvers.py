@@ -1,4 +1,4 @@
-"""Who simulates a session: MPM, a network, or a network that MPM stands in for."""
+"""Simulators of sessions: MPM, a network, or a network that MPM takes over from."""
 
 import logging
 import threading
@@ -7,31 +7,41 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar
 
-from hybridmpm import MpmSolver, Scene, SceneError, _native
+from hybridmpm import Scene, SceneError, simulators
+from hybridmpm.decisions import Mode
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.hybrid import Cosine, HybridSimulator
-from hybridmpm.physics import NeuralModel, NeuralPhysics, default_model, models
+from hybridmpm.hybrid import Cosine
+from hybridmpm.physics import NeuralModel, default_model, models
 from hybridmpm.physics.manifest import WEIGHTS, Entry, read_model
-from hybridmpm.physics.track import warmup_frames
+from hybridmpm.simulator import Kind, Simulator
 from hybridmpm_service.errors import FieldError, ModelDamagedError
 
-Solver: TypeAlias = MpmSolver | HybridSimulator | NeuralPhysics
-Kind: TypeAlias = Literal["mpm", "hybrid", "neural"]
-Mode: TypeAlias = Literal["mpm", "neural"]
 SafeguardKind: TypeAlias = Literal["ours", "paper"]
+
+__all__ = ["ChosenSolver", "Kind", "Mode", "SafeguardKind", "SolverChoice", "SolverFactory", "Watch"]
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
+@dataclass(frozen=True)
+class Watch:
+    """Settings of a safeguard."""
+
+    kind: SafeguardKind
+    """Which mean of the cosines."""
+    r_c: float
+    """Value below which the safeguard alarms."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SolverChoice:
-    """What a session is simulated by; None where the default holds.
+    """Simulator that a session asks for; None where the default of an option holds.
 
     Raises
     ------
     FieldError
-        An option belongs to another kind of solver.
+        An option belongs to another kind of simulator.
     """
 
     solver: Kind = "mpm"
@@ -40,21 +50,29 @@ class SolverChoice:
     safeguard: SafeguardKind | None = None
 
     def __post_init__(self) -> None:
-        if self.model is not None and self.solver == "mpm":
-            raise FieldError("body.model", 'belongs to the solvers "hybrid" and "neural"; "mpm" has none')
-        for name in ("r_c", "safeguard"):
-            if getattr(self, name) is not None and self.solver != "hybrid":
-                raise FieldError(f"body.{name}", f'belongs to the solver "hybrid", got "{self.solver}"')
+        for name in ("model", "r_c", "safeguard"):
+            if getattr(self, name) is not None and name not in simulators.settings_of(self.solver):
+                takers = [kind for kind in simulators.SIMULATORS if name in simulators.settings_of(kind)]
+                solvers = " and ".join(f'"{kind}"' for kind in takers)
+                raise FieldError(f"body.{name}", f'belongs to the solver {solvers}, got "{self.solver}"')
+
+    def watch(self) -> Watch | None:
+        """Return what is told about the safeguard; None for a simulator without one."""
+        if "safeguard" not in simulators.settings_of(self.solver):
+            return None
+        usual = Cosine()
+        return Watch(kind=self.safeguard or usual.safeguard, r_c=usual.r_c if self.r_c is None else self.r_c)
 
 
 @dataclass(frozen=True)
 class ChosenSolver:
-    """A solver at frame 0, and what it was made with."""
+    """A simulator at frame 0, and what it was made with."""
 
-    kind: Kind
-    solver: Solver
+    simulator: Simulator
     model: str | None = None
-    safeguard: SafeguardKind | None = None
+    """Name of the network; None without one."""
+    watch: Watch | None = None
+    """Safeguard that watches the network; None without one."""
 
 
 class SolverFactory:
@@ -85,7 +103,7 @@ class SolverFactory:
         return dict(self._models)
 
     def make(self, choice: SolverChoice, scene: Scene, scenario: str | None = None) -> ChosenSolver:
-        """Return a solver on a scene; `scenario`, where it is one's, chooses the model.
+        """Return a simulator on a scene; `scenario`, where the scene is one's, chooses the model.
 
         Raises
         ------
@@ -96,20 +114,22 @@ class SolverFactory:
         ModelDamagedError
             The model's file is not the one that the manifest names.
         """
-        if choice.solver == "mpm":
-            return ChosenSolver("mpm", MpmSolver(scene, threads=self._threads))
-        name = choice.model or _for_model(lambda: self._default(scenario))
-        model = self._model(name)
-        if choice.solver == "neural":
-            neural = _for_model(lambda: NeuralPhysics(scene, model, threads=self._threads))
-            return ChosenSolver("neural", neural, name)
-        usual = Cosine()
-        safeguard = choice.safeguard or usual.safeguard
-        r_c = usual.r_c if choice.r_c is None else choice.r_c
-        hybrid = _for_model(
-            lambda: HybridSimulator(scene, model, r_c=r_c, safeguard=safeguard, threads=self._threads)
+        name: str | None = None
+        model: NeuralModel | None = None
+        if "model" in simulators.settings_of(choice.solver):
+            name = choice.model or _for_model(lambda: self._default(scenario))
+            model = self._model(name)
+        simulator = _for_model(
+            lambda: simulators.make(
+                choice.solver,
+                scene,
+                model=model,
+                r_c=choice.r_c,
+                safeguard=choice.safeguard,
+                threads=self._threads,
+            )
         )
-        return ChosenSolver("hybrid", hybrid, name, safeguard)
+        return ChosenSolver(simulator, name, choice.watch())
 
     def _default(self, scenario: str | None) -> str:
         if scenario is None:
@@ -139,40 +159,10 @@ class SolverFactory:
 
 
 def _for_model(make: Callable[[], T]) -> T:
-    """Call, and lay what is wrong to the choice of the model, but for a scene that is no scene."""
+    """Call, and report what is wrong as a fault of the chosen model, unless the scene itself is at fault."""
     try:
         return make()
     except SceneError:
         raise
     except ConfigError as err:
         raise FieldError("body.model", str(err)) from err
-
-
-def mode_of(solver: Solver) -> Mode:
-    """Return who simulates the next frame."""
-    if isinstance(solver, HybridSimulator):
-        return solver.mode
-    if isinstance(solver, NeuralPhysics) and solver.frame >= warmup_frames(solver.model.r_t):
-        return "neural"
-    return "mpm"
-
-
-def ratio_of(solver: Solver) -> float:
-    """Return r_p, particles over those of the scene."""
-    if isinstance(solver, HybridSimulator):
-        return solver.physics.r_p
-    return solver.model.r_p if isinstance(solver, NeuralPhysics) else 1.0
-
-
-def stride_of(solver: Solver) -> int:
-    """Return r_t, the frames that a network computes at once; 1 for MPM."""
-    if isinstance(solver, HybridSimulator):
-        return solver.physics.r_t
-    return solver.model.r_t if isinstance(solver, NeuralPhysics) else 1
-
-
-def report_of(solver: Solver) -> _native.FrameReport | None:
-    """Return how MPM cut the latest frame; None where a network made it, or before the first."""
-    if isinstance(solver, NeuralPhysics) or solver.frame == 0:
-        return None
-    return solver.last_frame

@@ -16,7 +16,7 @@ from hybridmpm.bench.accuracy import latency, methods, rollouts
 from hybridmpm.bench.accuracy.methods import Method
 from hybridmpm.bench.report import pareto as front
 from hybridmpm.cli import cli
-from hybridmpm.physics.free_fall import ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.recording import record
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
@@ -103,7 +103,7 @@ def test_the_zero_network_is_right_until_the_impact_and_wrong_after(drop: Scene)
     assert rollouts.errors(*landed, transport=False)["error"] > 0.5
 
 
-class Wandering(ZeroStepper):
+class Wandering(FreeFall):
     """Is lost after three steps."""
 
     calls = 0

@@ -18,7 +18,7 @@ from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.bench.sweep import sweep
 from hybridmpm.bench.sweep.sweep import POINTS, Point, Settings, Sweep, matching
 from hybridmpm.cli import cli
-from hybridmpm.physics.free_fall import ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
 
@@ -163,7 +163,7 @@ def test_steps_are_timed_on_states_of_mpm(monkeypatch: pytest.MonkeyPatch) -> No
     scene = scenarios.water_2d(1_100_000)
     seen: list[np.ndarray] = []
 
-    class Watched(ZeroStepper):
+    class Watched(FreeFall):
         def step(self, history: np.ndarray, *others: Any) -> np.ndarray:
             seen.append(history)
             return super().step(history, *others)

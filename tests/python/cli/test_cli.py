@@ -314,7 +314,7 @@ def test_what_a_resumed_run_cannot_change(
     MpmSolver(drop).save(tmp_path / "state")
     words = [scene_file if word == "FILE" else word for word in arguments]
     result = run("simulate", "--resume", tmp_path / "state", *words)
-    assert_fails(result, 2, "--resume goes on with the scene and substeps of its file; " + message)
+    assert_fails(result, 2, "--resume goes on with the scene and settings of its file; " + message)
 
 
 def test_files_that_cannot_be_resumed_or_saved(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hybridmpm import Scene, scenarios
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics import NeuralModel, default_model
-from hybridmpm.physics.free_fall import ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.stepper import Stepper
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class Shaken:
     r_p, r_t = 1 / 1.75, R_T
 
     def __init__(self, scene: Scene) -> None:
-        self._fall = ZeroStepper(scene.frame_dt, r_p=self.r_p, r_t=self.r_t)
+        self._fall = FreeFall(scene.frame_dt, r_p=self.r_p, r_t=self.r_t)
         self._square = (self.r_t * scene.frame_dt) ** 2
 
     def check(self, scene: Scene) -> None:
@@ -64,7 +64,7 @@ def run(scene: Scene, network: Stepper, frames: int) -> HybridSimulator:
 @pytest.mark.parametrize("scenario", scenarios.NAMES)
 def test_a_short_run(scenario: str) -> None:
     scene = scenarios.get(scenario, 1_100_003)
-    sim = run(scene, ZeroStepper(scene.frame_dt, r_p=0.25, r_t=R_T), 400)
+    sim = run(scene, FreeFall(scene.frame_dt, r_p=0.25, r_t=R_T), 400)
     assert sim.log[0].mode == "neural"
 
 
@@ -75,7 +75,7 @@ def test_a_short_run(scenario: str) -> None:
 def test_ten_thousand_frames(scenario: str, kind: str) -> None:
     scene = scenarios.get(scenario, 1_100_001)
     networks: dict[str, Callable[[], Stepper]] = {
-        "zero": lambda: ZeroStepper(scene.frame_dt, r_p=1 / 1.75, r_t=R_T),
+        "zero": lambda: FreeFall(scene.frame_dt, r_p=1 / 1.75, r_t=R_T),
         "shaken": lambda: Shaken(scene),
         "shipped": lambda: NeuralModel.load(default_model(scenario)),
     }

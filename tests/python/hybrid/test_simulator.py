@@ -6,7 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import BallSink, Box, BoxObstacle, ConfigError, Motion, MpmSolver, Scene, metrics, scenarios
+from hybridmpm import (
+    BallSink,
+    Box,
+    BoxObstacle,
+    ConfigError,
+    ForceError,
+    Motion,
+    MpmSolver,
+    Scene,
+    metrics,
+    scenarios,
+)
 from hybridmpm.errors import GraphSizeError, NonFiniteError
 from hybridmpm.hybrid import GUARDS, HybridSimulator
 from hybridmpm.recording import record
@@ -296,9 +307,9 @@ def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None
     sim = HybridSimulator(fall, fake("fall", r_t=2))
     with pytest.raises(ConfigError, match="frames must be in"):
         sim.advance(-1)
-    with pytest.raises(ConfigError, match=r"force must be of shape \(256, 2\) or \(3, 256, 2\)"):
+    with pytest.raises(ForceError, match=r"of shape \(256, 2\), of shape \(3, 256, 2\), a function"):
         sim.advance(3, np.zeros((5, 2)))
-    with pytest.raises(ConfigError, match="force must be finite"):
+    with pytest.raises(ForceError, match="force must be finite"):
         sim.advance(1, np.full((256, 2), np.nan))
     sim.advance(12)
     log = [decision.__class__(**{**vars(decision), "frame": 11}) for decision in sim.log]
@@ -306,7 +317,7 @@ def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None
         sim.replay(log, 20)
     assert sim.frame == 12
     wrong = HybridSimulator(fall, fake(lambda history, _: history[-1][:5]))
-    with pytest.raises(ConfigError, match=r"the network must answer positions \(256, 2\), got \(5, 2\)"):
+    with pytest.raises(ConfigError, match=r"must answer positions of shape \(256, 2\), got \(5, 2\)"):
         wrong.advance(10)
 
 

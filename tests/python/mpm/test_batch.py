@@ -156,7 +156,7 @@ def test_failing_scenes_are_named_and_the_others_advance(drop: Scene) -> None:
     [
         (-1, None, r"frames must be in \[0, 1000000\], got -1"),
         (1, [None], "force must have one entry a scene, 2, got 1"),
-        (1, [None, [1.0]], r"force\[1\] must be numbers of shape \(N, D\) or \(frames, N, D\), got shape"),
+        (1, [None, [1.0]], r"force\[1\] must be of shape \(2,\), of shape \(184, 2\)"),
         (1, [None, [[1.0, 2.0]]], r"force\[1\] must be of shape"),
     ],
 )

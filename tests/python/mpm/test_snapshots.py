@@ -121,7 +121,7 @@ def test_any_other_length_is_refused(saved: Path, tmp_path: Path, data: st.DataO
         MpmSolver.load(tmp_path / "other")
 
 
-def rewritten(content: bytes, version: int = 1, **changes: object) -> bytes:
+def rewritten(content: bytes, version: int = 2, **changes: object) -> bytes:
     """Return a file with another version or header, and a checksum that is right."""
     _, _, length = struct.unpack_from("<8sII", content)
     header = json.loads(content[16 : 16 + length]) | changes
@@ -137,10 +137,12 @@ def test_each_refusal_names_the_file_and_what_is_wrong(saved: Path, tmp_path: Pa
         (b"PK\x03\x04" + content, "is no snapshot file of hybridmpm"),
         (MpmSolver.load(saved).snapshot(), "is no snapshot file of hybridmpm"),
         (content[:-1], "is damaged or cut off"),
-        (rewritten(content, version=2), "has format version 2, but this hybridmpm reads version 1"),
+        (rewritten(content, version=3), "has format version 3, but this hybridmpm reads versions 1 to 2"),
         (rewritten(content, scene=...), "has a header that this version does not understand: 'scene'"),
         (rewritten(content, scene={"dim": 4}), "does not understand: dim: Input should be 2 or 3"),
-        (rewritten(content, substeps="many"), 'cannot be taken up by this version: substeps must be "cfl"'),
+        (rewritten(content, settings={"substeps": "many", "sleep": None}), 'substeps must be "cfl"'),
+        (rewritten(content, settings={}), "cannot be taken up by this version: 'sleep'"),
+        (rewritten(content, simulator="hybrid"), "MpmSolver is of kind 'mpm': use hybridmpm.load"),
         (rewritten(content, scene=scenarios.water_2d(0).model_dump(mode="json", exclude_none=True)), "other"),
     ):
         foreign = tmp_path / "foreign.hmpm"
@@ -149,6 +151,19 @@ def test_each_refusal_names_the_file_and_what_is_wrong(saved: Path, tmp_path: Pa
             MpmSolver.load(foreign)
         assert str(foreign) in str(caught.value)
         assert message in str(caught.value)
+
+
+def test_files_of_the_first_format_are_read(saved: Path, tmp_path: Path) -> None:
+    """They hold MPM alone, with its settings beside the other fields of the header."""
+    content = saved.read_bytes()
+    (length,) = struct.unpack_from("<I", content, 12)
+    settings = json.loads(content[16 : 16 + length])["settings"]
+    old = tmp_path / "old.hmpm"
+    old.write_bytes(rewritten(content, version=1, simulator=..., settings=..., **settings))
+    one, other = MpmSolver.load(old), MpmSolver.load(saved)
+    one.advance(5)
+    other.advance(5)
+    assert one.snapshot() == other.snapshot()
 
 
 def test_a_file_that_cannot_be_written_or_read(tmp_path: Path, drop: Scene) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import ConfigError, Scene, scenarios
-from hybridmpm.physics.free_fall import RelaxedStepper, ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall, RelaxedFreeFall
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
 
@@ -21,7 +21,7 @@ def parabola(start: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> np.n
 @pytest.mark.parametrize("r_t", [1, 2, 8, 16])
 def test_a_throw_follows_its_parabola(r_t: int) -> None:
     frame_dt = 0.0025
-    stepper = ZeroStepper(frame_dt=frame_dt, r_p=0.25, r_t=r_t)
+    stepper = FreeFall(frame_dt=frame_dt, r_p=0.25, r_t=r_t)
     rng = np.random.default_rng(r_t)
     start, velocity = rng.uniform(0.4, 0.8, (50, 2)), rng.uniform(-0.3, 0.3, (50, 2))
     times = r_t * frame_dt * np.arange(12)
@@ -44,7 +44,7 @@ def test_walls_stop_it_and_obstacles_stay() -> None:
     history = np.stack([before] * 5 + [x]).astype(np.float32)
     types = np.array([WATER, WATER, KINEMATIC, KINEMATIC])
     push = np.zeros((4, 2), dtype=np.float32)
-    after = ZeroStepper(frame_dt=0.0025).step(history, types, push, WALLS)
+    after = FreeFall(frame_dt=0.0025).step(history, types, push, WALLS)
     # The third moves in the history, and the fourth is past the wall: neither is the stepper's to change.
     expected = [[0.1, 0.5], [0.5, 0.1], [0.5, 0.5], [0.95, 0.5]]
     np.testing.assert_array_equal(after, np.array(expected, dtype=np.float32))
@@ -52,12 +52,12 @@ def test_walls_stop_it_and_obstacles_stay() -> None:
 
 def test_bad_settings_are_named(drop: Scene) -> None:
     with pytest.raises(ConfigError, match=r"r_p must be in \(0, 1\], got 0"):
-        ZeroStepper(frame_dt=0.0025, r_p=0)
+        FreeFall(frame_dt=0.0025, r_p=0)
     with pytest.raises(ConfigError, match=r"r_t must be in \[1, 64\], got 65"):
-        ZeroStepper(frame_dt=0.0025, r_t=65)
+        FreeFall(frame_dt=0.0025, r_t=65)
     with pytest.raises(ConfigError, match=r"frames of 0\.005 s, those of drop last 0\.0025 s"):
-        ZeroStepper(frame_dt=0.005).check(drop)
-    ZeroStepper(frame_dt=drop.frame_dt).check(drop)
+        FreeFall(frame_dt=0.005).check(drop)
+    FreeFall(frame_dt=drop.frame_dt).check(drop)
 
 
 @pytest.mark.parametrize("rounds", [0, 3])
@@ -69,11 +69,11 @@ def test_relaxation_spreads_what_falls_together(rounds: int) -> None:
     types = np.full(200, WATER, dtype=np.int64)
     types[:5] = KINEMATIC
     push = np.tile(G.astype(np.float32), (200, 1))
-    fallen = ZeroStepper(spec.frame_dt, r_p=0.25, r_t=4).step(history, types, push, WALLS)
-    after = RelaxedStepper(spec).step(history, types, push, WALLS)
+    fallen = FreeFall(spec.frame_dt, r_p=0.25, r_t=4).step(history, types, push, WALLS)
+    after = RelaxedFreeFall(spec).step(history, types, push, WALLS)
     np.testing.assert_array_equal(after[:5], x[:5])
     if rounds == 0:
         np.testing.assert_array_equal(after, fallen)
     else:
         assert after[5:].std(axis=0).min() > 1.02 * fallen[5:].std(axis=0).min()
-    RelaxedStepper(spec).check(scenarios.water_2d(0))
+    RelaxedFreeFall(spec).check(scenarios.water_2d(0))

@@ -143,7 +143,7 @@ def test_serving_imports_neither_torch_nor_onnx(model_file: Path) -> None:
     program = (
         "import sys\n"
         "from hybridmpm import NeuralPhysics, scenarios\n"
-        f"physics = NeuralPhysics.load({str(model_file)!r}, scenarios.water_2d(0))\n"
+        f"physics = NeuralPhysics(scenarios.water_2d(0), {str(model_file)!r})\n"
         "physics.advance(30)\n"
         "print(physics.frame, sorted({'torch', 'onnx', 'h5py', 'matplotlib'} & set(sys.modules)))\n"
     )

@@ -47,7 +47,7 @@ def test_a_block_in_free_fall_accelerates_as_gravity_says(name: str) -> None:
         scene = scene_with(
             dim, [0.4] + [0.6] * (dim - 1), [0.6] + [0.8] * (dim - 1), kind, [0.5] + [0.0] * (dim - 1)
         )
-        fall = NeuralPhysics.load(name, scene)
+        fall = NeuralPhysics(scene, name)
         fall.advance(5 * r_t)
         steps = 3
         centres = []
@@ -63,7 +63,7 @@ def test_a_block_in_free_fall_accelerates_as_gravity_says(name: str) -> None:
 def test_a_rollout_stays_finite_and_in_the_box(name: str, scenario: str) -> None:
     """Ten times the nine steps of the longest window of training, or an error that says what happened."""
     scene = scenarios.get(scenario, 1_100_007)
-    run = NeuralPhysics.load(name, scene)
+    run = NeuralPhysics(scene, name)
     for _ in range(10):
         try:
             run.advance(9 * MODELS[name].r_t)
@@ -81,7 +81,7 @@ def test_left_and_right_are_alike(name: str) -> None:
     scene = scene_with(
         dim, [0.15] + [0.15] * (dim - 1), [0.35] + [0.4] * (dim - 1), "water", [0.5] + [0.0] * (dim - 1)
     )
-    one, other = (NeuralPhysics.load(name, each) for each in (scene, mirrored(scene)))
+    one, other = (NeuralPhysics(each, name) for each in (scene, mirrored(scene)))
     for run in (one, other):
         run.advance(100)
     centres = [np.average(run.positions, axis=0, weights=run.mass) for run in (one, other)]

@@ -103,7 +103,7 @@ def test_a_neural_session_computes_what_the_library_computes(
     learned: Service, create: Callable[..., str], model_folder: Path
 ) -> None:
     path = create(solver="neural")
-    physics = NeuralPhysics.load(model_folder / "falling.onnx", scenarios.get("water_2d", SEED))
+    physics = NeuralPhysics(scenarios.get("water_2d", SEED), model_folder / "falling.onnx")
     assert _advance(learned, path, 19)["mode"] == "mpm"
     body = _advance(learned, path, 41)
     physics.advance(60)
@@ -201,9 +201,9 @@ def test_a_hybrid_session_survives_the_same_network(learned: Service, create: Ca
 @pytest.mark.parametrize(
     ("body", "field", "message"),
     [
-        (WATER | {"solver": "magic"}, "body.solver", "'mpm', 'hybrid' or 'neural'"),
+        (WATER | {"solver": "magic"}, "body.solver", "'mpm', 'neural' or 'hybrid'"),
         (WATER | {"solver": "hybrid", "model": "fast"}, "body.model", "known are falling, broken"),
-        (WATER | {"model": "falling"}, "body.model", '"hybrid" and "neural"'),
+        (WATER | {"model": "falling"}, "body.model", '"neural" and "hybrid"'),
         (WATER | {"r_c": 0.5}, "body.r_c", 'belongs to the solver "hybrid", got "mpm"'),
         (WATER | {"solver": "neural", "safeguard": "ours"}, "body.safeguard", 'the solver "hybrid"'),
         (WATER | {"solver": "hybrid", "r_c": 1.5}, "body.r_c", "less than or equal to 1"),

@@ -7,7 +7,7 @@ import pytest
 
 from hybridmpm import Box, DomainError, MpmSolver, NeuralPhysics, Scene
 from hybridmpm.control import Arrow
-from hybridmpm.physics.free_fall import ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm_service.sessions.frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
@@ -31,7 +31,7 @@ class _Clock:
 
 
 def _simulation() -> Simulation:
-    return Simulation(ChosenSolver("mpm", MpmSolver(SCENE)), clock=_Clock())
+    return Simulation(ChosenSolver(MpmSolver(SCENE)), clock=_Clock())
 
 
 def test_it_computes_what_the_library_computes() -> None:
@@ -61,8 +61,7 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     assert np.array_equal(simulation.particles().positions, plan.positions[10])
     free = MpmSolver(SCENE)
     free.advance(3)
-    for _ in range(10):
-        free.advance(1, force=plan.force())
+    free.advance(10, plan.force)
     free.advance(1)
     simulation.advance(1)
     assert not decode(simulation.look().message).steered
@@ -126,7 +125,7 @@ def test_it_tells_how_fast_frames_come() -> None:
 def test_the_work_of_a_network_step_is_shared_by_its_frames() -> None:
     clock = _Clock()
 
-    class Slow(ZeroStepper):
+    class Slow(FreeFall):
         """Takes 8 ms for 4 frames."""
 
         def step(self, *arguments: Any, **options: Any) -> Any:
@@ -134,6 +133,6 @@ def test_the_work_of_a_network_step_is_shared_by_its_frames() -> None:
             return super().step(*arguments, **options)
 
     physics = NeuralPhysics(SCENE, Slow(SCENE.frame_dt, r_t=4))
-    simulation = Simulation(ChosenSolver("neural", physics, "slow"), clock=clock)
+    simulation = Simulation(ChosenSolver(physics, "slow"), clock=clock)
     simulation.advance(80)
     assert simulation.timing().ms_per_frame == pytest.approx(1 + 8 / 4)

@@ -149,11 +149,14 @@ def step_latency(
 def _step_seconds(stepper: Stepper, states: Recording, frame: int) -> float:
     """Time a network step from a frame of a recording that has each."""
     track = Track(stepper, states.scene, states.types)
-    for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1]:
+    for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1 : stepper.r_t]:
         track.observe(positions)
     began = time.perf_counter()
-    for step in range(stepper.r_t):
-        track.advance(frame + step + 1)
+    track.begin(track.answer())
+    for _ in range(stepper.r_t):
+        track.tick()
+        _ = track.positions
+    track.arrive()
     return time.perf_counter() - began
 
 

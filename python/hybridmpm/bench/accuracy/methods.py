@@ -7,7 +7,7 @@ from functools import partial
 from hybridmpm import scenarios
 from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.free_fall import RelaxedStepper, ZeroStepper
+from hybridmpm.physics.free_fall import FreeFall, RelaxedFreeFall
 from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.physics.stepper import Stepper
@@ -68,7 +68,7 @@ def zero(r_p: float, r_t: int, *, threads: int) -> Method:
     """Return free fall between walls, with the warm-up of a network."""
 
     def make(scene: Scene) -> NeuralPhysics:
-        return NeuralPhysics(scene, ZeroStepper(scene.frame_dt, r_p=r_p, r_t=r_t), threads=threads)
+        return NeuralPhysics(scene, FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t), threads=threads)
 
     label = f"r_p {ratio_label(r_p)}, r_t {r_t}"
     return Method(kind="zero", label=label, r_p=r_p, r_t=r_t, make=make, parameters=0)
@@ -76,7 +76,7 @@ def zero(r_p: float, r_t: int, *, threads: int) -> Method:
 
 def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
     """Return what a network does without what it learned: free fall and its relaxation of density."""
-    stepper = RelaxedStepper(spec)
+    stepper = RelaxedFreeFall(spec)
     label = f"r_p {ratio_label(spec.r_p)}, r_t {spec.r_t}, R {spec.radius:.3g}, {spec.relaxations} rounds"
 
     def make(scene: Scene) -> NeuralPhysics:

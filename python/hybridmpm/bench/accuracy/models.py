@@ -34,8 +34,8 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """Measure the models scenario by scenario and yield a row a method; `on_progress` counts scenes.
 
-    Methods are `neural`, the models; `relaxed`, what they do without what they learned (`RelaxedStepper`),
-    where they relax densities; `zero`, free fall between walls in their place (`ZeroStepper`); `mpm`
+    Methods are `neural`, the models; `relaxed`, what they do without what they learned (`RelaxedFreeFall`),
+    where they relax densities; `zero`, free fall between walls in their place (`FreeFall`); `mpm`
     with all particles and with fewer, at CFL substeps; `merged`, the truth merged state by state, which no
     method with so many particles can beat but by chance; `jitter`, the truth with other jitter; `still`, the
     initial state held; `frozen`, the state held in which the count begins.

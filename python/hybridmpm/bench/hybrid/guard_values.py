@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.hybrid.engine import NOISE_FLOOR, QUORUM
+from hybridmpm.hybrid.engine import MIN_ACTIVE_SHARE, NOISE_FLOOR
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Audit, Cosine, Density, Divergence, Energy, Impact, NonFinite, Outside
 from hybridmpm.hybrid.handoff import velocity
@@ -64,7 +64,7 @@ class Watch:
             window=window,
             dt=self._dt,
             floor=NOISE_FLOOR,
-            quorum=QUORUM,
+            quorum=MIN_ACTIVE_SHARE,
         )
         self._history.push(self._path[0])
         start = self._mpm.copy().prescribe(self._path[0], self._mpm.velocities, 0)

@@ -16,9 +16,9 @@ import numpy.typing as npt
 from hybridmpm import metrics
 from hybridmpm._support import charts
 from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.decisions import Decision, Mode
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.handoff import KINDS
-from hybridmpm.hybrid.log import Decision, Mode
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Box, Scene
 

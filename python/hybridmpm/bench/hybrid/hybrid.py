@@ -15,12 +15,12 @@ from hybridmpm import metrics, scenarios
 from hybridmpm._support import charts
 from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
 from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.decisions import without_undone
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.hybrid.log import standing
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.load import load_network
+from hybridmpm.physics.load import as_stepper, model_for
 from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.simulator import Simulator
 
@@ -58,7 +58,7 @@ def rows(
     scene = scenarios.get(settings.scenario, settings.seed)
     truth, _ = _rollout(MpmSolver(scene, substeps="reference"), settings.frames)
     on_progress(1)
-    network = load_network(settings.model, scene, scenario=settings.scenario, threads=settings.threads)
+    network = as_stepper(model_for(settings.model, settings.scenario), scene, threads=settings.threads)
     hybrid = HybridSimulator(
         scene, network, r_c=settings.r_c, safeguard=settings.safeguard, threads=settings.threads
     )
@@ -108,7 +108,7 @@ def _rollout(simulator: Simulator, frames: int) -> tuple[list[npt.NDArray[np.flo
 
 def _mode(hybrid: HybridSimulator, frame: int) -> str:
     """Who simulated the way to this frame, after all corrections."""
-    held = [decision.mode for decision in standing(hybrid.log) if decision.frame < frame]
+    held = [decision.mode for decision in without_undone(hybrid.log) if decision.frame < frame]
     return held[-1] if held else "mpm"
 
 

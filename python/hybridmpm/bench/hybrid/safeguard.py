@@ -19,7 +19,7 @@ from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid.guards import Audit
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.load import load_network
+from hybridmpm.physics.load import as_stepper, model_for
 from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Ball, Box, Scene
@@ -78,7 +78,7 @@ def rows(
         points: list[dict[str, Any]] = []
         for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
             scene = scenarios.get(scenario, seed)
-            network = load_network(settings.model, scene, scenario=scenario)
+            network = as_stepper(model_for(settings.model, scenario), scene)
             watch = Watch(scene, network.r_p, network.r_t)
             points += _points(scene, network, watch, settings.frames)
             if seed == FIRST_SEED:

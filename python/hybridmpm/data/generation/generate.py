@@ -14,6 +14,7 @@ from hybridmpm.data.generation.shards import Shards
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.splits import Seeds
 from hybridmpm.data.statistics import Statistics
+from hybridmpm.downsampling.merge import spacing_at
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.kinematic import kinematic_particles
 
@@ -159,7 +160,7 @@ def _bytes(recipe: Recipe, todo: Sequence[int]) -> int:
     total = 0
     for seed in sampled:
         scene = recipe.scene(seed)
-        spacing = scene.spacing * recipe.r_p ** (-1 / scene.dim)
+        spacing = spacing_at(scene, recipe.r_p)
         fluid = sum(body.measure for body in scene.bodies) / spacing**scene.dim
         count = int(fluid) + len(kinematic_particles(scene, spacing))
         total += count * (4 * scene.dim * arrays * recipe.states + 12)

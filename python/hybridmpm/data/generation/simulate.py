@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.trajectory import Place, Trajectory
+from hybridmpm.downsampling.merge import spacing_at
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
@@ -39,7 +40,7 @@ def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: Fa
     """
     scene = recipe.scene(seed)
     solver = _solver(scene, recipe)
-    solids = kinematic_particles(scene, scene.spacing * recipe.r_p ** (-1 / scene.dim))
+    solids = kinematic_particles(scene, spacing_at(scene, recipe.r_p))
     fluid, count = solver.particle_count, solver.particle_count + len(solids)
     positions = np.empty((recipe.states, count, scene.dim), dtype=np.float32)
     positions[:, fluid:] = solids

@@ -5,9 +5,10 @@ use std::sync::{Mutex, MutexGuard};
 use ::neural::{AccelerationHistory, HistorySettings, SafeguardError, Signal};
 use numpy::{Ix2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::convert::{array, slice_of};
-use crate::error::config_error;
+use crate::error::{config_error, snapshot_error};
 
 /// Accelerations of the last two windows of time.
 #[pyclass(frozen, name = "AccelerationHistory", module = "hybridmpm._native")]
@@ -20,7 +21,10 @@ pub struct PyAccelerationHistory {
 pub struct PyAccelerationSignal(Signal);
 
 fn raised(error: SafeguardError) -> PyErr {
-    config_error(error.to_string())
+    match error {
+        SafeguardError::Snapshot(message) => snapshot_error(message),
+        _ => config_error(error.to_string()),
+    }
 }
 
 impl PyAccelerationHistory {
@@ -81,6 +85,14 @@ impl PyAccelerationHistory {
                 "only the latest push can be undone, and only once",
             ))
         }
+    }
+
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &py.detach(|| self.locked().snapshot()))
+    }
+
+    fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
+        py.detach(|| self.locked().restore(data)).map_err(raised)
     }
 
     fn copy(&self, py: Python<'_>) -> Self {

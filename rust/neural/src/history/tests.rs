@@ -194,3 +194,45 @@ fn settings_are_refused_by_name() {
         .unwrap_err();
     assert!(short.to_string().contains("120 numbers"));
 }
+
+#[test]
+fn going_on_from_a_snapshot_gives_the_same_bits() {
+    for dim in [2, 3] {
+        let path = positions(4 * WINDOW, dim);
+        for stop in [0, 1, 3, 2 * WINDOW, 3 * WINDOW] {
+            let mut history = AccelerationHistory::new(settings(dim)).unwrap();
+            for x in &path[..stop] {
+                history.push(x).unwrap();
+            }
+            let mut other = AccelerationHistory::new(settings(dim)).unwrap();
+            other.push(&path[7]).unwrap();
+            other.restore(&history.snapshot()).unwrap();
+            assert_eq!(other.undo(), history.undo());
+            for x in &path[stop.saturating_sub(1)..] {
+                assert_eq!(other.push(x).unwrap(), history.push(x).unwrap());
+            }
+            assert_eq!(other.snapshot(), history.snapshot());
+        }
+    }
+}
+
+#[test]
+fn a_foreign_or_damaged_snapshot_changes_nothing() {
+    let path = positions(WINDOW, 2);
+    let mut history = AccelerationHistory::new(settings(2)).unwrap();
+    history.push(&path[0]).unwrap();
+    let data = history.snapshot();
+    let other = HistorySettings {
+        window: WINDOW + 1,
+        ..settings(2)
+    };
+    let foreign = AccelerationHistory::new(other).unwrap().snapshot();
+    let longer = [data.as_slice(), &[0]].concat();
+    for bad in [&foreign[..], &data[..data.len() - 1], &longer, &[]] {
+        assert!(matches!(
+            history.restore(bad),
+            Err(SafeguardError::Snapshot(_))
+        ));
+        assert_eq!(history.snapshot(), data);
+    }
+}

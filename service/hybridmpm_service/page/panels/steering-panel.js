@@ -54,6 +54,7 @@ export function showSteering(steering, context) {
   const [start, now] = [plan.centroids[0], plan.centroids[steering.done]];
   setText("wanted", centimetres(plan.target_displacement));
   setText("moved", centimetres(now.map((value, axis) => value - start[axis])));
-  setText("force", `${Math.hypot(...plan.acceleration).toFixed(1)} m/s²`);
+  const force = plan.mean_force[Math.min(steering.done, plan.frames - 1)];
+  setText("force", `${Math.hypot(...force).toFixed(1)} m/s²`);
   setText("deviation", lengthText(steering.deviation().miss));
 }

@@ -1,6 +1,6 @@
-"""Snapshot files: a scene, the settings of its solver and its state, in one file with a checksum.
+"""Snapshot files: a scene, the settings of its simulator and its state, in one file with a checksum.
 
-The layout is described in docs/snapshots.md.
+docs/snapshots.md describes the layout.
 """
 
 import hashlib
@@ -8,18 +8,17 @@ import json
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 from hybridmpm import _native
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError, SnapshotError
-from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import Scene
 
-Substeps = Literal["cfl", "reference"] | int
-
 MAGIC = b"HMPMFILE"
-VERSION = 1
+VERSION = 2
+_MPM_ALONE = 1
+"""Version of the files that only MPM wrote, with its settings beside the other fields of the header."""
 _PREFIX = struct.Struct("<8sII")
 """Magic, version, length of the header."""
 _CHECKSUM = hashlib.sha256().digest_size
@@ -27,17 +26,17 @@ _CHECKSUM = hashlib.sha256().digest_size
 
 @dataclass(frozen=True, kw_only=True)
 class SavedState:
-    """What a file holds."""
+    """Content of a snapshot file."""
 
+    kind: str
+    """Kind of the simulator; see `Simulator.kind`."""
     scene: Scene
-    substeps: Substeps
-    cfl: float | None
-    allow_unstable: bool
-    sleep: Sleep | None
-    r_p: float
+    settings: dict[str, Any]
+    """Settings of the simulator, as plain data."""
     frame: int
+    """Number of frames since the start."""
     state: bytes
-    """The core's own snapshot."""
+    """Snapshot of the simulator; see `Simulator.snapshot`."""
 
 
 def write_state(path: Path, saved: SavedState) -> None:
@@ -45,12 +44,9 @@ def write_state(path: Path, saved: SavedState) -> None:
     header = json.dumps(
         {
             "hybridmpm": _native.__version__,
+            "simulator": saved.kind,
             "frame": saved.frame,
-            "substeps": saved.substeps,
-            "cfl": saved.cfl,
-            "allow_unstable": saved.allow_unstable,
-            "sleep": None if saved.sleep is None else saved.sleep.model_dump(),
-            "r_p": saved.r_p,
+            "settings": saved.settings,
             "scene": saved.scene.model_dump(mode="json", exclude_none=True),
         }
     ).encode()
@@ -65,18 +61,18 @@ def read_state(path: Path) -> SavedState:
     Raises
     ------
     SnapshotError
-        It is foreign, of another version, damaged or cut off.
+        The file is foreign, of another version, damaged or cut off.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     data = path.read_bytes()
     if len(data) < _PREFIX.size or not data.startswith(MAGIC):
         raise SnapshotError(f"{path} is no snapshot file of hybridmpm, or it is cut off after a few bytes")
     _, version, length = _PREFIX.unpack_from(data)
-    if version != VERSION:
+    if version not in (_MPM_ALONE, VERSION):
         raise SnapshotError(
-            f"{path} has format version {version}, but this hybridmpm reads version {VERSION}: "
-            "open it with the version that wrote it"
+            f"{path} has format version {version}, but this hybridmpm reads versions {_MPM_ALONE} to "
+            f"{VERSION}: open it with the version that wrote it"
         )
     body, checksum = data[:-_CHECKSUM], data[-_CHECKSUM:]
     if hashlib.sha256(body).digest() != checksum:
@@ -84,13 +80,13 @@ def read_state(path: Path) -> SavedState:
     state = _PREFIX.size + length
     try:
         header = json.loads(body[_PREFIX.size : state])
+        if version == _MPM_ALONE:
+            names = ("substeps", "cfl", "allow_unstable", "sleep", "r_p")
+            header |= {"simulator": "mpm", "settings": {name: header[name] for name in names}}
         return SavedState(
+            kind=header["simulator"],
             scene=Scene.parse(header["scene"]),
-            substeps=header["substeps"],
-            cfl=header["cfl"],
-            allow_unstable=header["allow_unstable"],
-            sleep=None if header["sleep"] is None else Sleep.model_validate(header["sleep"]),
-            r_p=header["r_p"],
+            settings=dict(header["settings"]),
             frame=header["frame"],
             state=body[state:],
         )

@@ -1,0 +1,75 @@
+"""Snapshots as bytes: a tree of plain data, arrays and bytes in one block with a checksum."""
+
+import hashlib
+import io
+import json
+from typing import Any
+
+import numpy as np
+
+from hybridmpm.errors import SnapshotError
+
+_CHECKSUM = hashlib.sha256().digest_size
+
+
+def pack(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
+    """Write a tree of dictionaries, lists, numbers, texts, None, arrays and bytes.
+
+    The same tree gives the same bytes.
+    """
+    arrays: dict[str, Any] = {}
+
+    def plain(node: Any) -> Any:
+        if isinstance(node, np.ndarray | bytes):
+            name = str(len(arrays))
+            arrays[name] = np.frombuffer(node, dtype=np.uint8) if isinstance(node, bytes) else node
+            return {"bytes" if isinstance(node, bytes) else "array": name}
+        if isinstance(node, dict):
+            return {"dict": {key: plain(value) for key, value in node.items()}}
+        if isinstance(node, list | tuple):
+            return {"list": [plain(value) for value in node]}
+        return node
+
+    text = json.dumps({"version": version, "tree": plain(tree)}).encode()
+    block = io.BytesIO()
+    np.savez(block, allow_pickle=False, header=np.frombuffer(text, dtype=np.uint8), **arrays)
+    body = magic + block.getvalue()
+    return body + hashlib.sha256(body).digest()
+
+
+def unpack(magic: bytes, version: int, data: bytes) -> dict[str, Any]:
+    """Read what `pack` wrote.
+
+    Raises
+    ------
+    SnapshotError
+        The bytes are foreign, damaged, cut off or of another version.
+    """
+    if not data.startswith(magic):
+        raise SnapshotError("the bytes are no snapshot of this kind of simulator")
+    body, checksum = data[:-_CHECKSUM], data[-_CHECKSUM:]
+    if hashlib.sha256(body).digest() != checksum:
+        raise SnapshotError("the snapshot is damaged or cut off: its checksum does not match")
+    with np.load(io.BytesIO(body[len(magic) :]), allow_pickle=False) as arrays:
+        header = json.loads(arrays["header"].tobytes())
+        if header["version"] != version:
+            raise SnapshotError(
+                f"the snapshot has version {header['version']}, but this hybridmpm reads version {version}"
+            )
+
+        def full(node: Any) -> Any:
+            if not isinstance(node, dict):
+                return node
+            ((kind, value),) = node.items()
+            match kind:
+                case "array":
+                    return arrays[value]
+                case "bytes":
+                    return arrays[value].tobytes()
+                case "dict":
+                    return {key: full(child) for key, child in value.items()}
+                case _:
+                    return [full(child) for child in value]
+
+        tree: dict[str, Any] = full(header["tree"])
+        return tree

@@ -1,0 +1,246 @@
+"""Forces: external accelerations as fields in time, checked in one place whoever simulates.
+
+A force is given to `advance` in one of five forms; `Simulator.advance` lists them. N is the number of
+particles, D the dimension, T the number of frames of the call. In formulas a force is the acceleration added
+to gravity, in m/s^2, so that a particle of any mass moves alike.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import ForceError
+from hybridmpm.scene import Scene
+
+_Floats = npt.NDArray[np.float32]
+
+
+class Forced(Protocol):
+    """What a force needs to know of a simulator."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that it simulates."""
+
+    @property
+    def frame(self) -> int:
+        """Number of frames since the start."""
+
+    @property
+    def particle_count(self) -> int:
+        """Number N of particles at present."""
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) of the particles, ascending."""
+
+
+OfIds: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike]
+"""Ids (K,) and the accelerations of the particles that they name, (K, D) or (T, K, D) [m/s^2]."""
+Function: TypeAlias = Callable[[Any], npt.ArrayLike | OfIds | None]
+"""Called with the simulator before each frame; answers with the force of that frame."""
+Force: TypeAlias = npt.ArrayLike | OfIds | Function | None
+
+
+class CheckedForce(Protocol):
+    """A force that has been checked for one call of `advance`."""
+
+    @property
+    def by_frame(self) -> bool:
+        """Whether the force of a frame is known only just before that frame."""
+
+    @property
+    def array(self) -> _Floats | None:
+        """Force of all frames, (D,), (N, D) or (T, N, D); None without force, and if it is `by_frame`."""
+
+    def at(self, index: int) -> _Floats | None:
+        """Return the force of a frame of the call, counted from 0: (D,), (N, D) or None.
+
+        To be called just before that frame, since it may depend on the state.
+        """
+
+
+@dataclass(frozen=True)
+class NoForce:
+    """No force at all."""
+
+    by_frame = False
+    array = None
+
+    def at(self, index: int) -> None:
+        """Return None."""
+
+
+@dataclass(frozen=True)
+class ArrayForce:
+    """A force that does not depend on the state: (D,), (N, D) or (T, N, D)."""
+
+    array: _Floats
+    by_frame = False
+
+    def at(self, index: int) -> _Floats:
+        """Return (D,) or (N, D)."""
+        return self.array[index] if self.array.ndim == 3 else self.array
+
+
+@dataclass(frozen=True)
+class _ForceOfIds:
+    """A force on the particles that ids (K,) name; accelerations (K, D) or (T, K, D)."""
+
+    simulator: Forced
+    ids: npt.NDArray[np.uint64]
+    accelerations: _Floats
+    by_frame = True
+    array = None
+
+    def at(self, index: int) -> _Floats:
+        """Return (N, D) for the particles that are there now."""
+        rows = self.accelerations[index] if self.accelerations.ndim == 3 else self.accelerations
+        return _spread(self.simulator, self.ids, rows)
+
+
+@dataclass(frozen=True)
+class _ForceOfState:
+    """A function of the state."""
+
+    simulator: Forced
+    function: Function
+    by_frame = True
+    array = None
+
+    def at(self, index: int) -> _Floats | None:  # noqa: ARG002 - the state tells the frame
+        """Ask the function, and check what it answers."""
+        where = f"the force function's answer before frame {self.simulator.frame + 1}"
+        try:
+            answer = self.function(self.simulator)
+        except Exception as error:
+            raise ForceError(
+                f"the force function raised {type(error).__name__} before frame "
+                f"{self.simulator.frame + 1}: {error}"
+            ) from error
+        if callable(answer):
+            raise ForceError(f"{where} must be an acceleration, not another function")
+        checked = _checked(answer, self.simulator, 1, where, one_frame=True)
+        return checked.at(0)
+
+
+def checked_force(force: Force, simulator: Forced, frames: int, name: str = "force") -> CheckedForce:
+    """Check a force for a call of `advance`, before anything moves.
+
+    Parameters
+    ----------
+    force : Force
+        In one of the forms that `Simulator.advance` lists.
+    simulator : Forced
+        In the state before the call.
+    frames : int
+        Number T of frames of the call.
+    name : str
+        Begins the messages.
+
+    Raises
+    ------
+    ForceError
+        The force is none of these forms, has a wrong shape or is not finite. The message says what is
+        allowed.
+    """
+    if callable(force):
+        return _ForceOfState(simulator, force)
+    return _checked(force, simulator, frames, name, one_frame=False)
+
+
+def _checked(force: Any, simulator: Forced, frames: int, name: str, *, one_frame: bool) -> CheckedForce:
+    if force is None:
+        return NoForce()
+    if _is_pair(force):
+        return _checked_pair(force, simulator, frames, name, one_frame=one_frame)
+    array = _numbers(force, name)
+    dim, count = simulator.scene.dim, simulator.particle_count
+    allowed: list[tuple[int, ...]] = [(dim,)]
+    if not simulator.scene.is_open or frames == 1:
+        allowed.append((count, dim))
+    if not (simulator.scene.is_open or one_frame):
+        allowed.append((frames, count, dim))
+    if array.shape not in allowed:
+        raise ForceError(
+            _refusal(name, allowed, array.shape, is_open=simulator.scene.is_open, one_frame=one_frame)
+        )
+    return ArrayForce(_finite(array, name))
+
+
+def _is_pair(force: Any) -> bool:
+    """Whether a force is (ids, accelerations); rows of an array given as a tuple are not."""
+    if not isinstance(force, tuple) or len(force) != 2:
+        return False
+    try:
+        return np.ndim(force[0]) == 1 and np.ndim(force[1]) in (2, 3)
+    except ValueError:  # rows of different lengths
+        return False
+
+
+def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_frame: bool) -> _ForceOfIds:
+    ids = np.asarray(pair[0])
+    if not np.issubdtype(ids.dtype, np.integer) and len(ids):
+        raise ForceError(f"the ids of {name} must be whole numbers, got {ids.dtype}")
+    if (ids < 0).any():
+        raise ForceError(f"the ids of {name} must be at least 0, got {ids.min()}")
+    ids = ids.astype(np.uint64)
+    order = np.argsort(ids, kind="stable")
+    twice = np.flatnonzero(ids[order][1:] == ids[order][:-1])
+    if len(twice):
+        raise ForceError(f"the ids of {name} must differ, got {ids[order][twice[0]]} twice")
+    accelerations = _numbers(pair[1], f"the accelerations of {name}")
+    allowed: list[tuple[int, ...]] = [(len(ids), simulator.scene.dim)]
+    if not one_frame:
+        allowed.append((frames, *allowed[0]))
+    if accelerations.shape not in allowed:
+        shapes = " or ".join(map(str, allowed))
+        raise ForceError(
+            f"the accelerations of {name} must be of shape {shapes}, one row for each of {len(ids)} ids, "
+            f"got {accelerations.shape}"
+        )
+    _finite(accelerations, f"the accelerations of {name}")
+    return _ForceOfIds(simulator, ids[order], np.ascontiguousarray(accelerations[..., order, :]))
+
+
+def _numbers(value: Any, name: str) -> _Floats:
+    try:
+        # What float32 cannot hold becomes infinite, and is refused as that.
+        with np.errstate(over="ignore"):
+            return np.asarray(value, dtype=np.float32, order="C")
+    except (TypeError, ValueError) as error:
+        raise ForceError(f"{name} must be numbers [m/s^2]: {error}") from None
+
+
+def _finite(array: _Floats, name: str) -> _Floats:
+    finite = np.isfinite(array)
+    if not finite.all():
+        where = np.unravel_index(int(np.argmin(finite)), array.shape)
+        index = ", ".join(map(str, where))
+        raise ForceError(f"{name} must be finite, got {array[where]} at [{index}]")
+    return array
+
+
+def _refusal(
+    name: str, allowed: list[tuple[int, ...]], shape: tuple[int, ...], *, is_open: bool, one_frame: bool
+) -> str:
+    forms = [f"of shape {one}" for one in allowed]
+    forms += ["a pair (ids, accelerations)"] if one_frame else ["a function", "a pair (ids, accelerations)"]
+    text = f"{name} must be {', '.join(forms[:-1])} or {forms[-1]}; got shape {shape}"
+    if is_open:
+        text += ". Particles come and go in this scene, so rows without ids are for one frame only"
+    return text
+
+
+def _spread(simulator: Forced, ids: npt.NDArray[np.uint64], rows: _Floats) -> _Floats:
+    """Give each present particle (N, D) the row of its id; none to the particles that no id names."""
+    present = simulator.ids
+    force = np.zeros((len(present), simulator.scene.dim), dtype=np.float32)
+    places = np.searchsorted(present, ids)
+    there = places < len(present)
+    there[there] = present[places[there]] == ids[there]
+    force[places[there]] = rows[there]
+    return force

@@ -1,0 +1,225 @@
+"""All simulators share one surface, and a state that is saved goes on to the same bits."""
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import (
+    ConfigError,
+    HybridSimulator,
+    MpmSolver,
+    NeuralPhysics,
+    Scene,
+    Simulator,
+    SnapshotError,
+    load,
+    scenarios,
+    simulators,
+)
+from hybridmpm.hybrid import Guard, Impact, Stage, View
+from hybridmpm.physics import NeuralModel
+from hybridmpm.physics.free_fall import FreeFall
+
+Make = Callable[[], Simulator]
+FRAMES = (0, 3, 21, 26, 38, 61)
+"""At the start, within warm-up, at the first step of a network, amid one, after the impact, much later."""
+
+
+def assert_same(one: Simulator, other: Simulator) -> None:
+    assert (one.frame, one.mode, one.log) == (other.frame, other.mode, other.log)
+    for name in ("positions", "velocities", "ids", "materials", "mass"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert one.safeguard == other.safeguard
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_going_on_from_a_snapshot_gives_the_same_bits(make: Make, frame: int) -> None:
+    simulator, other = make(), make()
+    simulator.advance(frame)
+    data = simulator.snapshot()
+    other.advance(17)
+    other.restore(data)
+    assert_same(other, simulator)
+    assert other.snapshot() == data
+    for _ in range(3):
+        simulator.advance(15)
+        other.advance(15)
+        assert_same(other, simulator)
+
+
+@pytest.mark.parametrize("frame", [26, 61])
+def test_going_on_from_a_file_gives_the_same_bits(make: Make, frame: int, tmp_path: Path) -> None:
+    simulator, file = make(), tmp_path / "state.hmpm"
+    simulator.advance(frame)
+    simulator.save(file)
+    settings = {} if simulator.kind == "mpm" else {"model": FreeFall(simulator.scene.frame_dt, r_t=4)}
+    loaded = [type(simulator).load(file, threads=2), load(file), load(file, **settings)]
+    simulator.advance(40)
+    for one in loaded:
+        assert type(one) is type(simulator)
+        assert one.frame == frame
+        one.advance(40)
+        assert_same(one, simulator)
+
+
+def test_copies_and_resets_are_independent(make: Make) -> None:
+    simulator, fresh = make(), make()
+    simulator.advance(26)
+    twin = simulator.copy()
+    simulator.advance(30)
+    assert twin.frame == 26
+    twin.advance(30)
+    assert_same(twin, simulator)
+    simulator.reset()
+    assert_same(simulator, fresh)
+    simulator.advance(30)
+    fresh.advance(30)
+    assert_same(simulator, fresh)
+    assert twin.frame == 56
+
+
+def test_what_a_simulator_tells_of_itself(make: Make) -> None:
+    simulator = make()
+    network_comes = simulator.kind != "mpm"
+    assert simulator.r_p == 1.0
+    assert simulator.r_t == (4 if network_comes else 1)
+    assert (simulator.mode, simulator.last_frame, simulator.mpm_share) == ("mpm", None, 1.0)
+    simulator.advance(10)
+    assert simulator.last_frame is not None
+    assert simulator.last_frame.substeps >= 1
+    simulator.advance(16)
+    assert simulator.mode == ("neural" if network_comes else "mpm")
+    assert (simulator.last_frame is None) == network_comes
+    assert simulator.mpm_share == (pytest.approx(20 / 26) if network_comes else 1.0)
+    assert [decision.frame for decision in simulator.log] == ([20] if network_comes else [])
+    told = simulator.diagnostics()
+    mass = simulator.mass.astype(np.float64)
+    assert told.mass == pytest.approx(mass.sum(), rel=1e-6)
+    np.testing.assert_allclose(told.momentum, mass @ simulator.velocities, rtol=1e-4)
+
+
+def test_a_damaged_or_foreign_snapshot_changes_nothing(make: Make, drop: Scene) -> None:
+    simulator = make()
+    simulator.advance(26)
+    data = simulator.snapshot()
+    foreign = type(simulator)(drop, *([FreeFall(drop.frame_dt, r_t=4)] * (simulator.kind != "mpm")))
+    middle = len(data) // 2
+    flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+    for bad in (b"", data[:-1], flipped, foreign.snapshot(), b"other" + data):
+        with pytest.raises(SnapshotError):
+            simulator.restore(bad)
+        assert simulator.snapshot() == data
+
+
+def test_a_file_of_another_kind_is_refused(falling_block: Scene, tmp_path: Path) -> None:
+    file = tmp_path / "state.hmpm"
+    NeuralPhysics(falling_block, "zero").save(file)
+    for cls in (MpmSolver, HybridSimulator):
+        with pytest.raises(SnapshotError, match=r"of kind 'neural'.*use hybridmpm.load"):
+            cls.load(file)
+    MpmSolver(falling_block).save(file)
+    with pytest.raises(ConfigError, match="kind 'mpm', which has no network"):
+        load(file, model="zero")
+
+
+def test_a_file_names_its_network(tmp_path: Path) -> None:
+    scene, file = scenarios.water_2d(1), tmp_path / "state.hmpm"
+    HybridSimulator(scene, "fluids_2d", r_c=0.5, guards=["cosine", Impact(4.0)]).save(file)
+    loaded = HybridSimulator.load(file)
+    assert isinstance(loaded.model, NeuralModel)
+    assert loaded.model.name == "fluids_2d"
+    assert (loaded.r_c, loaded.r_p, loaded.r_t) == (0.5, 0.125, 4)
+    other = tmp_path / "other.hmpm"
+    loaded.save(other)
+    assert other.read_bytes() == file.read_bytes()
+
+
+class Own(FreeFall):
+    """A network that no file can name."""
+
+
+class Counting(Guard):
+    """A guard of one's own that hides what it remembers."""
+
+    name = "counting"
+    stage = Stage.RAW
+
+    def __init__(self) -> None:
+        self.seen = 0
+
+    def value(self, view: View) -> float:  # noqa: ARG002
+        self.seen += 1
+        return 0.0
+
+    def alarms(self, value: float) -> bool:  # noqa: ARG002
+        return False
+
+
+class Quiet(Guard):
+    """A guard of one's own that remembers nothing."""
+
+    name = "quiet"
+    stage = Stage.RAW
+
+    def value(self, view: View) -> float:  # noqa: ARG002
+        return 0.0
+
+    def alarms(self, value: float) -> bool:  # noqa: ARG002
+        return False
+
+
+def test_networks_and_guards_of_ones_own_are_given_again(falling_block: Scene, tmp_path: Path) -> None:
+    file, own = tmp_path / "state.hmpm", Own(falling_block.frame_dt, r_t=4)
+    simulator = HybridSimulator(falling_block, own, guards=[Quiet(), "non-finite"])
+    simulator.advance(26)
+    simulator.save(file)
+    with pytest.raises(SnapshotError, match=r"state.hmpm .* network of your own: give it as `model`"):
+        HybridSimulator.load(file)
+    with pytest.raises(SnapshotError, match=r"state.hmpm .* guards of your own: give all guards"):
+        HybridSimulator.load(file, model=own)
+    with pytest.raises(SnapshotError, match="made with other guards"):
+        HybridSimulator.load(file, model=own, guards=["non-finite"])
+    loaded = HybridSimulator.load(file, model=own, guards=[Quiet(), "non-finite"])
+    simulator.advance(20)
+    loaded.advance(20)
+    assert_same(loaded, simulator)
+
+
+def test_a_guard_that_would_lose_its_memory_is_refused(falling_block: Scene) -> None:
+    simulator = HybridSimulator(falling_block, "zero", guards=[Counting()])
+    with pytest.raises(SnapshotError, match="'counting' keeps seen, which a snapshot would lose"):
+        simulator.snapshot()
+
+
+def test_a_network_is_given_by_name_path_or_itself(tmp_path: Path) -> None:
+    scene = scenarios.water_2d(1)
+    weights = Path(inspect.getfile(NeuralModel)).parent / "weights" / "fluids_2d.onnx"
+    model = NeuralModel.load("fluids_2d")
+    for kind in (NeuralPhysics, HybridSimulator):
+        given = [kind(scene, one) for one in ("fluids_2d", weights, str(weights), model)]
+        for simulator in given:
+            simulator.advance(24)
+            assert np.array_equal(simulator.positions, given[0].positions)
+        with pytest.raises(ConfigError, match="there is no model"):
+            kind(scene, "fluid")
+        wrong: Any = 3
+        with pytest.raises(ConfigError, match=r"a name, a path of an .onnx file or a Stepper, got int"):
+            kind(scene, wrong)
+
+
+def test_simulators_are_made_by_name(falling_block: Scene) -> None:
+    made = simulators.make("hybrid", falling_block, model="zero", r_c=0.3, safeguard=None)
+    assert isinstance(made, HybridSimulator)
+    assert made.r_c == 0.3
+    with pytest.raises(ConfigError, match="r_c belongs to 'hybrid', not to 'mpm'"):
+        simulators.make("mpm", falling_block, r_c=0.3)
+    with pytest.raises(ConfigError, match="colour belongs to no simulator, not to 'mpm'"):
+        simulators.make("mpm", falling_block, colour=1)
+    with pytest.raises(ConfigError, match="must be among mpm, neural, hybrid; got 'sph'"):
+        simulators.make("sph", falling_block)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="needs a network: give a model"):
+        simulators.make("neural", falling_block)
