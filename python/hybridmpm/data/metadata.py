@@ -10,7 +10,7 @@ from hybridmpm._native import __version__
 from hybridmpm._support.files import replacing
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
-from hybridmpm.downsampling.merge import spacing_at
+from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS

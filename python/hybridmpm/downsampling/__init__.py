@@ -3,6 +3,7 @@
 r_p is the number of particles kept over those there were, r_t the number of frames that one step spans.
 """
 
-from hybridmpm.downsampling.merge import FEWEST_PER_CELL, coarse_resolution, merge, strided, upsample
+from hybridmpm.downsampling.carry import strided, upsample
+from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution, merge
 
 __all__ = ["FEWEST_PER_CELL", "coarse_resolution", "merge", "strided", "upsample"]

@@ -13,7 +13,7 @@ from hybridmpm import _native
 from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import pack, unpack
 from hybridmpm.decisions import Decision, Mode, without_undone
-from hybridmpm.downsampling.merge import checked_ratio
+from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.force import Force
 from hybridmpm.hybrid.engine import Engine, HybridSettings

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling.merge import checked_ratio, coarse_resolution, merge
+from hybridmpm.downsampling.merging import checked_ratio, coarse_resolution, merge
 from hybridmpm.errors import ConfigError, SnapshotError, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.emission import native_emitters

@@ -1,7 +1,9 @@
 """Scenes: bodies, obstacles, openings and materials in a box, and the particles that fill them."""
 
+from hybridmpm.scene.bodies import Ball, Body, Box, Polygon
 from hybridmpm.scene.materials import Elastic, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
+from hybridmpm.scene.obstacles import BallObstacle, BoxObstacle, HalfSpaceObstacle, Obstacle, SegmentObstacle
 from hybridmpm.scene.openings import (
     BallSink,
     BoxSink,
@@ -12,18 +14,8 @@ from hybridmpm.scene.openings import (
     Sink,
 )
 from hybridmpm.scene.sampling import Particles
-from hybridmpm.scene.scene import Scene, Walls
-from hybridmpm.scene.shapes import (
-    Ball,
-    BallObstacle,
-    Body,
-    Box,
-    BoxObstacle,
-    HalfSpaceObstacle,
-    Obstacle,
-    Polygon,
-    SegmentObstacle,
-)
+from hybridmpm.scene.scene import Scene
+from hybridmpm.scene.walls import Walls
 
 __all__ = [
     "Ball",

@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
@@ -49,6 +51,8 @@ def _brief(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:g}"
 
 
+Points = npt.NDArray[np.float64]
+"""Points or vectors, (..., D)."""
 Coordinate = Annotated[float, Range(0, 1, "m")]
 Length = Annotated[float, Range(0, 1, "m", open_low=True)]
 Point = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
@@ -166,3 +170,14 @@ def _path(location: tuple[str | int, ...]) -> str:
             path += f".{part}" if path else part
             may_be_tag = part in {"material", "angular_velocity"}
     return path
+
+
+def disorder(lower: tuple[float, ...], upper: tuple[float, ...]) -> list[Fault]:
+    """Faults of a box whose corners differ in dimension, or which has no extent along some axis."""
+    if len(lower) != len(upper):
+        return [(("upper",), f"must have as many numbers as lower, {len(lower)}, got {len(upper)}")]
+    return [
+        (("upper", axis), f"must be above lower[{axis}] = {a:g}, got {b:g}")
+        for axis, (a, b) in enumerate(zip(lower, upper, strict=True))
+        if not a < b
+    ]

@@ -8,9 +8,19 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from hybridmpm import _native
-from hybridmpm.scene.fields import Fault, Length, Point, Range, Record, Seed, Velocity, refuse
+from hybridmpm.scene.fields import (
+    Fault,
+    Length,
+    Point,
+    Points,
+    Range,
+    Record,
+    Seed,
+    Velocity,
+    disorder,
+    refuse,
+)
 from hybridmpm.scene.materials import Material
-from hybridmpm.scene.shapes import Points, disorder
 
 EmitterStatus = Literal["waiting", "running", "blocked", "full", "ended"]
 """What an emitter did in the latest frame.

@@ -5,16 +5,19 @@ body that contains it, in the order of the scene; sites inside an obstacle stay 
 never hold two particles in one place: the earlier body wins.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.errors import SceneError
-from hybridmpm.scene.scene import Scene
-from hybridmpm.scene.shapes import Body, Points
+from hybridmpm.scene.bodies import Body
+from hybridmpm.scene.fields import Points
+from hybridmpm.scene.materials import Material
+from hybridmpm.scene.obstacles import Obstacle
+from hybridmpm.scene.walls import Walls
 
 JITTER = 0.25
 """Largest offset along an axis, in spacings: two particles are never closer than half a spacing."""
@@ -24,6 +27,38 @@ _CLEARANCE = 1e-3
 
 _SITES_AT_ONCE = 100_000
 """Sites between two looks at the limit of particles: a scene that is too large is refused early."""
+
+
+class Fillable(Protocol):
+    """What sampling needs to know of a scene."""
+
+    @property
+    def dim(self) -> int:
+        """Dimension D, 2 or 3."""
+
+    @property
+    def spacing(self) -> float:
+        """Mean distance of neighbouring particles [m]."""
+
+    @property
+    def bodies(self) -> Sequence[Body]:
+        """Bodies to fill, the first ones first."""
+
+    @property
+    def obstacles(self) -> Sequence[Obstacle]:
+        """Obstacles that stay empty."""
+
+    @property
+    def walls(self) -> Walls:
+        """The box that holds all particles."""
+
+    @property
+    def materials(self) -> Sequence[Material]:
+        """Distinct materials of the bodies, and maybe others."""
+
+    @property
+    def max_particles(self) -> int:
+        """Number of particles that a scene may hold at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +81,7 @@ class Particles:
     """Rest volume spacing^D, (N,) [m^D]."""
 
 
-def sample(scene: Scene) -> Particles:
+def sample(scene: Fillable) -> Particles:
     """Fill the bodies of `scene`; the same scene always gives the same particles.
 
     Raises
@@ -69,7 +104,7 @@ def sample(scene: Scene) -> Particles:
     return _particles(scene, positions)
 
 
-def _particles(scene: Scene, positions: list[npt.NDArray[np.float32]]) -> Particles:
+def _particles(scene: Fillable, positions: list[npt.NDArray[np.float32]]) -> Particles:
     counts = [len(x) for x in positions]
     materials = scene.materials
     still = (0.0,) * scene.dim
@@ -89,7 +124,7 @@ def _particles(scene: Scene, positions: list[npt.NDArray[np.float32]]) -> Partic
     )
 
 
-def _free_sites(scene: Scene, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _free_sites(scene: Fillable, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return the lattice indices (n, D) of the sites of `body` that nothing else holds.
 
     Raises
@@ -115,7 +150,7 @@ def _free_sites(scene: Scene, body: Body, taken: npt.NDArray[np.int64]) -> npt.N
     return np.concatenate(free)
 
 
-def _lattice_blocks(scene: Scene, body: Body) -> Iterator[npt.NDArray[np.int64]]:
+def _lattice_blocks(scene: Fillable, body: Body) -> Iterator[npt.NDArray[np.int64]]:
     """Yield the lattice indices of the bounding box of `body`, in slabs that bound the memory used."""
     lower, upper = body.bounds
     first = np.floor(lower / scene.spacing).astype(int)
@@ -127,7 +162,7 @@ def _lattice_blocks(scene: Scene, body: Body) -> Iterator[npt.NDArray[np.int64]]
         yield np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim)
 
 
-def _centers(scene: Scene, sites: npt.NDArray[np.int64]) -> Points:
+def _centers(scene: Fillable, sites: npt.NDArray[np.int64]) -> Points:
     return (sites.astype(np.float64) + 0.5) * scene.spacing
 
 
@@ -136,19 +171,19 @@ def _rounded(x: Points) -> npt.NDArray[np.float32]:
     return x.astype(np.float32)
 
 
-def _keys(scene: Scene, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _keys(scene: Fillable, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """One number per site."""
     extent = int(np.ceil(1.0 / scene.spacing)) + 1
     return np.asarray(np.ravel_multi_index(tuple(sites.T), (extent,) * scene.dim), dtype=np.int64)
 
 
-def _clear_of_walls(scene: Scene, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+def _clear_of_walls(scene: Fillable, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
     gap = _CLEARANCE * scene.spacing
     lower, upper = np.array(scene.walls.lower) + gap, np.array(scene.walls.upper) - gap
     return np.asarray(((x > lower) & (x < upper)).all(axis=1))
 
 
-def _jittered(scene: Scene, body: Body, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+def _jittered(scene: Fillable, body: Body, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
     """Move each particle off its site at random, but leave on it those that would get out of the body."""
     rng = np.random.default_rng(body.seed)
     centers = _centers(scene, sites)

@@ -5,7 +5,7 @@ construction, so that the rest of the library may trust a scene.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import yaml
@@ -14,13 +14,13 @@ from pydantic_core import from_json
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
-from hybridmpm.scene.fields import Fault, Gravity, Point, Range, Record, refuse, scene_error
-from hybridmpm.scene.materials import Friction, Material, Water
+from hybridmpm.scene.bodies import Body
+from hybridmpm.scene.fields import Fault, Gravity, Range, Record, refuse, scene_error
+from hybridmpm.scene.materials import Material, Water
+from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
-from hybridmpm.scene.shapes import Body, Contact, Obstacle, disorder
-
-if TYPE_CHECKING:
-    from hybridmpm.scene.sampling import Particles
+from hybridmpm.scene.sampling import Particles, sample
+from hybridmpm.scene.walls import Walls
 
 DEFAULT_MAX_PARTICLES = 200_000
 LEAST_CELLS_THICK = 2
@@ -34,22 +34,6 @@ _MAX_RESOLUTION_3D = 256
 """A dense grid above this would take gigabytes."""
 YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
 """The loader lets errors of its conversions through: of a date in month 13, or of `!!bool maybe`."""
-
-
-class Walls(Record):
-    """The box that holds everything, applied at its true position though it lies between grid nodes."""
-
-    lower: Point = Field(description="Corner with the smallest coordinates [m].")
-    upper: Point = Field(description="Corner with the largest coordinates [m].")
-    contact: Contact = Field("separating", description="What happens to material that touches a wall.")
-    friction: Friction | None = Field(
-        None, description="Coulomb coefficient of separating walls; each material's own if absent."
-    )
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        refuse("Walls", disorder(self.lower, self.upper))
-        return self
 
 
 def _in_dim(two: Any, three: Any) -> Any:
@@ -245,8 +229,6 @@ class Scene(Record):
         SceneError
             A body has room for no particle, or there are more than `max_particles`.
         """
-        from hybridmpm.scene.sampling import sample  # noqa: PLC0415 - sampling needs Scene's type
-
         return sample(self)
 
     @classmethod

@@ -16,7 +16,7 @@ import numpy as np
 from hybridmpm._support.charts import COLOURS, MARKERS, panels
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Box, Elastic, HalfSpaceObstacle, Polygon, Scene, Walls
-from hybridmpm.scene.shapes import Contact
+from hybridmpm.scene.obstacles import Contact
 from hybridmpm.validation.case import Case, Check, Floats
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from hybridmpm.data.generation.shards import Shards
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.splits import Seeds
 from hybridmpm.data.statistics import Statistics
-from hybridmpm.downsampling.merge import spacing_at
+from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.kinematic import kinematic_particles
 

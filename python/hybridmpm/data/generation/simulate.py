@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.trajectory import Place, Trajectory
-from hybridmpm.downsampling.merge import spacing_at
+from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene

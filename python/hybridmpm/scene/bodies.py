@@ -1,0 +1,121 @@
+"""Bodies: shapes of material that become particles."""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from hybridmpm.scene.fields import Length, Point, Points, Record, Seed, Velocity, disorder, refuse
+from hybridmpm.scene.materials import Material
+
+
+class _Body(Record):
+    material: Material
+    velocity: Velocity | None = Field(None, description="Initial velocity, D numbers [m/s]; zero if absent.")
+    seed: Seed = Field(0, description="Seed of the jitter of particle positions.")
+
+
+class Box(_Body):
+    """Axis-aligned box of material."""
+
+    shape: Literal["box"] = "box"
+    lower: Point = Field(description="Corner with the smallest coordinates [m].")
+    upper: Point = Field(description="Corner with the largest coordinates [m].")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Box":
+        refuse("Box", disorder(self.lower, self.upper))
+        return self
+
+    @property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner [m]."""
+        return np.array(self.lower), np.array(self.upper)
+
+    @property
+    def measure(self) -> float:
+        """Area in 2D [m^2], volume in 3D [m^3]."""
+        return math.prod(b - a for a, b in zip(self.lower, self.upper, strict=True))
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """Vectors whose length has to be the scene's dimension, by field name."""
+        return {"lower": self.lower, "upper": self.upper}
+
+    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
+        """Whether points (N, D) lie strictly inside; shape (N,)."""
+        lower, upper = self.bounds
+        return np.asarray(((x > lower) & (x < upper)).all(axis=1))
+
+
+class Ball(_Body):
+    """Disc in 2D, ball in 3D."""
+
+    shape: Literal["ball"] = "ball"
+    center: Point = Field(description="[m]")
+    radius: Length = Field(description="[m]")
+
+    @property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box [m]."""
+        center = np.array(self.center)
+        return center - self.radius, center + self.radius
+
+    @property
+    def measure(self) -> float:
+        """Area in 2D [m^2], volume in 3D [m^3]."""
+        return math.pi * self.radius**2 if len(self.center) == 2 else 4 / 3 * math.pi * self.radius**3
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """Vectors whose length has to be the scene's dimension, by field name."""
+        return {"center": self.center}
+
+    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
+        """Whether points (N, D) lie strictly inside; shape (N,)."""
+        inside: npt.NDArray[np.bool_] = ((x - np.array(self.center)) ** 2).sum(axis=1) < self.radius**2
+        return inside
+
+
+class Polygon(_Body):
+    """Closed polygon by the even-odd rule, 2D only; it may be concave."""
+
+    shape: Literal["polygon"] = "polygon"
+    vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=1000)] = Field(
+        description="Corners in order [m]; the last joins the first."
+    )
+
+    @property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box [m]."""
+        corners = np.array(self.vertices)
+        return corners.min(axis=0), corners.max(axis=0)
+
+    @property
+    def measure(self) -> float:
+        """Area [m^2] by the shoelace formula; exact where the outline does not cross itself."""
+        x, y = np.array(self.vertices).T
+        return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """Vectors whose length has to be the scene's dimension, by field name."""
+        return {f"vertices[{i}]": vertex for i, vertex in enumerate(self.vertices)}
+
+    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
+        """Whether points (N, 2) lie inside; shape (N,)."""
+        order = np.argsort(x[:, 1])
+        across, height = x[order].T
+        odd = np.zeros(len(x), dtype=bool)
+        corners = np.array(self.vertices)
+        for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            # Only these lie beside the edge; a horizontal edge is never crossed by a horizontal ray.
+            first, last = np.searchsorted(height, sorted((ay, by)))
+            if first < last:
+                beside = slice(first, last)
+                odd[beside] ^= across[beside] < ax + (height[beside] - ay) * (bx - ax) / (by - ay)
+        inside = np.empty_like(odd)
+        inside[order] = odd
+        return inside
+
+
+Body = Annotated[Box | Ball | Polygon, Field(discriminator="shape")]

@@ -1,0 +1,94 @@
+"""Imports flow one way, no circle exists, and no folder is too full to be seen at a glance.
+
+Which room of the library may import which stands in pyproject.toml, `[tool.importlinter]`; test_rust_imports.py
+holds the crates and their modules.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "service" / "hybridmpm_service" / "page"
+MOST_FILES = 12
+SOURCES = {".py", ".pyi", ".rs", ".js", ".css", ".html"}
+
+
+def lint(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run import-linter on library and service."""
+    path = os.pathsep.join([str(ROOT / "python"), str(ROOT / "service")])
+    command = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as run; run()"]
+    return subprocess.run(
+        [*command, "--no-cache", *arguments],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_python_imports_flow_one_way_and_form_no_circle() -> None:
+    run = lint()
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "5 kept, 0 broken" in run.stdout
+
+
+def circles(arrows: dict[str, set[str]]) -> list[str]:
+    """Return one circle of a graph, or nothing."""
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def page_imports() -> dict[str, set[str]]:
+    """Return for each module of the page those that it imports, by their paths in it."""
+    arrows: dict[str, set[str]] = {}
+    for file in PAGE.rglob("*.js"):
+        named = re.findall(r"""(?:from|import)\s*\(?["'](\.[^"']+)["']""", file.read_text(encoding="utf-8"))
+        targets = [(file.parent / name).resolve() for name in named]
+        assert all(target.is_file() for target in targets), file
+        arrows[file.relative_to(PAGE).as_posix()] = {
+            target.relative_to(PAGE).as_posix() for target in targets
+        }
+    return arrows
+
+
+def test_the_pages_modules_and_rooms_form_no_circle() -> None:
+    arrows = page_imports()
+    assert len(arrows) > 20
+    assert sum(map(len, arrows.values())) > 30
+    assert circles(arrows) == []
+    rooms: dict[str, set[str]] = {}
+    for module, targets in arrows.items():
+        room = module.split("/")[0]
+        rooms.setdefault(room, set()).update(target.split("/")[0] for target in targets)
+    assert circles({room: targets - {room} for room, targets in rooms.items()}) == []
+
+
+def test_a_circle_is_found() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}})
+    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+
+
+@pytest.mark.parametrize("top", ["python", "service", "tests", "rust"])
+def test_no_folder_has_more_than_twelve_source_files(top: str) -> None:
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard", top],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    files = [Path(line) for line in listed.stdout.splitlines() if (ROOT / line).is_file()]
+    count = Counter(file.parent.as_posix() for file in files if file.suffix in SOURCES)
+    assert len(count) > 5
+    assert {folder: number for folder, number in count.items() if number > MOST_FILES} == {}
