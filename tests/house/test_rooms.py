@@ -1,7 +1,7 @@
 """Imports flow one way, no circle exists, and no folder is too full to be seen at a glance.
 
-Which room of the library may import which stands in pyproject.toml, `[tool.importlinter]`; test_rust_imports.py
-holds the crates and their modules.
+Which room of the library may import which stands in pyproject.toml, `[tool.importlinter]`;
+test_rust_imports.py holds the crates and their modules.
 """
 
 import os

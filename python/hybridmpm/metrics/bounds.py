@@ -28,7 +28,7 @@ def held_still(recording: Recording) -> Recording:
 
 
 def merged_states(recording: Recording, r_p: float, *, seed: int = 0) -> Recording:
-    """Merge each state of a recording on its own, as `downsampling.merging` does.
+    """Merge each state of a recording on its own, as `downsampling.merge` does.
 
     This is the best that a method with so many particles could answer. Only particles of one type and mass
     are merged with each other. Particles of different states do not correspond.

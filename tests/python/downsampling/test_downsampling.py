@@ -23,7 +23,7 @@ def moving(scene: Scene) -> Particles:
 @pytest.mark.parametrize("name", ["water_2d", "sand_ramps_2d", "water_sand_2d", "sand_3d"])
 def test_each_material_keeps_mass_momentum_and_centroid(name: str, r_p: float) -> None:
     before = moving(scenarios.get(name, 7))
-    after = downsampling.merging(before, r_p)
+    after = downsampling.merge(before, r_p)
     assert len(after.x) == round(r_p * len(before.x))
     for kind in np.unique(before.material):
         totals = []
@@ -38,7 +38,7 @@ def test_each_material_keeps_mass_momentum_and_centroid(name: str, r_p: float) -
 @pytest.mark.parametrize("r_p", RATIOS)
 def test_bodies_stay_apart_and_sizes_even(r_p: float) -> None:
     scene = scenarios.water_2d(11)
-    before, after = scene.sample(), downsampling.merging(scene.sample(), r_p)
+    before, after = scene.sample(), downsampling.merge(scene.sample(), r_p)
     for index, body in enumerate(scene.bodies):
         mine = after.body == index
         lower, upper = body.bounds
@@ -51,28 +51,28 @@ def test_bodies_stay_apart_and_sizes_even(r_p: float) -> None:
 
 def test_the_seed_decides() -> None:
     particles = scenarios.sand_2d(3).sample()
-    one = downsampling.merging(particles, 0.25, seed=4)
-    np.testing.assert_array_equal(one.x, downsampling.merging(particles, 0.25, seed=4).x)
-    assert (one.x != downsampling.merging(particles, 0.25, seed=5).x).any()
+    one = downsampling.merge(particles, 0.25, seed=4)
+    np.testing.assert_array_equal(one.x, downsampling.merge(particles, 0.25, seed=4).x)
+    assert (one.x != downsampling.merge(particles, 0.25, seed=5).x).any()
 
 
 def test_all_particles_are_the_particles() -> None:
     particles = scenarios.water_2d(0).sample()
-    assert downsampling.merging(particles, 1) is particles
+    assert downsampling.merge(particles, 1) is particles
 
 
 def test_every_body_keeps_a_particle() -> None:
     bodies = tuple(
         Box(material="water", lower=(0.2 + 0.2 * i, 0.2), upper=(0.22 + 0.2 * i, 0.22)) for i in range(3)
     )
-    after = downsampling.merging(Scene(dim=2, bodies=bodies).sample(), 0.001)
+    after = downsampling.merge(Scene(dim=2, bodies=bodies).sample(), 0.001)
     assert after.body.tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize("r_p", [0, -0.5, 1.01, float("nan"), "1/4", None])
 def test_bad_ratios(r_p: float, drop: Scene) -> None:
     with pytest.raises(ConfigError, match=r"r_p must be in \(0, 1\]"):
-        downsampling.merging(drop.sample(), r_p)
+        downsampling.merge(drop.sample(), r_p)
     with pytest.raises(ConfigError, match=r"r_p must be in \(0, 1\]"):
         MpmSolver(drop, r_p=r_p)
 
@@ -163,7 +163,7 @@ def prescribed(scene: Scene, positions: np.ndarray) -> Recording:
 
 def test_a_translation_carries_all_particles_exactly(drop: Scene) -> None:
     fine = drop.sample().x
-    coarse = downsampling.merging(drop.sample(), 0.25).x
+    coarse = downsampling.merge(drop.sample(), 0.25).x
     steps = np.cumsum([[0.0, 0.0], [0.003, 0.0], [0.002, -0.004], [0.0, 0.01]], axis=0)
     path = downsampling.upsample(prescribed(drop, coarse + steps[:, None]), fine, resolution=45)
     assert path.shape == (4, len(fine), 2)
