@@ -1,4 +1,4 @@
-"""A network and MPM in one simulator: the network goes ahead, guards watch it, MPM is what it falls back to.
+"""A network and MPM in one simulator: guards watch the network, and MPM takes over at an alarm.
 
 - `HybridSimulator` is the simulator; `physics.Stepper` is what it asks of a network.
 - `GUARDS` are the guards by name; `Guard` is their interface, for guards of your own.

@@ -32,7 +32,9 @@ class HybridSettings:
     window: int
     """Steps of the network in each of the safeguard's two windows of time."""
     safeguard: Safeguard
+    """Which mean of the cosines the safeguard's value is."""
     handoff: handoff.Handoff
+    """What MPM takes over from the network besides positions and velocities."""
 
 
 class Engine:
@@ -69,7 +71,7 @@ class Engine:
         moment = Moment(track, history, tuple(guard.copy() for guard in guards))
         self.state = HybridState(mpm, moment, Backoff(settings.window))
         self.script: list[Decision] | None = None
-        """Decisions to follow in place of the guards', where a log is replayed."""
+        """Decisions of a log that is replayed, to follow in place of the guards'."""
 
     def copy(self) -> Self:
         """Return an independent engine in the same state, with the same network."""
@@ -177,11 +179,11 @@ class Engine:
 
     def left_by_script(self) -> bool:
         """Let MPM take over from the network here if the log that is replayed says so."""
-        decision = self._scripted()
-        network_goes_on = decision is None or decision.mode == "neural"
-        if self.state.mode == "mpm" or self._now.track.is_under_way or network_goes_on:
+        if self.state.mode == "mpm" or self._now.track.is_under_way:
             return False
-        assert decision is not None  # noqa: S101 - or the network would go on
+        decision = self._scripted()
+        if decision is None or decision.mode == "neural":
+            return False
         self.state.backoff.restart()
         self._leave(decision.reason, decision.value, noticed=decision.noticed)
         return True

@@ -10,13 +10,13 @@ from hybridmpm.scene.fields import Range, Record
 class Sleep(Record):
     """What counts as rest: a region sleeps once it and its surroundings were slow for long enough.
 
-    Particles asleep keep their positions, with velocity zero. The slower and the longer, the closer to the
-    motion without sleep.
+    Sleeping particles keep their positions and have no velocity. The lower the speed and the more frames it
+    has to hold, the closer a simulation is to one without sleep.
     """
 
     speed: Annotated[float, Range(0, 1e3, "m/s", open_low=True)] = Field(
-        0.02, description="Slower than this [m/s]"
+        0.02, description="Speed [m/s] that every particle of the region has to stay below."
     )
     frames: Annotated[int, Range(1, 1_000_000)] = Field(
-        20, description="at the end of so many frames in a row."
+        20, description="Number of frames in a row at whose ends the region has to be that slow."
     )

@@ -1,4 +1,4 @@
-"""Where the answer of a network counts; with gradients it is `hybridmpm.training.physics.answer_gate`."""
+"""Where the answer of a network counts; `training.physics.answer_gate` is the same with gradients."""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,14 +8,17 @@ from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
 
 QUIET = 0.01
-"""Square of a disturbance, in units of the acceleration's deviation, that lets 63 % of the answer count."""
+"""Square of a disturbance that lets 63 % of the answer count, in units of the acceleration's deviation
+squared."""
 UNNOTICED = 1e-4
-"""In the same unit: a hundredth of the deviation. Rounding is far below it and does not pile up over hops."""
+"""Square of a disturbance that counts as none, in the same unit: a hundredth of the deviation. Rounding is
+far below it, so it does not add up over hops."""
 MOST = 100.0
-"""Beyond it the answer counts in full; the bound keeps sums of sums finite."""
+"""Square of a disturbance beyond which the answer counts in full, in the same unit. It keeps sums of sums
+finite."""
 
 
-def shares(
+def answer_weights(
     history: npt.NDArray[np.float32],
     types: npt.NDArray[np.int64],
     acceleration: npt.NDArray[np.float32],
@@ -25,9 +28,19 @@ def shares(
     spec: NetworkSpec,
     scales: Normalization,
 ) -> npt.NDArray[np.float32]:
-    """Return the share (N,) in [0, 1] of a network's answer that counts; 0 for kinematic particles.
+    """Return the weight (N,) in [0, 1] with which a network's answer counts beside free fall.
 
-    Arguments are those of `Stepper.step`, `graph` is that of the latest positions.
+    It is 0 for kinematic particles, and where a body falls freely and nothing is near: there free fall is
+    exact.
+
+    Parameters
+    ----------
+    history, types, acceleration, walls
+        Arguments of `Stepper.step`.
+    graph : RadiusGraph
+        Neighbours at the latest positions.
+    spec, scales
+        The network and the scales of its outputs.
     """
     found = disturbance(
         history,
@@ -36,7 +49,7 @@ def shares(
         graph.senders,
         radius=spec.radius,
         scale=scales.acceleration_std,
-        # All that its answer depends on, so nothing that it could know is lost.
+        # The network sees this far, so nothing that it could know is lost.
         hops=spec.layers,
         quiet=QUIET,
         unnoticed=UNNOTICED,

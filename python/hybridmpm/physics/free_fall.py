@@ -37,7 +37,7 @@ class FreeFall:
 
     @property
     def r_p(self) -> float:
-        """Particles over those of the scene, in (0, 1]."""
+        """Ratio of the particles to those of the scene, in (0, 1]."""
         return self._r_p
 
     @property
@@ -67,12 +67,12 @@ class FreeFall:
 class RelaxedFreeFall(FreeFall):
     """Free fall, followed by the relaxation of density of a network: what the network does unlearned.
 
-    All particles take part, also those of a body that nothing has disturbed.
+    All particles take part in it, also those of a body that falls freely.
 
     Parameters
     ----------
     spec : NetworkSpec
-        Of the network.
+        The network.
     """
 
     def __init__(self, spec: NetworkSpec) -> None:

@@ -11,7 +11,7 @@ from hybridmpm import scenarios
 from hybridmpm._native import RadiusGraph, radius_graph
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
-from hybridmpm.physics.answer_gate import shares
+from hybridmpm.physics.answer_gate import answer_weights
 from hybridmpm.physics.free_fall import free_fall
 from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo, check_file
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import onnxruntime
 
 _MOST_NEIGHBORS = 256
-"""Of a particle. Ten times what water at rest has; a clump of more would only fill the memory."""
+"""Neighbours that a particle may have: ten times those in water at rest. A larger clump would fill the
+memory."""
 _NEAR = 1e-3
 """Relative difference of lengths and times that count as the same."""
 
@@ -47,9 +48,9 @@ class NeuralModel:
     Raises
     ------
     DataError
-        Damaged, of another format or opset, or with weights in other files.
+        The file is damaged, has another format or opset, or keeps weights in other files.
     ConfigError
-        Of other features, or `threads` is out of range.
+        The network was trained on features of another version, or `threads` is out of range.
     """
 
     def __init__(self, data: bytes, *, where: str, name: str | None = None, threads: int = 1) -> None:
@@ -85,17 +86,17 @@ class NeuralModel:
 
     @property
     def info(self) -> ModelInfo:
-        """Its network, scales and origin."""
+        """The model's network, scales and origin."""
         return self._info
 
     @property
     def spec(self) -> NetworkSpec:
-        """Its network."""
+        """The member of the family of networks that the model is."""
         return self._info.spec
 
     @property
     def r_p(self) -> float:
-        """Particles over those of the scene, in (0, 1]."""
+        """Ratio of the particles to those of the scene, in (0, 1]."""
         return self.spec.r_p
 
     @property
@@ -176,12 +177,12 @@ class NeuralModel:
             max_edges=_MOST_NEIGHBORS * len(types),
         )
         state = (history, types, acceleration, walls)
-        share = shares(*state, graph, spec=self.spec, scales=self.info.scales)
-        if not share.any():
+        weight = answer_weights(*state, graph, spec=self.spec, scales=self.info.scales)
+        if not weight.any():
             return free_fall(*state, self.spec.step_dt)
         feed = dict(zip(("history", "types", "acceleration", "walls"), state, strict=True))
-        (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": share})
-        return self._relaxation(np.asarray(moved, dtype=np.float32), share, graph, walls)
+        (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": weight})
+        return self._relaxation(np.asarray(moved, dtype=np.float32), weight, graph, walls)
 
 
 def _constants(material: Material, scene: Scene) -> dict[str, float]:

@@ -10,9 +10,9 @@ from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 
 FORMAT = 4
-"""Of the graph's inputs and of the metadata; raised when a file of the old kind cannot be served."""
+"""Version of the graph's inputs and of the metadata. It is raised when older files cannot be served."""
 OPSET = 18
-"""Of ONNX; what the exporter writes and all that is served."""
+"""ONNX operator set: the exporter writes it, and no other is served."""
 
 # Field numbers of onnx.proto.
 _MODEL_GRAPH, _MODEL_OPSET, _GRAPH_NODE, _GRAPH_INITIALIZER = 7, 8, 1, 5
@@ -27,7 +27,7 @@ class ModelInfo:
     spec: NetworkSpec
     scales: Normalization
     parameters: int
-    """Numbers that were trained."""
+    """Count of the trained numbers."""
     training: Mapping[str, str]
     """`command`, `data`, `machine`, `seconds`, `steps`, and `exported`, a date; "" where not recorded."""
     errors: list[dict[str, Any]] = field(default_factory=list)

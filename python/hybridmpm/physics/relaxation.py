@@ -13,7 +13,7 @@ STRENGTH = 0.15
 
 
 class Relaxation:
-    """The relaxation that belongs to a network.
+    """Relaxation of density that belongs to a network.
 
     Parameters
     ----------
@@ -26,19 +26,33 @@ class Relaxation:
     def __call__(
         self,
         positions: npt.NDArray[np.float32],
-        share: npt.NDArray[np.float32],
+        weight: npt.NDArray[np.float32],
         graph: RadiusGraph,
         walls: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """Return positions (N, D) [m] within the walls (2, D), each moved by its share (N,).
+        """Push particles apart where they are denser than at rest.
 
-        The graph is that of the state before the step.
+        Parameters
+        ----------
+        positions : (N, D)
+            Positions after the step [m].
+        weight : (N,)
+            Part in [0, 1] of its displacement that each particle makes.
+        graph : RadiusGraph
+            Neighbours before the step.
+        walls : (2, D)
+            Lower and upper corner [m].
+
+        Returns
+        -------
+        float32 (N, D)
+            Positions [m] within the walls.
         """
         if not self._rounds:
             return positions
         return relaxed(
             positions,
-            share,
+            weight,
             graph.starts,
             graph.senders,
             radius=graph.radius,

@@ -13,7 +13,7 @@ class Stepper(Protocol):
 
     @property
     def r_p(self) -> float:
-        """Particles over those of the scene, in (0, 1]."""
+        """Ratio of the particles to those of the scene, in (0, 1]."""
 
     @property
     def r_t(self) -> int:

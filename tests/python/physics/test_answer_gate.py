@@ -10,7 +10,7 @@ import torch
 from hybridmpm import ConfigError, radius_graph
 from hybridmpm._native import disturbance as compiled
 from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
-from hybridmpm.physics.answer_gate import shares as served_shares
+from hybridmpm.physics.answer_gate import answer_weights as served_weights
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
@@ -105,7 +105,7 @@ def test_both_forms_agree(model: NeuralModel, model_3d: NeuralModel, inputs: Inp
         path[0, ::10] += nudge * np.array(info.scales.acceleration_std)
         state = (path.astype(np.float32), types, known, given["walls"])
         graph = radius_graph(state[0][-1], info.spec.radius, types, kinematic=KINEMATIC)
-        found = served_shares(*state, graph, spec=info.spec, scales=info.scales)
+        found = served_weights(*state, graph, spec=info.spec, scales=info.scales)
         tensors = [torch.from_numpy(part) for part in state]
         edges = edges_of(tensors[0][-1], tensors[1], (len(types),), info.spec.radius)
         np.testing.assert_allclose(found, simulator.share(*tensors, edges)[:, 0], atol=2e-3)
