@@ -30,11 +30,18 @@ def pack(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
             return {"list": [plain(value) for value in node]}
         return node
 
-    text = json.dumps({"version": version, "tree": plain(tree)}).encode()
+    text = json.dumps({"version": version, "tree": plain(tree)}, default=_number).encode()
     block = io.BytesIO()
     np.savez(block, allow_pickle=False, header=np.frombuffer(text, dtype=np.uint8), **arrays)
     body = magic + block.getvalue()
     return body + hashlib.sha256(body).digest()
+
+
+def _number(value: Any) -> Any:
+    """Return NumPy's numbers as Python's own, which JSON knows."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise SnapshotError(f"a snapshot holds numbers, texts, arrays and bytes, but not {type(value).__name__}")
 
 
 def unpack(magic: bytes, version: int, data: bytes) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The frame loop of the hybrid simulator: who simulates next, and how one hands over to the other."""
 
+import copy
 from dataclasses import dataclass
 from typing import Self
 
@@ -75,8 +76,8 @@ class Engine:
 
     def copy(self) -> Self:
         """Return an independent engine in the same state, with the same network."""
-        twin = object.__new__(type(self))
-        twin.__dict__ = {**self.__dict__, "state": self.state.copy()}
+        twin = copy.copy(self)
+        twin.state = self.state.copy()
         return twin
 
     @property
