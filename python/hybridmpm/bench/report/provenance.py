@@ -2,7 +2,6 @@
 
 import datetime as dt
 import json
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import Any
 
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm.bench.report.git import git
+from hybridmpm.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -41,18 +42,11 @@ def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def _commit(file: Path) -> str | None:
-    # An installed copy may lie in some other project's checkout, which does not track it.
-    if _git(file.parent, "ls-files", "--error-unmatch", file.name) is None:
-        return None
-    head = _git(file.parent, "rev-parse", "HEAD")
-    changed = _git(file.parent, "status", "--porcelain", "--untracked-files=no")
-    return f"{head}-dirty" if head and changed else head
-
-
-def _git(folder: Path, *arguments: str) -> str | None:
-    command = ["git", "-C", str(folder), *arguments]
     try:
-        run = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603 - constants
-    except (OSError, subprocess.CalledProcessError):
+        # An installed copy may lie in some other project's checkout, which does not track it.
+        git(file.parent, "ls-files", "--error-unmatch", file.name)
+        head = git(file.parent, "rev-parse", "HEAD")
+        changed = git(file.parent, "status", "--porcelain", "--untracked-files=no")
+    except ConfigError:
         return None
-    return run.stdout.strip()
+    return f"{head}-dirty" if changed else head

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from hybridmpm.bench.report import stale as stale_results
+from hybridmpm.bench.catalogue import BENCHES
+from hybridmpm.bench.staleness.results import dated_results
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
@@ -25,7 +26,7 @@ __all__ = ["bench"]
     default=Path("docs/results"),
     show_default=True,
     metavar="FOLDER",
-    help="With --stale.",
+    help="Folder that --stale looks into.",
 )
 @click.pass_context
 def bench(ctx: click.Context, *, stale: bool, folder: Path) -> None:
@@ -38,7 +39,7 @@ def bench(ctx: click.Context, *, stale: bool, folder: Path) -> None:
 
 
 def _print_stale(folder: Path) -> None:
-    found = stale_results.results(folder)
+    found = dated_results(folder, BENCHES)
     for one in found:
         if one.changed:
             click.echo(f"{one.file}: since {one.commit[:10]} changed {', '.join(one.changed)}")

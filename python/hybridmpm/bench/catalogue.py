@@ -1,0 +1,21 @@
+"""The code behind each committed result, so that `hybridmpm bench --stale` knows what a result depends on."""
+
+from hybridmpm.bench.staleness.results import Origin
+
+_WEIGHTS = "python/hybridmpm/physics/weights/*.onnx"
+
+BENCHES: dict[str, Origin] = {
+    "mpm": Origin(modules=("hybridmpm.bench.speed.mpm", "hybridmpm.bench.peers.taichi_mpm")),
+    "scaling": Origin(modules=("hybridmpm.bench.speed.scaling",)),
+    "batch": Origin(modules=("hybridmpm.bench.speed.batch",)),
+    "neighbors": Origin(modules=("hybridmpm.bench.speed.neighbors", "hybridmpm.bench.peers.scipy_tree")),
+    "sleeping": Origin(modules=("hybridmpm.bench.speed.sleeping",)),
+    "downsampling": Origin(modules=("hybridmpm.bench.accuracy.downsampling",)),
+    "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
+    "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.sweep")),
+    "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
+    "safeguard": Origin(modules=("hybridmpm.bench.hybrid.safeguard",), data=(_WEIGHTS,)),
+    "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
+    "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
+}
+"""Modules and data by the name of the command, which is that of its file in docs/results."""

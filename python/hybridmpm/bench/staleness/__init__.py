@@ -1,0 +1,1 @@
+"""Whether a committed result is older than the code that made it."""

@@ -1,0 +1,66 @@
+"""Files of a checkout today, beside what they were at an earlier commit, wherever they lay then."""
+
+import functools
+from pathlib import Path
+
+from hybridmpm.bench.report.git import git, git_bytes
+from hybridmpm.bench.staleness.program import program
+
+
+class History:
+    """A checkout with its history.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder in the checkout.
+
+    Raises
+    ------
+    ConfigError
+        The folder is in no checkout.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.root = Path(git(folder, "rev-parse", "--show-toplevel"))
+        """Top folder of the checkout."""
+        self._earlier = functools.cache(self._earlier_names)
+        self._was_other = functools.cache(self._had_another_program)
+
+    def name(self, file: Path) -> str:
+        """Return the path of a file relative to the checkout."""
+        return file.relative_to(self.root).as_posix()
+
+    def is_changed(self, file: Path, commit: str) -> bool:
+        """Whether a file computes something else than at a commit, or was not there.
+
+        Raises
+        ------
+        ConfigError
+            The commit is not in the history.
+        """
+        earlier = self._earlier(commit)
+        name = self.name(file)
+        if name not in earlier:
+            return True
+        return earlier[name] is not None and self._was_other(commit, earlier[name], file)
+
+    def _earlier_names(self, commit: str) -> dict[str, str | None]:
+        """Return the name at a commit of each file that was there, by today's name; None where untouched."""
+        names: dict[str, str | None] = dict.fromkeys(
+            git(self.root, "ls-tree", "-r", "-z", "--name-only", commit).split("\0")
+        )
+        # Without a limit to the number of candidates: a move of many files is one commit.
+        words = iter(git(self.root, "diff", "-z", "-M", "-l0", "--name-status", commit).split("\0"))
+        for status in filter(None, words):
+            before = next(words)
+            names.pop(before, None)
+            if status.startswith("R"):
+                names[next(words)] = before
+            elif status not in {"A", "D"}:
+                names[before] = before
+        return names
+
+    def _had_another_program(self, commit: str, earlier: str, file: Path) -> bool:
+        before = git_bytes(self.root, "show", f"{commit}:{earlier}")
+        return program(file.name, before) != program(file.name, file.read_bytes())
