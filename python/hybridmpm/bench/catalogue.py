@@ -12,7 +12,7 @@ BENCHES: dict[str, Origin] = {
     "sleeping": Origin(modules=("hybridmpm.bench.speed.sleeping",)),
     "downsampling": Origin(modules=("hybridmpm.bench.accuracy.downsampling",)),
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
-    "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.sweep")),
+    "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
     "safeguard": Origin(modules=("hybridmpm.bench.hybrid.safeguard",), data=(_WEIGHTS,)),
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),

@@ -8,10 +8,7 @@ from click.testing import CliRunner
 
 from hybridmpm.bench.hybrid import handoff, hybrid, safeguard, safeguard_chart
 from hybridmpm.bench.hybrid.guard_values import PLAIN
-from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.cli import cli
-
-SOURCE = Provenance(machine="m", date="2026-01-01", commit=None, command="c")
 
 
 def ignore(_: int) -> None:
@@ -19,8 +16,8 @@ def ignore(_: int) -> None:
 
 
 def test_the_safeguard_is_measured(tmp_path: Path) -> None:
-    settings = safeguard.Settings(model="zero", scenarios=("sand_2d",), scenes=1, frames=60)
-    rows = list(safeguard.rows(settings, SOURCE, ignore))
+    settings = safeguard.SafeguardSettings(model="zero", scenarios=("sand_2d",), scenes=1, frames=60)
+    rows = list(safeguard.measure(settings, ignore))
     assert {row["part"] for row in rows} == {"cost", "point", "correlation", "delay", "false alarms"}
     json.dumps(rows)
     costs = [row for row in rows if row["part"] == "cost"]
@@ -45,7 +42,7 @@ def test_the_safeguard_is_measured(tmp_path: Path) -> None:
     ["water", *(pytest.param(name, marks=pytest.mark.long) for name in handoff.MATERIALS if name != "water")],
 )
 def test_a_warm_handoff_is_gentler_than_a_cold_one(tmp_path: Path, material: str) -> None:
-    rows = list(handoff.rows(SOURCE, ignore, [material]))
+    rows = list(handoff.measure(ignore, [material]))
     assert len(rows) == handoff.COUNT / len(handoff.MATERIALS)
     shock = {(row["material"], row["phase"], row["handoff"]): row for row in rows}
     for phase in handoff.PHASES:
@@ -60,8 +57,8 @@ def test_a_warm_handoff_is_gentler_than_a_cold_one(tmp_path: Path, material: str
 
 
 def test_a_rollout_is_followed(tmp_path: Path) -> None:
-    settings = hybrid.Settings(model="zero", frames=120)
-    rows = list(hybrid.rows(settings, SOURCE, ignore))
+    settings = hybrid.HybridSettings(model="zero", frames=120)
+    rows = list(hybrid.measure(settings, ignore))
     last = {row["method"]: row for row in rows if row["frame"] == 120}
     assert last["hybrid"]["error"] <= 1.1 * last["mpm"]["error"] < last["neural"]["error"]
     assert last["hybrid"]["mode"] == "mpm"

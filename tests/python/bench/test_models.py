@@ -11,10 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import MpmSolver, NonFiniteError, Scene, scenarios
-from hybridmpm.bench.accuracy import comparison as contest
-from hybridmpm.bench.accuracy import latency, methods, rollouts
+from hybridmpm.bench.accuracy import comparison, conventions, latency, methods, rollouts
 from hybridmpm.bench.accuracy.methods import Method
-from hybridmpm.bench.report import pareto as front
+from hybridmpm.bench.report import pareto
 from hybridmpm.cli import cli
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.recording import record
@@ -35,7 +34,7 @@ def invoke(*arguments: str) -> Any:
 
 
 def test_rows_and_chart(tmp_path: Path, tiny_model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contest, "LADDER", {"1": 1.0, "1/16": 1 / 16})
+    monkeypatch.setattr(comparison, "LADDER", {"1": 1.0, "1/16": 1 / 16})
     monkeypatch.setattr(methods, "_CROWD", 3)
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
     options = ["--model", str(tiny_model), "--scenes", "2", "--span", "40", "--threads", "1"]
@@ -124,11 +123,13 @@ def test_a_model_that_fails_has_no_error() -> None:
 
 
 def test_a_failure_is_counted_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contest, "LADDER", {"1/16": 1 / 16})
+    monkeypatch.setattr(comparison, "LADDER", {"1/16": 1 / 16})
     monkeypatch.setattr(methods, "_CROWD", 2)
     model = methods.neural("lost", Wandering(0.0025, r_p=1 / 16, r_t=8), threads=1, parameters=1)
-    one = contest.Contest("water_2d", [model], contest.Settings(scenes=1, span=40, passes=1))
-    one.play(scenarios.water_2d(1_100_000))
+    one = comparison.Comparison(
+        "water_2d", [model], comparison.ComparisonSettings(scenes=1, span=40, passes=1)
+    )
+    one.run(scenarios.water_2d(1_100_000))
     lost, zero, *_ = one.rows()
     assert (lost["failed"], lost["error"], lost["below_zero_40"], lost["dominated_by"]) == (
         1,
@@ -151,7 +152,7 @@ def test_who_dominates_and_which_rung_is_as_good() -> None:
         rung("good", 0.2, 0.3, "neural"), rung("unmeasured", 0.2, None, "neural"),
     ]  # fmt: skip
     bounds = [rung("x", None, 0.01, "merged"), rung("y", None, 1.0, "still")]
-    found = {row["label"]: row for row in front.compared([*ladder, *models, *bounds])}
+    found = {row["label"]: row for row in pareto.compared([*ladder, *models, *bounds])}
     assert found["slow"]["dominated_by"] == "neural good"
     assert (found["slow"]["as_good"], found["slow"]["as_good_ms"]) == ("1/4", 0.3)
     assert found["fast"]["dominated_by"] is None
@@ -180,7 +181,7 @@ class Clock:
 def test_latencies_are_taken_by_turns() -> None:
     log: list[str] = []
     timings = [latency.Timing(Clock(log, "a"), 5), latency.Timing(Clock(log, "b"), 10)]
-    found = latency.measured(timings, start=20, span=20, passes=2, seconds=10.0)
+    found = latency.latencies_by_turns(timings, start=20, span=20, passes=2, seconds=10.0)
     once = ["a20", "b20", "a25", "a30", "b30", "a35", "a40", "b40"]
     assert log == once * 2
     for one, frames in zip(found, (5, 10), strict=True):
@@ -189,7 +190,7 @@ def test_latencies_are_taken_by_turns() -> None:
         assert one.per_call == pytest.approx(one.median * frames)
     log.clear()
     slow = latency.Timing(Clock(log, "c"))
-    latency.measured([slow], start=0, span=20, passes=3, seconds=0.0)
+    latency.latencies_by_turns([slow], start=0, span=20, passes=3, seconds=0.0)
     assert log == ["c0", "c1", "c2", "c3"]
 
 
@@ -199,7 +200,12 @@ def test_the_reference_scene_is_crowded() -> None:
 
 
 def test_labels_of_ratios() -> None:
-    assert [methods.ratio_label(r_p) for r_p in (1.0, 1 / 1.75, 0.125, 0.3)] == ["1", "1/1.75", "1/8", "0.3"]
+    assert [conventions.ratio_label(r_p) for r_p in (1.0, 1 / 1.75, 0.125, 0.3)] == [
+        "1",
+        "1/1.75",
+        "1/8",
+        "0.3",
+    ]
     method = Method(kind="zero", label="x", r_p=1.0, r_t=16, make=MpmSolver)
     assert (method.name, method.warm_up) == ("zero x", 80)
 

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, SimulationError, radius_graph
+from hybridmpm.bench.peers.loading import peer_module
 from hybridmpm.bench.speed import neighbors
 from hybridmpm.cli import cli
 
@@ -63,4 +64,4 @@ def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch
     assert result.exit_code == 2
     assert "pip install 'hybridmpm[bench]'" in result.output
     with pytest.raises(ConfigError, match="must be scipy"):
-        neighbors.peer_module("other")
+        peer_module("other", known=neighbors.PEER)

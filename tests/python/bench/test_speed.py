@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError, scenarios
+from hybridmpm.bench.peers.loading import peer_module
 from hybridmpm.bench.report import provenance, timing
 from hybridmpm.bench.speed import mpm, scaling
 from hybridmpm.cli import cli
@@ -86,7 +87,7 @@ def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch
     assert result.exit_code == 2
     assert "pip install 'hybridmpm[bench]'" in result.output
     with pytest.raises(ConfigError, match="must be taichi"):
-        mpm.peer_module("other")
+        peer_module("other", known=mpm.PEER)
 
 
 def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
@@ -174,8 +175,8 @@ def test_the_blob_is_the_same_in_every_grid() -> None:
 def test_simulations_are_timed_by_turns() -> None:
     log: list[str] = []
 
-    def simulation(name: str, frames: int) -> timing.Timed:
-        return timing.Timed(
+    def simulation(name: str, frames: int) -> timing.TimedSimulation:
+        return timing.TimedSimulation(
             restore=lambda: log.append(f"restore {name}"),
             advance=lambda count: log.append(f"{name} {count}"),
             frames=frames,

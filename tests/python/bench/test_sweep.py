@@ -13,10 +13,10 @@ from click.testing import CliRunner, Result
 
 from hybridmpm import ConfigError, DataError, scenarios
 from hybridmpm.bench.accuracy import latency
-from hybridmpm.bench.report.pareto import Row
 from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.bench.sweep import sweep
-from hybridmpm.bench.sweep.sweep import POINTS, Point, Settings, Sweep, matching
+from hybridmpm.bench.report.rows import Row
+from hybridmpm.bench.sweep.family import POINTS, SCENARIOS, Point, SweepSettings, matching
+from hybridmpm.bench.sweep.results import SweepResults
 from hybridmpm.cli import cli
 from hybridmpm.physics.free_fall import FreeFall
 
@@ -27,7 +27,7 @@ TINY = "water_2d-t8-p1_16-32x3-R2.2"
 
 
 class Notebook:
-    """A laboratory that measures nothing, and fails at a point if asked to."""
+    """A runner that measures nothing, and fails at a point if asked to."""
 
     def __init__(self, fails_at: str | None = None) -> None:
         self.log: list[str] = []
@@ -99,7 +99,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, what: str) -> None:
     keys = [point.key if what == "training" else f"time {point.key}" for point in points]
     assert len(keys) == 5
 
-    def go(results: Sweep, notebook: Notebook, on_progress: Callable[[int], object]) -> None:
+    def go(results: SweepResults, notebook: Notebook, on_progress: Callable[[int], object]) -> None:
         if what == "training":
             results.train(points, 2.0, notebook, SOURCE, on_progress)
         else:
@@ -107,9 +107,9 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, what: str) -> None:
 
     first, second = Notebook(fails_at=keys[2]), Notebook()
     with pytest.raises(KeyboardInterrupt):
-        go(Sweep(tmp_path, Settings()), first, nothing)
+        go(SweepResults(tmp_path, SweepSettings()), first, nothing)
     assert first.log[1:] == keys[:2]
-    again = Sweep(tmp_path, Settings())
+    again = SweepResults(tmp_path, SweepSettings())
     missing = again.untrained(points, 2.0) if what == "training" else again.untimed(points)
     assert missing == points[2:]
     done: list[int] = []
@@ -124,7 +124,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, what: str) -> None:
 
 def test_errors_and_latencies_come_together(tmp_path: Path) -> None:
     points = matching([LINE])
-    results, notebook = Sweep(tmp_path, Settings()), Notebook()
+    results, notebook = SweepResults(tmp_path, SweepSettings()), Notebook()
     assert results.worthwhile(points) == []
     results.time(points, notebook, SOURCE, nothing)
     # MPM takes 1 ms, r_t = 16 half of it, r_t = 8 as long.
@@ -151,12 +151,12 @@ def test_errors_and_latencies_come_together(tmp_path: Path) -> None:
 
 def test_other_settings_and_damaged_files_are_refused(tmp_path: Path) -> None:
     points = matching([TINY])
-    Sweep(tmp_path, Settings()).train(points, 1.0, Notebook(), SOURCE, nothing)
+    SweepResults(tmp_path, SweepSettings()).train(points, 1.0, Notebook(), SOURCE, nothing)
     with pytest.raises(ConfigError, match="holds points with scenes = 10, not 3; take the same settings"):
-        Sweep(tmp_path, Settings(scenes=3))
+        SweepResults(tmp_path, SweepSettings(scenes=3))
     (tmp_path / "points" / f"{TINY}.json").write_text("[]")
     with pytest.raises(DataError, match=r"R2\.2\.json is damaged: no list of objects; delete it"):
-        Sweep(tmp_path, Settings()).rows()
+        SweepResults(tmp_path, SweepSettings()).rows()
 
 
 def test_steps_are_timed_on_states_of_mpm(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,10 +189,10 @@ def test_steps_are_timed_on_states_of_mpm(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Return the command on a small sweep: one rung of MPM, one r_t of the zero network, two scenes."""
-    laboratory = importlib.import_module("hybridmpm.bench.sweep.runner")
+    small_runner = importlib.import_module("hybridmpm.bench.sweep.runner")
     for rungs in ("LADDER", "RATIOS"):
-        monkeypatch.setattr(laboratory, rungs, {"1/16": 1 / 16})
-    monkeypatch.setattr(laboratory, "STRIDES", (8,))
+        monkeypatch.setattr(small_runner, rungs, {"1/16": 1 / 16})
+    monkeypatch.setattr(small_runner, "STRIDES", (8,))
     monkeypatch.setattr("hybridmpm.bench.accuracy.methods._CROWD", 2)
     small = ["--scenes", "2", "--span", "40", "--trajectories", "1", "--device", "cpu"]
 
@@ -264,4 +264,4 @@ def test_bad_input_is_named(run: Callable[..., Result], monkeypatch: pytest.Monk
         result = run(*arguments)
         assert result.exit_code == 2
         assert text in result.stderr
-    assert sweep.SCENARIOS == ("water_2d", "sand_2d")
+    assert SCENARIOS == ("water_2d", "sand_2d")

@@ -2,59 +2,55 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hybridmpm import metrics, scenarios
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.bench.report.timing import Timed, seconds_per_frame
+from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED, RATIOS
+from hybridmpm.bench.report.rows import Progress, Row, significant
+from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
 from hybridmpm.downsampling import strided, upsample
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 
-RATIOS = {"1": 1.0, "1/1.75": 1 / 1.75, "1/4": 1 / 4, "1/8": 1 / 8, "1/16": 1 / 16}
-"""r_p by label."""
-FIRST_SEED = 1_100_000
-"""Of the scenes: no data set for training or validation draws from these on."""
-AT = (40, 100, 200)
-"""Frames whose errors are reported alone."""
-
-_EVERY = 10
-"""Frames between two states compared."""
 _TIMED_FRAMES = 20
 _ALONE = ("grid_rmse", "grid_nrmse", "grid_node_error")
+"""Errors that are also reported at single frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class DownsamplingSettings:
     """Scenes, length and repetitions of the measurement."""
 
     scenarios: tuple[str, ...] = ("water_2d", "sand_2d", "water_3d", "sand_3d")
+    """Scenarios that the scenes are drawn from."""
     scenes: int = 5
-    """Of each scenario in 2D."""
+    """Number of scenes of each scenario in 2D."""
     scenes_3d: int = 3
-    """Of each scenario in 3D, which take longer."""
+    """Number of scenes of each scenario in 3D, which take longer."""
     frames: int = 200
-    """Of each scene."""
+    """Number of frames of each scene."""
     repeats: int = 5
-    """Of the timing; the median counts."""
+    """Number of timings of each method; the median counts."""
 
     def seeds(self, scenario: str) -> range:
-        """Seeds of the scenes of a scenario."""
+        """Return the seeds of a scenario's scenes."""
         count = self.scenes if scenarios.describe(scenario).dim == 2 else self.scenes_3d
         return range(FIRST_SEED, FIRST_SEED + count)
 
+    @property
+    def count(self) -> int:
+        """Number of scenes in all."""
+        return sum(len(self.seeds(scenario)) for scenario in self.scenarios)
 
-def rows(
-    settings: Settings, source: Provenance, on_progress: Callable[[int], object]
-) -> Iterator[dict[str, Any]]:
+
+def measure(settings: DownsamplingSettings, on_progress: Progress) -> Iterator[Row]:
     """Measure each scenario and yield a row for each method and r_p; `on_progress` counts scenes.
 
     The truth is MPM with all particles and the ground truth's substeps. The methods are `mpm`, merged
@@ -74,7 +70,7 @@ def rows(
         facts: dict[str, list[dict[str, float]]] = {}
         for seed in settings.seeds(scenario):
             scene = scenarios.get(scenario, seed)
-            for method, errors, fact in _scene(scene, settings):
+            for method, errors, fact in _measured_scene(scene, settings):
                 table.add(method, scene.name, errors)
                 facts.setdefault(method, []).append(fact)
             on_progress(1)
@@ -87,25 +83,24 @@ def rows(
                 "r_p": round(RATIOS[label], 4) if label else None,
                 "scenes": len(settings.seeds(scenario)),
                 **_mean_facts(facts[f"{method} {label}".strip()]),
-                **{name: _rounded(value) for name, value in row.items() if not name.endswith("_n")},
-                **dataclasses.asdict(source),
+                **{name: significant(value) for name, value in row.items() if not name.endswith("_n")},
             }
 
 
-def _scene(scene: Scene, settings: Settings) -> Iterator[tuple[str, dict[str, float], dict[str, float]]]:
-    """Yield method, errors and facts (size and cost) of each method in a scene."""
+def _measured_scene(
+    scene: Scene, settings: DownsamplingSettings
+) -> Iterator[tuple[str, dict[str, float], dict[str, float]]]:
+    """Yield each method's name, its errors, and its particles, resolution and cost in a scene."""
     truth = MpmSolver(scene, substeps="reference")
-    true = record(truth, settings.frames, every=_EVERY)
-    other = record(
-        MpmSolver(metrics.other_jitter(scene), substeps="reference"), settings.frames, every=_EVERY
-    )
+    true = record(truth, settings.frames, every=EVERY)
+    other = record(MpmSolver(metrics.other_jitter(scene), substeps="reference"), settings.frames, every=EVERY)
     solvers = {label: MpmSolver(scene, r_p=r_p) for label, r_p in RATIOS.items()}
     # Keyed by method and, after a space, label of r_p.
     states: dict[str, Recording] = {"jitter": other, "still": metrics.held_still(true)}
     carrying = {}
     for label, solver in solvers.items():
         run = record(solver, settings.frames)
-        states[f"mpm {label}"] = strided(run, _EVERY)
+        states[f"mpm {label}"] = strided(run, EVERY)
         states[f"merged {label}"] = metrics.merged_states(true, RATIOS[label])
         began = time.perf_counter()
         states[f"upsampled {label}"] = _upsampled(run, true, solver.resolution)
@@ -127,17 +122,17 @@ def _upsampled(run: Recording, true: Recording, resolution: int) -> Recording:
     velocities = np.diff(path, axis=0) / np.float32(run.scene.frame_dt)
     return dataclasses.replace(
         true,
-        positions=path[::_EVERY],
-        velocities=np.concatenate([true.velocities[:1], velocities[_EVERY - 1 :: _EVERY]]),
+        positions=path[::EVERY],
+        velocities=np.concatenate([true.velocities[:1], velocities[EVERY - 1 :: EVERY]]),
     )
 
 
-def _timed(solver: MpmSolver, settings: Settings) -> Timed:
-    """Time the middle of the run, where the splash is."""
+def _timed(solver: MpmSolver, settings: DownsamplingSettings) -> TimedSimulation:
+    """Return a simulation of the middle of the run, where the splash is."""
     solver.reset()
     solver.advance(settings.frames // 2)
     start = solver.snapshot()
-    return Timed(
+    return TimedSimulation(
         restore=partial(solver.restore, start),
         advance=solver.advance,
         frames=min(_TIMED_FRAMES, settings.frames),
@@ -165,11 +160,7 @@ def _mean_facts(facts: Sequence[dict[str, float]]) -> dict[str, float | None]:
     }
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.4g}")
-
-
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw error and cost against r_p, as SVG and PNG; raises as `charts.panels` and `charts.save`."""
     names = list(dict.fromkeys(row["scenario"] for row in rows))
     figure, axes = charts.panels(columns=len(names), rows=2, width=3.6, height=3.2)

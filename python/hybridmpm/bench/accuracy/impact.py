@@ -1,4 +1,4 @@
-"""When a scene's fluid first hits something: before that any simulator of free fall is right."""
+"""The first impact of a scene: until then any simulator of free fall is right."""
 
 import numpy as np
 
@@ -6,13 +6,18 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 
 PUSH = 5.0
-"""An acceleration other than gravity above this [m/s^2], half of gravity, is a contact: rounding in free fall
-leaves less than 0.1, a body at rest is pushed by 9.8, and impacts push by hundreds."""
+"""Acceleration besides gravity above which a particle is in contact [m/s^2].
+
+Rounding in free fall leaves less than 0.1, a body at rest is pushed by 9.8, and impacts push by hundreds.
+"""
 SHARE = 0.01
-"""Of the particles must be pushed: a face of a body that touches down is more, a stray particle is less."""
+"""Share of the particles that are in contact in an impact.
+
+A face of a body that touches down is a larger share, a stray particle is a smaller one.
+"""
 
 LONGEST_FALL = 400
-"""Frames: one second, more than any fall between the walls takes."""
+"""Frames of one second: no fall between the walls takes longer."""
 
 
 def first_impact(solver: MpmSolver, limit: int) -> int:
@@ -21,21 +26,21 @@ def first_impact(solver: MpmSolver, limit: int) -> int:
     Parameters
     ----------
     solver : MpmSolver
-        Of a scene without emitters and sinks. Left at the frame returned.
+        Solver of a scene without emitters and sinks. It is left at the frame returned.
     limit : int
-        Frames to look at.
+        Number of frames to look at.
 
     Returns
     -------
     int
-        The first frame over which more than `SHARE` of the particles accelerated otherwise than by gravity,
-        by more than `PUSH`. The solver feels a wall or another body from some cells away, so it may be a
-        frame or two before the surfaces meet.
+        First frame over which gravity does not explain, by more than `PUSH`, the acceleration of more than
+        `SHARE` of the particles. The solver feels a wall or another body from some cells away, so this frame
+        may be one or two before the surfaces meet.
 
     Raises
     ------
     ConfigError
-        There was none.
+        No frame up to the limit has an impact.
     """
     gravity = np.array(solver.scene.gravity)
     for _ in range(limit):

@@ -1,4 +1,4 @@
-"""Latency of simulators, call by call and by turns, so that a busy machine is so for all of them."""
+"""Latency of simulators, call by call and by turns, so that a busy machine slows down all of them alike."""
 
 import time
 from collections.abc import Sequence
@@ -8,6 +8,8 @@ from typing import Self
 import numpy as np
 
 from hybridmpm.bench.accuracy.impact import LONGEST_FALL, first_impact
+from hybridmpm.bench.report.rows import Row, significant
+from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.stepper import Stepper
@@ -17,29 +19,42 @@ from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
 _TURN = 10
-"""Frames that a simulator goes on before it is the next one's turn."""
+"""Frames that a simulator goes on in one turn."""
 _LEAST_CALLS = 3
+"""Calls of each simulator, however long they take."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Latency:
-    """End to end [ms]."""
+    """Time from a call of a simulator to its answer [ms]."""
 
     median: float
-    """Of a frame."""
+    """Median time of a frame."""
     p95: float
-    """Of a frame."""
+    """95th percentile of the time of a frame."""
     per_call: float
-    """Median of a call, which a live session has to wait for."""
+    """Median time of a call, which a live session has to wait for."""
 
     @classmethod
     def of(cls, times: Sequence[float], frames: int) -> Self | None:
-        """Take percentiles of calls of so many frames, in seconds; None of too few calls."""
+        """Take percentiles over calls of `frames` frames each, whose times are in seconds.
+
+        None where there are fewer than three calls.
+        """
         if len(times) < _LEAST_CALLS:
             return None
         per_frame = 1e3 * np.array(times) / frames
         median = float(np.median(per_frame))
         return cls(median=median, p95=float(np.percentile(per_frame, 95)), per_call=median * frames)
+
+
+def latency_fields(latency: Latency | None) -> Row:
+    """Return the fields `ms_per_frame`, `ms_p95` and `ms_per_call` of a row [ms]; None where unknown."""
+    return {
+        "ms_per_frame": significant(latency.median if latency else None),
+        "ms_p95": significant(latency.p95 if latency else None),
+        "ms_per_call": significant(latency.per_call if latency else None),
+    }
 
 
 class Timing:
@@ -49,7 +64,7 @@ class Timing:
     ----------
     simulator : Simulator
     frames_per_call : int
-        r_t: a network computes so many frames at once.
+        Frames that the simulator computes at once: r_t for a network.
     """
 
     def __init__(self, simulator: Simulator, frames_per_call: int = 1) -> None:
@@ -59,7 +74,7 @@ class Timing:
         self._failed = False
 
     def restart(self, frame: int) -> None:
-        """Go to a frame without timing."""
+        """Reset the simulator and bring it to a frame, without timing."""
         self.simulator.reset()
         try:
             self.simulator.advance(frame)
@@ -67,39 +82,39 @@ class Timing:
             self._failed = True
 
     def reach(self, frame: int, seconds: float) -> None:
-        """Go on to a frame, timing each call, unless `enough`."""
+        """Bring the simulator on to a frame and time each call, until `enough` calls are timed."""
         while self.simulator.frame < frame and not self.enough(seconds):
-            began = time.perf_counter()
             try:
-                self.simulator.advance(self._frames)
+                with Clock(self._seconds):
+                    self.simulator.advance(self._frames)
             except SimulationError:
                 self._failed = True
-            else:
-                self._seconds.append(time.perf_counter() - began)
 
     def enough(self, seconds: float) -> bool:
-        """Whether it failed, or has been called often enough and for longer than `seconds`."""
+        """Whether the simulator failed, or was called three times or more and for longer than `seconds`."""
         return self._failed or _enough(self._seconds, seconds)
 
     def latency(self) -> Latency | None:
-        """Percentiles over the calls; None where it failed before there were enough."""
+        """Return percentiles over the calls; None where the simulator failed before the third call."""
         return Latency.of(self._seconds, self._frames)
 
 
-def measured(
+def latencies_by_turns(
     timings: Sequence[Timing], *, start: int, span: int, passes: int, seconds: float
 ) -> list[Latency | None]:
-    """Time the calls over some frames of a rollout, by turns.
+    """Time the calls of several simulators over the same frames of a rollout, by turns.
 
     Parameters
     ----------
     timings : sequence of Timing
-    start, span : int
-        Frames: the first is not before the end of any warm-up, `span` many follow.
+    start : int
+        Frame before the first that is timed; it is not before the end of any warm-up.
+    span : int
+        Number of frames that are timed.
     passes : int
-        How often the rollout is repeated.
+        Number of rollouts.
     seconds : float
-        A simulator that has taken longer than this is left alone from then on.
+        Time of calls [s] after which a simulator is not called again.
     """
     for _ in range(passes):
         for timing in timings:
@@ -111,29 +126,36 @@ def measured(
     return [timing.latency() for timing in timings]
 
 
+def first_frame(scene: Scene, earliest: int) -> int:
+    """Return the frame from which latencies are taken: the first impact, or `earliest` if that is later."""
+    return max(earliest, first_impact(MpmSolver(scene), LONGEST_FALL))
+
+
 def step_latency(
     stepper: Stepper, scene: Scene, *, earliest: int, span: int, threads: int, seconds: float
 ) -> tuple[Latency | None, Latency | None]:
-    """Time single steps of a network on states of MPM, so that their cost does not depend on its weights.
+    """Time single steps of a network on states of MPM, so that the weights do not change the cost.
 
     Parameters
     ----------
     stepper : Stepper
     scene : Scene
     earliest, span : int
-        The steps begin, evenly spread, in the `span` frames that follow the first impact, or this frame if
-        it is later.
+        Steps begin, evenly spread, in the `span` frames after `first_frame(scene, earliest)`.
     threads : int
-        Of MPM.
+        Threads of MPM.
     seconds : float
-        Time for the steps beyond the first three.
+        Time for the steps beyond the first three [s].
 
     Returns
     -------
-    Of a step with all it takes, the frames within it too, and of MPM with all particles, timed by turns: what
-    the machine was worth at that time.
+    Latency or None
+        Latency of a whole step, the frames within it included.
+    Latency or None
+        Latency of MPM with all particles, timed by turns with the steps: a measure of the machine's speed at
+        that time.
     """
-    start = max(earliest, first_impact(MpmSolver(scene), LONGEST_FALL))
+    start = first_frame(scene, earliest)
     states = record(MpmSolver(scene, r_p=stepper.r_p), start + span)
     yardstick = Timing(MpmSolver(scene, threads=threads))
     yardstick.restart(start)
@@ -147,7 +169,7 @@ def step_latency(
 
 
 def _step_seconds(stepper: Stepper, states: Recording, frame: int) -> float:
-    """Time a network step from a frame of a recording that has each."""
+    """Time a step of a network that begins at a frame of a recording of every frame."""
     track = Track(stepper, states.scene, states.types)
     for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1 : stepper.r_t]:
         track.observe(positions)

@@ -1,11 +1,12 @@
 """The methods of a comparison: ways to simulate a scene, by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from hybridmpm import scenarios
-from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
+from hybridmpm.bench.accuracy.conventions import FIRST_SEED, ratio_label
+from hybridmpm.bench.accuracy.latency import Latency, Timing, first_frame, latencies_by_turns
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.free_fall import FreeFall, RelaxedFreeFall
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -15,13 +16,8 @@ from hybridmpm.physics.track import warmup_frames
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
-RATIOS = {"1": 1.0, "1/1.75": 1 / 1.75, "1/4": 1 / 4, "1/8": 1 / 8, "1/16": 1 / 16}
-"""r_p of networks by label."""
-LADDER = {**RATIOS, "1/32": 1 / 32, "1/64": 1 / 64}
-"""r_p of the rungs of MPM by label: down to where MPM is as quick as the quickest network."""
-
 _CROWD = 100
-"""Test seeds of which the one with the most particles is timed."""
+"""Number of test scenes of which the one with the most particles is timed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,27 +25,31 @@ class Method:
     """A way to simulate any scene of a scenario."""
 
     kind: str
-    """"neural", "relaxed", "zero" or "mpm"."""
+    """Kind of the method: "neural", "relaxed", "zero" or "mpm"."""
     label: str
+    """Name of the method among those of its kind."""
     r_p: float
+    """Share of the particles that it simulates."""
     r_t: int
+    """Frames that it computes at once."""
     make: Callable[[Scene], Simulator]
-    """Gives a simulator at frame 0."""
+    """Makes a simulator at frame 0."""
     parameters: int | None = None
+    """Number of parameters of a network; None of MPM."""
 
     @property
     def name(self) -> str:
-        """Kind and label, unique in a table."""
+        """Kind and label of the method, unique in a table."""
         return f"{self.kind} {self.label}"
 
     @property
     def warm_up(self) -> int:
-        """Frames that MPM makes before the first prediction."""
+        """Frames that MPM computes before the method's first prediction."""
         return 0 if self.kind == "mpm" else warmup_frames(self.r_t)
 
 
 def mpm(label: str, r_p: float, *, threads: int) -> Method:
-    """MPM with merged particles on a coarse grid, at CFL substeps."""
+    """Return MPM with merged particles on a coarse grid, at CFL substeps."""
     return Method(kind="mpm", label=label, r_p=r_p, r_t=1, make=partial(MpmSolver, r_p=r_p, threads=threads))
 
 
@@ -65,7 +65,7 @@ def neural(label: str, stepper: Stepper, *, threads: int, parameters: int) -> Me
 
 
 def zero(r_p: float, r_t: int, *, threads: int) -> Method:
-    """Return free fall between walls, with the warm-up of a network."""
+    """Return free fall between walls, with the particles and the warm-up of a network."""
 
     def make(scene: Scene) -> NeuralPhysics:
         return NeuralPhysics(scene, FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t), threads=threads)
@@ -75,7 +75,7 @@ def zero(r_p: float, r_t: int, *, threads: int) -> Method:
 
 
 def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
-    """Return what a network does without what it learned: free fall and its relaxation of density."""
+    """Return a network without what it learned: free fall, and the network's relaxation of density."""
     stepper = RelaxedFreeFall(spec)
     label = f"r_p {ratio_label(spec.r_p)}, r_t {spec.r_t}, R {spec.radius:.3g}, {spec.relaxations} rounds"
 
@@ -85,12 +85,45 @@ def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
     return Method(kind="relaxed", label=label, r_p=spec.r_p, r_t=spec.r_t, make=make, parameters=0)
 
 
-def ratio_label(r_p: float) -> str:
-    """Label of an r_p: that of the ladder if it is on it."""
-    return next((label for label, rung in LADDER.items() if abs(rung - r_p) < 1e-6), f"{r_p:.3g}")
-
-
 def reference_scene(scenario: str) -> Scene:
-    """Return the test scene with the most particles of a hundred: latencies are taken there."""
+    """Return the scene for latencies: of a hundred test scenes that with the most particles."""
     scenes = [scenarios.get(scenario, seed) for seed in range(FIRST_SEED, FIRST_SEED + _CROWD)]
     return max(scenes, key=lambda scene: len(scene.sample().x))
+
+
+def method_latencies(
+    methods: Sequence[Method],
+    scenario: str,
+    *,
+    earliest: int,
+    span: int,
+    passes: int = 2,
+    seconds: float = 5.0,
+) -> dict[str, Latency | None]:
+    """Time methods by turns over a rollout of the scenario's reference scene.
+
+    Parameters
+    ----------
+    methods : sequence of Method
+    scenario : str
+    earliest, span : int
+        Timed are the `span` frames after `first_frame(scene, earliest)`.
+    passes : int
+        Number of rollouts.
+    seconds : float
+        Time for the timed calls of a method beyond its first three [s].
+
+    Returns
+    -------
+    dict
+        Latency by the method's name; None where the method failed too early.
+    """
+    scene = reference_scene(scenario)
+    found = latencies_by_turns(
+        [Timing(one.make(scene), one.r_t) for one in methods],
+        start=first_frame(scene, earliest),
+        span=span,
+        passes=passes,
+        seconds=seconds,
+    )
+    return dict(zip((one.name for one in methods), found, strict=True))

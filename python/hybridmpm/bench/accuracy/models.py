@@ -1,15 +1,13 @@
 """Learned simulators against the truth, beside the zero network, the floors and the ladder of MPM."""
 
-import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from hybridmpm import scenarios
-from hybridmpm.bench.accuracy.comparison import Contest, Settings
+from hybridmpm import scenarios as library
+from hybridmpm.bench.accuracy.comparison import Comparison, ComparisonSettings
+from hybridmpm.bench.accuracy.conventions import FIRST_SEED
 from hybridmpm.bench.accuracy.methods import neural, relaxed
-from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.physics.stepper import Stepper
 
@@ -19,22 +17,23 @@ class Candidate:
     """A model to be measured."""
 
     label: str
+    """Name of the model in the rows."""
     stepper: Stepper
+    """The model itself."""
     scenarios: tuple[str, ...]
+    """Scenarios that the model is measured in."""
     parameters: int
+    """Number of parameters of the model."""
     spec: NetworkSpec | None = None
-    """Of a network; None of other steppers."""
+    """Architecture of a network; None of other steppers."""
 
 
-def rows(
-    candidates: Sequence[Candidate],
-    settings: Settings,
-    source: Provenance,
-    on_progress: Callable[[int], object],
-) -> Iterator[dict[str, Any]]:
+def measure(
+    candidates: Sequence[Candidate], settings: ComparisonSettings, on_progress: Progress
+) -> Iterator[Row]:
     """Measure the models scenario by scenario and yield a row a method; `on_progress` counts scenes.
 
-    Methods are `neural`, the models; `relaxed`, what they do without what they learned (`RelaxedFreeFall`),
+    Methods are `neural`, the models; `relaxed`, the models without what they learned (`RelaxedFreeFall`),
     where they relax densities; `zero`, free fall between walls in their place (`FreeFall`); `mpm`
     with all particles and with fewer, at CFL substeps; `merged`, the truth merged state by state, which no
     method with so many particles can beat but by chance; `jitter`, the truth with other jitter; `still`, the
@@ -42,11 +41,11 @@ def rows(
 
     Errors are taken over `span` frames from the first impact of the truth on, or from the end of the models'
     warm-up where that is later; models of one `warm_up` are compared with methods counted from the same
-    frames. They are means over the scenes, the fields ending in `_se` their standard errors. `error` is
-    `grid_rmse`, its mean over the span; `error_40` is that of frame 40 of the span. `below_zero_40` is the
+    frames. Errors are means over the scenes, and the fields ending in `_se` the standard errors. `error` is
+    the mean of `grid_rmse` over the span; `error_40` is that of frame 40 of the span. `below_zero_40` is the
     part of the zero network's error that a model does without, `minus_zero_40` the mean difference of the two
     on the same scenes. Latencies are those of a rollout of the scene with the most particles; for `as_good`
-    and `dominated_by` see `front.compared`.
+    and `dominated_by` see `pareto.compared`.
     """
     for scenario in served(candidates):
         mine = [one for one in candidates if scenario in one.scenarios]
@@ -57,14 +56,13 @@ def rows(
         unlearned = [
             relaxed(one.spec, threads=settings.threads) for one in mine if one.spec and one.spec.relaxations
         ]
-        contest = Contest(scenario, methods, settings, unlearned)
+        comparison = Comparison(scenario, methods, settings, unlearned)
         for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
-            contest.play(scenarios.get(scenario, seed))
+            comparison.run(library.get(scenario, seed))
             on_progress(1)
-        for row in contest.rows():
-            yield row | dataclasses.asdict(source)
+        yield from comparison.rows()
 
 
 def served(candidates: Sequence[Candidate]) -> list[str]:
-    """Scenarios that at least one of the models serves, in the order of `scenarios.NAMES`."""
-    return [name for name in scenarios.NAMES if any(name in one.scenarios for one in candidates)]
+    """Return the scenarios that at least one of the models serves, in the order of `scenarios.NAMES`."""
+    return [name for name in library.NAMES if any(name in one.scenarios for one in candidates)]

@@ -1,4 +1,4 @@
-"""Held-out scenes with their truth, and the errors of simulators on them from a frame on."""
+"""The truth of test scenes, and the errors of simulators against it from some frame on."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -6,19 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridmpm import metrics
+from hybridmpm.bench.accuracy.conventions import AT, EVERY
 from hybridmpm.bench.accuracy.impact import LONGEST_FALL, first_impact
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
-
-FIRST_SEED = 1_100_000
-"""Of the scenes: no data set for training or validation draws from these on."""
-AT = (40, 100, 200)
-"""Frames, counted from the start of a span, whose errors are reported alone."""
-EVERY = 10
-"""Frames between two states compared."""
 
 _GRID = ("error", "grid_nrmse")
 _MEANS = ("kinetic_energy", "mechanical_energy", "centroid", "max_density", "neighbours", "penetrations")
@@ -27,17 +21,17 @@ MEASURES = (
     *(f"sinkhorn_{frame}" for frame in AT),
     *_MEANS,
 )
-"""What `errors` may hold."""
+"""Names of the errors that `errors` returns, and of the Sinkhorn distances that it returns on demand."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """A scene at full resolution with the ground truth's substeps."""
+    """The truth of a scene: MPM at full resolution with the ground truth's substeps."""
 
     impact: int
     """Frame of the first impact."""
     states: Recording
-    """Of each frame from the start on."""
+    """State at each frame from the start on."""
 
     @classmethod
     def of(cls, scene: Scene, *, latest_warm_up: int, span: int) -> "Truth":
@@ -49,16 +43,24 @@ class Truth:
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames after the start."""
         return len(self.states.frames) - 1
 
     def start(self, warm_up: int) -> int:
-        """Frame from which errors count: the first impact, or the first prediction if that is later."""
+        """Return the frame from which errors count: the first impact, or the end of a warm-up where later."""
         return max(self.impact, warm_up)
+
+    def with_other_jitter(self) -> Recording | None:
+        """Simulate the scene once more, its particles jittered otherwise: what the truth itself leaves open.
+
+        None where that simulation fails.
+        """
+        scene = metrics.other_jitter(self.states.scene)
+        return rollout(MpmSolver(scene, substeps="reference"), self.frames)
 
 
 def rollout(simulator: Simulator, frames: int) -> Recording | None:
-    """Record each frame of a simulator from where it is; None where it fails on the way."""
+    """Record each frame of a simulator from its present one on; None where it fails on the way."""
     try:
         return record(simulator, frames)
     except SimulationError:
@@ -66,7 +68,7 @@ def rollout(simulator: Simulator, frames: int) -> Recording | None:
 
 
 def excerpt(recording: Recording, start: int, span: int) -> Recording:
-    """Take every tenth state of the `span` frames after `start`, of a recording of each frame."""
+    """Return every tenth of the `span` states after `start`, of a recording of each frame."""
     rows = slice(start + EVERY, start + span + 1, EVERY)
     return dataclasses.replace(
         recording,
@@ -85,12 +87,19 @@ def frozen(recording: Recording, start: int) -> Recording:
 def errors(predicted: Recording, true: Recording, *, transport: bool) -> dict[str, float]:
     """Compare two excerpts.
 
+    Parameters
+    ----------
+    predicted, true : Recording
+    transport : bool
+        Whether to compute Sinkhorn distances, which take long.
+
     Returns
     -------
     dict
-        Of `MEASURES`: `error`, the mean of `grid_rmse` over the states, and `error_40`, that of the state so
-        many frames after the start; the same for `grid_nrmse`; where `transport`, `sinkhorn_40` [m]; means of
-        what else `metrics.compare` has.
+        Errors by their names in `MEASURES`: `error` is the mean of `grid_rmse` over the states, `error_40`
+        the `grid_rmse` of the state 40 frames after the start; `grid_nrmse` and `grid_nrmse_40` are the same
+        for that measure; `sinkhorn_40` is the Sinkhorn distance of that state [m]; all others are means over
+        the states of what `metrics.compare` measures.
     """
     measured = metrics.compare(predicted, true)
     measured["error"] = measured["grid_rmse"]

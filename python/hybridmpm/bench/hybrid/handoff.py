@@ -1,10 +1,9 @@
 """The shock of handing over from a network to MPM, with what state is carried and without.
 
-The network is MPM itself, recorded: its motion is right to the last bit, so all that differs from MPM going
-on undisturbed is what the handoff loses.
+A recording of MPM itself plays the network. Its motion is right to the last bit, so all that differs from
+MPM going on undisturbed is what the handoff loses.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy.typing as npt
 
 from hybridmpm import metrics
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Progress, Row, significant
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.handoff import KINDS
@@ -24,26 +23,28 @@ from hybridmpm.scene import Box, Scene
 
 MATERIALS = ("water", "sand", "elastic")
 PHASES = {"free fall": 60, "impact": 94, "at rest": 3000}
-"""Frame of the handoff by what happens then: MPM feels the floor from frame 85 on or so."""
+"""Frame of the handoff by what happens then; MPM feels the floor from about frame 85 on."""
 AFTER = (1, 4, 16)
 """Frames after the handoff whose state is compared."""
 COUNT = len(MATERIALS) * len(PHASES) * len(KINDS)
+"""Number of rows."""
 NEURAL = 20
-"""Frames that the network makes before the handoff."""
+"""Frames that the network computes before the handoff."""
 
 _R_T = 2
 _DROP = 0.25
 """Height of the block above the floor [m]."""
 _SMALLEST = 1e-5
-"""What is less is drawn as this."""
+"""Smallest height that is drawn; smaller values are drawn at it."""
 _Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Recorded:
-    """A network that answers what MPM did; made for one run from frame 0."""
+    """A network that answers what MPM did in one run from frame 0."""
 
     path: _Floats
+    """Positions of MPM at each frame (F, N, D) [m]."""
     r_p: float = 1.0
     r_t: int = _R_T
 
@@ -57,26 +58,24 @@ class _Recorded:
         acceleration: _Floats,  # noqa: ARG002
         walls: _Floats,  # noqa: ARG002
     ) -> _Floats:
-        """Return the positions after those that `history` ends with."""
+        """Return the recorded positions one step after those that `history` ends with."""
         apart = np.abs(self.path[:: self.r_t] - history[-1]).max(axis=(1, 2))
         return np.asarray(self.path[self.r_t * (int(np.argmin(apart)) + 1)])
 
 
 def block(material: str) -> Scene:
-    """Return a block in the air, 512 particles."""
+    """Return a scene with a block of 512 particles in the air."""
     body = Box(material=material, lower=(0.35, 0.1 + _DROP), upper=(0.6, 0.35 + _DROP))
     return Scene(name=f"a block of {material}", dim=2, resolution=64, bodies=(body,))
 
 
-def rows(
-    source: Provenance, on_progress: Callable[[int], object], materials: Sequence[str] = MATERIALS
-) -> Iterator[dict[str, Any]]:
-    """Hand over in each phase of each material's fall, in each way, and yield a row for each.
+def measure(on_progress: Progress, materials: Sequence[str] = MATERIALS) -> Iterator[Row]:
+    """Hand over in each phase of each material's fall, in each way, and yield a row for each; counts rows.
 
-    `kinetic_1` is what the kinetic energy 1 frame after the handoff differs by from that of MPM undisturbed,
-    over the energy of the fall; `grid_1` the grid RMSE between the two. `acceleration` is the power mean of
-    order 4 of the accelerations in the first frame, which the largest dominate [m/s^2]; `acceleration_mpm`
-    that of MPM undisturbed.
+    `kinetic_1` is the difference of the kinetic energy, 1 frame after the handoff, to that of MPM
+    undisturbed, over the energy of the fall; `grid_1` is the grid RMSE between the two. `acceleration` is the
+    power mean of order 4 of the accelerations in the first frame, which the largest dominate [m/s^2];
+    `acceleration_mpm` is that of MPM undisturbed.
     """
     for material in materials:
         scene = block(material)
@@ -86,12 +85,12 @@ def rows(
             for kind in KINDS:
                 shock = _shock(HybridSimulator(scene, network, handoff=kind), frame, states)
                 head = {"material": material, "phase": phase, "handoff": kind}
-                yield head | shock | dataclasses.asdict(source)
+                yield head | shock
                 on_progress(1)
 
 
 def _undisturbed(scene: Scene) -> dict[Any, Any]:
-    """Positions of each frame by "path", and positions, velocities and kinetic energy by frame."""
+    """Return the positions of each frame by "path", and positions, velocities, kinetic energy by frame."""
     solver = MpmSolver(scene)
     kept = {frame + after for frame in PHASES.values() for after in (0, *AFTER)}
     path = np.empty((max(kept) + _R_T + 1, solver.particle_count, scene.dim), dtype=np.float32)
@@ -108,7 +107,7 @@ def _state(simulator: Any) -> tuple[_Floats, _Floats, float]:
     return simulator.positions, simulator.velocities, simulator.diagnostics().kinetic_energy
 
 
-def _shock(sim: HybridSimulator, frame: int, states: dict[Any, Any]) -> dict[str, float]:
+def _shock(sim: HybridSimulator, frame: int, states: dict[Any, Any]) -> Row:
     modes: dict[int, Mode] = {frame - NEURAL: "neural", frame: "mpm"}
     log = [
         Decision(frame=at, mode=mode, value=None, reason="appointed", noticed=at)
@@ -129,7 +128,7 @@ def _shock(sim: HybridSimulator, frame: int, states: dict[Any, Any]) -> dict[str
         found[f"kinetic_{after}"] = (kinetic - true_kinetic) / fall
         masses = [metrics.grid_mass(one, sim.mass, sim.scene.resolution) for one in (x, true_x)]
         found[f"grid_{after}"] = metrics.grid_rmse(*masses)
-    return {name: float(f"{value:.4g}") for name, value in found.items()}
+    return {name: significant(value) for name, value in found.items()}
 
 
 def _largest(change: _Floats, dt: float) -> float:
@@ -137,12 +136,12 @@ def _largest(change: _Floats, dt: float) -> float:
     return float(np.mean(squares**2) ** 0.25)
 
 
-def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the jumps of kinetic energy, grid mass and acceleration, one row of panels a material."""
-    materials = list(dict.fromkeys(row["material"] for row in found))
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw the jumps of kinetic energy, grid mass and acceleration, as SVG and PNG, a row a material."""
+    materials = list(dict.fromkeys(row["material"] for row in rows))
     figure, axes = charts.panels(3, len(materials), width=3.3, height=2.4)
     for line, material in zip(axes, materials, strict=True):
-        mine = [row for row in found if row["material"] == material]
+        mine = [row for row in rows if row["material"] == material]
         _dots(line[0], mine, lambda row: abs(row["kinetic_1"]))
         _dots(line[1], mine, lambda row: row["grid_1"])
         _dots(line[2], mine, lambda row: row["acceleration"])
@@ -156,12 +155,12 @@ def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
     labels += ["MPM undisturbed (acceleration)"]
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     figure.suptitle("One frame after the handoff, against MPM undisturbed", fontsize=11)
-    charts.save(figure, path)
+    charts.save(figure, file)
 
 
-def _dots(panel: Any, rows_of: Sequence[dict[str, Any]], read: Callable[[dict[str, Any]], float]) -> None:
+def _dots(panel: Any, rows: Sequence[Row], read: Callable[[Row], float]) -> None:
     for index, kind in enumerate(KINDS):
-        values = {row["phase"]: read(row) for row in rows_of if row["handoff"] == kind}
+        values = {row["phase"]: read(row) for row in rows if row["handoff"] == kind}
         places = [place + 0.18 * (index - 1) for place in range(len(PHASES))]
         heights = [max(values[phase], _SMALLEST) for phase in PHASES]
         panel.plot(places, heights, charts.MARKERS[index], color=charts.COLOURS[index], label=kind)

@@ -1,9 +1,10 @@
-"""Error and time of one rollout: the network alone, the hybrid and MPM, with who simulated when."""
+"""Error and time of one rollout of the network alone, of the hybrid, and of MPM.
 
-import dataclasses
+Of the hybrid the rows also tell who simulated each frame.
+"""
+
 import itertools
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,10 @@ import numpy.typing as npt
 
 from hybridmpm import metrics, scenarios
 from hybridmpm._support import charts
-from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.accuracy.conventions import FIRST_SEED
+from hybridmpm.bench.accuracy.grid import present_grid_mass
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import Clock
 from hybridmpm.decisions import without_undone
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import HybridSimulator
@@ -25,35 +28,42 @@ from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.simulator import Simulator
 
 LABELS = {"neural": "network alone", "hybrid": "hybrid", "mpm": "MPM"}
+"""Methods, with their names in the chart."""
 _EVERY = 5
+"""Frames between two rows of a method."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What is simulated."""
+class HybridSettings:
+    """The rollout, and the switches of the hybrid."""
 
     model: str | None = None
+    """Name of the network, or "zero" for free fall; None takes the first that serves the scenario."""
     scenario: str = "water_2d"
+    """Scenario of the scene."""
     seed: int = FIRST_SEED
+    """Seed of the scene."""
     frames: int = 600
+    """Number of frames."""
     r_c: float = 0.8
+    """Cosine below which MPM takes over."""
     safeguard: Safeguard = "ours"
+    """Reading of the cosine."""
     threads: int = 1
+    """Threads of every simulator."""
 
     @property
-    def methods(self) -> int:
-        """How many simulators take their turn, the truth among them."""
+    def count(self) -> int:
+        """Number of simulators, the truth among them."""
         return len(LABELS) + 1
 
 
-def rows(
-    settings: Settings, source: Provenance, on_progress: Callable[[int], object]
-) -> Iterator[dict[str, Any]]:
-    """Simulate, and yield a row for every few frames of each method.
+def measure(settings: HybridSettings, on_progress: Progress) -> Iterator[Row]:
+    """Simulate, and yield a row for every few frames of each method; `on_progress` counts simulators.
 
-    All three methods have the same particles; the truth has all, and the ground truth's substeps. `error` is
-    the grid RMSE, None after a failure; `seconds` the time of the whole rollout, `mode` who of the hybrid
-    simulated the frame, `value` its safeguard, `mpm_share` the share of the frames by MPM.
+    All three methods have the same particles; the truth has all particles and the ground truth's substeps.
+    `error` is the grid RMSE, None after a failure; `seconds` is the time of the whole rollout; `mode` tells
+    who simulated the frame, the network or MPM; `mpm_share` is the share of the frames by MPM.
     """
     scene = scenarios.get(settings.scenario, settings.seed)
     truth, _ = _rollout(MpmSolver(scene, substeps="reference"), settings.frames)
@@ -85,52 +95,49 @@ def rows(
                 "frame": frame,
                 "error": round(metrics.grid_rmse(states[index], truth[index]), 5) if known else None,
                 "mode": _mode(hybrid, frame) if method == "hybrid" else method,
-                **dataclasses.asdict(source),
             }
         on_progress(1)
 
 
 def _rollout(simulator: Simulator, frames: int) -> tuple[list[npt.NDArray[np.float32]], float]:
-    """Grid masses every few frames, and the time without taking them [s]."""
-    resolution = simulator.scene.resolution
-    seconds, states = 0.0, []
+    """Return grid masses every few frames, and the time that the frames alone took [s]."""
+    seconds: list[float] = []
+    states = []
     for frame in range(0, frames + 1, _EVERY):
-        x = np.clip(simulator.positions, 0, 1)
-        states.append(metrics.grid_mass(x, simulator.mass, resolution))
-        began = time.perf_counter()
+        states.append(present_grid_mass(simulator))
         try:
-            simulator.advance(min(_EVERY, frames - frame))
+            with Clock(seconds):
+                simulator.advance(min(_EVERY, frames - frame))
         except SimulationError:
             break
-        seconds += time.perf_counter() - began
-    return states, seconds
+    return states, sum(seconds)
 
 
 def _mode(hybrid: HybridSimulator, frame: int) -> str:
-    """Who simulated the way to this frame, after all corrections."""
+    """Return who simulated the way to a frame, after all corrections."""
     held = [decision.mode for decision in without_undone(hybrid.log) if decision.frame < frame]
     return held[-1] if held else "mpm"
 
 
-def chart(found: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw the errors over the frames, with the hybrid's phases by MPM shaded, and the total times."""
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw the errors over the frames and the total times, as SVG and PNG; the hybrid's MPM is shaded."""
     figure, axes = charts.panels(1, 1, width=7.5, height=3.8)
     panel = axes[0, 0]
-    _shade(panel, [row for row in found if row["method"] == "hybrid"])
+    _shade(panel, [row for row in rows if row["method"] == "hybrid"])
     for index, (method, label) in enumerate(LABELS.items()):
-        mine = [row for row in found if row["method"] == method and row["error"] is not None]
+        mine = [row for row in rows if row["method"] == method and row["error"] is not None]
         text = f"{label}: {mine[0]['seconds']:.2f} s"
         if method == "hybrid":
             text += f", {100 * mine[0]['mpm_share']:.0f} % of the frames by MPM"
         frames, errors = [row["frame"] for row in mine], [row["error"] for row in mine]
         panel.plot(frames, errors, ("-", "-", "--")[index], color=charts.COLOURS[index], label=text)
-    panel.set(xlabel="frame", ylabel="error (grid RMSE)", xlim=(0, found[-1]["frame"]), ylim=(0, None))
-    panel.set_title(found[0]["scenario"])
+    panel.set(xlabel="frame", ylabel="error (grid RMSE)", xlim=(0, rows[-1]["frame"]), ylim=(0, None))
+    panel.set_title(rows[0]["scenario"])
     figure.legend(loc="outside lower center", ncols=2)
-    charts.save(figure, path)
+    charts.save(figure, file)
 
 
-def _shade(panel: Any, mine: Sequence[dict[str, Any]]) -> None:
+def _shade(panel: Any, mine: Sequence[Row]) -> None:
     label: str | None = "the hybrid's frames by MPM"
     for before, row in itertools.pairwise(mine):
         if row["mode"] == "mpm":

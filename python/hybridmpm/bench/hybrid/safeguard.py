@@ -1,21 +1,21 @@
-"""What the guards cost, how well they tell the error, how fast they notice impacts, and false alarms.
+"""The guards' cost, their correlation with the error, their delay after impacts, and their false alarms.
 
-Four kinds of rows, told apart by `part`: `cost`, `point` and `correlation`, `delay`, and `false alarms`.
+The field `part` tells kinds of rows apart: `cost`, `point` and `correlation`, `delay`, and `false alarms`.
 """
 
-import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import metrics, scenarios
+from hybridmpm.bench.accuracy.conventions import FIRST_SEED
+from hybridmpm.bench.accuracy.grid import present_grid_mass
 from hybridmpm.bench.accuracy.impact import first_impact
-from hybridmpm.bench.accuracy.rollouts import FIRST_SEED
-from hybridmpm.bench.hybrid.guard_values import AUDIT_PERIOD, Clock, Watch
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.hybrid.guard_values import AUDIT_PERIOD, GuardValues
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid.guards import Audit
 from hybridmpm.mpm import MpmSolver
@@ -25,76 +25,74 @@ from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Ball, Box, Scene
 
 GUARD = "guard: "
-"""Begins the names of fields that hold values of guards."""
+"""Beginning of the names of fields that hold values of guards."""
 
 _HELD = 500
-"""Frames in which a drop is held over a pool while this comes to rest."""
+"""Frames in which a drop is held over a pool while the pool comes to rest."""
 _RESTING = 400
-"""From this frame on the pool is at rest."""
+"""Frame from which on the pool is at rest."""
 _HIGH = 0.2
-"""The drop is above this height, the pool below [m]."""
+"""Height between the drop and the pool [m]."""
 _SPLASH = 80
-"""Frame from which the time of MPM is taken."""
+"""Frame from which on MPM is timed."""
 _SEEN = 120
-"""Frames after the drop is let go."""
+"""Number of frames after the drop is let go."""
 _NOTICED = 40
-"""An alarm more frames than this after an impact is not because of it."""
+"""Frames after an impact in which an alarm counts as caused by the impact."""
 DROPS = {"drop of 0.6 %": 0.01, "drop of 2 %": 0.02, "drop of 8 %": 0.04}
-"""Radius [m] by label; the share is that of all particles."""
+"""Radius of the drop [m] by label, which tells its share of all particles."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class SafeguardSettings:
     """Extent of the measurement."""
 
     model: str | None = None
-    """Name of the network, "zero" for free fall; the first that serves each scenario if absent."""
+    """Name of the network, or "zero" for free fall; None takes the first that serves each scenario."""
     scenarios: tuple[str, ...] = scenarios.NAMES
+    """Scenarios in which values and errors are compared."""
     scenes: int = 3
-    """Of each scenario."""
+    """Number of scenes of each scenario."""
     frames: int = 200
-    """Of each scene."""
+    """Number of frames of each scene."""
 
     @property
     def count(self) -> int:
-        """Scenes in all, those of the impacts included."""
+        """Number of scenes in all, those of the impacts included."""
         return len(self.scenarios) * self.scenes + self.scenes + len(DROPS)
 
 
-def rows(
-    settings: Settings, source: Provenance, on_progress: Callable[[int], object]
-) -> Iterator[dict[str, Any]]:
+def measure(settings: SafeguardSettings, on_progress: Progress) -> Iterator[Row]:
     """Measure and yield the rows; `on_progress` counts scenes.
 
-    `cost`: median time of a guard a frame [us], of what several share once (`history`: of cosine and impact;
-    `state`: of density, energy and divergence), and as a share of a frame of MPM with the same particles.
-    `point`: values of the guards at a frame of the network left alone, and its error (grid RMSE against the
-    truth). `correlation`: Spearman's, over the points of a scenario. `delay`: frames from an impact to the
-    first alarm, None if there is none within `_NOTICED`; the motion is MPM's own, so that no error of a
-    network gives it away. `false alarms`: steps with an alarm on a pool of water at rest.
+    `cost` is the median time of a guard a frame [us], and its share of a frame of MPM with the same
+    particles; what several guards share has a row of its own (`history`, of cosine and impact; `state`, of
+    density, energy and divergence). `point` holds the values of the guards at a frame of the network left
+    alone, and the network's error (grid RMSE against the truth). `correlation` is Spearman's, over the points
+    of a scenario. `delay` counts the frames from an impact to the first alarm, None without an alarm in time;
+    the motion is MPM's own, so that no error of a network gives the impact away. `false alarms` counts the
+    steps with an alarm on a pool of water at rest.
     """
-    origin = dataclasses.asdict(source)
     for scenario in settings.scenarios:
-        points: list[dict[str, Any]] = []
+        points: list[Row] = []
         for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
             scene = scenarios.get(scenario, seed)
             network = as_stepper(model_for(settings.model, scenario), scene)
-            watch = Watch(scene, network.r_p, network.r_t)
-            points += _points(scene, network, watch, settings.frames)
+            values = GuardValues(scene, network.r_p, network.r_t)
+            points += _points(scene, network, values, settings.frames)
             if seed == FIRST_SEED:
-                for row in _costs(scene, network, watch):
-                    yield {"part": "cost", "scenario": scenario} | row | origin
+                for row in _costs(scene, network, values):
+                    yield {"part": "cost", "scenario": scenario} | row
             on_progress(1)
         for point in points:
-            yield {"part": "point", "scenario": scenario} | point | origin
+            yield {"part": "point", "scenario": scenario} | point
         for row in _correlations(points):
-            yield {"part": "correlation", "scenario": scenario} | row | origin
-    for row in _impacts(settings, on_progress):
-        yield row | origin
+            yield {"part": "correlation", "scenario": scenario} | row
+    yield from _impacts(settings, on_progress)
 
 
-def _points(scene: Scene, network: Stepper, watch: Watch, frames: int) -> list[dict[str, Any]]:
-    """Let the network go on alone, and return errors and values every 10 frames."""
+def _points(scene: Scene, network: Stepper, guards: GuardValues, frames: int) -> list[Row]:
+    """Let the network simulate alone, and return its errors and the guards' values every 10 frames."""
     truth = MpmSolver(scene, substeps="reference")
     simulator = NeuralPhysics(scene, network)
     points = []
@@ -102,31 +100,27 @@ def _points(scene: Scene, network: Stepper, watch: Watch, frames: int) -> list[d
     for _ in range(frames // network.r_t):
         try:
             simulator.advance(network.r_t)
-            values = watch.see(simulator.positions)
+            values = guards.after_step(simulator.positions)
         except SimulationError:
             break
         # Some guards look at some steps only.
         latest |= {name: value for name, value in values.items() if value is not None}
         if simulator.frame % 10 < network.r_t:
             truth.advance(simulator.frame - truth.frame)
-            error = metrics.grid_rmse(_mass(simulator, scene), _mass(truth, scene))
+            error = metrics.grid_rmse(present_grid_mass(simulator), present_grid_mass(truth))
             named = {f"{GUARD}{name}": round(value, 5) for name, value in latest.items()}
             points.append({"scene": scene.name, "frame": simulator.frame, "error": round(error, 5)} | named)
     return points
 
 
-def _mass(simulator: Any, scene: Scene) -> npt.NDArray[np.float32]:
-    return metrics.grid_mass(np.clip(simulator.positions, 0, 1), simulator.mass, scene.resolution)
-
-
-def _costs(scene: Scene, network: Stepper, watch: Watch) -> Iterator[dict[str, Any]]:
+def _costs(scene: Scene, network: Stepper, values: GuardValues) -> Iterator[Row]:
     mpm = MpmSolver(scene, r_p=network.r_p)
     mpm.advance(_SPLASH)
     frames: list[float] = []
     for _ in range(_SPLASH // 2):
         with Clock(frames):
             mpm.advance(1)
-    for name, times in watch.seconds.items():
+    for name, times in values.seconds.items():
         # Few steps are audited, but those are long; a simulator audits fewer than are here.
         audited = np.mean(times) * AUDIT_PERIOD / Audit.PERIOD
         typical = audited if name == Audit.name else np.median(times)
@@ -139,7 +133,7 @@ def _costs(scene: Scene, network: Stepper, watch: Watch) -> Iterator[dict[str, A
         }
 
 
-def _correlations(points: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+def _correlations(points: list[Row]) -> Iterator[Row]:
     from scipy.stats import spearmanr  # noqa: PLC0415 - an extra
 
     for key in sorted({key for point in points for key in point if key.startswith(GUARD)}):
@@ -149,7 +143,7 @@ def _correlations(points: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {"guard": key.removeprefix(GUARD), "spearman": rank, "points": len(pairs)}
 
 
-def _impacts(settings: Settings, on_progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:
+def _impacts(settings: SafeguardSettings, on_progress: Progress) -> Iterator[Row]:
     for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
         scene = scenarios.get("water_2d", seed)
         impact = first_impact(MpmSolver(scene), _HELD)
@@ -172,12 +166,14 @@ def _pool_and_drop(radius: float) -> Scene:
 
 
 def _drop_falls(scene: Scene) -> tuple[npt.NDArray[np.float32], int]:
-    """Hold the drop until the pool is at rest, and let it go.
+    """Hold the drop until the pool is at rest, and let the drop go.
 
     Returns
     -------
-    float32 (F, N, D), int
-        Positions [m] of each frame, and the frame of the impact.
+    float32 (F, N, D)
+        Positions of each frame [m].
+    int
+        Frame of the impact.
     """
     solver = MpmSolver(scene)
     drop = solver.positions[:, 1] > _HIGH
@@ -189,7 +185,7 @@ def _drop_falls(scene: Scene) -> tuple[npt.NDArray[np.float32], int]:
     return path, _HELD + 2 + int(np.argmax(fall[1:] > 0.8 * scene.gravity[1]))
 
 
-def _delays(label: str, scene: Scene, path: npt.NDArray[np.float32], impact: int) -> Iterator[dict[str, Any]]:
+def _delays(label: str, scene: Scene, path: npt.NDArray[np.float32], impact: int) -> Iterator[Row]:
     alarms = _alarms(scene, path)
     for name, frames in alarms.items():
         after = [frame - impact for frame in frames if 0 <= frame - impact <= _NOTICED]
@@ -204,7 +200,7 @@ def _delays(label: str, scene: Scene, path: npt.NDArray[np.float32], impact: int
         }
 
 
-def _false_alarms(scene: Scene, path: npt.NDArray[np.float32]) -> Iterator[dict[str, Any]]:
+def _false_alarms(scene: Scene, path: npt.NDArray[np.float32]) -> Iterator[Row]:
     for name, frames in _alarms(scene, path[: _HELD + 1]).items():
         yield {
             "part": "false alarms",
@@ -216,15 +212,15 @@ def _false_alarms(scene: Scene, path: npt.NDArray[np.float32]) -> Iterator[dict[
 
 
 def _alarms(scene: Scene, path: npt.NDArray[np.float32]) -> dict[str, list[int]]:
-    """Frames with an alarm, by guard, when MPM's own motion is taken for a network's with r_t = 1.
+    """Return the frames with an alarm by guard, MPM's own motion being taken for a network's with r_t = 1.
 
-    Without the audit, which would hold MPM against itself.
+    The audit is left out: it would compare MPM with itself.
     """
-    watch = Watch(scene, 1.0, 1)
-    del watch.guards[Audit.name]
-    alarms: dict[str, list[int]] = {name: [] for name in watch.guards}
+    values = GuardValues(scene, 1.0, 1)
+    del values.guards[Audit.name]
+    alarms: dict[str, list[int]] = {name: [] for name in values.guards}
     for frame in range(1, len(path)):
-        for name, value in watch.see(path[frame]).items():
-            if value is not None and watch.guards[name].alarms(value):
+        for name, value in values.after_step(path[frame]).items():
+            if value is not None and values.guards[name].alarms(value):
                 alarms[name].append(frame)
     return alarms

@@ -1,4 +1,4 @@
-"""Pictures of the safeguard's rows."""
+"""The rows of the safeguard as a chart."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,14 +9,18 @@ import numpy as np
 from hybridmpm._support import charts
 from hybridmpm.bench.hybrid.guard_values import PLAIN
 from hybridmpm.bench.hybrid.safeguard import GUARD
+from hybridmpm.bench.report.rows import Row
 
 _COLUMNS = 4
 _SILENT = ("non-finite", "outside")
-"""Guards of faults, whose value is 0 unless there is one."""
+"""Guards whose value is 0 unless there is a fault."""
 
 
-def chart(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw cosine against error, one panel a scenario, and the correlation of every guard in the last."""
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw cosine against error, one panel a scenario, and in the last the correlation of every guard.
+
+    The chart is written as SVG and PNG.
+    """
     names = list(dict.fromkeys(row["scenario"] for row in rows if row["part"] == "point"))
     lines = -(-(len(names) + 1) // _COLUMNS)
     figure, axes = charts.panels(_COLUMNS, lines, width=3.1, height=2.9)
@@ -27,10 +31,10 @@ def chart(rows: Sequence[dict[str, Any]], path: Path) -> None:
         spare.set_visible(False)
     handles, labels = axes.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    charts.save(figure, path)
+    charts.save(figure, file)
 
 
-def _scatter(panel: Any, name: str, rows: Sequence[dict[str, Any]]) -> None:
+def _scatter(panel: Any, name: str, rows: Sequence[Row]) -> None:
     points = [row for row in rows if row["part"] == "point" and row["scenario"] == name]
     ranks = {
         row["guard"]: row["spearman"]
@@ -53,7 +57,7 @@ def _scatter(panel: Any, name: str, rows: Sequence[dict[str, Any]]) -> None:
     panel.set_ylabel("error (grid RMSE)")
 
 
-def _ranks(panel: Any, names: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
+def _ranks(panel: Any, names: Sequence[str], rows: Sequence[Row]) -> None:
     found = {
         (row["guard"], row["scenario"]): row["spearman"]
         for row in rows

@@ -1,1 +1,1 @@
-"""What a benchmark leaves behind: where its figures come from, which are stale, and fronts."""
+"""Rows of figures: their origin, their files, the timing behind them, and which methods others dominate."""

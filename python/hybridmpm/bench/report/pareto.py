@@ -1,17 +1,16 @@
-"""Which methods others dominate, and which rung of a ladder reaches a method's error."""
+"""Which methods others dominate in error and latency, and which rung of a ladder reaches a method's error."""
 
 from collections.abc import Sequence
-from typing import Any
 
-Row = dict[str, Any]
+from hybridmpm.bench.report.rows import Row
 
 
 def compared(rows: Sequence[Row]) -> list[Row]:
-    """Add to each row of one table what it is to be read against.
+    """Add to each row of one table the methods that it has to be read against.
 
-    `as_good` is the label and `as_good_ms` the latency of the cheapest MPM whose error is not above the
-    row's: what the row needs to beat. `dominated_by` is the cheapest model or MPM that is neither slower nor
-    worse.
+    `as_good` is the label, and `as_good_ms` the latency, of the cheapest MPM whose error is not above the
+    row's: the latency that the row needs to beat. `dominated_by` is the cheapest model or MPM that is neither
+    slower nor worse.
     """
     ladder = [row for row in rows if row["method"] == "mpm"]
     rivals = [row for row in rows if row["method"] in {"neural", "mpm"}]
@@ -30,7 +29,7 @@ def compared(rows: Sequence[Row]) -> list[Row]:
 
 
 def dominating(row: Row, others: Sequence[Row]) -> Row | None:
-    """Return the cheapest row that is at most as slow and at most as wrong as this, and not equal in both.
+    """Return the cheapest of the others that is neither slower nor worse than a row, and not equal in both.
 
     Rows without `error` or `ms_per_frame` neither dominate nor are dominated.
     """
@@ -48,7 +47,7 @@ def dominating(row: Row, others: Sequence[Row]) -> Row | None:
 
 
 def cheapest_as_good(row: Row, ladder: Sequence[Row]) -> Row | None:
-    """Return the cheapest rung whose error is at most the row's: a method pays only below its latency."""
+    """Return the cheapest rung whose error is at most the row's: a method pays only below that latency."""
     if row["error"] is None:
         return None
     as_good = [rung for rung in ladder if _measured(rung) and rung["error"] <= row["error"]]

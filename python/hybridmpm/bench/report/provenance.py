@@ -1,15 +1,16 @@
-"""Where and from what a measurement came, and writing its rows."""
+"""Where and from what a measurement came, and the file of its rows."""
 
+import dataclasses
 import datetime as dt
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.bench.report.git import git
+from hybridmpm.bench.report.rows import Row
 from hybridmpm.errors import ConfigError
 
 
@@ -18,15 +19,24 @@ class Provenance:
     """Fields that every row of a result carries beside its figures."""
 
     machine: str
+    """Processor, and the number of cores that this process may use."""
     date: str
-    """Of the run, ISO 8601, UTC."""
+    """Date of the run, ISO 8601, UTC."""
     commit: str | None
-    """Of the checkout that holds this code, "-dirty" where changed since; None outside a checkout."""
+    """Commit of the checkout that holds this code, with "-dirty" behind it where files have changed since.
+
+    None outside a checkout.
+    """
     command: str
+    """Command that measures the rows again."""
+
+    def stamped(self, row: Row) -> Row:
+        """Return a row with these fields behind its own."""
+        return row | dataclasses.asdict(self)
 
 
 def provenance(command: str) -> Provenance:
-    """Describe a run that starts now."""
+    """Describe a run of a command that starts now."""
     return Provenance(
         machine=f"{cpu_model()}, {usable_cores()} cores",
         date=dt.datetime.now(dt.UTC).date().isoformat(),
@@ -35,7 +45,7 @@ def provenance(command: str) -> Provenance:
     )
 
 
-def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
     """Write rows as a JSON list of flat objects; raises `ExportError`."""
     with replacing(path) as part:
         part.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

@@ -1,31 +1,74 @@
-"""Timing several simulations so that what disturbs the machine disturbs all of them."""
+"""Timing several calls by turns, so that what disturbs the machine disturbs all of them alike."""
 
 import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+
+from hybridmpm.bench.report.rows import Progress
+
+
+def _nothing() -> None:
+    """Prepare nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timed:
+class TimedCall:
+    """A call whose time is measured."""
+
+    call: Callable[[], object]
+    """The call; it is timed."""
+    prepare: Callable[[], object] = _nothing
+    """Called before each measurement, and not timed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimedSimulation:
     """A simulation that can go back to one state."""
 
     restore: Callable[[], object]
-    """Untimed, before each measurement."""
+    """Goes back to the state; not timed."""
     advance: Callable[[int], object]
-    """Timed; takes the number of frames."""
+    """Goes on by a number of frames; timed."""
     frames: int
-    """In one measurement."""
+    """Frames of one measurement."""
 
 
-def seconds_per_frame(simulations: Sequence[Timed], repeats: int) -> list[float]:
-    """Measure them by turns, and return the median over `repeats` rounds of each [s]."""
-    times: list[list[float]] = [[] for _ in simulations]
-    for _ in range(repeats + 1):
-        for simulation, mine in zip(simulations, times, strict=True):
-            simulation.restore()
-            began = time.perf_counter()
-            simulation.advance(simulation.frames)
-            mine.append((time.perf_counter() - began) / simulation.frames)
-    # The first round compiles, and warms the caches up.
-    return [statistics.median(mine[1:]) for mine in times]
+class Clock:
+    """Adds the time that a block takes to a list [s]; a block that fails is not counted."""
+
+    def __init__(self, times: list[float]) -> None:
+        self._times = times
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        if error is None:
+            self._times.append(time.perf_counter() - self._began)
+
+
+def seconds_by_turns(
+    calls: Sequence[TimedCall], repeats: int, on_progress: Progress | None = None
+) -> list[list[float]]:
+    """Time each call once a round, and return the times over `repeats` rounds of each call [s].
+
+    One more round goes before them: it compiles, and warms the caches up. `on_progress` counts rounds.
+    """
+    times: list[list[float]] = [[] for _ in calls]
+    for index in range(repeats + 1):
+        for one, mine in zip(calls, times, strict=True):
+            one.prepare()
+            with Clock(mine):
+                one.call()
+        if index and on_progress is not None:
+            on_progress(1)
+    return [mine[1:] for mine in times]
+
+
+def seconds_per_frame(simulations: Sequence[TimedSimulation], repeats: int) -> list[float]:
+    """Time simulations by turns, and return the median time of a frame of each over `repeats` rounds [s]."""
+    calls = [TimedCall(prepare=one.restore, call=partial(one.advance, one.frames)) for one in simulations]
+    times = seconds_by_turns(calls, repeats)
+    return [statistics.median(mine) / one.frames for one, mine in zip(simulations, times, strict=True)]

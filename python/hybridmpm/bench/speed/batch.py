@@ -1,14 +1,12 @@
 """Throughput of `MpmBatch`: the same scenes on one thread and on several."""
 
-import dataclasses
-import math
-import time
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 from hybridmpm import scenarios
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import TimedCall, seconds_by_turns
 from hybridmpm.mpm import MpmBatch
 
 _RUN_UP = 120
@@ -16,42 +14,37 @@ _RUN_UP = 120
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class BatchSettings:
     """Size and length of the measurement."""
 
     scenario: str = "water_2d"
+    """Scenario of the scenes."""
     scenes: int = 16
-    """Of the seeds from 0 on."""
+    """Number of scenes; their seeds are 0 and following."""
     threads: int = 2
-    """Compared with one."""
+    """Number of threads that one thread is compared with."""
     frames: int = 10
-    """Timed in one go."""
+    """Number of frames timed in one go."""
     repeats: int = 9
-    """The least time over these is reported: what a busy machine adds is not the batch's."""
+    """Number of timings, the least of which is reported: a busy machine only adds to it."""
 
 
-def rows(
-    settings: Settings, source: Provenance, *, on_progress: Callable[[int], object] | None = None
-) -> list[dict[str, Any]]:
-    """Measure and return a row for one thread and one for several.
-
-    `on_progress` is called with the repeats done since its last call.
-    """
+def measure(settings: BatchSettings, on_progress: Progress) -> Iterator[Row]:
+    """Time the batch and yield a row for one thread and one for several; `on_progress` counts repeats."""
     scenes = [scenarios.get(settings.scenario, seed) for seed in range(settings.scenes)]
     batches = {threads: MpmBatch(scenes, threads=threads) for threads in (1, settings.threads)}
     for batch in batches.values():
         batch.advance(_RUN_UP)
     starts = [member.snapshot() for member in batches[1]]
-    seconds = dict.fromkeys(batches, math.inf)
-    # In turns, so that what else the machine does in the meantime slows down both.
-    for _ in range(settings.repeats):
-        for threads, batch in batches.items():
-            seconds[threads] = min(seconds[threads], _seconds(batch, starts, settings.frames))
-        if on_progress is not None:
-            on_progress(1)
+    calls = [
+        TimedCall(prepare=partial(_restore, batch, starts), call=partial(batch.advance, settings.frames))
+        for batch in batches.values()
+    ]
+    times = seconds_by_turns(calls, settings.repeats, on_progress)
+    seconds = dict(zip(batches, map(min, times), strict=True))
     total = settings.scenes * settings.frames
-    return [
-        {
+    for threads, batch in batches.items():
+        yield {
             "scenario": settings.scenario,
             "scenes": settings.scenes,
             "particles": sum(member.particle_count for member in batch),
@@ -59,16 +52,9 @@ def rows(
             "ms_per_scene_frame": round(1e3 * seconds[threads] / total, 4),
             "frames_per_second": round(total / seconds[threads], 1),
             "speedup": round(seconds[1] / seconds[threads], 3),
-            **dataclasses.asdict(source),
         }
-        for threads, batch in batches.items()
-    ]
 
 
-def _seconds(batch: MpmBatch, starts: list[bytes], frames: int) -> float:
-    """Time the same frames as ever."""
+def _restore(batch: MpmBatch, starts: Sequence[bytes]) -> None:
     for member, start in zip(batch, starts, strict=True):
         member.restore(start)
-    began = time.perf_counter()
-    batch.advance(frames)
-    return time.perf_counter() - began

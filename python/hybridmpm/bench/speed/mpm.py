@@ -1,28 +1,30 @@
 """Speed of the solver: a block in the middle of its splash, at the ground truth's substeps."""
 
-import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.bench.report.timing import Timed, seconds_per_frame
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
+from hybridmpm.bench.speed.size_chart import draw_over_particles
+from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Box, Scene
-
-if TYPE_CHECKING:
-    from types import ModuleType
 
 CASES: tuple[tuple[int, str], ...] = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
 """(dimension, material) of each row."""
 MAX_PARTICLES = 1_000_000
+"""Largest number of particles that a block may be asked to have."""
+PEER = "taichi"
+"""The peer that the solver can be measured beside."""
 
 _WALL_LOW, _WALL_HIGH = 0.1, 0.9
 _PEER_FIELDS = (
@@ -31,62 +33,52 @@ _PEER_FIELDS = (
 _RUN_UP = 120
 """Frames before the measurement: the block has hit the floor by then and is spreading."""
 _LARGEST_SHARE = 0.5
-"""Of the box, in 2D as 20 000 particles take it at 128^2; larger blocks get a finer grid."""
+"""Largest part of the box that a block fills; 20 000 particles at 128^2 fill it, more get a finer grid."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class MpmSettings:
     """Size and length of the measurement."""
 
     particles: tuple[int, ...] = (2300, 4000, 20_000, 100_000)
-    """Aimed at; a row tells how many there were."""
+    """Numbers of particles aimed at; a row tells how many there were."""
     threads: tuple[int, ...] = (1, 2)
-    """Of our solver; each has its row."""
+    """Numbers of threads of our solver; each has its row."""
     repeats: int = 9
-    """The median over these is reported."""
+    """Number of timings, whose median is reported."""
     peer: str | None = None
-    """"taichi", to be measured by turns with ours; the best of its settings on one and two threads counts."""
+    """Peer to be measured by turns with ours; the best of its settings on one and two threads counts."""
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return len(CASES) * len(self.particles) * len(self.threads)
 
 
-def rows(settings: Settings, source: Provenance) -> Iterator[dict[str, Any]]:
-    """Measure each of `CASES` and yield its rows; the peer's fields are null without a peer.
+def measure(settings: MpmSettings, on_progress: Progress) -> Iterator[Row]:
+    """Measure each of `CASES` and yield its rows, which `on_progress` counts.
 
-    The peer starts from our state in mid-splash, sand from its volume alone, and takes as many substeps.
-    Its water does without our correction of the volume, its walls act on whole nodes.
+    The peer starts from our state in mid-splash and takes as many substeps; its sand starts from the volume
+    alone. Its water does without our correction of the volume, and its walls act on whole nodes. Fields of
+    the peer are None without a peer.
 
     Raises
     ------
     ConfigError
         The peer is unknown or not installed.
     SimulationError
-        The state before the measurement is not sane, or the peer's afterwards not ours, so that a speed would
-        mean nothing.
+        The state before the measurement is not a splash, or the peer's state afterwards is not ours: a speed
+        would mean nothing.
     """
-    peer = None if settings.peer is None else peer_module(settings.peer)
+    peer = None if settings.peer is None else peer_module(settings.peer, known=PEER)
     for particles in settings.particles:
         for dim, material in CASES:
             for row in _case(falling_block(dim, material, particles), settings, peer):
-                yield {"dim": dim, "material": material, **row, **dataclasses.asdict(source)}
+                yield {"dim": dim, "material": material, **row}
+                on_progress(1)
 
 
-def peer_module(name: str) -> "ModuleType":
-    """Import the module of a peer.
-
-    Raises
-    ------
-    ConfigError
-        There is no such peer, or what it needs is not installed.
-    """
-    if name != "taichi":
-        raise ConfigError(f"the peer must be taichi, got {name!r}")
-    try:
-        from hybridmpm.bench.peers import taichi_mpm  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise ConfigError("the peer taichi is not installed: pip install 'hybridmpm[bench]'") from None
-    return taichi_mpm
-
-
-def _case(scene: Scene, settings: Settings, peer: "ModuleType | None") -> Iterator[dict[str, Any]]:
+def _case(scene: Scene, settings: MpmSettings, peer: ModuleType | None) -> Iterator[Row]:
     solvers = [MpmSolver(scene, substeps="reference", threads=threads) for threads in settings.threads]
     first = solvers[0]
     first.advance(_RUN_UP)
@@ -94,10 +86,14 @@ def _case(scene: Scene, settings: Settings, peer: "ModuleType | None") -> Iterat
     start, count = first.snapshot(), first.particle_count
     substeps = first.last_frame.substeps if first.last_frame else 0
     frames = min(20, math.ceil(200_000 / count))
-    timed = [Timed(restore=partial(s.restore, start), advance=s.advance, frames=frames) for s in solvers]
+    timed = [
+        TimedSimulation(restore=partial(s.restore, start), advance=s.advance, frames=frames) for s in solvers
+    ]
     peers = [] if peer is None else _peers(peer, scene, substeps)
     state = (first.positions, first.velocities, first.affine, first.volume_ratio)
-    timed += [Timed(restore=partial(p.load, *state), advance=p.advance, frames=frames) for p in peers]
+    timed += [
+        TimedSimulation(restore=partial(p.load, *state), advance=p.advance, frames=frames) for p in peers
+    ]
     seconds = seconds_per_frame(timed, settings.repeats)
     _require_agreement(first, peers)
     ns = [s * 1e9 / (count * substeps) for s in seconds]
@@ -115,13 +111,13 @@ def _case(scene: Scene, settings: Settings, peer: "ModuleType | None") -> Iterat
         }
 
 
-def _peers(peer: "ModuleType", scene: Scene, substeps: int) -> list[Any]:
+def _peers(peer: ModuleType, scene: Scene, substeps: int) -> list[Any]:
     peer.start()
     return [peer.TaichiMpm(scene, substeps=substeps, setting=setting) for setting in peer.SETTINGS]
 
 
 def _require_agreement(solver: MpmSolver, peers: Sequence[Any]) -> None:
-    """Raise unless most particles ended where ours did; those near walls need not, nor those of the spray."""
+    """Raise unless half of a peer's particles ended near ours; those near walls and in the spray need not."""
     for peer in peers:
         apart = np.median(np.linalg.norm(peer.positions - solver.positions, axis=1))
         if not apart < solver.scene.dx / 2:
@@ -131,7 +127,7 @@ def _require_agreement(solver: MpmSolver, peers: Sequence[Any]) -> None:
             )
 
 
-def _compared(peer: "ModuleType | None", ns: Sequence[float]) -> dict[str, Any]:
+def _compared(peer: ModuleType | None, ns: Sequence[float]) -> dict[str, Any]:
     if peer is None:
         return dict.fromkeys(_PEER_FIELDS)
     best = min(ns)
@@ -141,7 +137,7 @@ def _compared(peer: "ModuleType | None", ns: Sequence[float]) -> dict[str, Any]:
 
 
 def falling_block(dim: int, material: str, particles: int) -> Scene:
-    """Scene with one block of at most `particles` particles that falls aslant.
+    """Return a scene with one block of at most `particles` particles that falls aslant.
 
     The grid is 128^2 or 64^3, or as fine as it takes that the block fills at most half of the box.
     """
@@ -174,7 +170,7 @@ def _resolution(dim: int, particles: int) -> int:
 
 
 def _counts(particles: int, dim: int) -> list[int]:
-    """Sites along each axis, about equally many, whose product is `particles` or somewhat less."""
+    """Return numbers of sites along each axis, about equal, whose product is `particles` or somewhat less."""
     if dim == 1:
         return [particles]
     even = max(1, math.floor(particles ** (1.0 / dim) + 1e-9))
@@ -190,7 +186,7 @@ def _require_sane(solver: MpmSolver) -> None:
         raise SimulationError(f"{solver.scene.name}: the state after {solver.frame} frames is not a splash")
 
 
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw time per particle-substep against particles, ours by threads and the peer, as SVG and PNG.
 
     Raises
@@ -204,21 +200,9 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     figure, axes = charts.panels(columns=2, rows=len(cases) // 2)
     for panel, (dim, material) in zip(axes.flat, cases, strict=True):
         mine = [row for row in rows if (row["dim"], row["material"]) == (dim, material)]
-        lines = [
-            (f"hybridmpm, {_plural(threads)}", "ns_per_particle_substep", threads)
-            for threads in sorted({row["threads"] for row in mine})
-        ]
-        if mine[0]["peer"]:
-            label = f"{mine[0]['peer'].capitalize()}, best of 1 and 2 threads"
-            lines.append((label, "peer_ns", mine[0]["threads"]))
-        for (label, field, threads), marker in zip(lines, charts.MARKERS, strict=False):
-            points = sorted((row["particles"], row[field]) for row in mine if row["threads"] == threads)
-            panel.plot(*zip(*points, strict=True), marker=marker, label=label)
+        peer = mine[0]["peer"] and (f"{mine[0]['peer'].capitalize()}, best of 1 and 2 threads", "peer_ns")
+        draw_over_particles(panel, mine, "ns_per_particle_substep", peer)
         panel.set(title=f"{material} {dim}D", xscale="log", ylim=(0, 1.1 * panel.dataLim.y1))
         panel.set(xlabel="particles", ylabel="ns per particle and substep")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     charts.save(figure, file)
-
-
-def _plural(threads: int) -> str:
-    return f"{threads} thread{'' if threads == 1 else 's'}"

@@ -1,89 +1,81 @@
 """Speed of the radius graph, beside SciPy's k-d tree and from small sizes to a million points."""
 
-import dataclasses
-import importlib
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm._native import VerletList, radius_graph
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.errors import ConfigError, SimulationError
-
-if TYPE_CHECKING:
-    from types import ModuleType
+from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import TimedCall, seconds_by_turns
+from hybridmpm.bench.speed.size_chart import draw_over_particles
+from hybridmpm.errors import SimulationError
 
 MAX_PARTICLES = 10_000_000
+"""Largest number of points that a cloud may be asked to have."""
 MAX_PEER_PARTICLES = 100_000
-"""Above this only ours is measured."""
+"""Number of points above which the peer is not measured."""
+PEER = "scipy"
+"""The peer that the radius graph can be measured beside."""
 
 REACH = {2: 2.5, 3: 2.0}
-"""Radius in mean distances of particles: about 18 neighbours in 2D and 28 in 3D, walls apart."""
+"""Radius in mean distances of points: about 18 neighbours in 2D and 28 in 3D, fewer at walls."""
 SKIN = 0.2
-"""Of the Verlet list, in radii; particles then move by a twentieth of the radius."""
+"""Skin of the Verlet list in radii; the points then move by a twentieth of the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class NeighborsSettings:
     """Sizes and length of the measurement."""
 
     particles: tuple[int, ...] = (4000, 20_000, 100_000, 300_000, 1_000_000)
-    """Of a jittered lattice, about."""
+    """Numbers of points of a jittered lattice that are aimed at."""
     threads: tuple[int, ...] = (1, 2)
-    """Of ours; each has its row."""
+    """Numbers of threads of our search; each has its row."""
     repeats: int = 9
-    """The least time over these is reported: what a busy machine adds is nobody's."""
+    """Number of timings, the least of which is reported: a busy machine only adds to it."""
     peer: str | None = None
-    """"scipy", to be measured by turns with ours up to `MAX_PEER_PARTICLES`; it has one thread."""
+    """Peer to be measured by turns with ours up to `MAX_PEER_PARTICLES`; it has one thread."""
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return 2 * len(self.particles) * len(self.threads)
 
 
-def rows(settings: Settings, source: Provenance) -> Iterator[dict[str, Any]]:
+def measure(settings: NeighborsSettings, on_progress: Progress) -> Iterator[Row]:
     """Measure 2D and 3D clouds of each size and yield a row for each number of threads.
 
-    `ms` is a fresh graph from positions, `ms_reused` one into the arrays and memory of the last,
-    `ms_verlet` one from the candidates of a Verlet list that hold. The peer's time holds building its tree.
+    `ms` is the time of a fresh graph from positions, `ms_reused` that of a graph into the arrays and memory
+    of the last, `ms_verlet` that of a graph from the candidates of a Verlet list that still hold. The peer's
+    time includes building its tree. `on_progress` counts rows.
 
     Raises
     ------
     ConfigError
         The peer is unknown or not installed.
     SimulationError
-        The peer found other edges, so that its speed would mean nothing.
+        The peer found other edges: its speed would mean nothing.
     """
-    peer = None if settings.peer is None else peer_module(settings.peer)
+    peer = None if settings.peer is None else peer_module(settings.peer, known=PEER)
     for particles in settings.particles:
         for dim in (2, 3):
             for row in _case(dim, particles, settings, peer):
-                yield {**row, **dataclasses.asdict(source)}
-
-
-def peer_module(name: str) -> "ModuleType":
-    """Import the module of a peer.
-
-    Raises
-    ------
-    ConfigError
-        There is no such peer, or what it needs is not installed.
-    """
-    if name != "scipy":
-        raise ConfigError(f"the peer must be scipy, got {name!r}")
-    try:
-        return importlib.import_module("hybridmpm.bench.peers.scipy_tree")
-    except ImportError:
-        raise ConfigError("the peer scipy is not installed: pip install 'hybridmpm[bench]'") from None
+                yield row
+                on_progress(1)
 
 
 def cloud(dim: int, particles: int) -> tuple[npt.NDArray[np.float32], float]:
-    """Return about `particles` points of a jittered lattice in the unit box, in random order, and the radius.
+    """Return a cloud of points in the unit box, and the radius of its graph.
 
-    The order is random because that of a simulation is, too, after some seconds.
+    The points are those of a jittered lattice, about `particles` many, in random order: after some seconds
+    the order of a simulation's particles is random, too.
     """
     per_axis = round(particles ** (1 / dim))
     rng = np.random.default_rng(particles)
@@ -92,9 +84,7 @@ def cloud(dim: int, particles: int) -> tuple[npt.NDArray[np.float32], float]:
     return x.astype(np.float32), float(np.float32(REACH[dim] / per_axis))
 
 
-def _case(
-    dim: int, particles: int, settings: Settings, peer: "ModuleType | None"
-) -> Iterator[dict[str, Any]]:
+def _case(dim: int, particles: int, settings: NeighborsSettings, peer: ModuleType | None) -> Iterator[Row]:
     x, radius = cloud(dim, particles)
     graph = radius_graph(x, radius)
     compared = peer if particles <= MAX_PEER_PARTICLES else None
@@ -104,7 +94,8 @@ def _case(
     if compared is not None:
         _require_same_edges(graph.receivers, graph.senders, compared.pairs(x, radius))
         calls.append(partial(compared.pairs, x, radius))
-    ms = [1e3 * seconds for seconds in _least_seconds(calls, settings.repeats)]
+    times = seconds_by_turns([TimedCall(call=call) for call in calls], settings.repeats)
+    ms = [1e3 * min(mine) for mine in times]
     theirs = ms[-1] if compared is not None else None
     for index, threads in enumerate(settings.threads):
         fresh, reused, verlet = ms[3 * index : 3 * index + 3]
@@ -124,7 +115,7 @@ def _case(
 
 
 def _ours(x: npt.NDArray[np.float32], radius: float, threads: int) -> list[Callable[[], object]]:
-    """Return calls for a fresh graph, one that reuses memory, and one from a Verlet list."""
+    """Return three calls: for a fresh graph, for one that reuses memory, and for one from a Verlet list."""
     neighbors = VerletList(radius, SKIN * radius, threads=threads)
     kept, listed = radius_graph(x, radius, threads=threads), neighbors.graph(x)
     moved = x + np.float32(0.05 * radius)
@@ -133,18 +124,6 @@ def _ours(x: npt.NDArray[np.float32], radius: float, threads: int) -> list[Calla
         partial(radius_graph, x, radius, threads=threads, out=kept),
         partial(neighbors.graph, moved, out=listed),
     ]
-
-
-def _least_seconds(calls: Sequence[Callable[[], object]], repeats: int) -> list[float]:
-    """Call them by turns, so that what disturbs the machine disturbs all."""
-    times: list[list[float]] = [[] for _ in calls]
-    for _ in range(repeats + 1):
-        for call, mine in zip(calls, times, strict=True):
-            began = time.perf_counter()
-            call()
-            mine.append(time.perf_counter() - began)
-    # The first round warms the caches up.
-    return [min(mine[1:]) for mine in times]
 
 
 def _require_same_edges(
@@ -160,7 +139,7 @@ def _require_same_edges(
         )
 
 
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw the time of a graph against its points, ours by threads and the peer, as SVG and PNG.
 
     Raises
@@ -171,25 +150,13 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
         A file could not be written.
     """
     figure, axes = charts.panels(columns=2)
-    threads = sorted({row["threads"] for row in rows})
     for panel, dim in zip(axes[0], (2, 3), strict=True):
         mine = [row for row in rows if row["dim"] == dim]
-        lines = [(_label(count), "ms", count) for count in threads]
-        if any(row["peer"] for row in mine):
-            lines.append(("SciPy cKDTree", "peer_ms", threads[0]))
-        for (label, field, count), marker in zip(lines, charts.MARKERS, strict=False):
-            points = sorted(
-                (row["particles"], row[field])
-                for row in mine
-                if row["threads"] == count and row[field] is not None
-            )
-            panel.plot(*zip(*points, strict=True), marker=marker, label=label)
+        has_peer = any(row["peer"] for row in mine)
+        draw_over_particles(panel, mine, "ms", ("SciPy cKDTree", "peer_ms") if has_peer else None)
         neighbors = sum(row["edges"] for row in mine) / sum(row["particles"] for row in mine)
         panel.set(title=f"{dim}D, {neighbors:.0f} neighbours", xscale="log", yscale="log")
         panel.set(xlabel="particles", ylabel="ms per graph")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(lines))
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     charts.save(figure, file)
-
-
-def _label(threads: int) -> str:
-    return f"hybridmpm, {threads} thread{'' if threads == 1 else 's'}"

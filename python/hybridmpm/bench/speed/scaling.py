@@ -1,47 +1,57 @@
 """How cost grows: linearly with the particles, and with the cells that they touch, not with the grid."""
 
-import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.bench.report.timing import Timed, seconds_per_frame
+from hybridmpm.bench.report.rows import Progress, Row
+from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Box, Scene
 
 SUBSTEPS = 16
-"""Of a frame, at the ground truth's step of 0.02 dx: in cells, particles of all sizes move alike."""
+"""Substeps of a frame, each of the ground truth's 0.02 dx: counted in cells, all scenes move alike."""
 
 MAX_PARTICLES = 1_000_000
+"""Largest number of particles that a block may be asked to have."""
 
 _WALL_LOW, _WALL_HIGH = 0.1, 0.9
 _SHARE = {2: 0.4, 3: 0.2}
-"""Of the box that a block fills."""
+"""Part of the box that a block fills, by dimension."""
 _BLOB_RADIUS = 8
-"""[cells]; about 17 000 particles."""
+"""Radius of the blob [cells]; it has about 17 000 particles."""
 _RUN_UP = 5
+"""Frames before the measurement."""
 _PER_MEASUREMENT = 5_000_000
-"""Particle-substeps in one measurement, or more where one frame has more."""
+"""Particle-substeps in one measurement; a measurement of one frame may have more."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class ScalingSettings:
     """Sizes and length of the measurement."""
 
     particles: tuple[int, ...] = (1000, 4000, 16_000, 64_000, 250_000, 1_000_000)
-    """Of the blocks, about; the grid grows with them."""
+    """Numbers of particles that the blocks should have; the grid grows with the block."""
     resolutions: tuple[int, ...] = (64, 128, 256)
-    """Of the grids that hold the same blob."""
+    """Cells along each axis of the grids that hold the same blob."""
     threads: int = 1
+    """Threads of the solver."""
     repeats: int = 5
+    """Number of timings, whose median is reported."""
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return 2 * len(self.particles) + len(self.resolutions)
 
 
-def rows(settings: Settings, source: Provenance) -> Iterator[dict[str, Any]]:
-    """Measure blocks of water that grow, then a blob in grids that grow, and yield the rows of each set."""
+def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
+    """Measure blocks of water that grow, then a blob in grids that grow, and yield a row for each scene.
+
+    `on_progress` counts rows.
+    """
     blocks = [block(dim, particles) for dim in (2, 3) for particles in settings.particles]
     blobs = [blob(resolution) for resolution in settings.resolutions]
     for series, scenes in (("particles", blocks), ("grid", blobs)):
@@ -57,19 +67,19 @@ def rows(settings: Settings, source: Provenance) -> Iterator[dict[str, Any]]:
                 "threads": settings.threads,
                 "ms_per_substep": round(per_substep * 1e3, 5),
                 "ns_per_particle_substep": round(per_substep * 1e9 / solver.particle_count, 2),
-                **dataclasses.asdict(source),
             }
+            on_progress(1)
 
 
-def _timed(solver: MpmSolver) -> Timed:
+def _timed(solver: MpmSolver) -> TimedSimulation:
     solver.advance(_RUN_UP)
     start = solver.snapshot()
     frames = min(20, math.ceil(_PER_MEASUREMENT / (SUBSTEPS * solver.particle_count)))
-    return Timed(restore=lambda: solver.restore(start), advance=solver.advance, frames=frames)
+    return TimedSimulation(restore=lambda: solver.restore(start), advance=solver.advance, frames=frames)
 
 
 def block(dim: int, particles: int) -> Scene:
-    """Scene with about `particles` particles of water that fall aslant from the middle of the box."""
+    """Return a scene with about `particles` particles of water that fall aslant from mid-air."""
     side = (_WALL_HIGH - _WALL_LOW) * _SHARE[dim] ** (1 / dim)
     resolution = max(8, round(particles ** (1 / dim) / (2 * side)))
     middle = (_WALL_LOW + _WALL_HIGH) / 2
@@ -90,7 +100,7 @@ def block(dim: int, particles: int) -> Scene:
 
 
 def blob(resolution: int) -> Scene:
-    """Scene with a ball of water in free fall that has the same radius in cells in every grid."""
+    """Return a scene with a ball of water in free fall, whose radius in cells is the same in every grid."""
     ball = Ball(
         material="water", center=(0.5,) * 3, radius=_BLOB_RADIUS / resolution, velocity=(0.0, -2.0, 0.0)
     )
@@ -99,7 +109,7 @@ def blob(resolution: int) -> Scene:
     )
 
 
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw both series as SVG and PNG; raises as `charts.panels` and `charts.save`."""
     figure, axes = charts.panels(columns=3)
     whole, each, around = axes[0]

@@ -4,13 +4,14 @@ import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from hybridmpm import _native
 from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.errors import SimulationError
 from hybridmpm.scene import Elastic, Sand, Water
 
@@ -20,16 +21,16 @@ if TYPE_CHECKING:
 Outcome = Literal["survived", "degraded", "failed"]
 
 LEVELS: tuple[float, ...] = tuple(round(0.2 + 0.025 * i, 3) for i in range(41))
-"""CFL numbers: dt times the material's signal speed over dx."""
+"""CFL numbers of the map: dt times the material's signal speed over dx."""
 MATERIALS = ("water", "sand", "elastic")
 STRESSES: dict[str, str] = {
     "splash": "a column that slides over the floor, collapses and hits a wall",
     "alone": "single particles, free and at walls, with J in [0.9, 1.1]",
     "alone, deformed": "the same with J in [0.5, 2]",
 }
-"""What is done to the material."""
+"""Cases by name: what is done to the material."""
 CRITICAL = ("splash", "alone")
-"""Cases that have to survive 1.5 times the default CFL number."""
+"""Cases in which a material has to survive 1.5 times its default CFL number."""
 
 _GRAVITY = 9.81
 _WALL_LOW, _WALL_HIGH = 0.1, 0.9
@@ -37,15 +38,15 @@ _RESOLUTION = {2: 40, 3: 20}
 _SPLASH_SECONDS = 0.6
 _ALONE_STEPS = 2000
 _LOOKS = 60
-"""Times that energy and speed are looked at in a run."""
+"""Number of looks at energy and speed in a run."""
 _FIRST_LOOKS = 10
-"""Of these, which count as the start."""
+"""Number of looks that count as the start of the run."""
 _GROWTH = 1.05
-"""Energy above this times that at the start is not physics."""
+"""Growth of the energy since the start that physics cannot explain."""
 _TOO_FAST = 2.0
-"""Speed above this times that of free fall is not physics."""
+"""Speed over that of free fall that physics cannot explain."""
 _COLOURS: dict[Outcome, str] = {"survived": "#dbe9f1", "degraded": "#e3a857", "failed": "#7f1d1d"}
-"""From light to dark, so that a grey print says the same."""
+"""Colours of the outcomes from light to dark, so that a grey print says the same."""
 
 
 @dataclass(frozen=True)
@@ -53,19 +54,23 @@ class Case:
     """One cell of the map."""
 
     material: str
+    """Name in `MATERIALS`."""
     dim: int
+    """Dimension, 2 or 3."""
     stress: str
+    """Name in `STRESSES`."""
     level: float
+    """CFL number."""
 
 
 def material(name: str) -> _native.Material:
-    """Build the reference material of this kind."""
+    """Return the reference material of a name in `MATERIALS`."""
     reference: dict[str, Water | Sand | Elastic] = {"water": Water(), "sand": Sand(), "elastic": Elastic()}
     return reference[name].to_native(1.0)
 
 
 def cases(levels: Sequence[float] = LEVELS) -> list[Case]:
-    """List all cells of the map."""
+    """Return all cells of the map."""
     return [
         Case(material, dim, stress, level)
         for stress in STRESSES
@@ -75,11 +80,11 @@ def cases(levels: Sequence[float] = LEVELS) -> list[Case]:
     ]
 
 
-def rows(todo: Sequence[Case], source: Provenance) -> Iterator[dict[str, Any]]:
-    """Run each case and yield its row.
+def measure(todo: Sequence[Case], on_progress: Progress) -> Iterator[Row]:
+    """Run each case and yield its row; `on_progress` counts cases.
 
     `signalled` names the error that a user meets: `StepSizeError` where such a step is refused, or else the
-    error that ended the run; null where nothing is said.
+    error that ended the run; None where the user meets no error.
     """
     for case in todo:
         outcome, error = run(case)
@@ -89,12 +94,12 @@ def rows(todo: Sequence[Case], source: Provenance) -> Iterator[dict[str, Any]]:
             **dataclasses.asdict(case),
             "outcome": outcome,
             "signalled": "StepSizeError" if refused else error,
-            **dataclasses.asdict(source),
         }
+        on_progress(1)
 
 
 def run(case: Case) -> tuple[Outcome, str | None]:
-    """Run a case to its end, or to the error whose name is returned beside the outcome."""
+    """Run a case to its end or to an error, and return the outcome and the error's name, None without one."""
     made_of = material(case.material)
     dx = 1.0 / _RESOLUTION[case.dim]
     # One substep a frame, so that the CFL number is exactly the one asked for.
@@ -121,25 +126,28 @@ def run(case: Case) -> tuple[Outcome, str | None]:
     return outcome, None
 
 
-def limits(found: Sequence[dict[str, Any]]) -> dict[tuple[str, int], float]:
-    """Largest level up to which all of `CRITICAL` survived, by material and dimension; 0 if none did."""
+def limits(rows: Sequence[Row]) -> dict[tuple[str, int], float]:
+    """Return the largest level up to which all cases of `CRITICAL` survived, by material and dimension.
+
+    The limit is 0 where no level survived.
+    """
     best: dict[tuple[str, int], float] = {}
-    for key in dict.fromkeys((row["material"], row["dim"]) for row in found):
-        mine = [row for row in found if (row["material"], row["dim"]) == key and row["stress"] in CRITICAL]
+    for key in dict.fromkeys((row["material"], row["dim"]) for row in rows):
+        mine = [row for row in rows if (row["material"], row["dim"]) == key and row["stress"] in CRITICAL]
         broken = min((row["level"] for row in mine if row["outcome"] != "survived"), default=np.inf)
         best[key] = max((row["level"] for row in mine if row["level"] < broken), default=0.0)
     return best
 
 
-def chart(found: Sequence[dict[str, Any]]) -> "Figure":
-    """Draw the map: one panel per stress, one line of cells per material and dimension."""
-    stresses = list(dict.fromkeys(row["stress"] for row in found))
-    levels = sorted({row["level"] for row in found})
-    lines = list(dict.fromkeys((row["material"], row["dim"]) for row in found))
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw the map as SVG and PNG: one panel per stress, one line of cells per material and dimension."""
+    stresses = list(dict.fromkeys(row["stress"] for row in rows))
+    levels = sorted({row["level"] for row in rows})
+    lines = list(dict.fromkeys((row["material"], row["dim"]) for row in rows))
     step = levels[1] - levels[0] if len(levels) > 1 else 0.05
     figure, axes = charts.panels(len(stresses), width=4.2, height=2.9)
     for axis, stress in zip(axes[0], stresses, strict=True):
-        for row in (row for row in found if row["stress"] == stress):
+        for row in (row for row in rows if row["stress"] == stress):
             place = lines.index((row["material"], row["dim"]))
             colour = _COLOURS[row["outcome"]]
             axis.bar(row["level"], 0.9, step * 0.92, bottom=place - 0.45, color=colour)
@@ -151,7 +159,7 @@ def chart(found: Sequence[dict[str, Any]]) -> "Figure":
         axis.invert_yaxis()
         axis.grid(visible=False)
     _legend(figure)
-    return figure
+    charts.save(figure, file)
 
 
 def _legend(figure: "Figure") -> None:
@@ -165,7 +173,7 @@ def _legend(figure: "Figure") -> None:
 
 
 def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_native.Solver, float]:
-    """Column on the floor that is thrown against a wall, and the largest speed that its fall can give it."""
+    """Return a column that is thrown along the floor against a wall, and the largest speed of its fall."""
     dx = 1.0 / _RESOLUTION[dim]
     side = {2: 0.25, 3: 0.2}[dim]
     axis = np.arange(_WALL_LOW + dx / 4, _WALL_LOW + side, dx / 2)
@@ -178,7 +186,7 @@ def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_nat
 
 
 def _alone(material: _native.Material, dim: int, frame_dt: float, spread: float) -> _native.Solver:
-    """Particles too far apart to feel each other, compressed or stretched, half of them at walls."""
+    """Return particles too far apart to feel each other, compressed or stretched, half of them at walls."""
     rng = np.random.default_rng(1)
     dx = 1.0 / _RESOLUTION[dim]
     places = np.arange(_WALL_LOW, _WALL_HIGH, 5 * dx)
@@ -212,7 +220,7 @@ def _solver(
 
 
 def _energy(solver: _native.Solver) -> float:
-    """Total energy above that of everything at rest on the floor [J]."""
+    """Return the total energy above that of all particles at rest on the floor [J]."""
     totals = solver.diagnostics()
     height = totals.centroid[1] - _WALL_LOW
     # Without gravity the potential is zero.

@@ -1,1 +1,1 @@
-"""The sweep over networks: latencies of all points, trainings of those that may pay, charts."""
+"""The sweep over networks: latencies of all points, trainings of the points that may pay, and a chart."""

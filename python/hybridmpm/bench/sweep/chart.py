@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from hybridmpm._support import charts
-from hybridmpm.bench.accuracy.methods import RATIOS
+from hybridmpm.bench.accuracy.conventions import RATIOS
 from hybridmpm.bench.report.pareto import dominating
-from hybridmpm.bench.sweep.sweep import SIZES, STRIDES
+from hybridmpm.bench.report.rows import Row
+from hybridmpm.bench.sweep.family import SIZES, STRIDES
 
 _COLOURS = dict(zip(RATIOS, charts.COLOURS, strict=False))
 _MARKERS = dict(zip(SIZES, charts.MARKERS, strict=False))
@@ -17,11 +18,12 @@ _FAINT = 0.35
 _SMALL, _LARGE = 5, 9
 
 
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw two panels for each scenario, as SVG and PNG; raises as `charts` does.
 
-    In the upper panel are the trained networks: faint where another dominates them, hollow where MPM does,
-    large where they were trained for longer than others. In the lower, untrained ones are hollow.
+    The upper panel holds the trained networks: faint where another dominates them, hollow where MPM does,
+    large where they were trained for longer than others. The lower panel holds all networks, untrained ones
+    hollow.
     """
     names = list(dict.fromkeys(row["scenario"] for row in rows))
     figure, axes = charts.panels(len(names), 2, width=5.2, height=3.8)
@@ -37,7 +39,7 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     charts.save(figure, file)
 
 
-def _errors(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
+def _errors(panel: Any, rows: Sequence[Row]) -> None:
     ladder = sorted(
         (row["ms_per_frame"], row["error"], row["label"]) for row in rows if row["method"] == "mpm"
     )
@@ -66,7 +68,7 @@ def _errors(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     panel.margins(x=0.1)
 
 
-def _point(panel: Any, row: dict[str, Any], *, best: bool, size: float) -> None:
+def _point(panel: Any, row: Row, *, best: bool, size: float) -> None:
     colour = _COLOURS[_ratio(row)]
     panel.errorbar(
         [row["ms_per_frame"]],
@@ -85,8 +87,8 @@ def _point(panel: Any, row: dict[str, Any], *, best: bool, size: float) -> None:
         panel.annotate(f"{row['r_t']}", at, (4, -10), textcoords="offset points", fontsize=8, color=colour)
 
 
-def _latencies(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
-    """Draw a line for each size and r_p, of the smaller radius; the larger costs more."""
+def _latencies(panel: Any, rows: Sequence[Row]) -> None:
+    """Draw a line for each size and r_p of the networks with the smaller radius; the larger costs more."""
     networks = [row for row in rows if row["method"] == "neural" and row["ms_per_frame"] is not None]
     radius = min((row["spacings"] for row in networks), default=None)
     for ratio in RATIOS:
@@ -114,7 +116,7 @@ def _latencies(panel: Any, rows: Sequence[dict[str, Any]]) -> None:
     panel.minorticks_off()
 
 
-def _ratio(row: dict[str, Any]) -> str:
+def _ratio(row: Row) -> str:
     return min(RATIOS, key=lambda label: abs(RATIOS[label] - row["r_p"]))
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import torch
 
-from hybridmpm.bench.accuracy.methods import RATIOS
-from hybridmpm.bench.sweep.sweep import SCENARIOS, Point, Settings
+from hybridmpm.bench.accuracy.conventions import RATIOS
+from hybridmpm.bench.sweep.family import SCENARIOS, Point, SweepSettings
 from hybridmpm.data import Recipe, Trajectory, simulate
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
@@ -23,9 +23,10 @@ from hybridmpm.training.physics.windows import Windows
 
 _FINAL_RATE = 3e-5
 _HELD_OUT_SEED = 1_000_000
-_LOOKED_AT = HISTORY + 10
-"""States of the held-out trajectory: a picture at the end is not to take longer than the training."""
+_HELD_OUT_STATES = HISTORY + 10
+"""States of the held-out trajectory: few, so that the picture at the end is quick."""
 _PROBE_SECONDS = 3.0
+"""Time in which the length of a training step is measured."""
 _MODEL = "model.onnx"
 
 
@@ -34,16 +35,17 @@ class Network:
     """A network of a sweep, ready to be served."""
 
     model: NeuralModel
+    """The network as it is served."""
     steps: int
-    """Of training; 0 with random weights."""
+    """Number of training steps; 0 with random weights."""
     seconds: float
-    """Spent on them."""
+    """Time of the training steps [s]."""
 
 
-def untrained(point: Point, settings: Settings) -> Network:
-    """Return the network with random weights: what it answers is nothing, how long it takes is exact."""
+def untrained(point: Point, settings: SweepSettings) -> Network:
+    """Return the network with random weights: its answers mean nothing, but its latency is exact."""
     spec = point.spec(settings.relaxations)
-    # Scenario and length of a step are constants in it: points that differ in them take as long.
+    # Scenario and r_t are constants in the network: points that differ in them alone take the same time.
     data, like = _random(replace(spec, scenarios=SCENARIOS[:1], r_t=1), settings.seed)
     data = described(data, replace(like, spec=spec))
     return Network(model=NeuralModel(data, where=point.key, threads=settings.threads), steps=0, seconds=0.0)
@@ -52,7 +54,7 @@ def untrained(point: Point, settings: Settings) -> Network:
 @functools.cache
 def _random(spec: NetworkSpec, seed: int) -> tuple[bytes, ModelInfo]:
     torch.manual_seed(seed)
-    # Small, so that what happens counts as a disturbance and the network is run.
+    # Small scales, so that all motion counts as a disturbance and the network is run.
     unit = (1e-3,) * spec.dim
     none = (0.0,) * spec.dim
     scales = Normalization(
@@ -64,18 +66,21 @@ def _random(spec: NetworkSpec, seed: int) -> tuple[bytes, ModelInfo]:
     return to_onnx(simulator, info), info
 
 
-def trained(point: Point, minutes: float, settings: Settings, folder: Path, device: torch.device) -> Network:
+def trained(
+    point: Point, minutes: float, settings: SweepSettings, folder: Path, device: torch.device
+) -> Network:
     """Train the network, going on from where an interrupted training stopped.
 
     Parameters
     ----------
     point : Point
     minutes : float
-        From the start of training to its end; the learning rate decays over as many steps as fit.
-    settings : Settings
+        Time of the training; the learning rate decays over as many steps as fit into it.
+    settings : SweepSettings
     folder : Path
-        Gets a folder with checkpoint, logs and the exported model.
+        Folder for the folder of this training, with checkpoint, logs and the exported model.
     device : torch.device
+        Device of the training.
 
     Raises
     ------
@@ -109,9 +114,13 @@ def trained(point: Point, minutes: float, settings: Settings, folder: Path, devi
 
 
 def _new(
-    point: Point, minutes: float, settings: Settings, training: Sequence[Trajectory], device: torch.device
+    point: Point,
+    minutes: float,
+    settings: SweepSettings,
+    training: Sequence[Trajectory],
+    device: torch.device,
 ) -> Trainer:
-    """Begin a training of as many steps as fit into the time."""
+    """Return a training of as many steps as fit into the time."""
     spec = point.spec(settings.relaxations)
     plan = TrainingSettings(
         steps=1,
@@ -122,7 +131,7 @@ def _new(
     )
     scales = normalization(training, spec, plan.noise)
     windows = Windows(training, settings.unroll)
-    # As many steps as lengths of unrolling are a round, with the mixture of the whole training.
+    # A round has as many steps as there are lengths of unrolling: the mixture of the whole training.
     probe = Trainer(spec, scales, replace(plan, steps=settings.unroll), device)
     _round(probe, windows)
     began, rounds = time.perf_counter(), 0
@@ -141,14 +150,14 @@ def _round(probe: Trainer, windows: Windows) -> None:
 
 
 @functools.lru_cache(maxsize=1)
-def _trajectories(scenario: str, ratio: str, r_t: int, settings: Settings) -> tuple[Trajectory, ...]:
-    """Simulate the training data; the points that share them follow each other."""
+def _trajectories(scenario: str, ratio: str, r_t: int, settings: SweepSettings) -> tuple[Trajectory, ...]:
+    """Simulate the training data of one point, kept for the next, which often has the same."""
     recipe = _recipe(scenario, ratio, r_t, settings.frames)
     return tuple(simulate(recipe, seed) for seed in range(settings.trajectories))
 
 
 def _held_out(scenario: str, ratio: str, r_t: int) -> Trajectory:
-    return simulate(_recipe(scenario, ratio, r_t, _LOOKED_AT * r_t), _HELD_OUT_SEED)
+    return simulate(_recipe(scenario, ratio, r_t, _HELD_OUT_STATES * r_t), _HELD_OUT_SEED)
 
 
 def _recipe(scenario: str, ratio: str, r_t: int, frames: int) -> Recipe:

@@ -17,7 +17,9 @@ __all__ = ["bench"]
 
 @click.group(invoke_without_command=True)
 @click.option(
-    "--stale", is_flag=True, help="Name the results whose code has changed since, and measure nothing."
+    "--stale",
+    is_flag=True,
+    help="Name the committed results that are older than the code behind them, and measure nothing.",
 )
 @click.option(
     "--results",
@@ -26,7 +28,7 @@ __all__ = ["bench"]
     default=Path("docs/results"),
     show_default=True,
     metavar="FOLDER",
-    help="Folder that --stale looks into.",
+    help="Folder of the results that --stale looks at.",
 )
 @click.pass_context
 def bench(ctx: click.Context, *, stale: bool, folder: Path) -> None:

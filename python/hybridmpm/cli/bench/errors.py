@@ -1,17 +1,27 @@
 """`hybridmpm bench` on errors: downsampling, models."""
 
+from functools import partial
 from pathlib import Path
 
 import click
 
-from hybridmpm import scenarios
 from hybridmpm.bench.accuracy import downsampling as downsampling_bench
 from hybridmpm.bench.accuracy import models as models_bench
-from hybridmpm.bench.accuracy.comparison import Settings
-from hybridmpm.bench.accuracy.rollouts import AT
-from hybridmpm.bench.report import front_chart
-from hybridmpm.cli.bench.options import chart_option, json_option, repeats_option, report, source
-from hybridmpm.cli.progress import progress
+from hybridmpm.bench.accuracy.comparison import ComparisonSettings
+from hybridmpm.bench.accuracy.conventions import AT
+from hybridmpm.bench.report import pareto_chart
+from hybridmpm.cli.bench.options import (
+    chart_option,
+    json_option,
+    measured,
+    number_option,
+    print_origin,
+    print_table,
+    save,
+    scenario_option,
+    source,
+    threads_option,
+)
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.manifest import models as shipped_models
 from hybridmpm.physics.model import NeuralModel
@@ -28,27 +38,16 @@ _MODELS_COLUMNS = (
 
 
 @click.command()
-@click.option(
-    "--scenario",
-    type=click.Choice(scenarios.NAMES),
-    multiple=True,
-    default=downsampling_bench.Settings.scenarios,
-    show_default=True,
-    help="May be given several times.",
-)
-@click.option(
-    "--scenes", type=click.IntRange(1, 1000), default=5, show_default=True, help="Of each scenario in 2D."
-)
-@click.option(
-    "--scenes-3d", type=click.IntRange(1, 1000), default=3, show_default=True, help="Of each scenario in 3D."
-)
-@click.option("--frames", type=click.IntRange(20, 10_000), default=200, show_default=True)
-@repeats_option
+@scenario_option("Scenario of the scenes.", default=downsampling_bench.DownsamplingSettings.scenarios)
+@number_option("--scenes", 1, 1000, 5, "Number of scenes of each scenario in 2D.")
+@number_option("--scenes-3d", 1, 1000, 3, "Number of scenes of each scenario in 3D.")
+@number_option("--frames", 20, 10_000, 200, "Number of frames of each scene.")
+@number_option("--repeats", 1, 1000, 9, "Number of timings, whose median is reported.")
 @json_option
 @chart_option
 def downsampling(
     *,
-    scenario: tuple[str, ...],
+    names: tuple[str, ...],
     scenes: int,
     scenes_3d: int,
     frames: int,
@@ -56,74 +55,69 @@ def downsampling(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Hold MPM with fewer particles against the truth, on scenes that no data set contains."""
-    settings = downsampling_bench.Settings(
-        scenarios=scenario, scenes=scenes, scenes_3d=scenes_3d, frames=frames, repeats=repeats
+    """Measure time and error of MPM with fewer particles.
+
+    Errors are taken against the truth, in scenes that no data set contains. The table also holds the floors
+    of the error (merged, jitter) and its ceiling (still: the initial state held).
+    """
+    settings = downsampling_bench.DownsamplingSettings(
+        scenarios=names, scenes=scenes, scenes_3d=scenes_3d, frames=frames, repeats=repeats
     )
     options = {"scenes": (scenes,), "scenes-3d": (scenes_3d,), "frames": (frames,), "repeats": (repeats,)}
-    origin = source("downsampling", scenario=scenario, **options)
-    with progress("Measuring", sum(len(settings.seeds(name)) for name in scenario)) as bar:
-        rows = list(downsampling_bench.rows(settings, origin, on_progress=bar.update))
-    report(rows, _DOWNSAMPLING_COLUMNS, origin, json_file)
-    if chart_file is not None:
-        downsampling_bench.chart(rows, chart_file)
+    origin = source("downsampling", scenario=names, **options)
+    rows = measured(partial(downsampling_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, downsampling_bench.chart)
+    print_table(rows, _DOWNSAMPLING_COLUMNS)
+    print_origin(origin)
 
 
 @click.command()
 @click.option(
     "--model",
-    "names",
+    "model_names",
     multiple=True,
     metavar="NAME",
-    help="A model's name or an ONNX file; may be given several times. Those of the library if absent.",
+    help="Name of a model, or its ONNX file. May be given several times. If absent, all of the library.",
 )
-@click.option(
-    "--scenario",
-    type=click.Choice(scenarios.NAMES),
-    multiple=True,
-    help="May be given several times. All that the models serve if absent.",
-)
-@click.option(
-    "--scenes", type=click.IntRange(2, 1000), default=10, show_default=True, help="Of each scenario."
-)
-@click.option(
-    "--span", type=click.IntRange(40, 10_000), default=200, show_default=True, help="Frames counted."
-)
-@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
+@scenario_option("Scenario of the scenes; if absent, all that the models serve.")
+@number_option("--scenes", 2, 1000, 10, "Number of scenes of each scenario.")
+@number_option("--span", 40, 10_000, 200, "Number of frames of each scene that errors count over.")
+@threads_option("Number of threads of every simulator.")
 @json_option
 @chart_option
 def models(
     *,
+    model_names: tuple[str, ...],
     names: tuple[str, ...],
-    scenario: tuple[str, ...],
     scenes: int,
     span: int,
     threads: int,
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Hold learned simulators against the truth, beside free fall, the floors and MPM with fewer particles.
+    """Measure time and error of learned simulators, beside MPM and free fall.
 
-    Errors are those of scenes that no data set contains, from their first impact on. `as_good` is the
-    cheapest MPM whose error is not above a method's: to pay, the method would have to be faster.
+    Errors count from the first impact on, in scenes that no data set contains. as_good is the cheapest MPM
+    whose error is not above the method's: a method pays only where it is faster than that. dominated_by is
+    the cheapest method that is neither slower nor worse.
     """
-    names = names or tuple(shipped_models())
-    candidates = [_candidate(name, scenario, threads) for name in names]
+    model_names = model_names or tuple(shipped_models())
+    candidates = [_candidate(name, names, threads) for name in model_names]
     twins = [one.label for one in candidates if sum(one.label == two.label for two in candidates) > 1]
     if twins:
         raise ConfigError(f"two models are called {twins[0]}; give each once, and rename files of one name")
     served = models_bench.served(candidates)
-    if not served or (unserved := [name for name in scenario if name not in served]):
-        missing = ", ".join(unserved if served else scenario) or "any scenario"
-        raise ConfigError(f"no model serves {missing}; the models are {', '.join(names) or 'none yet'}")
-    settings = Settings(scenes=scenes, span=span, threads=threads)
-    options = {"model": names, "scenario": scenario, "scenes": (scenes,), "span": (span,)}
+    if not served or (unserved := [name for name in names if name not in served]):
+        missing = ", ".join(unserved if served else names) or "any scenario"
+        raise ConfigError(f"no model serves {missing}; the models are {', '.join(model_names) or 'none yet'}")
+    settings = ComparisonSettings(scenes=scenes, span=span, threads=threads)
+    options = {"model": model_names, "scenario": names, "scenes": (scenes,), "span": (span,)}
     origin = source("models", **options, threads=(threads,))
-    with progress("Measuring", scenes * len(served)) as bar:
-        rows = list(models_bench.rows(candidates, settings, origin, on_progress=bar.update))
-    report(rows, _MODELS_COLUMNS, origin, json_file)
-    if chart_file is not None:
-        front_chart.chart(rows, chart_file)
+    measure = partial(models_bench.measure, candidates, settings)
+    rows = measured(measure, scenes * len(served), origin)
+    save(rows, json_file, chart_file, pareto_chart.chart)
+    print_table(rows, _MODELS_COLUMNS)
+    print_origin(origin)
 
 
 def _candidate(name: str, only: tuple[str, ...], threads: int) -> models_bench.Candidate:

@@ -1,5 +1,6 @@
 """`hybridmpm bench` on the hybrid simulator: safeguard, handoff, hybrid."""
 
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -10,9 +11,18 @@ from hybridmpm.bench.hybrid import handoff as handoff_bench
 from hybridmpm.bench.hybrid import hybrid as hybrid_bench
 from hybridmpm.bench.hybrid import safeguard as safeguard_bench
 from hybridmpm.bench.hybrid import safeguard_chart
-from hybridmpm.bench.report.provenance import write_rows
-from hybridmpm.cli.bench.options import chart_option, json_option, report, source
-from hybridmpm.cli.progress import progress
+from hybridmpm.cli.bench.options import (
+    chart_option,
+    json_option,
+    measured,
+    number_option,
+    print_origin,
+    print_table,
+    save,
+    scenario_option,
+    source,
+    threads_option,
+)
 from hybridmpm.hybrid.guards import Safeguard
 
 _PARTS = {
@@ -26,14 +36,62 @@ _HANDOFF_COLUMNS = (
     "acceleration", "acceleration_mpm",
 )  # fmt: skip
 _HYBRID_COLUMNS = ("scenario", "method", "ms_per_frame", "seconds", "mpm_share", "frame", "error")
-_TOLD = 50
+_LINE_EVERY = 50
 """Frames between two lines of the table of a rollout."""
 
 _model_option = click.option(
     "--model",
     metavar="NAME",
-    help="A model's name or an ONNX file; zero is free fall. The first that serves each scenario if absent.",
+    help="Name of a model, or its ONNX file; zero is free fall. If absent, the first model of the library "
+    "that serves the scenario.",
 )
+
+
+@click.command()
+@_model_option
+@scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
+@number_option("--scenes", 1, 1000, 3, "Number of scenes of each scenario.")
+@number_option("--frames", 60, 10_000, 200, "Number of frames of each scene.")
+@json_option
+@chart_option
+def safeguard(
+    *,
+    model: str | None,
+    names: tuple[str, ...],
+    scenes: int,
+    frames: int,
+    json_file: Path | None,
+    chart_file: Path | None,
+) -> None:
+    """Measure the guards that watch a network.
+
+    Four tables tell the time that each guard takes, the correlation of its value with the network's error,
+    the frames from an impact to its first alarm, and its false alarms on a pool at rest.
+    """
+    settings = safeguard_bench.SafeguardSettings(model=model, scenarios=names, scenes=scenes, frames=frames)
+    origin = source("safeguard", model=(model,), scenario=names, scenes=(scenes,), frames=(frames,))
+    rows = measured(partial(safeguard_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, safeguard_chart.chart)
+    for part, columns in _PARTS.items():
+        click.echo(f"\n{part}")
+        print_table([row for row in rows if row["part"] == part], columns)
+    print_origin(origin)
+
+
+@click.command()
+@json_option
+@chart_option
+def handoff(*, json_file: Path | None, chart_file: Path | None) -> None:
+    """Measure the shock when MPM takes over from a network.
+
+    Each way of handing over (warm, cold, shadow) is compared with MPM left undisturbed: in free fall, at
+    the impact and at rest, for each material.
+    """
+    origin = source("handoff")
+    rows = measured(handoff_bench.measure, handoff_bench.COUNT, origin)
+    save(rows, json_file, chart_file, handoff_bench.chart)
+    print_table(rows, _HANDOFF_COLUMNS)
+    print_origin(origin)
 
 
 @click.command()
@@ -41,61 +99,33 @@ _model_option = click.option(
 @click.option(
     "--scenario",
     type=click.Choice(scenarios.NAMES),
-    multiple=True,
-    default=scenarios.NAMES,
+    default="water_2d",
     show_default=True,
-    help="May be given several times.",
+    help="Scenario of the scene.",
 )
 @click.option(
-    "--scenes", type=click.IntRange(1, 1000), default=3, show_default=True, help="Of each scenario."
+    "--seed",
+    type=int,
+    default=hybrid_bench.HybridSettings.seed,
+    show_default=True,
+    help="Seed of the scene.",
 )
-@click.option("--frames", type=click.IntRange(60, 10_000), default=200, show_default=True)
-@json_option
-@chart_option
-def safeguard(
-    *,
-    model: str | None,
-    scenario: tuple[str, ...],
-    scenes: int,
-    frames: int,
-    json_file: Path | None,
-    chart_file: Path | None,
-) -> None:
-    """Tell what guards cost, how they go with the error, when they notice impacts, and false alarms."""
-    settings = safeguard_bench.Settings(model=model, scenarios=scenario, scenes=scenes, frames=frames)
-    origin = source("safeguard", model=(model,), scenario=scenario, scenes=(scenes,), frames=(frames,))
-    with progress("Measuring", settings.count) as bar:
-        rows = list(safeguard_bench.rows(settings, origin, bar.update))
-    if json_file is not None:
-        write_rows(json_file, rows)
-    if chart_file is not None:
-        safeguard_chart.chart(rows, chart_file)
-    for part, columns in _PARTS.items():
-        click.echo(f"\n{part}")
-        report([row for row in rows if row["part"] == part], columns, origin, None)
-
-
-@click.command()
-@json_option
-@chart_option
-def handoff(*, json_file: Path | None, chart_file: Path | None) -> None:
-    """Measure the shock of handing over from a network to MPM, with what state is carried and without."""
-    origin = source("handoff")
-    with progress("Measuring", handoff_bench.COUNT) as bar:
-        rows = list(handoff_bench.rows(origin, bar.update))
-    report(rows, _HANDOFF_COLUMNS, origin, json_file)
-    if chart_file is not None:
-        handoff_bench.chart(rows, chart_file)
-
-
-@click.command()
-@_model_option
-@click.option("--scenario", type=click.Choice(scenarios.NAMES), default="water_2d", show_default=True)
-@click.option("--seed", type=int, default=hybrid_bench.Settings.seed, show_default=True)
-@click.option("--frames", type=click.IntRange(60, 10_000), default=600, show_default=True)
-@click.option("--r-c", type=click.FloatRange(-1, 1), default=0.8, show_default=True)
-@click.option("--safeguard", type=click.Choice(get_args(Safeguard)), default="ours", show_default=True)
-@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
+@number_option("--frames", 60, 10_000, 600, "Number of frames.")
+@click.option(
+    "--r-c",
+    type=click.FloatRange(-1, 1),
+    default=0.8,
+    show_default=True,
+    help="Cosine below which MPM takes over from the network.",
+)
+@click.option(
+    "--safeguard",
+    type=click.Choice(get_args(Safeguard)),
+    default="ours",
+    show_default=True,
+    help="Reading of the cosine: ours leaves calm particles out, paper takes the mean of all.",
+)
+@threads_option("Number of threads of every simulator.")
 @json_option
 @chart_option
 def hybrid(
@@ -110,8 +140,11 @@ def hybrid(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Follow the error of one rollout: the network alone, the hybrid, and MPM with the same particles."""
-    settings = hybrid_bench.Settings(
+    """Follow the error of one rollout of the hybrid simulator.
+
+    Beside the hybrid run the network alone, and MPM with the same particles.
+    """
+    settings = hybrid_bench.HybridSettings(
         model=model,
         scenario=scenario,
         seed=seed,
@@ -123,10 +156,7 @@ def hybrid(
     options = {"model": (model,), "scenario": (scenario,), "seed": (seed,), "frames": (frames,)}
     more = {"r-c": (r_c,), "safeguard": (safeguard,), "threads": (threads,)}
     origin = source("hybrid", **options, **more)
-    with progress("Measuring", settings.methods) as bar:
-        rows = list(hybrid_bench.rows(settings, origin, bar.update))
-    if json_file is not None:
-        write_rows(json_file, rows)
-    if chart_file is not None:
-        hybrid_bench.chart(rows, chart_file)
-    report([row for row in rows if row["frame"] % _TOLD == 0], _HYBRID_COLUMNS, origin, None)
+    rows = measured(partial(hybrid_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, hybrid_bench.chart)
+    print_table([row for row in rows if row["frame"] % _LINE_EVERY == 0], _HYBRID_COLUMNS)
+    print_origin(origin)

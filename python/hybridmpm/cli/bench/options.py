@@ -1,4 +1,4 @@
-"""What the benches share: options, the origin of a measurement, and printing its rows."""
+"""What the commands of `hybridmpm bench` share: options, the origin of a measurement, and its output."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -6,8 +6,10 @@ from typing import Any
 
 import click
 
+from hybridmpm import scenarios
 from hybridmpm._support import charts
 from hybridmpm.bench.report.provenance import Provenance, provenance, write_rows
+from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.cli.progress import progress
 
 
@@ -28,39 +30,80 @@ def _drawable(context: click.Context, option: click.Parameter, file: Path | None
     return _in_a_folder(context, option, file)
 
 
-json_option = _file_option("--json", "json_file", _in_a_folder, "Also write the rows there.")
-chart_option = _file_option("--chart", "chart_file", _drawable, "Also draw them there, as SVG and PNG.")
-repeats_option = click.option(
-    "--repeats", type=click.IntRange(1, 1000), default=9, show_default=True, help="The median is reported."
+json_option = _file_option("--json", "json_file", _in_a_folder, "Write the rows to this JSON file, too.")
+chart_option = _file_option(
+    "--chart", "chart_file", _drawable, "Draw the rows into this file, as SVG and as PNG."
 )
 
 
-def many(name: str, kind: click.IntRange, default: tuple[int, ...], text: str) -> Callable[..., Any]:
-    text += " May be given several times."
-    return click.option(name, type=kind, multiple=True, default=default, show_default=True, help=text)
+def number_option(name: str, low: int, high: int, default: int, text: str) -> Callable[..., Any]:
+    """Return an option for one whole number."""
+    return click.option(name, type=click.IntRange(low, high), default=default, show_default=True, help=text)
+
+
+def numbers_option(name: str, low: int, high: int, default: tuple[int, ...], text: str) -> Callable[..., Any]:
+    """Return an option for whole numbers, which is given once for each."""
+    return click.option(
+        name,
+        type=click.IntRange(low, high),
+        multiple=True,
+        default=default,
+        show_default=True,
+        help=f"{text} May be given several times.",
+    )
+
+
+def threads_option(text: str) -> Callable[..., Any]:
+    """Return the option for one number of threads."""
+    return number_option("--threads", 1, 1024, 1, text)
+
+
+def scenario_option(text: str, default: tuple[str, ...] | None = None) -> Callable[..., Any]:
+    """Return the option for several scenarios."""
+    return click.option(
+        "--scenario",
+        "names",
+        type=click.Choice(scenarios.NAMES),
+        multiple=True,
+        default=default,
+        show_default=default is not None,
+        help=f"{text} May be given several times.",
+    )
 
 
 def source(command: str, **options: tuple[object, ...]) -> Provenance:
+    """Return the origin of a measurement by a command with options; those that are None are left out."""
     words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
     return provenance(" ".join(["hybridmpm bench", command, *words]))
 
 
-def measured(rows: Iterable[dict[str, Any]], count: int) -> list[dict[str, Any]]:
-    done = []
-    with progress("Measuring", count) as bar:
-        for row in rows:
-            done.append(row)
-            bar.update(1)
-    return done
+def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: Provenance) -> list[Row]:
+    """Run a measurement behind a progress bar of so many steps, and return its rows with their origin."""
+    with progress("Measuring", steps) as bar:
+        return [origin.stamped(row) for row in measure(bar.update)]
 
 
-def report(
-    rows: Sequence[dict[str, Any]], columns: Sequence[str], origin: Provenance, json_file: Path | None
+def save(
+    rows: Sequence[Row],
+    json_file: Path | None,
+    chart_file: Path | None = None,
+    draw: Callable[[Sequence[Row], Path], object] | None = None,
 ) -> None:
+    """Write and draw the rows where the user asked for it."""
     if json_file is not None:
         write_rows(json_file, rows)
+    if chart_file is not None and draw is not None:
+        draw(rows, chart_file)
+
+
+def print_table(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print some columns of the rows, each as wide as its widest cell."""
     widths = {name: max(len(name), *(len(str(row[name])) for row in rows)) for name in columns}
     click.echo("  ".join(name.rjust(widths[name]) for name in columns))
     for row in rows:
         click.echo("  ".join(str(row[name]).rjust(widths[name]) for name in columns))
+
+
+def print_origin(origin: Provenance) -> None:
+    """Print where, when and from what the rows come."""
     click.echo(f"{origin.machine}, {origin.date}, commit {origin.commit or 'unknown'}")

@@ -1,10 +1,12 @@
 """`hybridmpm bench` on speed: mpm, scaling, batch, neighbors, sleeping."""
 
+from functools import partial
 from pathlib import Path
 
 import click
 
 from hybridmpm import scenarios
+from hybridmpm.bench.peers.loading import peer_module
 from hybridmpm.bench.speed import batch as batch_bench
 from hybridmpm.bench.speed import mpm as mpm_bench
 from hybridmpm.bench.speed import neighbors as neighbors_bench
@@ -13,13 +15,15 @@ from hybridmpm.bench.speed import sleeping as sleeping_bench
 from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,
-    many,
     measured,
-    repeats_option,
-    report,
+    number_option,
+    numbers_option,
+    print_origin,
+    print_table,
+    save,
     source,
+    threads_option,
 )
-from hybridmpm.cli.progress import progress
 
 _MPM_COLUMNS = (
     "dim", "material", "particles", "resolution", "threads", "substeps", "ns_per_particle_substep",
@@ -36,13 +40,25 @@ _BATCH_COLUMNS = (
 _NEIGHBORS_COLUMNS = (
     "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "ms_verlet",
 )  # fmt: skip
+_NEIGHBORS_PEER_COLUMNS = ("peer", "peer_ms", "ratio")
+
+_median_option = number_option("--repeats", 1, 1000, 9, "Number of timings, whose median is reported.")
+_least_option = number_option("--repeats", 1, 1000, 9, "Number of timings, the least of which is reported.")
 
 
 @click.command()
-@many("--particles", click.IntRange(64, mpm_bench.MAX_PARTICLES), mpm_bench.Settings.particles, "Sizes.")
-@many("--threads", click.IntRange(1, 1024), mpm_bench.Settings.threads, "Of our solver.")
-@click.option("--peer", type=click.Choice(["taichi"]), help="Measure it beside ours, by turns.")
-@repeats_option
+@numbers_option(
+    "--particles",
+    64,
+    mpm_bench.MAX_PARTICLES,
+    mpm_bench.MpmSettings.particles,
+    "Number of particles of a block.",
+)
+@numbers_option("--threads", 1, 1024, mpm_bench.MpmSettings.threads, "Number of threads of our solver.")
+@click.option(
+    "--peer", type=click.Choice([mpm_bench.PEER]), help="Solver of others to be timed by turns with ours."
+)
+@_median_option
 @json_option
 @chart_option
 def mpm(
@@ -54,32 +70,37 @@ def mpm(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Time the solver on water and sand in 2D and 3D, mid-splash, at the ground truth's substeps."""
-    settings = mpm_bench.Settings(particles=particles, threads=threads, repeats=repeats, peer=peer)
+    """Time the solver on splashing blocks of water and sand in 2D and 3D.
+
+    The solver takes the ground truth's substeps.
+    """
+    settings = mpm_bench.MpmSettings(particles=particles, threads=threads, repeats=repeats, peer=peer)
     if peer is not None:
-        mpm_bench.peer_module(peer)
+        peer_module(peer, known=mpm_bench.PEER)
     origin = source("mpm", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
-    rows = measured(mpm_bench.rows(settings, origin), len(mpm_bench.CASES) * len(particles) * len(threads))
-    report(rows, _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()), origin, json_file)
-    if chart_file is not None:
-        mpm_bench.chart(rows, chart_file)
+    rows = measured(partial(mpm_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, mpm_bench.chart)
+    print_table(rows, _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()))
+    print_origin(origin)
 
 
 @click.command()
-@many(
+@numbers_option(
     "--particles",
-    click.IntRange(512, scaling_bench.MAX_PARTICLES),
-    scaling_bench.Settings.particles,
-    "Of blocks whose grid grows with them.",
+    512,
+    scaling_bench.MAX_PARTICLES,
+    scaling_bench.ScalingSettings.particles,
+    "Number of particles of a block, whose grid grows with it.",
 )
-@many(
+@numbers_option(
     "--resolution",
-    click.IntRange(32, 256),
-    scaling_bench.Settings.resolutions,
-    "Cells along the grids around one blob.",
+    32,
+    256,
+    scaling_bench.ScalingSettings.resolutions,
+    "Cells along each axis of a grid around the blob.",
 )
-@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True)
-@repeats_option
+@threads_option("Number of threads of the solver.")
+@_median_option
 @json_option
 @chart_option
 def scaling(
@@ -92,54 +113,61 @@ def scaling(
     chart_file: Path | None,
 ) -> None:
     """Time growing blocks of water, and one blob of water in growing grids."""
-    settings = scaling_bench.Settings(
+    settings = scaling_bench.ScalingSettings(
         particles=particles, resolutions=resolution, threads=threads, repeats=repeats
     )
     origin = source(
         "scaling", particles=particles, resolution=resolution, threads=(threads,), repeats=(repeats,)
     )
-    rows = measured(scaling_bench.rows(settings, origin), 2 * len(particles) + len(resolution))
-    report(rows, _SCALING_COLUMNS, origin, json_file)
-    if chart_file is not None:
-        scaling_bench.chart(rows, chart_file)
+    rows = measured(partial(scaling_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, scaling_bench.chart)
+    print_table(rows, _SCALING_COLUMNS)
+    print_origin(origin)
 
 
 @click.command()
-@click.argument("scenario", default="water_2d", type=click.Choice(scenarios.NAMES))
-@click.option("--scenes", type=click.IntRange(1, 1000), default=16, show_default=True)
-@click.option("--threads", type=click.IntRange(2, 1024), default=2, show_default=True, help="Against one.")
-@click.option(
-    "--frames", type=click.IntRange(1, 1000), default=10, show_default=True, help="Timed in one go."
-)
-@repeats_option
+@click.argument("scenario", default="water_2d", type=click.Choice(scenarios.NAMES), metavar="[SCENARIO]")
+@number_option("--scenes", 1, 1000, 16, "Number of scenes of the scenario.")
+@number_option("--threads", 2, 1024, 2, "Number of threads that one thread is compared with.")
+@number_option("--frames", 1, 1000, 10, "Number of frames timed in one go.")
+@_least_option
 @json_option
 def batch(
     *, scenario: str, scenes: int, threads: int, frames: int, repeats: int, json_file: Path | None
 ) -> None:
-    """Time many scenes of SCENARIO, in the middle of their splash, on one thread and on several."""
-    settings = batch_bench.Settings(
+    """Time many splashing scenes of a scenario, on one thread and on several.
+
+    SCENARIO is one of those that `hybridmpm scenarios` lists, water_2d if absent.
+    """
+    settings = batch_bench.BatchSettings(
         scenario=scenario, scenes=scenes, threads=threads, frames=frames, repeats=repeats
     )
     origin = source(
         f"batch {scenario}", scenes=(scenes,), threads=(threads,), frames=(frames,), repeats=(repeats,)
     )
-    with progress("Measuring", repeats) as bar:
-        rows = batch_bench.rows(settings, origin, on_progress=bar.update)
-    report(rows, _BATCH_COLUMNS, origin, json_file)
+    rows = measured(partial(batch_bench.measure, settings), repeats, origin)
+    save(rows, json_file)
+    print_table(rows, _BATCH_COLUMNS)
+    print_origin(origin)
 
 
 @click.command()
-@many(
+@numbers_option(
     "--particles",
-    click.IntRange(64, neighbors_bench.MAX_PARTICLES),
-    neighbors_bench.Settings.particles,
-    "Sizes.",
+    64,
+    neighbors_bench.MAX_PARTICLES,
+    neighbors_bench.NeighborsSettings.particles,
+    "Number of points of a cloud.",
 )
-@many("--threads", click.IntRange(1, 1024), neighbors_bench.Settings.threads, "Of ours.")
-@click.option("--peer", type=click.Choice(["scipy"]), help="Measure it beside ours, by turns.")
+@numbers_option(
+    "--threads", 1, 1024, neighbors_bench.NeighborsSettings.threads, "Number of threads of our search."
+)
 @click.option(
-    "--repeats", type=click.IntRange(1, 1000), default=9, show_default=True, help="The least is reported."
+    "--peer",
+    type=click.Choice([neighbors_bench.PEER]),
+    help="Search of others to be timed by turns with ours.",
 )
+@_least_option
 @json_option
 @chart_option
 def neighbors(
@@ -151,31 +179,45 @@ def neighbors(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Time the radius graph of clouds in 2D and 3D: fresh, into used memory, and from a Verlet list."""
-    settings = neighbors_bench.Settings(particles=particles, threads=threads, repeats=repeats, peer=peer)
+    """Time the radius graph of clouds of points in 2D and 3D.
+
+    Timed are a fresh graph (ms), one into the memory of the last (ms_reused), and one from a Verlet list of
+    points that have moved a little (ms_verlet).
+    """
+    settings = neighbors_bench.NeighborsSettings(
+        particles=particles, threads=threads, repeats=repeats, peer=peer
+    )
     if peer is not None:
-        neighbors_bench.peer_module(peer)
+        peer_module(peer, known=neighbors_bench.PEER)
     origin = source("neighbors", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
-    rows = measured(neighbors_bench.rows(settings, origin), 2 * len(particles) * len(threads))
-    columns = ("peer", "peer_ms", "ratio") if peer else ()
-    report(rows, _NEIGHBORS_COLUMNS + columns, origin, json_file)
-    if chart_file is not None:
-        neighbors_bench.chart(rows, chart_file)
+    rows = measured(partial(neighbors_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, neighbors_bench.chart)
+    print_table(rows, _NEIGHBORS_COLUMNS + (_NEIGHBORS_PEER_COLUMNS if peer else ()))
+    print_origin(origin)
 
 
 @click.command()
-@many("--particles", click.IntRange(500, 100_000), sleeping_bench.Settings.particles, "Of the heaps.")
-@click.option("--frames", type=click.IntRange(10, 10_000), default=400, show_default=True)
+@numbers_option(
+    "--particles",
+    500,
+    100_000,
+    sleeping_bench.SleepingSettings.particles,
+    "Number of particles of a heap.",
+)
+@number_option("--frames", 10, 10_000, 400, "Number of frames of the whole run.")
 @json_option
 @chart_option
 def sleeping(
     *, particles: tuple[int, ...], frames: int, json_file: Path | None, chart_file: Path | None
 ) -> None:
-    """Let a grain fall on a heap of sand at rest, with regions that sleep and without."""
-    settings = sleeping_bench.Settings(particles=particles, frames=frames)
+    """Let a grain fall on a heap of sand at rest, with regions that sleep and without.
+
+    Reported are the time of a frame in both runs, the share of sleeping particles, the error of the run that
+    sleeps, and the floor of that error: what other jitter of the particles makes.
+    """
+    settings = sleeping_bench.SleepingSettings(particles=particles, frames=frames)
     origin = source("sleeping", particles=particles, frames=(frames,))
-    with progress("Measuring", len(particles) * (frames // settings.stride)) as bar:
-        rows = sleeping_bench.rows(settings, origin, on_progress=bar.update)
-    report(rows, _SLEEPING_COLUMNS, origin, json_file)
-    if chart_file is not None:
-        sleeping_bench.chart(rows, chart_file)
+    rows = measured(partial(sleeping_bench.measure, settings), settings.count, origin)
+    save(rows, json_file, chart_file, sleeping_bench.chart)
+    print_table(rows, _SLEEPING_COLUMNS)
+    print_origin(origin)

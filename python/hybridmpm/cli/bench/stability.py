@@ -1,14 +1,14 @@
 """`hybridmpm bench stability`."""
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 
-from hybridmpm._support import charts
-from hybridmpm.bench.report.provenance import write_rows
+from hybridmpm.bench.report.rows import Row
 from hybridmpm.bench.stability import stability as stability_bench
-from hybridmpm.cli.bench.options import chart_option, json_option, measured, source
+from hybridmpm.cli.bench.options import chart_option, json_option, measured, print_origin, save, source
 
 
 @click.command()
@@ -17,25 +17,25 @@ from hybridmpm.cli.bench.options import chart_option, json_option, measured, sou
     "levels",
     type=click.FloatRange(0.05, 2.0),
     multiple=True,
-    help="CFL numbers; 0.2 to 1.2 if absent.",
+    help="CFL number. May be given several times. If absent, 41 levels from 0.2 to 1.2.",
 )
 @json_option
 @chart_option
 def stability(*, levels: tuple[float, ...], json_file: Path | None, chart_file: Path | None) -> None:
-    """Find the CFL numbers at which each material stops being stable, in splashes and for particles alone."""
+    """Find the CFL numbers at which each material stops being stable.
+
+    Each material runs as a splash, and as particles too far apart to feel each other.
+    """
     todo = stability_bench.cases(sorted(set(levels)) or stability_bench.LEVELS)
     origin = source("stability", level=levels)
-    rows = measured(stability_bench.rows(todo, origin), len(todo))
-    if json_file is not None:
-        write_rows(json_file, rows)
-    if chart_file is not None:
-        charts.save(stability_bench.chart(rows), chart_file)
-    _print_stability(rows)
-    click.echo(f"{origin.machine}, {origin.date}, commit {origin.commit or 'unknown'}")
+    rows = measured(partial(stability_bench.measure, todo), len(todo), origin)
+    save(rows, json_file, chart_file, stability_bench.chart)
+    _print_map(rows)
+    print_origin(origin)
 
 
-def _print_stability(rows: list[dict[str, Any]]) -> None:
-    """Print one line per material, dimension and stress, one letter per level, and the limits."""
+def _print_map(rows: Sequence[Row]) -> None:
+    """Print a line for each material, dimension and stress, with a letter for each level; then the limits."""
     levels = list(dict.fromkeys(row["level"] for row in rows))
     click.echo(
         f"CFL {levels[0]:g} to {levels[-1]:g} in {len(levels)} levels: . survived, d degraded, F failed"

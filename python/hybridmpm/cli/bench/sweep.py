@@ -4,8 +4,18 @@ from pathlib import Path
 
 import click
 
-from hybridmpm.bench.sweep.sweep import POINTS, Settings, Sweep, matching
-from hybridmpm.cli.bench.options import chart_option, json_option, report, source
+from hybridmpm.bench.sweep.family import POINTS, SweepSettings, matching
+from hybridmpm.bench.sweep.results import SweepResults
+from hybridmpm.cli.bench.options import (
+    chart_option,
+    json_option,
+    number_option,
+    print_origin,
+    print_table,
+    save,
+    source,
+    threads_option,
+)
 from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
@@ -24,14 +34,15 @@ _COLUMNS = (
     type=click.Path(file_okay=False, path_type=Path),
     required=True,
     metavar="FOLDER",
-    help="Where each point is kept; what is there is not measured again.",
+    help="Folder of the points' results. Points that it holds are not measured again.",
 )
 @click.option(
     "--points",
     "patterns",
     multiple=True,
     metavar="PATTERN",
-    help=f"Only these, such as {POINTS[0].key} or 'sand_2d-t8-*-32x3-*'. May be given several times.",
+    help=f"Measure only points whose name matches, such as {POINTS[0].key} or 'sand_2d-t8-*-32x3-*'. "
+    "May be given several times.",
 )
 @click.option(
     "--minutes-per-point",
@@ -39,39 +50,32 @@ _COLUMNS = (
     type=click.FloatRange(0, 100_000),
     default=0.0,
     show_default=True,
-    help="Of training. With 0 only latencies are measured. Points with less are redone.",
+    help="Minutes of training of each point; with 0 only latencies are measured. Points that have had less "
+    "are trained anew.",
 )
-@click.option("--survivors", is_flag=True, help="Only points that no other trained point dominates.")
+@click.option("--survivors", is_flag=True, help="Measure only points that no other trained point dominates.")
+@number_option("--scenes", 1, 1000, SweepSettings.scenes, "Number of test scenes of each scenario.")
+@number_option(
+    "--span", 40, 10_000, SweepSettings.span, "Number of frames of each scene that errors count over."
+)
+@threads_option("Number of threads of every simulator that is measured.")
+@number_option(
+    "--relaxations", 0, 16, SweepSettings.relaxations, "Rounds of relaxation after each step of a network."
+)
+@number_option(
+    "--trajectories", 1, 100_000, SweepSettings.trajectories, "Number of trajectories of each training."
+)
 @click.option(
-    "--scenes",
-    type=click.IntRange(1, 1000),
-    default=Settings.scenes,
-    show_default=True,
-    help="Of a scenario.",
+    "--device", default="auto", show_default=True, help="Device of the training: cpu, cuda or auto."
 )
-@click.option(
-    "--span",
-    type=click.IntRange(40, 10_000),
-    default=Settings.span,
-    show_default=True,
-    help="Frames counted.",
-)
-@click.option("--threads", type=click.IntRange(1, 1024), default=1, show_default=True, help="When measured.")
-@click.option("--relaxations", type=click.IntRange(0, 16), default=Settings.relaxations, show_default=True)
-@click.option(
-    "--trajectories",
-    type=click.IntRange(1, 100_000),
-    default=Settings.trajectories,
-    show_default=True,
-    help="To train on.",
-)
-@click.option("--device", default="auto", show_default=True, help="To train on: cpu, cuda or auto.")
 @click.option(
     "--worthwhile",
     is_flag=True,
-    help="Train only points that are quicker than MPM with all particles: no error could save others.",
+    help="Train only points that are quicker than MPM with all particles: no error could save the others.",
 )
-@click.option("--untimed", is_flag=True, help="Leave latencies to a later call, when nothing else runs.")
+@click.option(
+    "--untimed", is_flag=True, help="Leave latencies to a later call, on a machine where nothing else runs."
+)
 @json_option
 @chart_option
 def sweep(
@@ -87,25 +91,26 @@ def sweep(
     chart_file: Path | None,
     **options: int,
 ) -> None:
-    """Measure error and latency of networks over r_t, r_p, sizes and radii, beside MPM and free fall.
+    """Measure time and error of a whole family of networks.
 
-    The same command goes on where it was interrupted. Errors are those of test scenes from their first impact
-    on, which every network has to predict.
+    The points of the family differ in r_t, r_p, size and radius; beside them run MPM and free fall. Errors
+    count from the first impact on, in scenes that no data set contains. After an interruption the same
+    command goes on where it stopped.
     """
     torch = require_torch()
     from hybridmpm.bench.sweep.chart import chart  # noqa: PLC0415
-    from hybridmpm.bench.sweep.runner import Laboratory  # noqa: PLC0415 - needs torch
+    from hybridmpm.bench.sweep.runner import SweepRunner  # noqa: PLC0415 - needs torch
 
-    settings = Settings(**options)
+    settings = SweepSettings(**options)
     points = matching(patterns)
-    laboratory = Laboratory(folder / "training", settings, torch_device(torch, device))
-    results = Sweep(folder, settings)
+    runner = SweepRunner(folder / "training", settings, torch_device(torch, device))
+    results = SweepResults(folder, settings)
     if survivors:
         best = results.survivors()
         if not best:
             raise ConfigError(
-                "no point has been both trained and timed yet; first give --minutes-per-point, without "
-                "--survivors and --untimed"
+                "no point has been both trained and timed yet; first run the sweep with --minutes-per-point, "
+                "without --survivors and --untimed"
             )
         points = [point for point in points if point in best]
     origin = source(
@@ -117,7 +122,7 @@ def sweep(
     )
     if not untimed:
         with progress("Timing", len(results.untimed(points))) as bar:
-            results.time(points, laboratory, origin, bar.update)
+            results.time(points, runner, origin, bar.update)
     if worthwhile:
         points = results.worthwhile(points)
         if not points:
@@ -126,8 +131,8 @@ def sweep(
                 "--points, or leave out --untimed to have them timed first"
             )
     with progress("Training", len(results.untrained(points, minutes))) as bar:
-        results.train(points, minutes, laboratory, origin, bar.update)
+        results.train(points, minutes, runner, origin, bar.update)
     rows = results.rows()
-    report(rows, _COLUMNS, origin, json_file)
-    if chart_file is not None:
-        chart(rows, chart_file)
+    save(rows, json_file, chart_file, chart)
+    print_table(rows, _COLUMNS)
+    print_origin(origin)

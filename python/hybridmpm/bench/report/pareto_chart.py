@@ -1,10 +1,11 @@
-"""Error against latency as a chart: the ladder of MPM, the models, and the bounds that they are read by."""
+"""Error against latency as a chart: the ladder of MPM, the models, and the bounds of the error."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from hybridmpm._support import charts
+from hybridmpm.bench.report.rows import Row
 
 _COLUMNS = 4
 _LADDER, _MODEL, _BOUND = charts.COLOURS[0], charts.COLOURS[1], charts.COLOURS[5]
@@ -12,12 +13,12 @@ _DOMINATED = "#9aa0a6"
 _LINES = (("still", "initial state held", ":"), ("jitter", "truth, other jitter", "--"))
 
 
-def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
+def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw a panel for each scenario and warm-up, as SVG and PNG; raises as `charts` does.
 
     Models that another method dominates are hollow and grey.
     """
-    tables: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    tables: dict[tuple[str, int], list[Row]] = {}
     for row in rows:
         tables.setdefault((row["scenario"], row["warm_up"]), []).append(row)
     columns = min(_COLUMNS, len(tables))
@@ -39,7 +40,7 @@ def chart(rows: Sequence[dict[str, Any]], file: Path) -> None:
     charts.save(figure, file)
 
 
-def _draw(panel: Any, table: Sequence[dict[str, Any]]) -> None:
+def _draw(panel: Any, table: Sequence[Row]) -> None:
     ladder = [row for row in table if row["method"] == "mpm" and row["ms_per_frame"] is not None]
     ladder.sort(key=lambda row: row["ms_per_frame"])
     panel.plot(
@@ -69,8 +70,8 @@ def _draw(panel: Any, table: Sequence[dict[str, Any]]) -> None:
     panel.margins(x=0.12)
 
 
-def _models(panel: Any, models: Sequence[dict[str, Any]], middle: float) -> None:
-    """Draw them, their names towards the middle of the latencies [ms]."""
+def _models(panel: Any, models: Sequence[Row], middle: float) -> None:
+    """Draw the models, with their names towards the middle of all latencies [ms]."""
     for row in models:
         if row["error"] is None or row["ms_per_frame"] is None:
             continue
@@ -92,7 +93,7 @@ def _models(panel: Any, models: Sequence[dict[str, Any]], middle: float) -> None
         _name(panel, row, row["label"], (across, 9 if dominated else -14), colour)
 
 
-def _name(panel: Any, row: dict[str, Any], text: str, offset: tuple[int, int], colour: str) -> None:
+def _name(panel: Any, row: Row, text: str, offset: tuple[int, int], colour: str) -> None:
     panel.annotate(
         text,
         (row["ms_per_frame"], row["error"]),
