@@ -37,9 +37,14 @@ class Latency:
 
     @classmethod
     def of(cls, times: Sequence[float], frames: int) -> Self | None:
-        """Take percentiles over calls of `frames` frames each, whose times are in seconds.
+        """Take percentiles over calls; None where there are fewer than three.
 
-        None where there are fewer than three calls.
+        Parameters
+        ----------
+        times : sequence of float
+            Time of each call [s].
+        frames : int
+            Frames of each call.
         """
         if len(times) < _LEAST_CALLS:
             return None

@@ -12,7 +12,7 @@ from hybridmpm.recording import Recording
 
 
 class Scores:
-    """Errors of methods and of bounds, counted from the first impact or the end of one warm-up.
+    """Errors of methods and of bounds on the scenes of a scenario, all counted after the same warm-up.
 
     Bounds are the floors and ceilings of an error: `merged`, the truth merged state by state; `still`, the
     initial state held; `frozen`, the state held in which the count begins; `jitter`, the truth with other

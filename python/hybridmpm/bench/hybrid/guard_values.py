@@ -1,4 +1,4 @@
-"""`GuardValues`: what all guards say to a motion, whoever makes it, without any consequence."""
+"""`GuardValues`: the values of all guards along a motion, of a network or of MPM, without consequences."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from hybridmpm.scene import Scene
 PLAIN = "cosine (paper)"
 """Label of the paper's reading of the cosine."""
 AUDIT_PERIOD = 5
-"""Steps between two audits: fewer than in a simulator, to have more points."""
+"""Steps from one audit to the next: fewer than in a simulator, so that there are more points."""
 
 _Floats = npt.NDArray[np.float32]
 

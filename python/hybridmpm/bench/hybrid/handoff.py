@@ -70,12 +70,12 @@ def block(material: str) -> Scene:
 
 
 def measure(on_progress: Progress, materials: Sequence[str] = MATERIALS) -> Iterator[Row]:
-    """Hand over in each phase of each material's fall, in each way, and yield a row for each; counts rows.
+    """Hand over in each phase of each material's fall, in each way, and yield a row for each handoff.
 
     `kinetic_1` is the difference of the kinetic energy, 1 frame after the handoff, to that of MPM
     undisturbed, over the energy of the fall; `grid_1` is the grid RMSE between the two. `acceleration` is the
     power mean of order 4 of the accelerations in the first frame, which the largest dominate [m/s^2];
-    `acceleration_mpm` is that of MPM undisturbed.
+    `acceleration_mpm` is that of MPM undisturbed. `on_progress` counts rows.
     """
     for material in materials:
         scene = block(material)

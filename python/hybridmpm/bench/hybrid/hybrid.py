@@ -1,6 +1,6 @@
 """Error and time of one rollout of the network alone, of the hybrid, and of MPM.
 
-Of the hybrid the rows also tell who simulated each frame.
+Rows of the hybrid also tell who simulated each frame.
 """
 
 import itertools
@@ -120,7 +120,7 @@ def _mode(hybrid: HybridSimulator, frame: int) -> str:
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
-    """Draw the errors over the frames and the total times, as SVG and PNG; the hybrid's MPM is shaded."""
+    """Draw the errors over the frames, as SVG and PNG, with MPM's frames of the hybrid shaded."""
     figure, axes = charts.panels(1, 1, width=7.5, height=3.8)
     panel = axes[0, 0]
     _shade(panel, [row for row in rows if row["method"] == "hybrid"])

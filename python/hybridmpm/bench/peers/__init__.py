@@ -1,1 +1,1 @@
-"""Solvers by others that `hybridmpm bench` measures beside ours; each module needs an extra of its own."""
+"""Code of others that `hybridmpm bench` measures beside ours; it needs packages of the extra `bench`."""

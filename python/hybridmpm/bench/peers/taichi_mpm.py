@@ -26,13 +26,15 @@ import taichi as ti
 
 NAME = "taichi " + ".".join(str(part) for part in ti.__version__)
 SETTINGS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
-"""How loops run, and on how many threads. "serial": each on one thread, which lets Taichi add to the grid
-without atomics. "atomic": each on all threads, as in the examples. "serial_scatter": the one that adds to the
-grid on one thread, the others on all.
+"""Threads by the way in which the loops of a solver run.
+
+"serial": each loop runs on one thread, which lets Taichi add to the grid without atomics. "atomic": each loop
+runs on all threads, as in the examples. "serial_scatter": the loop that adds to the grid runs on one thread,
+the others on all.
 """
 
 _SMALLEST_STRETCH = 1.0e-4
-"""As in our sand, so that the logarithm stays finite."""
+"""Smallest stretch of sand, the same as in our solver: its logarithm stays finite."""
 
 
 def start() -> None:
@@ -43,7 +45,7 @@ def start() -> None:
 
 @ti.data_oriented
 class TaichiMpm:
-    """Water or sand on Taichi; call `start` once before the first.
+    """MLS-MPM for water or sand on Taichi; call `start` once before the first.
 
     Parameters
     ----------
@@ -153,14 +155,14 @@ class TaichiMpm:
             self._volume_gain.fill(0)
 
     def advance(self, frames: int) -> None:
-        """Go on by whole frames, and wait until they are done."""
+        """Advance by whole frames, and wait until they are computed."""
         for _ in range(frames * self._substeps):
             self._substep()
         ti.sync()
 
     @property
     def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]; a copy."""
+        """Positions (N, D) [m], a copy."""
         x: npt.NDArray[np.float32] = self._x.to_numpy()
         return x
 

@@ -1,4 +1,4 @@
-"""Where and from what a measurement came, and the file of its rows."""
+"""The origin of a measurement, and the file of its rows."""
 
 import dataclasses
 import datetime as dt
@@ -23,9 +23,9 @@ class Provenance:
     date: str
     """Date of the run, ISO 8601, UTC."""
     commit: str | None
-    """Commit of the checkout that holds this code, with "-dirty" behind it where files have changed since.
+    """Commit of the checkout that holds this code; None outside a checkout.
 
-    None outside a checkout.
+    "-dirty" follows the commit where files have been changed since.
     """
     command: str
     """Command that measures the rows again."""

@@ -7,7 +7,7 @@ Row = dict[str, Any]
 """One measurement, or all that was measured of one method: a flat object of JSON."""
 
 Progress = Callable[[int], object]
-"""Called with the number of steps done since the last call."""
+"""Function that takes the number of steps done since its last call."""
 
 
 def significant(value: float | None, digits: int = 4) -> float | None:

@@ -20,7 +20,7 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Box, Scene
 
 CASES: tuple[tuple[int, str], ...] = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
-"""(dimension, material) of each row."""
+"""Dimension and material of each row."""
 MAX_PARTICLES = 1_000_000
 """Largest number of particles that a block may be asked to have."""
 PEER = "taichi"
@@ -187,14 +187,9 @@ def _require_sane(solver: MpmSolver) -> None:
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
-    """Draw time per particle-substep against particles, ours by threads and the peer, as SVG and PNG.
+    """Draw time per particle-substep against particles, ours by threads and the peer's, as SVG and PNG.
 
-    Raises
-    ------
-    ConfigError
-        matplotlib is not installed.
-    ExportError
-        A file could not be written.
+    Raises as `charts.panels` and `charts.save`.
     """
     cases = list(dict.fromkeys((row["dim"], row["material"]) for row in rows))
     figure, axes = charts.panels(columns=2, rows=len(cases) // 2)

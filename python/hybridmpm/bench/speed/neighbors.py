@@ -140,14 +140,9 @@ def _require_same_edges(
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
-    """Draw the time of a graph against its points, ours by threads and the peer, as SVG and PNG.
+    """Draw the time of a graph against its points, ours by threads and the peer's, as SVG and PNG.
 
-    Raises
-    ------
-    ConfigError
-        matplotlib is not installed.
-    ExportError
-        A file could not be written.
+    Raises as `charts.panels` and `charts.save`.
     """
     figure, axes = charts.panels(columns=2)
     for panel, dim in zip(axes[0], (2, 3), strict=True):

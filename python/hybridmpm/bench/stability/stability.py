@@ -42,9 +42,9 @@ _LOOKS = 60
 _FIRST_LOOKS = 10
 """Number of looks that count as the start of the run."""
 _GROWTH = 1.05
-"""Growth of the energy since the start that physics cannot explain."""
+"""Largest energy over that at the start that physics can explain."""
 _TOO_FAST = 2.0
-"""Speed over that of free fall that physics cannot explain."""
+"""Largest speed over that of free fall that physics can explain."""
 _COLOURS: dict[Outcome, str] = {"survived": "#dbe9f1", "degraded": "#e3a857", "failed": "#7f1d1d"}
 """Colours of the outcomes from light to dark, so that a grey print says the same."""
 

@@ -39,7 +39,7 @@ class Runner(Protocol):
 
 
 class SweepResults:
-    """A folder with a file for each training and each latency, to which points are added until all are there.
+    """A folder with a file for each training and each latency, which fills up point by point.
 
     Latencies have files of their own: a latency wants a machine on which nothing else runs, and it does not
     depend on the weights.
@@ -94,7 +94,7 @@ class SweepResults:
         source: Provenance,
         on_progress: Progress,
     ) -> None:
-        """Train the points that have had less training; each one's errors are written as soon as known.
+        """Train the points that have had less training, and write the errors of each after its training.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""`hybridmpm bench ...`: print a table, with --json write the same rows, with --chart draw them."""
+"""`hybridmpm bench ...`: measures, prints a table, and writes (--json) or draws (--chart) the same rows."""
 
 from pathlib import Path
 

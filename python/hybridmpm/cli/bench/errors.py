@@ -15,9 +15,7 @@ from hybridmpm.cli.bench.options import (
     json_option,
     measured,
     number_option,
-    print_origin,
-    print_table,
-    save,
+    report,
     scenario_option,
     source,
     threads_option,
@@ -66,9 +64,9 @@ def downsampling(
     options = {"scenes": (scenes,), "scenes-3d": (scenes_3d,), "frames": (frames,), "repeats": (repeats,)}
     origin = source("downsampling", scenario=names, **options)
     rows = measured(partial(downsampling_bench.measure, settings), settings.count, origin)
-    save(rows, json_file, chart_file, downsampling_bench.chart)
-    print_table(rows, _DOWNSAMPLING_COLUMNS)
-    print_origin(origin)
+    report(
+        rows, _DOWNSAMPLING_COLUMNS, origin, json_file, chart_file=chart_file, draw=downsampling_bench.chart
+    )
 
 
 @click.command()
@@ -77,7 +75,7 @@ def downsampling(
     "model_names",
     multiple=True,
     metavar="NAME",
-    help="Name of a model, or its ONNX file. May be given several times. If absent, all of the library.",
+    help="Name of a model, or its ONNX file. May be given several times. If absent, the library's models.",
 )
 @scenario_option("Scenario of the scenes; if absent, all that the models serve.")
 @number_option("--scenes", 2, 1000, 10, "Number of scenes of each scenario.")
@@ -95,11 +93,11 @@ def models(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Measure time and error of learned simulators, beside MPM and free fall.
+    """Measure time and error of learned simulators.
 
-    Errors count from the first impact on, in scenes that no data set contains. as_good is the cheapest MPM
-    whose error is not above the method's: a method pays only where it is faster than that. dominated_by is
-    the cheapest method that is neither slower nor worse.
+    Beside them run MPM and free fall. Errors count from the first impact on, in scenes that no data set
+    contains. as_good is the cheapest MPM whose error is not above the method's: a method pays only where it
+    is faster than that. dominated_by is the cheapest method that is neither slower nor worse.
     """
     model_names = model_names or tuple(shipped_models())
     candidates = [_candidate(name, names, threads) for name in model_names]
@@ -115,9 +113,7 @@ def models(
     origin = source("models", **options, threads=(threads,))
     measure = partial(models_bench.measure, candidates, settings)
     rows = measured(measure, scenes * len(served), origin)
-    save(rows, json_file, chart_file, pareto_chart.chart)
-    print_table(rows, _MODELS_COLUMNS)
-    print_origin(origin)
+    report(rows, _MODELS_COLUMNS, origin, json_file, chart_file=chart_file, draw=pareto_chart.chart)
 
 
 def _candidate(name: str, only: tuple[str, ...], threads: int) -> models_bench.Candidate:

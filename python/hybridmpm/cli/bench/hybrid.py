@@ -18,6 +18,7 @@ from hybridmpm.cli.bench.options import (
     number_option,
     print_origin,
     print_table,
+    report,
     save,
     scenario_option,
     source,
@@ -89,9 +90,7 @@ def handoff(*, json_file: Path | None, chart_file: Path | None) -> None:
     """
     origin = source("handoff")
     rows = measured(handoff_bench.measure, handoff_bench.COUNT, origin)
-    save(rows, json_file, chart_file, handoff_bench.chart)
-    print_table(rows, _HANDOFF_COLUMNS)
-    print_origin(origin)
+    report(rows, _HANDOFF_COLUMNS, origin, json_file, chart_file=chart_file, draw=handoff_bench.chart)
 
 
 @click.command()
@@ -140,9 +139,9 @@ def hybrid(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Follow the error of one rollout of the hybrid simulator.
+    """Follow the error of one hybrid rollout.
 
-    Beside the hybrid run the network alone, and MPM with the same particles.
+    Beside the hybrid simulator run the network alone, and MPM with the same particles.
     """
     settings = hybrid_bench.HybridSettings(
         model=model,

@@ -96,6 +96,21 @@ def save(
         draw(rows, chart_file)
 
 
+def report(
+    rows: Sequence[Row],
+    columns: Sequence[str],
+    origin: Provenance,
+    json_file: Path | None,
+    *,
+    chart_file: Path | None = None,
+    draw: Callable[[Sequence[Row], Path], object] | None = None,
+) -> None:
+    """Save the rows, and print some of their columns and their origin."""
+    save(rows, json_file, chart_file, draw)
+    print_table(rows, columns)
+    print_origin(origin)
+
+
 def print_table(rows: Sequence[Row], columns: Sequence[str]) -> None:
     """Print some columns of the rows, each as wide as its widest cell."""
     widths = {name: max(len(name), *(len(str(row[name])) for row in rows)) for name in columns}

@@ -18,9 +18,7 @@ from hybridmpm.cli.bench.options import (
     measured,
     number_option,
     numbers_option,
-    print_origin,
-    print_table,
-    save,
+    report,
     source,
     threads_option,
 )
@@ -70,18 +68,23 @@ def mpm(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Time the solver on splashing blocks of water and sand in 2D and 3D.
+    """Time the solver on splashing blocks.
 
-    The solver takes the ground truth's substeps.
+    The blocks are of water and sand, in 2D and 3D; the solver takes the ground truth's substeps.
     """
     settings = mpm_bench.MpmSettings(particles=particles, threads=threads, repeats=repeats, peer=peer)
     if peer is not None:
         peer_module(peer, known=mpm_bench.PEER)
     origin = source("mpm", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
     rows = measured(partial(mpm_bench.measure, settings), settings.count, origin)
-    save(rows, json_file, chart_file, mpm_bench.chart)
-    print_table(rows, _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()))
-    print_origin(origin)
+    report(
+        rows,
+        _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()),
+        origin,
+        json_file,
+        chart_file=chart_file,
+        draw=mpm_bench.chart,
+    )
 
 
 @click.command()
@@ -112,7 +115,10 @@ def scaling(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Time growing blocks of water, and one blob of water in growing grids."""
+    """Time the solver on scenes that grow.
+
+    Blocks of water grow together with their grids; then the same blob of water is put into growing grids.
+    """
     settings = scaling_bench.ScalingSettings(
         particles=particles, resolutions=resolution, threads=threads, repeats=repeats
     )
@@ -120,9 +126,7 @@ def scaling(
         "scaling", particles=particles, resolution=resolution, threads=(threads,), repeats=(repeats,)
     )
     rows = measured(partial(scaling_bench.measure, settings), settings.count, origin)
-    save(rows, json_file, chart_file, scaling_bench.chart)
-    print_table(rows, _SCALING_COLUMNS)
-    print_origin(origin)
+    report(rows, _SCALING_COLUMNS, origin, json_file, chart_file=chart_file, draw=scaling_bench.chart)
 
 
 @click.command()
@@ -135,9 +139,10 @@ def scaling(
 def batch(
     *, scenario: str, scenes: int, threads: int, frames: int, repeats: int, json_file: Path | None
 ) -> None:
-    """Time many splashing scenes of a scenario, on one thread and on several.
+    """Time many scenes on one thread and on several.
 
-    SCENARIO is one of those that `hybridmpm scenarios` lists, water_2d if absent.
+    SCENARIO is one of those that `hybridmpm scenarios` lists, water_2d if absent. The scenes are timed in
+    the middle of their splash.
     """
     settings = batch_bench.BatchSettings(
         scenario=scenario, scenes=scenes, threads=threads, frames=frames, repeats=repeats
@@ -146,9 +151,7 @@ def batch(
         f"batch {scenario}", scenes=(scenes,), threads=(threads,), frames=(frames,), repeats=(repeats,)
     )
     rows = measured(partial(batch_bench.measure, settings), repeats, origin)
-    save(rows, json_file)
-    print_table(rows, _BATCH_COLUMNS)
-    print_origin(origin)
+    report(rows, _BATCH_COLUMNS, origin, json_file)
 
 
 @click.command()
@@ -179,10 +182,10 @@ def neighbors(
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
-    """Time the radius graph of clouds of points in 2D and 3D.
+    """Time the radius graph of clouds of points.
 
-    Timed are a fresh graph (ms), one into the memory of the last (ms_reused), and one from a Verlet list of
-    points that have moved a little (ms_verlet).
+    The clouds are in 2D and 3D. Timed are a fresh graph (ms), one into the memory of the last (ms_reused),
+    and one from a Verlet list of points that have moved a little (ms_verlet).
     """
     settings = neighbors_bench.NeighborsSettings(
         particles=particles, threads=threads, repeats=repeats, peer=peer
@@ -191,9 +194,14 @@ def neighbors(
         peer_module(peer, known=neighbors_bench.PEER)
     origin = source("neighbors", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
     rows = measured(partial(neighbors_bench.measure, settings), settings.count, origin)
-    save(rows, json_file, chart_file, neighbors_bench.chart)
-    print_table(rows, _NEIGHBORS_COLUMNS + (_NEIGHBORS_PEER_COLUMNS if peer else ()))
-    print_origin(origin)
+    report(
+        rows,
+        _NEIGHBORS_COLUMNS + (_NEIGHBORS_PEER_COLUMNS if peer else ()),
+        origin,
+        json_file,
+        chart_file=chart_file,
+        draw=neighbors_bench.chart,
+    )
 
 
 @click.command()
@@ -210,14 +218,13 @@ def neighbors(
 def sleeping(
     *, particles: tuple[int, ...], frames: int, json_file: Path | None, chart_file: Path | None
 ) -> None:
-    """Let a grain fall on a heap of sand at rest, with regions that sleep and without.
+    """Measure what sleeping regions save.
 
-    Reported are the time of a frame in both runs, the share of sleeping particles, the error of the run that
-    sleeps, and the floor of that error: what other jitter of the particles makes.
+    A grain falls on a heap of sand at rest, in a run with regions that sleep and in one without. Reported are
+    the time of a frame in both runs, the share of sleeping particles, the error of the run that sleeps, and
+    the floor of that error: the difference that other jitter of the particles makes.
     """
     settings = sleeping_bench.SleepingSettings(particles=particles, frames=frames)
     origin = source("sleeping", particles=particles, frames=(frames,))
     rows = measured(partial(sleeping_bench.measure, settings), settings.count, origin)
-    save(rows, json_file, chart_file, sleeping_bench.chart)
-    print_table(rows, _SLEEPING_COLUMNS)
-    print_origin(origin)
+    report(rows, _SLEEPING_COLUMNS, origin, json_file, chart_file=chart_file, draw=sleeping_bench.chart)

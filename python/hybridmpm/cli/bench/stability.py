@@ -17,12 +17,12 @@ from hybridmpm.cli.bench.options import chart_option, json_option, measured, pri
     "levels",
     type=click.FloatRange(0.05, 2.0),
     multiple=True,
-    help="CFL number. May be given several times. If absent, 41 levels from 0.2 to 1.2.",
+    help="CFL number. May be given several times. If absent, many levels from 0.2 to 1.2.",
 )
 @json_option
 @chart_option
 def stability(*, levels: tuple[float, ...], json_file: Path | None, chart_file: Path | None) -> None:
-    """Find the CFL numbers at which each material stops being stable.
+    """Find the CFL numbers that each material survives.
 
     Each material runs as a splash, and as particles too far apart to feel each other.
     """

@@ -10,9 +10,7 @@ from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,
     number_option,
-    print_origin,
-    print_table,
-    save,
+    report,
     source,
     threads_option,
 )
@@ -133,6 +131,4 @@ def sweep(
     with progress("Training", len(results.untrained(points, minutes))) as bar:
         results.train(points, minutes, runner, origin, bar.update)
     rows = results.rows()
-    save(rows, json_file, chart_file, chart)
-    print_table(rows, _COLUMNS)
-    print_origin(origin)
+    report(rows, _COLUMNS, origin, json_file, chart_file=chart_file, draw=chart)
