@@ -8,7 +8,7 @@ from pathlib import Path
 from hybridmpm.bench.staleness.python_sources import ALL
 from hybridmpm.errors import ConfigError
 
-_MPM, _NEIGHBORS, _SAFEGUARD = "mpm", "neighbors", "safeguard"
+_MPM, _NEIGHBORS, _NEURAL = "mpm", "neighbors", "neural"
 
 CRATES: dict[str, str | None] = {
     "BatchError": None,
@@ -34,11 +34,11 @@ CRATES: dict[str, str | None] = {
     "PaddedGraph": _NEIGHBORS,
     "RadiusGraph": _NEIGHBORS,
     "VerletList": _NEIGHBORS,
-    "disturbance": _NEIGHBORS,
     "radius_graph": _NEIGHBORS,
-    "relaxed": _NEIGHBORS,
-    "AccelerationHistory": _SAFEGUARD,
-    "AccelerationSignal": _SAFEGUARD,
+    "AccelerationHistory": _NEURAL,
+    "AccelerationSignal": _NEURAL,
+    "disturbance": _NEURAL,
+    "relaxed": _NEURAL,
 }
 """Folder below rust/ of the crate that does a name's work; None where no figure depends on the name."""
 
