@@ -132,6 +132,15 @@ def test_a_move_alone_changes_nothing(checkout: Path) -> None:
     assert changed(checkout) == {"speed": (), "errors": ()}
 
 
+def test_a_move_with_other_prose_changes_nothing(checkout: Path) -> None:
+    moved = "python/hybridmpm/mpm/solver.py"
+    move(checkout, SOLVER, moved)
+    edit(checkout, "python/hybridmpm/__init__.py", "hybridmpm.solver", "hybridmpm.mpm.solver")
+    edit(checkout, moved, "Solve.", "\n".join(f"This is line {line} of a long text." for line in range(10)))
+    commit(checkout)
+    assert changed(checkout) == {"speed": (), "errors": ()}
+
+
 def test_a_move_with_an_edit_counts(checkout: Path) -> None:
     moved = "python/hybridmpm/mpm/solver.py"
     move(checkout, SOLVER, moved)
@@ -150,9 +159,12 @@ def test_imports_comments_and_docstrings_do_not_count(checkout: Path) -> None:
     assert changed(checkout) == {"speed": (), "errors": ()}
 
 
-def test_a_new_file_that_is_imported_counts(checkout: Path) -> None:
+def test_a_new_file_counts_if_it_computes(checkout: Path) -> None:
     new = "python/hybridmpm/new.py"
     edit(checkout, SOLVER, "import math", "import math\n\nfrom hybridmpm.new import number")
+    write(checkout, new, '"""A new room."""\n\nfrom math import pi as number\n')
+    write(checkout, "rust/mpm/src/grid/mod.rs", "mod layout;\npub use layout::Layout;\n")
+    assert changed(checkout) == {"speed": (), "errors": ()}
     write(checkout, new, "number = 1\n")
     assert changed(checkout) == {"speed": (new,), "errors": ()}
 
@@ -191,6 +203,11 @@ def test_what_the_command_says(checkout: Path, monkeypatch: pytest.MonkeyPatch) 
     code, text = invoke(checkout / "results")
     assert code == 0
     assert re.fullmatch(rf"speed\.json: since [0-9a-f]{{10}} changed {SOLVER}\n", text)
+    for index in range(9):
+        write(checkout, f"weights/{index}", "1")
+    text = invoke(checkout / "results")[1]
+    assert "changed weights/0, weights/1, " in text
+    assert "weights/7 and 1 more\n" in text
     (checkout / SPEED).unlink()
     assert "speed.json: since" in invoke(checkout / "results")[1]
     assert changed(checkout)["speed"] == ("hybridmpm.bench.speed, which is gone",)
@@ -223,7 +240,7 @@ def test_what_the_benchmarks_need() -> None:
     assert crates["safeguard"] == {CRATES[name] for name in ("Solver", "radius_graph", "AccelerationHistory")}
     names = {path.name for path in needs["downsampling"].files}
     assert {"downsampling.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
-    assert names.isdisjoint({"__init__.py", "provenance.py", "charts.py", "doctor.py", "constant.py"})
+    assert names.isdisjoint({"provenance.py", "charts.py", "doctor.py", "constant.py"})
     assert "graph_network.py" in {path.name for path in needs["sweep"].files}
     for name, origin in BENCHES.items():
         assert all(python.path(module) for module in origin.modules), name

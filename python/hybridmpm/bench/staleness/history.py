@@ -32,7 +32,7 @@ class History:
         return file.relative_to(self.root).as_posix()
 
     def is_changed(self, file: Path, commit: str) -> bool:
-        """Whether a file computes something else than at a commit, or was not there.
+        """Whether a file computes something else than at a commit; a new file, whether it computes at all.
 
         Raises
         ------
@@ -41,17 +41,17 @@ class History:
         """
         earlier = self._earlier(commit)
         name = self.name(file)
-        if name not in earlier:
-            return True
-        return earlier[name] is not None and self._was_other(commit, earlier[name], file)
+        is_untouched = name in earlier and earlier[name] is None
+        return not is_untouched and self._was_other(commit, earlier.get(name), file)
 
     def _earlier_names(self, commit: str) -> dict[str, str | None]:
         """Return the name at a commit of each file that was there, by today's name; None where untouched."""
         names: dict[str, str | None] = dict.fromkeys(
             git(self.root, "ls-tree", "-r", "-z", "--name-only", commit).split("\0")
         )
-        # Without a limit to the number of candidates: a move of many files is one commit.
-        words = iter(git(self.root, "diff", "-z", "-M", "-l0", "--name-status", commit).split("\0"))
+        # Weak pairs too, since programs are compared: a moved file may have all of its prose reworded. And
+        # without a limit to their number, since a commit may move all files.
+        words = iter(git(self.root, "diff", "-z", "-M10%", "-l0", "--name-status", commit).split("\0"))
         for status in filter(None, words):
             before = next(words)
             names.pop(before, None)
@@ -61,6 +61,6 @@ class History:
                 names[before] = before
         return names
 
-    def _had_another_program(self, commit: str, earlier: str, file: Path) -> bool:
-        before = git_bytes(self.root, "show", f"{commit}:{earlier}")
+    def _had_another_program(self, commit: str, earlier: str | None, file: Path) -> bool:
+        before = b"" if earlier is None else git_bytes(self.root, "show", f"{commit}:{earlier}")
         return program(file.name, before) != program(file.name, file.read_bytes())

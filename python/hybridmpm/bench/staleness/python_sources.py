@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from hybridmpm.bench.staleness.program import program
-
 PACKAGE = "hybridmpm"
 NATIVE = f"{PACKAGE}._native"
 ALL = "*"
@@ -23,7 +21,7 @@ class PythonNeeds:
     """What the modules of a benchmark need."""
 
     files: frozenset[Path]
-    """Files of the modules and of all that they import, directly or not; without those that only import."""
+    """Files of the modules and of all that they import, directly or not."""
     native: frozenset[str]
     """Names of `hybridmpm._native` that these files use; `ALL` where that cannot be told."""
 
@@ -74,8 +72,7 @@ class PythonSources:
                 if origin != use:
                     todo.append(origin)
                     continue
-            if not _is_empty(path):
-                files.add(path)
+            files.add(path)
             todo += self._uses(path)
         return PythonNeeds(files=frozenset(files), native=frozenset(native))
 
@@ -133,12 +130,6 @@ class PythonSources:
 @functools.cache
 def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_bytes())
-
-
-@functools.cache
-def _is_empty(path: Path) -> bool:
-    """Whether a file does nothing but import."""
-    return program(path.name, path.read_bytes()) == program(path.name, b"")
 
 
 def _is_ours(node: ast.ImportFrom) -> bool:

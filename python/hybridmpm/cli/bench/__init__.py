@@ -14,6 +14,9 @@ from hybridmpm.cli.bench.sweep import sweep
 
 __all__ = ["bench"]
 
+_NAMED = 8
+"""Number of changed files that are named for each result."""
+
 
 @click.group(invoke_without_command=True)
 @click.option(
@@ -44,7 +47,9 @@ def _print_stale(folder: Path) -> None:
     found = dated_results(folder, BENCHES)
     for one in found:
         if one.changed:
-            click.echo(f"{one.file}: since {one.commit[:10]} changed {', '.join(one.changed)}")
+            some, others = ", ".join(one.changed[:_NAMED]), len(one.changed) - _NAMED
+            more = f" and {others} more" if others > 0 else ""
+            click.echo(f"{one.file}: since {one.commit[:10]} changed {some}{more}")
     if not any(one.changed for one in found):
         click.echo(f"all {len(found)} results are those of the present code")
 
