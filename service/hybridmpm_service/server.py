@@ -44,12 +44,37 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
         The address cannot be used.
     """
     settings = Settings.load(host=host, port=port, **flags)
-    listener = _listen(settings)
+    listener = listen(settings)
     shown = f"[{settings.host}]" if ":" in settings.host else settings.host
     sys.stdout.write(f"hybridmpm listens on http://{shown}:{listener.getsockname()[1]} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
         make_server(create_app(settings)).run(sockets=[listener])
+
+
+def listen(settings: Settings) -> socket.socket:
+    """Return a socket that listens on the host and port of the settings.
+
+    Raises
+    ------
+    ServeError
+        The address cannot be used.
+    """
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    # asyncio switches Nagle's algorithm off only where the protocol is named. With it, the body of an answer
+    # waits up to 40 ms for the client to acknowledge the header, and a frame for the frame before.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((settings.host, settings.port))
+        listener.listen(1024)
+    except OSError as err:
+        listener.close()
+        raise ServeError(
+            f"cannot listen on {settings.host} port {settings.port}: {err.strerror or err}; "
+            "choose another with --port or HYBRIDMPM_PORT"
+        ) from None
+    return listener
 
 
 def make_server(app: FastAPI) -> uvicorn.Server:
@@ -84,22 +109,6 @@ class _Server(uvicorn.Server):
         while self._sessions.watched and time.monotonic() < deadline:  # noqa: ASYNC110
             await asyncio.sleep(0.01)
         await super().shutdown(sockets)
-
-
-def _listen(settings: Settings) -> socket.socket:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    listener = socket.socket(family)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((settings.host, settings.port))
-        listener.listen(1024)
-    except OSError as err:
-        listener.close()
-        raise ServeError(
-            f"cannot listen on {settings.host} port {settings.port}: {err.strerror or err}; "
-            "choose another with --port or HYBRIDMPM_PORT"
-        ) from None
-    return listener
 
 
 def main(arguments: Sequence[str]) -> int:

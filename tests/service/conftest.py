@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.server import make_server
+from hybridmpm_service.server import listen, make_server
 from hybridmpm_service.sessions.session import Session
 
 WAIT_SECONDS = 60
@@ -109,7 +109,7 @@ class Service:
 def running(settings: Settings) -> Iterator[Service]:
     """Run a server with these settings."""
     app = create_app(settings)
-    with socket.create_server(("127.0.0.1", 0)) as listener:
+    with listen(settings) as listener:
         service = Service(app, make_server(app), listener)
         try:
             yield service
@@ -120,7 +120,7 @@ def running(settings: Settings) -> Iterator[Service]:
 @pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
     """Return a server with the default settings but few sessions, shared by a module."""
-    with running(Settings(max_sessions=40)) as started:
+    with running(Settings(port=0, max_sessions=40)) as started:
         yield started
 
 
@@ -128,14 +128,14 @@ def service() -> Iterator[Service]:
 def start() -> Iterator[Callable[..., Service]]:
     """Return a function that starts a server with given settings."""
     with contextlib.ExitStack() as stack:
-        yield lambda **settings: stack.enter_context(running(Settings(**settings)))
+        yield lambda **settings: stack.enter_context(running(Settings(port=0, **settings)))
 
 
 @pytest.fixture(scope="module")
 def start_module() -> Iterator[Callable[..., Service]]:
     """Return a function that starts a server with given settings, for all tests of a module."""
     with contextlib.ExitStack() as stack:
-        yield lambda **settings: stack.enter_context(running(Settings(**settings)))
+        yield lambda **settings: stack.enter_context(running(Settings(port=0, **settings)))
 
 
 @pytest.fixture

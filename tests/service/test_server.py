@@ -89,6 +89,18 @@ def test_a_stopping_server_says_goodbye_with_1001(start: Callable[..., Any]) -> 
         assert other.end() == 1001
 
 
+def test_no_answer_waits_for_an_acknowledgement(start: Callable[..., Any]) -> None:
+    service = start()
+    path = service.create()
+    with service.stream(path) as stream:
+        stream.receive()
+        connections = list(service._server.server_state.connections)
+        assert len(connections) == 2
+        for connection in connections:
+            carrier = connection.transport.get_extra_info("socket")
+            assert carrier.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 def test_importing_the_package_starts_nothing_and_reads_no_environment() -> None:
     code = "import hybridmpm_service, threading; print(threading.active_count())"
     done = subprocess.run(
