@@ -8,13 +8,24 @@ from pathlib import Path
 import hybridmpm
 from hybridmpm import _native
 
-ROOT = Path(__file__).parents[3]
+# The stub imports numpy alone; to read the package around it as well takes twice as long.
+MYPY = """
+[mypy]
+strict = true
+follow_imports = skip
+[mypy-numpy.*]
+follow_imports = normal
+"""
 
 
-def test_stub_agrees_with_the_module() -> None:
+def test_stub_agrees_with_the_module(tmp_path: Path) -> None:
+    settings = tmp_path / "mypy.ini"
+    settings.write_text(MYPY, encoding="utf-8")
     command = [sys.executable, "-m", "mypy.stubtest", "--concise", "hybridmpm._native"]
-    settings = ["--mypy-config-file", str(ROOT / "pyproject.toml")]
-    done = subprocess.run([*command, *settings], capture_output=True, text=True, check=False, cwd=ROOT)
+    python = Path(inspect.getfile(hybridmpm)).parents[1]
+    done = subprocess.run(
+        [*command, "--mypy-config-file", settings], capture_output=True, text=True, check=False, cwd=python
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
