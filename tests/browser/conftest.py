@@ -182,15 +182,15 @@ class Visit:
 Open = Callable[..., Visit]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def service() -> Iterator[LiveService]:
     with LiveService() as live:
         yield live
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    # Per module: Playwright's own event loop would disturb asyncio in the tests of other modules.
+    # It ends with the package: Playwright's own event loop would disturb asyncio in other tests.
     chromium = find_chromium()
     if chromium is None:
         missing = "no Chromium found: install Debian's package `chromium` or set HYBRIDMPM_CHROMIUM"

@@ -1,5 +1,7 @@
 """What the page does when the server, the session or the connection goes away."""
 
+from collections.abc import Iterator
+
 import httpx
 import pytest
 from playwright.sync_api import WebSocketRoute
@@ -9,6 +11,13 @@ from .conftest import LiveService, Open
 pytestmark = pytest.mark.browser
 
 LIVE = "body.state === 'live' && Number(body.frame) > 0"
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[LiveService]:
+    """Return a service of our own, because we stop it."""
+    with LiveService() as live:
+        yield live
 
 
 def test_restarted_server_is_announced(open_page: Open, service: LiveService) -> None:
