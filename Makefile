@@ -48,6 +48,15 @@ validate: setup $(VENV)/.dev ## hold the solver against experiments and closed f
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist
 
+define NEEDED
+import tomllib
+for file in "pyproject.toml", "service/pyproject.toml":
+    with open(file, "rb") as project:
+        names = tomllib.load(project)["project"]["dependencies"]
+    print(*(name for name in names if name != "hybridmpm"), sep="\n")
+endef
+export NEEDED
+
 # Each stamp names what its step depends on, so that a second `make` does nothing.
 $(VENV)/.venv:
 	$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"Python >= 3.11 is needed, $(PYTHON) is {v[0]}.{v[1]}")'
@@ -55,9 +64,15 @@ $(VENV)/.venv:
 	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
 	touch $@
 
+# What library and service need is fetched while the extension compiles. pip installs what maturin built, because
+# maturin would install the dev group as well, which has torch.
 $(VENV)/.library: $(VENV)/.venv pyproject.toml $(RUST_SOURCES)
 	$(BIN)/pip install --quiet 'maturin>=1.9,<2'
-	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked
+	$(BIN)/python -c "$$NEEDED" | $(BIN)/pip install --quiet --requirement /dev/stdin & needed=$$!; \
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --locked --skip-install; built=$$?; \
+	wait $$needed && exit $$built
+	PATH="$(CURDIR)/$(BIN):$$PATH" MATURIN_PEP517_ARGS=--locked \
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
 $(VENV)/.service: $(VENV)/.library service/pyproject.toml
