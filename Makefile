@@ -21,11 +21,12 @@ test: test-rust test-python ## set up, then the whole default test suite
 test-rust: ## tests of the Rust crates alone; they need no Python
 	cargo test --locked
 
-test-python: setup $(VENV)/.dev ## tests of library, service and page
-	$(BIN)/pytest
+test-python: setup $(VENV)/.dev ## tests of library, service and page on all cores; lists the slowest
+	$(BIN)/pytest --numprocesses auto --durations 10
 
-test-all: test-rust setup $(VENV)/.dev ## the default suite and the long twins of its tests
-	$(BIN)/pytest -m 'long or not long'
+# A long test uses all cores itself.
+test-all: test ## the default suite, then the long twins of its tests one by one
+	$(BIN)/pytest -m long
 
 lint: setup $(VENV)/.dev ## ruff, mypy --strict, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .

@@ -1,10 +1,14 @@
-"""Networks that need no training, for the tests of whatever serves networks."""
+"""How tests are dealt out to processes, and networks that need no training for whatever serves networks."""
 
 import hashlib
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from xdist.scheduler import LoadScopeScheduling
+
+from hybridmpm._support.machine import usable_cores
 
 if TYPE_CHECKING:
     from hybridmpm.physics import NetworkSpec
@@ -13,6 +17,43 @@ FALLING = "falling"
 """Free fall between walls: what a network answers that predicts no acceleration but the known one."""
 BROKEN = "broken"
 """A network that answers NaN."""
+
+TOGETHER = {
+    "one browser": ("tests/browser/",),
+    "signals, players and streams": ("tests/service/", "tests/python/cli/test_cli.py", "tests/python/data/"),
+    "exported networks": (
+        "tests/python/physics/",
+        "tests/python/training/",
+        "tests/python/cli/test_train_command.py",
+        "tests/python/bench/test_models.py",
+        "tests/python/bench/test_sweep.py",
+    ),
+}
+"""Tests that run in one process, one after the other: they share what is expensive, or they wait for time."""
+MAX_PROCESSES = 8
+"""More would wait for the longest of `TOGETHER`, and each takes up to 1 GB."""
+
+# Processes share the cores; tests that need more threads ask for them.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Return how many processes `pytest -n auto` starts: one a core, and none where there is one core."""
+    cores = min(usable_cores(), MAX_PROCESSES)
+    return cores if cores > 1 else 0
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling:
+    """Return what deals out whole files, in order of collection."""
+    return _ByFile(config, log)
+
+
+class _ByFile(LoadScopeScheduling):
+    """Keeps a file in one process, so that what its tests share is made once, and `TOGETHER` likewise."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        groups = (name for name, places in TOGETHER.items() if nodeid.startswith(places))
+        return next(groups, nodeid.partition("::")[0])
 
 
 @pytest.fixture(scope="session")
