@@ -13,7 +13,7 @@ from playwright.sync_api import Locator
 
 import hybridmpm_service
 
-from .conftest import LiveService, Open
+from .conftest import PATIENCE_MS, LiveService, Open
 
 pytestmark = pytest.mark.browser
 
@@ -185,13 +185,13 @@ def test_a_moving_obstacle_is_seen_moving(open_page: Open, service: LiveService,
 def _edges_at_rest(view: Locator, unlike: np.ndarray | None = None) -> np.ndarray:
     """Edges of a picture that is drawn to the end: two in a row are equal, and other than `unlike`."""
     latest = _edges(view.screenshot())
-    for _ in range(60):
+    for _ in range(PATIENCE_MS // 200):
         view.page.wait_for_timeout(200)
         shot = _edges(view.screenshot())
         if (shot == latest).all() and shot.any() and (unlike is None or (shot != unlike).any()):
             return shot
         latest = shot
-    pytest.fail("the picture did not come to rest within 12 s")
+    pytest.fail(f"the picture did not come to rest within {PATIENCE_MS // 1000} s")
 
 
 def _edges(png: bytes) -> np.ndarray:
