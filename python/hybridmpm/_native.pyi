@@ -38,6 +38,7 @@ __all__ = [
     "cpu_features",
     "disturbance",
     "grid_mass",
+    "hand_out_times",
     "radius_graph",
     "relaxed",
 ]
@@ -942,6 +943,35 @@ def relaxed(
     ------
     ConfigError
         Arrays that do not fit together, or a number out of range.
+    """
+
+def hand_out_times(
+    *, threads: int = 2, work: float = 20e-6, pause: float = 0.0, repeats: int = 40
+) -> dict[str, float]:
+    """Time short pieces of work that threads share, as the stages of a substep are.
+
+    A call is `pause` on the calling thread alone and then `work` for each thread, cut into four items a thread. 200
+    calls in a row are timed, the ways by turns.
+
+    Parameters
+    ----------
+    threads : int >= 2
+        Threads that share the work, the calling one among them.
+    work, pause : float in [0, 1e-3]
+        Time that the work takes each thread, and time that the calling thread computes alone before it [s].
+    repeats : int >= 1
+
+    Returns
+    -------
+    dict
+        Seconds of a call, the lower quartile of the repetitions: "alone" on the calling thread, shared by the
+        "team" of a substep, by the "pool" that batches and large graphs use, and by "rayon" with all calls
+        inside one job of a pool.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range, or the system grants no more threads.
     """
 
 def cpu_features() -> list[str]:

@@ -3,9 +3,8 @@
 An arrow goes from the module that names a path (`crate::`, `super::`, `self::` or a child's name, in a `use`
 or in the text) to the module that defines what the path ends at. A re-export is followed to the child that
 defines the name, so declaring and re-exporting children gives a `mod.rs` or `lib.rs` no arrow. Every file is
-a module. A room is a folder of `src` with all that is in it, or a file of `src` itself; rooms form no circle
-either, so that a folder can be understood without those that depend on it. Tests (`#[cfg(test)] mod`) are
-left out.
+a module. A room is a folder of `src` with all that is in it, or a file of `src` itself. Rooms form no circle
+either, so that a folder can be understood without those that depend on it. Tests are left out.
 """
 
 import re
@@ -18,11 +17,11 @@ import pytest
 
 RUST = Path(__file__).parents[2] / "rust"
 DEPENDS_ON = {
-    "bindings": {"mpm", "neighbors", "neural", "team"},
-    "mpm": {"team"},
-    "neighbors": {"team"},
+    "bindings": {"mpm", "neighbors", "neural", "threads"},
+    "mpm": {"threads"},
+    "neighbors": {"threads"},
     "neural": set(),
-    "team": set(),
+    "threads": set(),
 }
 """The crates of this project that each one may use."""
 MOST_FILES = 12

@@ -7,7 +7,9 @@
 mod convert;
 mod error;
 mod graph;
+mod hand_out;
 mod neural;
+mod pools;
 mod scene;
 mod solver;
 
@@ -83,6 +85,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<graph::PyVerletList>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
+    module.add_function(wrap_pyfunction!(hand_out::hand_out_times, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(neural::disturbance, module)?)?;
     module.add_function(wrap_pyfunction!(neural::relaxed, module)?)?;

@@ -89,8 +89,8 @@ impl MpmError {
     }
 }
 
-impl From<team::ThreadError> for MpmError {
-    fn from(error: team::ThreadError) -> Self {
+impl From<threads::ThreadError> for MpmError {
+    fn from(error: threads::ThreadError) -> Self {
         Self::parameter(
             "threads",
             "a number that the system grants",

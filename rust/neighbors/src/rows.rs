@@ -1,6 +1,6 @@
 //! Rows of neighbours as threads find them, and as one array.
 
-use team::Team;
+use threads::Pool;
 
 use crate::error::GraphError;
 use crate::settings::GraphSettings;
@@ -104,9 +104,14 @@ impl Rows {
     }
 
     /// Writes all rows in the order of their points.
-    pub fn write(&self, into: &mut [u32], team: &Team) {
+    pub fn write(&self, into: &mut [u32], pool: &Pool) {
         let points = self.places.len();
-        let share = points.div_ceil(pieces(points, team)).max(1);
+        let pieces = if into.len() < WORTH_SHARING_COPIES {
+            1
+        } else {
+            pieces(points, pool)
+        };
+        let share = points.div_ceil(pieces).max(1);
         let mut rest = into;
         let mut jobs: Vec<(usize, &mut [u32])> = (0..points)
             .step_by(share)
@@ -118,7 +123,7 @@ impl Rows {
                 (first, mine)
             })
             .collect();
-        team.for_each(&mut jobs, |(first, into)| self.write_from(*first, into));
+        pool.for_each(&mut jobs, |(first, into)| self.write_from(*first, into));
     }
 
     /// The rows of the points from `first` on, as many as `into` holds.
@@ -139,11 +144,18 @@ impl Rows {
     }
 }
 
+/// Fewer points than this are searched by the calling thread: in a quarter of a millisecond, of which the pool would
+/// need a good part to wake its threads.
+const WORTH_SHARING: usize = 4096;
+
+/// Fewer entries than this are copied by the calling thread, for the same reason.
+const WORTH_SHARING_COPIES: usize = 1 << 18;
+
 /// Pieces of work for `points` points: several a thread, so that a slow one does not keep the others waiting.
-pub(crate) fn pieces(points: usize, team: &Team) -> usize {
-    if team.size() == 1 {
+pub(crate) fn pieces(points: usize, pool: &Pool) -> usize {
+    if pool.size() == 1 || points < WORTH_SHARING {
         1
     } else {
-        (points / 128).clamp(1, 8 * team.size())
+        (points / 128).clamp(1, 8 * pool.size())
     }
 }

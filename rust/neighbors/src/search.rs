@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use team::Team;
+use threads::Pool;
 
 use crate::error::GraphError;
 use crate::filter::Filter;
@@ -47,7 +47,7 @@ impl<const D: usize> Search<D> {
         points: &[f32],
         fixed: Option<&[bool]>,
         settings: &GraphSettings,
-        team: &Team,
+        pool: &Pool,
     ) -> Result<usize, GraphError> {
         check_length("radius", settings.radius)?;
         check_points(points.len() / D)?;
@@ -58,7 +58,7 @@ impl<const D: usize> Search<D> {
             rows,
             lengths,
         } = self;
-        let parts = slabs(cells, pieces(cells.points(), team));
+        let parts = slabs(cells, pieces(cells.points(), pool));
         lengths.resize(cells.points(), 0);
         let sweep = Sweep {
             cells,
@@ -78,7 +78,7 @@ impl<const D: usize> Search<D> {
                 (range, part, mine)
             })
             .collect();
-        team.for_each(&mut jobs, |(range, part, lengths)| {
+        pool.for_each(&mut jobs, |(range, part, lengths)| {
             sweep.run(range.clone(), part, lengths);
         });
         rows.check_size(cells.points(), settings)?;
@@ -93,8 +93,8 @@ impl<const D: usize> Search<D> {
     }
 
     /// Writes the senders of all edges, by receiver, then ascending; `into` has as many places as `find` returned.
-    pub fn write_senders(&self, into: &mut [u32], team: &Team) {
-        self.rows.write(into, team);
+    pub fn write_senders(&self, into: &mut [u32], pool: &Pool) {
+        self.rows.write(into, pool);
     }
 }
 

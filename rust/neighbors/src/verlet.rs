@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use team::Team;
+use threads::Pool;
 
 use crate::error::GraphError;
 use crate::filter::Filter;
@@ -63,14 +63,14 @@ impl<const D: usize> VerletList<D> {
         &mut self,
         points: &[f32],
         fixed: Option<&[bool]>,
-        team: &Team,
+        pool: &Pool,
     ) -> Result<usize, GraphError> {
         check_fixed(fixed, points.len() / D)?;
         if !self.still_valid(points) {
-            self.rebuild(points, team)?;
+            self.rebuild(points, pool)?;
         }
         let count = points.len() / D;
-        let share = count.div_ceil(pieces(count, team)).max(1);
+        let share = count.div_ceil(pieces(count, pool)).max(1);
         let ranges = (0..count).step_by(share);
         let ranges = ranges.map(|first| first..(first + share).min(count));
         let parts = self.rows.empty_parts(ranges.len());
@@ -86,7 +86,7 @@ impl<const D: usize> VerletList<D> {
         };
         let lengths = self.lengths.chunks_mut(share);
         let mut jobs: Vec<_> = ranges.zip(parts).zip(lengths).collect();
-        team.for_each(&mut jobs, |((range, part), lengths)| {
+        pool.for_each(&mut jobs, |((range, part), lengths)| {
             sweep.run(range.clone(), part, lengths);
         });
         self.rows.check_size(count, &self.settings)?;
@@ -100,8 +100,8 @@ impl<const D: usize> VerletList<D> {
     }
 
     /// Writes the senders of all edges, as `Search::write_senders` does.
-    pub fn write_senders(&self, into: &mut [u32], team: &Team) {
-        self.rows.write(into, team);
+    pub fn write_senders(&self, into: &mut [u32], pool: &Pool) {
+        self.rows.write(into, pool);
     }
 
     /// Whether no point has moved so far that an edge could be missing among the candidates.
@@ -119,7 +119,7 @@ impl<const D: usize> VerletList<D> {
             })
     }
 
-    fn rebuild(&mut self, points: &[f32], team: &Team) -> Result<(), GraphError> {
+    fn rebuild(&mut self, points: &[f32], pool: &Pool) -> Result<(), GraphError> {
         // Should the search fail, the next call starts afresh.
         self.origin.clear();
         let wide = f64::from(self.settings.radius) + f64::from(self.skin);
@@ -129,9 +129,9 @@ impl<const D: usize> VerletList<D> {
             max_edges: u32::MAX,
             ..self.settings
         };
-        let count = self.search.find(points, None, &settings, team)?;
+        let count = self.search.find(points, None, &settings, pool)?;
         self.candidates.resize(count, 0);
-        self.search.write_senders(&mut self.candidates, team);
+        self.search.write_senders(&mut self.candidates, pool);
         self.starts.clear();
         self.starts.extend_from_slice(self.search.starts());
         self.owners.clear();

@@ -2,7 +2,7 @@
 
 use neighbors::{GraphError, GraphSettings, Search, VerletList, most_neighbors, write_padded};
 use proptest::prelude::*;
-use team::Team;
+use threads::Pool;
 
 #[derive(Debug, PartialEq)]
 struct Graph {
@@ -48,11 +48,11 @@ fn search<const D: usize>(
     x: &[f32],
     fixed: Option<&[bool]>,
     settings: &GraphSettings,
-    team: &Team,
+    pool: &Pool,
 ) -> Graph {
-    let edges = search.find(x, fixed, settings, team).unwrap();
+    let edges = search.find(x, fixed, settings, pool).unwrap();
     let mut senders = vec![0; edges];
-    search.write_senders(&mut senders, team);
+    search.write_senders(&mut senders, pool);
     Graph {
         starts: search.starts().to_vec(),
         senders,
@@ -95,7 +95,7 @@ fn same_as_brute_force<const D: usize>(x: &[f32], settings: &GraphSettings, flag
     let fixed: Vec<bool> = (0..x.len() / D)
         .map(|i| flags >> (i % 64) & 1 == 1)
         .collect();
-    let (one, three) = (Team::new(1).unwrap(), Team::new(3).unwrap());
+    let (one, three) = (Pool::new(1).unwrap(), Pool::new(3).unwrap());
     let mut reused = Search::<D>::new();
     for fixed in [None, Some(fixed.as_slice())] {
         let expected = brute_force::<D>(x, fixed, settings);
@@ -119,17 +119,17 @@ proptest! {
     fn verlet_list_equals_a_fresh_graph(
         x in clouds(2), settings in settings(), skin in 0.001f32..0.5, steps in prop::collection::vec(-0.2f32..0.2, 12)
     ) {
-        let team = Team::new(2).unwrap();
+        let pool = Pool::new(2).unwrap();
         let mut list = VerletList::<2>::new(settings, skin).unwrap();
         let (mut x, mut fresh) = (x, Search::<2>::new());
         for (frame, step) in steps.into_iter().enumerate() {
             for (i, s) in x.iter_mut().enumerate() {
                 *s += step * skin * ((i + frame) % 5) as f32;
             }
-            let expected = search(&mut fresh, &x, None, &settings, &team);
-            let edges = list.find(&x, None, &team).unwrap();
+            let expected = search(&mut fresh, &x, None, &settings, &pool);
+            let edges = list.find(&x, None, &pool).unwrap();
             let mut senders = vec![0; edges];
-            list.write_senders(&mut senders, &team);
+            list.write_senders(&mut senders, &pool);
             prop_assert_eq!(Graph { starts: list.starts().to_vec(), senders }, expected);
         }
     }
@@ -161,28 +161,28 @@ fn threads_do_not_change_a_large_graph() {
         let mut reused = Search::<D>::new();
         let expected = brute_force::<D>(x, None, &settings);
         for threads in [1, 2, 4] {
-            let team = Team::new(threads).unwrap();
-            assert_eq!(search(&mut reused, x, None, &settings, &team), expected);
+            let pool = Pool::new(threads).unwrap();
+            assert_eq!(search(&mut reused, x, None, &settings, &pool), expected);
         }
     }
-    check::<2>(&jittered::<2>(60), 0.05);
-    check::<3>(&jittered::<3>(15), 0.14);
+    check::<2>(&jittered::<2>(70), 0.04);
+    check::<3>(&jittered::<3>(17), 0.12);
 }
 
 #[test]
 fn candidates_serve_until_a_point_has_moved_half_the_skin() {
-    let team = Team::new(1).unwrap();
+    let pool = Pool::new(1).unwrap();
     let mut list = VerletList::<2>::new(GraphSettings::new(0.05), 0.02).unwrap();
     let mut x = jittered::<2>(20);
     for (moved, rebuilds) in [(0.0, 1), (0.009, 1), (0.0009, 1), (0.0009, 2), (0.009, 2)] {
         x[17] += moved;
-        list.find(&x, None, &team).unwrap();
+        list.find(&x, None, &pool).unwrap();
         assert_eq!(list.rebuilds(), rebuilds, "after {moved} m");
     }
-    list.find(&x[2..], None, &team).unwrap();
+    list.find(&x[2..], None, &pool).unwrap();
     assert_eq!(list.rebuilds(), 3);
     x[3] = f32::NAN;
-    assert!(list.find(&x, None, &team).is_err());
+    assert!(list.find(&x, None, &pool).is_err());
 }
 
 #[test]
@@ -199,9 +199,9 @@ fn padded_rows_hold_the_senders_and_then_the_point_itself() {
 
 #[test]
 fn nonsense_is_named() {
-    let team = Team::new(1).unwrap();
+    let pool = Pool::new(1).unwrap();
     let error = |x: &[f32], fixed: Option<&[bool]>, settings: &GraphSettings| {
-        let error = Search::<2>::new().find(x, fixed, settings, &team);
+        let error = Search::<2>::new().find(x, fixed, settings, &pool);
         error.unwrap_err()
     };
     assert_eq!(

@@ -1,20 +1,17 @@
 //! What finds edges, whatever the dimension.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Mutex;
 
 use neighbors::{GraphError, GraphSettings, Search, VerletList};
-use pyo3::prelude::*;
-use team::Team;
-
-use crate::error::config_error;
+use threads::Pool;
 
 /// Something that finds the edges first and writes them when there is room.
 pub trait Finder: Send + Sync {
     fn radius(&self) -> f32;
-    fn find(&mut self, x: &[f32], fixed: Option<&[bool]>, team: &Team)
+    fn find(&mut self, x: &[f32], fixed: Option<&[bool]>, pool: &Pool)
     -> Result<usize, GraphError>;
     fn starts(&self) -> &[u32];
-    fn write_senders(&self, into: &mut [u32], team: &Team);
+    fn write_senders(&self, into: &mut [u32], pool: &Pool);
 }
 
 /// A search of each dimension, for one after the other.
@@ -71,16 +68,19 @@ const SPARE_EDGES: usize = 1 << 23;
 impl Direct {
     /// The spare search, or a new one.
     pub fn borrowed(dim: usize) -> Self {
-        let mut spare = SPARE.lock().unwrap_or_else(PoisonError::into_inner);
-        let fits = spare.take_if(|search| search.dim() == dim);
+        // Never waited for: where another call holds the lock, a new search is soon made.
+        let spare = SPARE.try_lock().ok();
+        let fits = spare.and_then(|mut spare| spare.take_if(|search| search.dim() == dim));
         fits.unwrap_or_else(|| Self::new(dim))
     }
 
     /// Leaves it for another call.
     pub fn give_back(self) {
         let capacity = either!(&self.dim, search => search.capacity());
-        if capacity <= SPARE_EDGES {
-            *SPARE.lock().unwrap_or_else(PoisonError::into_inner) = Some(self);
+        if capacity <= SPARE_EDGES
+            && let Ok(mut spare) = SPARE.try_lock()
+        {
+            *spare = Some(self);
         }
     }
 }
@@ -93,16 +93,16 @@ impl Finder for Direct {
         &mut self,
         x: &[f32],
         fixed: Option<&[bool]>,
-        team: &Team,
+        pool: &Pool,
     ) -> Result<usize, GraphError> {
         let settings = &self.settings;
-        either!(&mut self.dim, search => search.find(x, fixed, settings, team))
+        either!(&mut self.dim, search => search.find(x, fixed, settings, pool))
     }
     fn starts(&self) -> &[u32] {
         either!(&self.dim, search => search.starts())
     }
-    fn write_senders(&self, into: &mut [u32], team: &Team) {
-        either!(&self.dim, search => search.write_senders(into, team));
+    fn write_senders(&self, into: &mut [u32], pool: &Pool) {
+        either!(&self.dim, search => search.write_senders(into, pool));
     }
 }
 
@@ -144,39 +144,14 @@ impl Finder for Candidates {
         &mut self,
         x: &[f32],
         fixed: Option<&[bool]>,
-        team: &Team,
+        pool: &Pool,
     ) -> Result<usize, GraphError> {
-        either!(&mut self.dim, list => list.find(x, fixed, team))
+        either!(&mut self.dim, list => list.find(x, fixed, pool))
     }
     fn starts(&self) -> &[u32] {
         either!(&self.dim, list => list.starts())
     }
-    fn write_senders(&self, into: &mut [u32], team: &Team) {
-        either!(&self.dim, list => list.write_senders(into, team));
+    fn write_senders(&self, into: &mut [u32], pool: &Pool) {
+        either!(&self.dim, list => list.write_senders(into, pool));
     }
-}
-
-/// The threads of the latest call that asked for several: starting new ones would take as long as a small graph does.
-static TEAM: Mutex<Option<Arc<Team>>> = Mutex::new(None);
-
-/// A team of so many threads. Calls at the same time share it: one has its help, the others work alone.
-pub fn team(threads: usize) -> PyResult<Arc<Team>> {
-    if threads == 0 {
-        return Err(config_error("threads must be at least 1, got 0"));
-    }
-    let start = || {
-        Team::new(threads).map(Arc::new).map_err(|error| {
-            config_error(format!(
-                "threads must be a number that the system grants: {error}"
-            ))
-        })
-    };
-    if threads == 1 {
-        return start();
-    }
-    let mut latest = TEAM.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(team) = latest.as_ref().filter(|team| team.size() == threads) {
-        return Ok(Arc::clone(team));
-    }
-    Ok(Arc::clone(latest.insert(start()?)))
 }

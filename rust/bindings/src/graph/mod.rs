@@ -12,7 +12,8 @@ use pyo3::types::PyDict;
 
 use crate::convert::{array, describe, slice_of};
 use crate::error::{GraphSizeError, config_error};
-use finder::{Direct, team};
+use crate::pools::shared_pool;
+use finder::Direct;
 pub use padded::PyPaddedGraph;
 pub use record::PyRadiusGraph;
 pub use verlet::PyVerletList;
@@ -44,15 +45,15 @@ pub fn py_radius_graph<'py>(
         self_edges,
         max_edges: max_edges.unwrap_or(u32::MAX),
     };
-    let team = team(threads)?;
+    let pool = shared_pool(threads)?;
     let Some(out) = out else {
         let mut finder = Direct::borrowed(points.dim());
         finder.set(settings);
-        let graph = PyRadiusGraph::found(py, &points, &mut finder, &team);
+        let graph = PyRadiusGraph::found(py, &points, &mut finder, &pool);
         finder.give_back();
         return graph;
     };
-    out.get().find_again(py, &points, settings, &team)?;
+    out.get().find_again(py, &points, settings, &pool)?;
     Ok(out)
 }
 

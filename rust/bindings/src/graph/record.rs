@@ -6,7 +6,7 @@ use neighbors::GraphSettings;
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
-use team::Team;
+use threads::Pool;
 
 use super::finder::{Direct, Finder};
 use super::padded::PyPaddedGraph;
@@ -36,7 +36,7 @@ impl PyRadiusGraph {
         py: Python<'py>,
         points: &Points<'_>,
         finder: &mut dyn Finder,
-        team: &Team,
+        pool: &Pool,
     ) -> PyResult<Bound<'py, Self>> {
         let mut held = Held {
             starts: PyArray1::zeros(py, 0, false).unbind(),
@@ -46,7 +46,7 @@ impl PyRadiusGraph {
             radius: 0.0,
             search: None,
         };
-        held.find(py, points, finder, team, 0)?;
+        held.find(py, points, finder, pool, 0)?;
         let held = Mutex::new(held);
         Bound::new(py, Self { held })
     }
@@ -57,7 +57,7 @@ impl PyRadiusGraph {
         py: Python<'_>,
         points: &Points<'_>,
         settings: GraphSettings,
-        team: &Team,
+        pool: &Pool,
     ) -> PyResult<()> {
         let mut held = self.held()?;
         let mut search = match held.search.take() {
@@ -65,7 +65,7 @@ impl PyRadiusGraph {
             _ => Direct::new(points.dim()),
         };
         search.set(settings);
-        let done = held.overwrite(py, points, &mut search, team);
+        let done = held.overwrite(py, points, &mut search, pool);
         held.search = Some(search);
         done
     }
@@ -76,9 +76,9 @@ impl PyRadiusGraph {
         py: Python<'_>,
         points: &Points<'_>,
         finder: &mut dyn Finder,
-        team: &Team,
+        pool: &Pool,
     ) -> PyResult<()> {
-        self.held()?.overwrite(py, points, finder, team)
+        self.held()?.overwrite(py, points, finder, pool)
     }
 
     fn held(&self) -> PyResult<MutexGuard<'_, Held>> {
@@ -92,10 +92,10 @@ impl Held {
         py: Python<'_>,
         points: &Points<'_>,
         finder: &mut dyn Finder,
-        team: &Team,
+        pool: &Pool,
     ) -> PyResult<()> {
         // Some room to spare, as the next graph may be a little larger.
-        self.find(py, points, finder, team, 8)
+        self.find(py, points, finder, pool, 8)
     }
 
     /// Finds a graph into these arrays, or into new ones with room for an `eighth`-th more edges (0: none) where it
@@ -105,11 +105,11 @@ impl Held {
         py: Python<'_>,
         points: &Points<'_>,
         finder: &mut dyn Finder,
-        team: &Team,
+        pool: &Pool,
         spare: usize,
     ) -> PyResult<()> {
         let (x, fixed) = (points.coordinates(), points.fixed.as_deref());
-        let edges = py.detach(|| finder.find(x, fixed, team)).map_err(raised)?;
+        let edges = py.detach(|| finder.find(x, fixed, pool)).map_err(raised)?;
         if self.starts.bind(py).len() != points.count() + 1 {
             self.starts = uninit(py, points.count() + 1);
         }
@@ -121,7 +121,7 @@ impl Held {
         let (starts, senders) = unsafe { (starts.as_slice_mut()?, senders.as_slice_mut()?) };
         py.detach(|| {
             starts.copy_from_slice(finder.starts());
-            finder.write_senders(&mut senders[..edges], team);
+            finder.write_senders(&mut senders[..edges], pool);
         });
         self.edges = edges;
         self.receivers = None;

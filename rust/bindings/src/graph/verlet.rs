@@ -4,11 +4,12 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use neighbors::GraphSettings;
 use pyo3::prelude::*;
-use team::Team;
+use threads::Pool;
 
-use super::finder::{Candidates, team};
+use super::finder::Candidates;
 use super::record::PyRadiusGraph;
 use super::{Points, in_use, raised};
+use crate::pools::shared_pool;
 
 /// Graphs of points that move little from one to the next.
 #[pyclass(frozen, name = "VerletList", module = "hybridmpm._native")]
@@ -16,7 +17,7 @@ pub struct PyVerletList {
     settings: GraphSettings,
     #[pyo3(get)]
     skin: f32,
-    team: Arc<Team>,
+    pool: Arc<Pool>,
     // Only tried, never waited for: whoever holds it may be waiting for the interpreter.
     held: Mutex<Held>,
 }
@@ -56,7 +57,7 @@ impl PyVerletList {
         Ok(Self {
             settings,
             skin,
-            team: team(threads)?,
+            pool: shared_pool(threads)?,
             held: Mutex::new(Held {
                 candidates,
                 before: 0,
@@ -92,10 +93,10 @@ impl PyVerletList {
                 Candidates::new(points.dim(), self.settings, self.skin).map_err(raised)?;
         }
         let Some(out) = out else {
-            return PyRadiusGraph::found(py, &points, &mut held.candidates, &self.team);
+            return PyRadiusGraph::found(py, &points, &mut held.candidates, &self.pool);
         };
         out.get()
-            .take_from(py, &points, &mut held.candidates, &self.team)?;
+            .take_from(py, &points, &mut held.candidates, &self.pool)?;
         Ok(out)
     }
 }

@@ -1,16 +1,16 @@
 //! `advance_all`: many scenes side by side.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use mpm::{Force, MpmError};
 use numpy::{IxDyn, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
+use threads::Pool;
 
 use super::class::PySolver;
 use crate::convert::array;
 use crate::error::{batch_error, config_error};
+use crate::pools::pool;
 
 /// Each scene on one thread. A solver that stands in the list twice advances twice.
 #[pyfunction]
@@ -30,11 +30,18 @@ pub fn advance_all(
     for (index, (solver, array)) in solvers.iter().zip(&arrays).enumerate() {
         let solver = solver.get();
         let force = solver.force(py, &format!("force[{index}]"), frames, array.as_ref())?;
-        jobs.push((index, solver, force));
+        jobs.push(Job {
+            index,
+            solver,
+            force,
+            outcome: Ok(()),
+        });
     }
     let available = || thread::available_parallelism().map_or(1, usize::from);
     let threads = threads.unwrap_or_else(available).min(jobs.len());
-    let failures = py.detach(|| run(jobs, frames, threads));
+    // A pool of its own: a shared one would leave a second batch at the same time to a single thread.
+    let pool = pool(threads.max(1))?;
+    let failures = py.detach(|| run(jobs, frames, &pool));
     if failures.is_empty() {
         return Ok(());
     }
@@ -62,31 +69,24 @@ fn arrays<'py>(
     forces.iter().enumerate().map(one).collect()
 }
 
-type Job<'a> = (usize, &'a PySolver, Force<'a>);
+struct Job<'a> {
+    index: usize,
+    solver: &'a PySolver,
+    force: Force<'a>,
+    outcome: Result<(), MpmError>,
+}
 
 /// Runs all jobs and returns the failures by index.
-fn run(mut jobs: Vec<Job<'_>>, frames: usize, threads: usize) -> Vec<(usize, MpmError)> {
+fn run(mut jobs: Vec<Job<'_>>, frames: usize, pool: &Pool) -> Vec<(usize, MpmError)> {
     // The largest first, so that no thread is left alone with it at the end.
-    jobs.sort_by_cached_key(|(_, solver, _)| std::cmp::Reverse(solver.count()));
-    let next = AtomicUsize::new(0);
-    let failures = Mutex::new(Vec::new());
-    let work = || {
-        while let Some((index, solver, force)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if let Err(error) = solver.run(frames, *force) {
-                failures
-                    .lock()
-                    .expect("no panic under the lock")
-                    .push((*index, error));
-            }
-        }
-    };
-    thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
+    jobs.sort_by_cached_key(|job| std::cmp::Reverse(job.solver.count()));
+    pool.for_each(&mut jobs, |job| {
+        job.outcome = job.solver.run(frames, job.force);
     });
-    let mut failures = failures.into_inner().expect("no panic under the lock");
-    failures.sort_by_key(|(index, _)| *index);
-    failures
+    jobs.sort_by_key(|job| job.index);
+    let failures = jobs.into_iter().filter_map(|job| {
+        let failure = job.outcome.err();
+        failure.map(|error| (job.index, error))
+    });
+    failures.collect()
 }

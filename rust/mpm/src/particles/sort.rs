@@ -7,7 +7,7 @@ use super::slabs::{Slab, count_planes, cut};
 use crate::grid::{Layout, Place, Stencils};
 use crate::linalg::LANES;
 use crate::material::State;
-use team::Team;
+use threads::Team;
 
 /// Sorts all particles that carry by grid row, and cuts the grid into slabs of about equal numbers of them.
 ///

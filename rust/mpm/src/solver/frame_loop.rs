@@ -18,7 +18,7 @@ use crate::state::SolverState;
 use crate::substep::{
     Bound, FrameReport, G2pStep, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g,
 };
-use team::Team;
+use threads::Team;
 
 /// MLS-MPM on one scene.
 #[derive(Clone)]

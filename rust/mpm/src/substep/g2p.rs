@@ -9,7 +9,7 @@ use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, MaterialGroup, with_group};
-use team::Team;
+use threads::Team;
 
 /// What one substep needs besides the grid.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@ use crate::boundary::{MaterialFriction, Obstacles, WallContact};
 use crate::grid::{CHUNK, Grid, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Vector, lanes, run_wide};
 use crate::particles::Slab;
-use team::Team;
+use threads::Team;
 
 /// Everything that acts on grid velocities.
 pub struct GridForces<'a, const D: usize> {

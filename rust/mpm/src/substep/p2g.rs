@@ -9,7 +9,7 @@ use crate::grid::{Grid, Layout, MARGIN, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
 use crate::material::{Constitutive, State};
 use crate::particles::{Block, MaterialGroup, Slab, with_group};
-use team::Team;
+use threads::Team;
 
 /// What one substep needs besides the state.
 #[derive(Clone, Copy)]

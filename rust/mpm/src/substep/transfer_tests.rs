@@ -13,7 +13,7 @@ use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
 use crate::particles::{Activity, Group, MaterialGroup, Particle, sort};
-use team::Team;
+use threads::Team;
 
 const RESOLUTION: usize = 16;
 const DX: f64 = 1.0 / RESOLUTION as f64;

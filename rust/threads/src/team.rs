@@ -2,7 +2,13 @@
 //!
 //! A substep of an interactive scene is several such pieces, so what counts is the time to hand one out. Workers
 //! therefore look for the next piece for a while before they sleep, and the caller never waits for a worker
-//! that has not begun: it does what is left itself. Which thread did what has no influence on the result.
+//! that has not begun: it does what is left itself.
+//!
+//! Rayon is slower here, because its threads go to sleep while the caller works alone between two stages. On two cores
+//! of an AMD EPYC, pieces of 20 us for each thread after 20 us alone take 40 us with this team and 59 us within a pool
+//! of rayon, which is as long as without help (`hybridmpm bench scaling` measures this). A frame of 4096 particles
+//! of 2D water takes 0.92 ms with this team, 1.09 ms where the whole frame runs within a pool of rayon, 2.2 ms
+//! where each stage is handed to it, and 1.25 ms on one thread.
 
 use std::hint::spin_loop;
 use std::mem::transmute;
@@ -11,18 +17,10 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError, TryLockError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use thiserror::Error;
+use crate::error::ThreadError;
 
 /// How long an idle worker stays awake: longer than the pauses within a frame, shorter than those between frames.
 const AWAKE: Duration = Duration::from_micros(100);
-
-/// The system grants no further thread.
-#[derive(Debug, Error)]
-#[error("the system grants no thread beside the first {granted}: {source}")]
-pub struct ThreadError {
-    pub granted: usize,
-    pub source: std::io::Error,
-}
 
 /// A caller and the workers that help it.
 #[derive(Debug)]
@@ -97,10 +95,7 @@ impl Team {
             // Not joined when the team ends: it leaves by itself, and in a forked process it never was.
             builder
                 .spawn(move || shared.work(index))
-                .map_err(|source| ThreadError {
-                    granted: index,
-                    source,
-                })?;
+                .map_err(|source| ThreadError { threads, source })?;
             team.workers += 1;
         }
         Ok(team)

@@ -1,0 +1,13 @@
+//! Threads for two sizes of work. Which thread did what has no influence on any result.
+//!
+//! - `Pool` is for coarse work, from a tenth of a millisecond on: scenes of a batch, parts of a large graph. Its threads
+//!   are rayon's.
+//! - `Team` is for the stages of a substep, tens of microseconds each.
+
+mod error;
+mod pool;
+mod team;
+
+pub use error::ThreadError;
+pub use pool::Pool;
+pub use team::Team;
