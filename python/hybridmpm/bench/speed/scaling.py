@@ -1,10 +1,11 @@
-"""How cost grows: linearly with the particles, and with the cells that they touch, not with the grid."""
+"""How cost grows: with the particles, with the cells that they touch, and with work that threads share."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hybridmpm._native import hand_out_times
 from hybridmpm._support import charts
 from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
@@ -22,6 +23,8 @@ _SHARE = {2: 0.4, 3: 0.2}
 """Part of the box that a block fills, by dimension."""
 _BLOB_RADIUS = 8
 """Radius of the blob [cells]; it has about 17 000 particles."""
+LOADS = ((0.0, 0.0), (20e-6, 0.0), (20e-6, 20e-6))
+"""Work of each thread and, before it, of one thread alone [s]: a substep has both, of about this length."""
 _RUN_UP = 5
 """Frames before the measurement."""
 _PER_MEASUREMENT = 5_000_000
@@ -37,20 +40,22 @@ class ScalingSettings:
     resolutions: tuple[int, ...] = (64, 128, 256)
     """Cells along each axis of the grids that hold the same blob."""
     threads: int = 1
-    """Threads of the solver."""
+    """Threads of the solver. Work is handed out to as many, but to two at least."""
     repeats: int = 5
     """Number of timings, whose median is reported."""
 
     @property
     def count(self) -> int:
         """Number of rows."""
-        return 2 * len(self.particles) + len(self.resolutions)
+        return 2 * len(self.particles) + len(self.resolutions) + len(LOADS)
 
 
 def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
-    """Measure blocks of water that grow, then a blob in grids that grow, and yield a row for each scene.
+    """Measure blocks of water that grow, a blob in grids that grow, and work that threads share.
 
-    `on_progress` counts rows.
+    Yields a row for each scene, then those of the series "hand_out": times of short work on one thread
+    (`alone_us`), shared by the team of a substep (`team_us`), by the pool of batches and large graphs
+    (`pool_us`), and inside one job of a pool of rayon (`rayon_us`). `on_progress` counts rows.
     """
     blocks = [block(dim, particles) for dim in (2, 3) for particles in settings.particles]
     blobs = [blob(resolution) for resolution in settings.resolutions]
@@ -69,6 +74,17 @@ def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
                 "ns_per_particle_substep": round(per_substep * 1e9 / solver.particle_count, 2),
             }
             on_progress(1)
+    threads = max(2, settings.threads)
+    for work, pause in LOADS:
+        times = hand_out_times(threads=threads, work=work, pause=pause, repeats=5 * settings.repeats)
+        yield {
+            "series": "hand_out",
+            "threads": threads,
+            "work_us": round(work * 1e6),
+            "pause_us": round(pause * 1e6),
+            **{f"{way}_us": round(times[way] * 1e6, 2) for way in ("alone", "team", "pool", "rayon")},
+        }
+        on_progress(1)
 
 
 def _timed(solver: MpmSolver) -> TimedSimulation:
@@ -114,7 +130,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     figure, axes = charts.panels(columns=3)
     whole, each, around = axes[0]
     for dim, marker in zip((2, 3), charts.MARKERS, strict=False):
-        blocks = [row for row in rows if (row["series"], row["dim"]) == ("particles", dim)]
+        blocks = [row for row in rows if row["series"] == "particles" and row["dim"] == dim]
         particles = [row["particles"] for row in blocks]
         for panel, field in ((whole, "ms_per_substep"), (each, "ns_per_particle_substep")):
             panel.plot(particles, [row[field] for row in blocks], marker=marker, label=f"water {dim}D")

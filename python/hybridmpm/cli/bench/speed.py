@@ -18,7 +18,10 @@ from hybridmpm.cli.bench.options import (
     measured,
     number_option,
     numbers_option,
+    print_origin,
+    print_table,
     report,
+    save,
     source,
     threads_option,
 )
@@ -30,6 +33,9 @@ _MPM_COLUMNS = (
 _PEER_COLUMNS = ("peer", "peer_ns", "peer_threads", "ratio")
 _SCALING_COLUMNS = (
     "series", "dim", "particles", "resolution", "threads", "ms_per_substep", "ns_per_particle_substep",
+)  # fmt: skip
+_HAND_OUT_COLUMNS = (
+    "series", "threads", "work_us", "pause_us", "alone_us", "team_us", "pool_us", "rayon_us",
 )  # fmt: skip
 _SLEEPING_COLUMNS = ("particles", "frame", "asleep", "ms_awake", "ms_sleeping", "ratio", "error", "floor")
 _BATCH_COLUMNS = (
@@ -117,7 +123,8 @@ def scaling(
 ) -> None:
     """Time the solver on scenes that grow.
 
-    Blocks of water grow together with their grids; then the same blob of water is put into growing grids.
+    Blocks of water grow together with their grids; then the same blob of water is put into growing grids. At
+    last the time is taken that short pieces of work need which threads share, as in a substep.
     """
     settings = scaling_bench.ScalingSettings(
         particles=particles, resolutions=resolution, threads=threads, repeats=repeats
@@ -126,7 +133,12 @@ def scaling(
         "scaling", particles=particles, resolution=resolution, threads=(threads,), repeats=(repeats,)
     )
     rows = measured(partial(scaling_bench.measure, settings), settings.count, origin)
-    report(rows, _SCALING_COLUMNS, origin, json_file, chart_file=chart_file, draw=scaling_bench.chart)
+    scenes, loads = rows[: -len(scaling_bench.LOADS)], rows[-len(scaling_bench.LOADS) :]
+    save(rows, json_file, chart_file, scaling_bench.chart)
+    print_table(scenes, _SCALING_COLUMNS)
+    click.echo()
+    print_table(loads, _HAND_OUT_COLUMNS)
+    print_origin(origin)
 
 
 @click.command()
