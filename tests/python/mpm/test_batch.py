@@ -55,6 +55,18 @@ def test_a_batch_gives_the_bits_of_each_scene_alone() -> None:
         assert one.snapshot() == other.snapshot()
 
 
+def test_a_uniform_force_is_the_same_row_for_each_particle() -> None:
+    uniform, rows = scenes(), scenes()
+    wind = [np.array([3.0, 1.0, 0.5][: one.dim], np.float32) for one in uniform]
+    _native.advance_all(uniform, 20, wind)
+    for one, other, a in zip(uniform, rows, wind, strict=True):
+        other.advance(20, np.tile(a, (other.particle_count, 1)))
+        assert one.snapshot() == other.snapshot()
+    uniform[0].advance(5, wind[0])
+    rows[0].advance(5, np.tile(wind[0], (5, rows[0].particle_count, 1)))
+    assert uniform[0].snapshot() == rows[0].snapshot()
+
+
 def test_a_scene_that_fails_stops_no_other() -> None:
     good, bad, last = block(2, 0.0), block(2, 0.2, stiffening=100.0), block(2, 0.1)
     # Ten times the sound speed, far above the stability limit: some frame of the splash has to fail.
@@ -81,6 +93,7 @@ def test_one_solver_twice_advances_twice() -> None:
         ({"threads": 0}, "threads must be at least 1, got 0"),
         ({"force": [None]}, "force must have one entry a solver, 2, got 1"),
         ({"force": [None, np.zeros((1, 2), np.float32)]}, r"force\[1\] must be of shape \[\d+, 2\] or \[1, "),
+        ({"force": [None, np.zeros(3, np.float32)]}, r"force\[1\] must be .* or \[2\] for all .*, got \[3\]"),
         ({"force": [None, "up"]}, r"force\[1\] must be float32, got 'up'"),
     ],
 )
