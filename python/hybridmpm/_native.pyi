@@ -35,8 +35,8 @@ __all__ = [
     "VerletList",
     "__version__",
     "advance_all",
+    "answer_weights",
     "cpu_features",
-    "disturbance",
     "grid_mass",
     "hand_out_times",
     "radius_graph",
@@ -401,10 +401,10 @@ class AccelerationHistory:
         Accelerations in each of the two windows.
     dt : float > 0
         Time between two positions [s].
-    floor : float >= 0
-        A particle is calm whose root mean square acceleration is below this in both windows [m/s^2].
-    quorum : float in [0, 1]
-        With a smaller share of particles that are not calm the scene counts as calm.
+    calm_acceleration : float >= 0
+        Root mean square acceleration that a calm particle exceeds in neither window [m/s^2].
+    min_active_share : float in [0, 1]
+        Share of the particles that must not be calm for the scene to count as active [-].
 
     Raises
     ------
@@ -413,7 +413,14 @@ class AccelerationHistory:
     """
 
     def __new__(
-        cls, particles: int, dim: int, *, window: int, dt: float, floor: float, quorum: float
+        cls,
+        particles: int,
+        dim: int,
+        *,
+        window: int,
+        dt: float,
+        calm_acceleration: float,
+        min_active_share: float,
     ) -> AccelerationHistory: ...
     def push(self, x: npt.NDArray[np.float32]) -> AccelerationSignal:
         """Take the next positions, float32 (N, D) [m]; raises `ConfigError` on another shape."""
@@ -841,9 +848,9 @@ class VerletList:
     def rebuilds(self) -> int:
         """How often the pairs were found anew."""
 
-def disturbance(
+def answer_weights(
     history: npt.NDArray[np.float32],
-    known: npt.NDArray[np.float32],
+    known_acceleration: npt.NDArray[np.float32],
     starts: npt.NDArray[np.uint32],
     senders: npt.NDArray[np.uint32],
     *,
@@ -856,39 +863,40 @@ def disturbance(
     lower: Sequence[float],
     upper: Sequence[float],
 ) -> npt.NDArray[np.float32]:
-    """Return how much anything happens to each point: 0 where an undisturbed body falls freely, else up to 1.
+    """Return the weights of a network's answer at each point: 0 where a body falls undisturbed, else up to 1.
 
-    A point's own disturbance is the sum of squares of its acceleration beyond the known one over all states,
-    and of the latest velocity of its neighbours against its own, both over `scale`, and of how far walls are
-    within the radius of where it is and of where it goes. It is felt by all points within `hops` edges, whose
-    sum s gives 1 - exp(-s / quiet).
+    A point's own disturbance is a sum of three parts: the squares of its acceleration beyond the known one
+    over all states, the squares of its neighbours' latest velocities against its own, both over `scale`, and
+    how far walls are within the radius of where the point is and of where it goes. All points within `hops`
+    edges feel it. The disturbances that a point feels add up to s, and its weight is 1 - exp(-s / quiet).
 
     Parameters
     ----------
     history : float32 (S, N, 2) or (S, N, 3)
         Two or more states [m], one step apart, oldest first.
-    known : float32 (N, D)
+    known_acceleration : float32 (N, D)
         Acceleration that disturbs nothing [m per step^2].
     starts, senders : uint32 (N + 1,) and (E,)
         Edges, as in `RadiusGraph`.
     radius : float > 0
-        R [m].
+        Radius of the graph, R [m].
     scale : D floats > 0
-        [m per step^2].
+        Unit of accelerations and of relative velocities [m per step^2 and m per step].
     hops : int >= 0
+        Number of edges in a row that a disturbance is felt across.
     quiet : float > 0
-        Disturbance that gives 63 %.
+        Disturbance that gives a weight of 63 %.
     unnoticed : float
-        Subtracted from each point's own; what is below it does not count.
+        Disturbance of a point that counts as none.
     most : float
-        Bound of a disturbance.
+        Largest disturbance of a point.
     lower, upper : D floats
         Corners of the box [m].
 
     Returns
     -------
     float32 (N,)
-        In [0, 1].
+        Weights in [0, 1].
 
     Raises
     ------
@@ -898,7 +906,7 @@ def disturbance(
 
 def relaxed(
     x: npt.NDArray[np.float32],
-    share: npt.NDArray[np.float32],
+    answer_weight: npt.NDArray[np.float32],
     starts: npt.NDArray[np.uint32],
     senders: npt.NDArray[np.uint32],
     *,
@@ -919,25 +927,25 @@ def relaxed(
     ----------
     x : float32 (N, 2) or (N, 3)
         Points [m].
-    share : float32 (N,)
-        Of its displacement that each point moves by; 0 holds it.
+    answer_weight : float32 (N,)
+        Part of its displacement that each point moves by, as of `answer_weights`; 0 holds it.
     starts, senders : uint32 (N + 1,) and (E,)
         Edges, as in `RadiusGraph`; also those of an earlier state of the points.
     radius : float > 0
-        R [m].
+        Radius of the graph, R [m].
     rest_density : float > 0
         Density of points at rest [-].
     strength : float
         Displacement over R that one neighbour at distance 0 gives at twice the density of rest.
     rounds : int >= 0
-        How often.
+        How often densities are computed and points moved.
     lower, upper : D floats
         Corners of the box that nothing leaves [m].
 
     Returns
     -------
     float32, like x
-        [m].
+        Points after the last round [m].
 
     Raises
     ------
@@ -950,8 +958,8 @@ def hand_out_times(
 ) -> dict[str, float]:
     """Time short pieces of work that threads share, as the stages of a substep are.
 
-    A call is `pause` on the calling thread alone and then `work` for each thread, cut into four items a thread. 200
-    calls in a row are timed, the ways by turns.
+    A call is `pause` on the calling thread alone and then `work` for each thread, cut into four items a
+    thread. 200 calls in a row are timed, the ways by turns.
 
     Parameters
     ----------

@@ -63,8 +63,8 @@ class Engine:
             mpm.dim,
             window=settings.window,
             dt=track.step_dt,
-            floor=NOISE_FLOOR,
-            quorum=MIN_ACTIVE_SHARE,
+            calm_acceleration=NOISE_FLOOR,
+            min_active_share=MIN_ACTIVE_SHARE,
         )
         x = mpm.positions
         track.observe(x)

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import RadiusGraph, disturbance
+from hybridmpm import _native
+from hybridmpm._native import RadiusGraph
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
 
@@ -42,7 +43,7 @@ def answer_weights(
     spec, scales
         The network and the scales of its outputs.
     """
-    found = disturbance(
+    found = _native.answer_weights(
         history,
         acceleration * np.float32(spec.step_dt**2),
         graph.starts,

@@ -49,15 +49,15 @@ class _Served(nn.Module):
         graph = SortedEdges(senders, receivers, arrivals, mask)
         answer = self.simulator.answer(history, types, walls, graph)
         share = share.unsqueeze(-1)
-        return self.simulator.moved(history, types, acceleration, walls, answer=answer, share=share)
+        return self.simulator.moved(history, types, acceleration, walls, answer=answer, weight=share)
 
 
 def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     """Return a simulator as an ONNX model with its description.
 
     Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
-    gives them, and the share (N,) of the answer that counts; its output is that of `LearnedSimulator.moved`.
-    N, E and K are free, E and K from 1 on. Neither the share nor the relaxation of density is in it: their
+    gives them, and as `share` the weight (N,) of the answer; its output is that of `LearnedSimulator.moved`.
+    N, E and K are free, E and K from 1 on. Neither this weight nor the relaxation of density is in it: their
     many small operations take onnxruntime almost as long as a small network does, so they are compiled.
     """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():

@@ -87,7 +87,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(hand_out::hand_out_times, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
-    module.add_function(wrap_pyfunction!(neural::disturbance, module)?)?;
+    module.add_function(wrap_pyfunction!(neural::answer_weights, module)?)?;
     module.add_function(wrap_pyfunction!(neural::relaxed, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

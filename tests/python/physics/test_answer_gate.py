@@ -8,13 +8,13 @@ import pytest
 import torch
 
 from hybridmpm import ConfigError, radius_graph
-from hybridmpm._native import disturbance as compiled
+from hybridmpm._native import answer_weights as compiled
 from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
 from hybridmpm.physics.answer_gate import answer_weights as served_weights
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
-from hybridmpm.training.physics.answer_gate import disturbance
+from hybridmpm.training.physics.answer_gate import answer_weights
 from hybridmpm.training.physics.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of
 
@@ -37,12 +37,12 @@ def falling(height: float) -> torch.Tensor:
     return torch.from_numpy(path.astype(np.float32))
 
 
-def shares(history: torch.Tensor) -> torch.Tensor:
+def weights(history: torch.Tensor) -> torch.Tensor:
     types = torch.full((COUNT,), WATER)
     graph = edges_of(history[-1], types, (COUNT,), SPEC.radius)
     known = (GRAVITY * SPEC.step_dt**2).expand(COUNT, 2)
     scale = torch.full((2,), 2e-3)
-    return disturbance(history, known, WALLS, graph, radius=SPEC.radius, scale=scale, hops=2)
+    return answer_weights(history, known, WALLS, graph, radius=SPEC.radius, scale=scale, hops=2)
 
 
 def step(history: torch.Tensor, types: torch.Tensor) -> torch.Tensor:
@@ -57,7 +57,7 @@ def step(history: torch.Tensor, types: torch.Tensor) -> torch.Tensor:
 
 
 def test_nothing_happens_to_a_body_in_free_fall() -> None:
-    assert torch.equal(shares(falling(0.6)), torch.zeros(COUNT, 1))
+    assert torch.equal(weights(falling(0.6)), torch.zeros(COUNT, 1))
 
 
 @pytest.mark.parametrize("what", ["wall", "push", "shear"])
@@ -68,7 +68,7 @@ def test_a_disturbance_is_seen(what: str) -> None:
     if what == "shear":
         # Half of the body has moved against the other all along.
         history[:, : COUNT // 2, 0] += torch.linspace(-5e-3, 0.0, HISTORY)[:, None]
-    assert shares(history).min() > 0.9
+    assert weights(history).min() > 0.9
 
 
 def test_an_untrained_network_lets_an_undisturbed_body_fall() -> None:
@@ -108,7 +108,7 @@ def test_both_forms_agree(model: NeuralModel, model_3d: NeuralModel, inputs: Inp
         found = served_weights(*state, graph, spec=info.spec, scales=info.scales)
         tensors = [torch.from_numpy(part) for part in state]
         edges = edges_of(tensors[0][-1], tensors[1], (len(types),), info.spec.radius)
-        np.testing.assert_allclose(found, simulator.share(*tensors, edges)[:, 0], atol=2e-3)
+        np.testing.assert_allclose(found, simulator.answer_weights(*tensors, edges)[:, 0], atol=2e-3)
         assert (found[types == KINEMATIC] == 0).all()
         seen.append(found)
     everywhere = np.concatenate(seen)
@@ -134,7 +134,10 @@ def test_the_network_rests_while_nothing_happens(model: NeuralModel, monkeypatch
 CASES: list[tuple[dict[str, Any], str]] = [
     ({"history": np.zeros((1, 3, 2), np.float32)}, r"history must be float32 of shape \(S, N, 2\)"),
     ({"history": np.zeros((6, 3, 4), np.float32)}, r"got shapes \[6, 3, 4\] and \[3, 2\]"),
-    ({"known": np.zeros((2, 2), np.float32)}, "known must have 3 entries for 3 points, got 2"),
+    (
+        {"known_acceleration": np.zeros((2, 2), np.float32)},
+        "known_acceleration must have 3 entries for 3 points, got 2",
+    ),
     ({"starts": np.zeros(3, np.uint32)}, "starts must have 4 entries for 3 points, got 3"),
     ({"senders": np.array([3], np.uint32)}, "senders must be below 3, the number of points, got 3"),
     ({"radius": 0.0}, "radius must be finite and > 0, got 0"),
@@ -149,7 +152,7 @@ CASES: list[tuple[dict[str, Any], str]] = [
 def test_what_does_not_fit_is_refused(change: dict[str, Any], message: str) -> None:
     fine = {
         "history": np.zeros((6, 3, 2), np.float32),
-        "known": np.zeros((3, 2), np.float32),
+        "known_acceleration": np.zeros((3, 2), np.float32),
         "starts": np.array([0, 0, 1, 1], np.uint32),
         "senders": np.array([0], np.uint32),
         "radius": 0.1,

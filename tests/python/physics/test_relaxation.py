@@ -30,17 +30,17 @@ def test_both_forms_agree(dim: int) -> None:
     rng = np.random.default_rng(0)
     # Crowded in a corner; edges are those of points a little elsewhere, as of the state before a step.
     x = rng.uniform(0.1, 0.2, (150, dim)).astype(np.float32)
-    share = np.where(rng.random(150) < 0.2, 0.0, rng.random(150)).astype(np.float32)
+    answer_weight = np.where(rng.random(150) < 0.2, 0.0, rng.random(150)).astype(np.float32)
     graph = radius_graph((x + rng.normal(0, 0.002, x.shape)).astype(np.float32), 0.05)
-    found = relaxed(x, share, graph.starts, graph.senders, **_settings(dim))
+    found = relaxed(x, answer_weight, graph.starts, graph.senders, **_settings(dim))
     ends = (torch.from_numpy(ids.astype(np.int64)) for ids in (graph.senders, graph.receivers))
     edges, wanted = EdgeList(*ends, 150), torch.from_numpy(x)
     for _ in range(3):
         push = relaxation(wanted, edges, 0.05, 0.5)
-        wanted = (wanted + torch.from_numpy(share)[:, None] * push).clamp(0.1, 0.9)
+        wanted = (wanted + torch.from_numpy(answer_weight)[:, None] * push).clamp(0.1, 0.9)
     np.testing.assert_allclose(found, wanted, atol=5e-6)
     assert np.abs(found - x).max() > 0.01
-    np.testing.assert_array_equal(found[share == 0], x[share == 0])
+    np.testing.assert_array_equal(found[answer_weight == 0], x[answer_weight == 0])
 
 
 def test_a_lattice_at_rest_stays() -> None:
@@ -65,7 +65,7 @@ def test_centre_of_mass_stays() -> None:
 
 CASES: list[tuple[dict[str, Any], str]] = [
     ({"x": np.zeros((3, 4), np.float32)}, r"x must be float32 of shape \(N, 2\) or \(N, 3\)"),
-    ({"share": np.zeros(2, np.float32)}, "share must have 3 entries for 3 points, got 2"),
+    ({"answer_weight": np.zeros(2, np.float32)}, "answer_weight must have 3 entries for 3 points, got 2"),
     ({"starts": np.zeros(3, np.uint32)}, "starts must have 4 entries for 3 points, got 3"),
     ({"starts": np.array([0, 2, 1, 1], np.uint32)}, "starts must ascend from 0 to the number of senders, 1"),
     ({"starts": np.array([0, 0, 0, 2], np.uint32)}, "starts must ascend from 0 to the number of senders, 1"),
@@ -80,7 +80,12 @@ CASES: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("change", "message"), CASES)
 def test_what_does_not_fit_is_refused(change: dict[str, Any], message: str) -> None:
     graph = {"starts": np.array([0, 0, 1, 1], np.uint32), "senders": np.array([0], np.uint32)}
-    fine = {"x": np.zeros((3, 2), np.float32), "share": np.ones(3, np.float32), **graph, **_settings(2)}
+    fine = {
+        "x": np.zeros((3, 2), np.float32),
+        "answer_weight": np.ones(3, np.float32),
+        **graph,
+        **_settings(2),
+    }
     relaxed(**fine)
     with pytest.raises(ConfigError, match=message):
         relaxed(**fine | change)

@@ -69,8 +69,8 @@ class GuardValues:
             scene.dim,
             window=window,
             dt=self._dt,
-            floor=NOISE_FLOOR,
-            quorum=MIN_ACTIVE_SHARE,
+            calm_acceleration=NOISE_FLOOR,
+            min_active_share=MIN_ACTIVE_SHARE,
         )
         self._history.push(self._path[0])
         start = self._mpm.copy().prescribe(self._path[0], self._mpm.velocities, 0)

@@ -7,7 +7,7 @@ from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
 from hybridmpm.training.physics.graph_network import Edges
 
 
-def disturbance(
+def answer_weights(
     history: Tensor,
     known_step: Tensor,
     walls: Tensor,
@@ -17,7 +17,7 @@ def disturbance(
     scale: Tensor,
     hops: int,
 ) -> Tensor:
-    """Share (N, 1) in [0, 1] of the network's answer that counts.
+    """Return the weight (N, 1) in [0, 1] of the network's answer at each particle.
 
     It is 0 where no particle within `hops` edges is near a wall, has lately accelerated otherwise than the
     known acceleration says, or moves against a neighbour. With as many hops as the network has layers these

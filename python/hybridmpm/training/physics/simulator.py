@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.answer_gate import disturbance
+from hybridmpm.training.physics.answer_gate import answer_weights
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges, GraphNetwork
 from hybridmpm.training.physics.relaxation import relaxation
@@ -71,11 +71,11 @@ class LearnedSimulator(nn.Module):
         answer: Tensor,
     ) -> Tensor:
         """Take the Euler step of a network's answer (N, D), and relax densities."""
-        share = self.share(history, types, acceleration, walls, graph)
-        x = self.moved(history, types, acceleration, walls, answer=answer, share=share)
+        weight = self.answer_weights(history, types, acceleration, walls, graph)
+        x = self.moved(history, types, acceleration, walls, answer=answer, weight=weight)
         for _ in range(self.spec.relaxations):
-            relaxed = within(x + share * relaxation(x, graph, self.spec.radius, self._rest), walls)
-            x = torch.where(share > 0.0, relaxed, x)
+            relaxed = within(x + weight * relaxation(x, graph, self.spec.radius, self._rest), walls)
+            x = torch.where(weight > 0.0, relaxed, x)
         return x
 
     def moved(
@@ -86,23 +86,23 @@ class LearnedSimulator(nn.Module):
         walls: Tensor,
         *,
         answer: Tensor,
-        share: Tensor,
+        weight: Tensor,
     ) -> Tensor:
-        """Take the Euler step with a share (N, 1) of the answer (N, D); returns positions (N, D) [m]."""
+        """Take the Euler step of the answer (N, D) with its weight (N, 1); returns positions (N, D) [m]."""
         start = history[-1]
         residual = answer * self.acceleration_std + self.acceleration_mean
-        x = start + (start - history[-2]) + acceleration * self.spec.step_dt**2 + share * residual
+        x = start + (start - history[-2]) + acceleration * self.spec.step_dt**2 + weight * residual
         return torch.where(_still(types), start, within(x, walls))
 
-    def share(
+    def answer_weights(
         self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
     ) -> Tensor:
-        """Share (N, 1) of the answer and of relaxation that counts, 0 for kinematic particles.
+        """Return the weight (N, 1) of the answer and of relaxation, 0 for kinematic particles.
 
-        They count only where `disturbance` sees anything happen: an undisturbed body falls freely. Served
-        models have it from `hybridmpm.physics.answer_gate`.
+        They count only where something happens to a body: an undisturbed one falls freely. Served models
+        have it from `hybridmpm.physics.answer_gate`.
         """
-        found = disturbance(
+        found = answer_weights(
             history,
             acceleration * self.spec.step_dt**2,
             walls,

@@ -1,4 +1,4 @@
-//! `disturbance`: where the answer of a network counts.
+//! `answer_weights`: where the answer of a network counts.
 
 use ::neural::AnswerGate;
 use numpy::{IntoPyArray, Ix2, Ix3, PyArray1, PyUntypedArrayMethods};
@@ -14,12 +14,12 @@ use crate::error::config_error;
 )]
 #[pyfunction]
 #[pyo3(signature = (
-    history, known, starts, senders, *, radius, scale, hops, quiet, unnoticed, most, lower, upper
+    history, known_acceleration, starts, senders, *, radius, scale, hops, quiet, unnoticed, most, lower, upper
 ))]
-pub fn disturbance<'py>(
+pub fn answer_weights<'py>(
     py: Python<'py>,
     history: &Bound<'py, PyAny>,
-    known: &Bound<'py, PyAny>,
+    known_acceleration: &Bound<'py, PyAny>,
     starts: &Bound<'py, PyAny>,
     senders: &Bound<'py, PyAny>,
     radius: f32,
@@ -33,7 +33,11 @@ pub fn disturbance<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f32>>> {
     let expected = "float32 of shape (S, N, 2) or (S, N, 3) with S >= 2";
     let history = array::<f32, Ix3>("history", expected, history)?;
-    let known = array::<f32, Ix2>("known", "float32 of shape (N, D)", known)?;
+    let known = array::<f32, Ix2>(
+        "known_acceleration",
+        "float32 of shape (N, D)",
+        known_acceleration,
+    )?;
     let &[states, count, dim] = history.shape() else {
         unreachable!("three axes were asked for")
     };
@@ -43,16 +47,16 @@ pub fn disturbance<'py>(
     for &one in &scale {
         check_positive("scale", one)?;
     }
-    check_length("known", known.shape()[0], count, count)?;
+    check_length("known_acceleration", known.shape()[0], count, count)?;
     if known.shape()[1] != dim || states < 2 || !matches!(dim, 2 | 3) {
         return Err(config_error(format!(
-            "history must be {expected} and known (N, D) like it, got shapes {:?} and {:?}",
+            "history must be {expected} and known_acceleration (N, D) like it, got shapes {:?} and {:?}",
             history.shape(),
             known.shape()
         )));
     }
     let history = slice_of("history", &history)?;
-    let known = slice_of("known", &known)?;
+    let known = slice_of("known_acceleration", &known)?;
     let numbers = Numbers {
         radius,
         scale: &scale,

@@ -36,22 +36,22 @@ impl PyAccelerationHistory {
 #[pymethods]
 impl PyAccelerationHistory {
     #[new]
-    #[pyo3(signature = (particles, dim, *, window, dt, floor, quorum))]
+    #[pyo3(signature = (particles, dim, *, window, dt, calm_acceleration, min_active_share))]
     fn new(
         particles: usize,
         dim: usize,
         window: usize,
         dt: f32,
-        floor: f32,
-        quorum: f32,
+        calm_acceleration: f32,
+        min_active_share: f32,
     ) -> PyResult<Self> {
         let settings = HistorySettings {
             particles,
             dim,
             window,
             dt,
-            calm_acceleration: floor,
-            min_active_share: quorum,
+            calm_acceleration,
+            min_active_share,
         };
         let inner = AccelerationHistory::new(settings).map_err(raised)?;
         Ok(Self {

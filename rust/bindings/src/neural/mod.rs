@@ -1,10 +1,10 @@
-//! What surrounds the networks: `disturbance`, `relaxed`, `AccelerationHistory`.
+//! What surrounds the networks: `answer_weights`, `relaxed`, `AccelerationHistory`.
 
 mod answer_gate;
 mod edges;
 mod history;
 mod relaxation;
 
-pub use answer_gate::disturbance;
+pub use answer_gate::answer_weights;
 pub use history::{PyAccelerationHistory, PyAccelerationSignal};
 pub use relaxation::relaxed;
