@@ -39,17 +39,18 @@ impl AccelerationHistory {
         self.pushed = u64::from_le_bytes(reader.take()) as usize;
         self.undoable = reader.take::<1>()[0] != 0;
         for vector in self.positions.iter_mut().chain(&mut self.ring) {
-            vector
-                .iter_mut()
-                .for_each(|number| *number = f32::from_le_bytes(reader.take()));
+            for number in vector {
+                *number = f32::from_le_bytes(reader.take());
+            }
         }
         for number in &mut self.replaced {
             *number = f32::from_le_bytes(reader.take());
         }
         for products in [&mut self.products, &mut self.before] {
             for sums in products.all_mut() {
-                sums.iter_mut()
-                    .for_each(|number| *number = f64::from_le_bytes(reader.take()));
+                for number in sums {
+                    *number = f64::from_le_bytes(reader.take());
+                }
             }
         }
         Ok(())
