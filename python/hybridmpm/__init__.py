@@ -7,7 +7,6 @@ from hybridmpm import control, data, downsampling, hybrid, metrics, physics, rec
 from hybridmpm._native import (
     Diagnostics,
     FrameReport,
-    PaddedGraph,
     RadiusGraph,
     VerletList,
     __version__,
@@ -83,7 +82,6 @@ __all__ = [
     "MpmSolver",
     "NeuralPhysics",
     "NonFiniteError",
-    "PaddedGraph",
     "ParticleLimitWarning",
     "Particles",
     "Polygon",

@@ -26,7 +26,6 @@ __all__ = [
     "MotionReport",
     "NonFiniteError",
     "Obstacle",
-    "PaddedGraph",
     "RadiusGraph",
     "SimulationError",
     "SnapshotError",
@@ -64,7 +63,7 @@ class StepSizeError(SimulationError):
     """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
 
 class GraphSizeError(SimulationError):
-    """A neighbour graph or its padded form would be larger than allowed."""
+    """A neighbour graph would be larger than allowed."""
 
 class BatchError(SimulationError):
     """Scenes of a batch failed. The message names each by its index in the batch."""
@@ -713,38 +712,6 @@ class RadiusGraph:
     @property
     def radius(self) -> float:
         """Metres [m]."""
-    def padded(
-        self, width: int | None = None, *, limit: int = 256, out: PaddedGraph | None = None
-    ) -> PaddedGraph:
-        """Return the neighbours of each point as a row of a table, for networks without scatter.
-
-        Parameters
-        ----------
-        width : int >= 0, optional
-            Columns K; as many as the most neighbours of a point if absent.
-        limit : int
-            Most columns, so that a clump does not fill the memory.
-        out : PaddedGraph, optional
-            Is overwritten and returned; its arrays are kept where their shape fits.
-
-        Raises
-        ------
-        GraphSizeError
-            Some point has more neighbours than `width` or `limit`; the message names it.
-        ConfigError
-            `width` is above `limit`.
-        """
-
-@final
-class PaddedGraph:
-    """Neighbours of N points in K columns."""
-
-    @property
-    def neighbors(self) -> npt.NDArray[np.int32]:
-        """Senders by receiver, shape (N, K): ascending, then the receiver's own index."""
-    @property
-    def mask(self) -> npt.NDArray[np.bool_]:
-        """Where there is a neighbour, shape (N, K)."""
 
 def radius_graph(
     x: npt.NDArray[np.float32],

@@ -80,7 +80,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<neural::PyAccelerationHistory>()?;
     module.add_class::<neural::PyAccelerationSignal>()?;
     module.add_class::<solver::PySolver>()?;
-    module.add_class::<graph::PyPaddedGraph>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
     module.add_class::<graph::PyVerletList>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;

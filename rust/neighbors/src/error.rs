@@ -27,15 +27,4 @@ pub enum GraphError {
         radius: f32,
         limit: usize,
     },
-    /// Memory for the padded form would get out of hand, or the shape asked for is too narrow.
-    #[error(
-        "point {point} has {neighbors} neighbours, the padded form holds at most {limit} a point: points have \
-         clumped, or the radius is too large; shorten it or raise {argument}"
-    )]
-    Width {
-        point: usize,
-        neighbors: usize,
-        limit: usize,
-        argument: &'static str,
-    },
 }

@@ -5,7 +5,6 @@
 
 mod error;
 mod filter;
-mod padded;
 mod rows;
 mod scan;
 mod search;
@@ -13,7 +12,6 @@ mod settings;
 mod verlet;
 
 pub use error::GraphError;
-pub use padded::{most_neighbors, write_padded};
 pub use search::Search;
 pub use settings::GraphSettings;
 pub use verlet::VerletList;

@@ -1,6 +1,6 @@
 //! Graphs against the comparison of all pairs, whatever the cloud of points.
 
-use neighbors::{GraphError, GraphSettings, Search, VerletList, most_neighbors, write_padded};
+use neighbors::{GraphError, GraphSettings, Search, VerletList};
 use proptest::prelude::*;
 use threads::Pool;
 
@@ -183,18 +183,6 @@ fn candidates_serve_until_a_point_has_moved_half_the_skin() {
     assert_eq!(list.rebuilds(), 3);
     x[3] = f32::NAN;
     assert!(list.find(&x, None, &pool).is_err());
-}
-
-#[test]
-fn padded_rows_hold_the_senders_and_then_the_point_itself() {
-    let (starts, senders) = ([0, 2, 2, 3], [1, 2, 0]);
-    assert_eq!(most_neighbors(&starts, 2, "limit"), Ok(2));
-    let (mut neighbors, mut mask) = ([9; 6], [false; 6]);
-    write_padded(&starts, &senders, 2, &mut neighbors, &mut mask);
-    assert_eq!(neighbors, [1, 2, 1, 1, 0, 2]);
-    assert_eq!(mask, [true, true, false, false, true, false]);
-    let error = most_neighbors(&starts, 1, "limit").unwrap_err().to_string();
-    assert!(error.starts_with("point 0 has 2 neighbours") && error.ends_with("raise limit"));
 }
 
 #[test]

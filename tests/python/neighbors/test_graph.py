@@ -116,35 +116,6 @@ def test_too_many_edges_are_refused() -> None:
         radius_graph(x, 0.1, max_edges=9899)
 
 
-def test_padded_rows_end_with_the_point_itself() -> None:
-    x = np.array([[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [2.0, 2.0]], np.float32)
-    graph = radius_graph(x, 0.25)
-    padded = graph.padded()
-    assert padded.neighbors.dtype == np.int32
-    assert padded.neighbors.tolist() == [[1, 0], [0, 2], [1, 2], [3, 3]]
-    assert padded.mask.tolist() == [[True, False], [True, True], [True, False], [False, False]]
-    wider = graph.padded(3)
-    assert wider.neighbors[1].tolist() == [0, 2, 1]
-    assert wider.mask.sum() == len(graph.senders)
-    again = graph.padded(out=padded)
-    assert again is padded
-    table = wider.neighbors
-    assert np.shares_memory(graph.padded(3, out=wider).neighbors, table)
-    assert graph.padded(4, out=wider).neighbors.shape == (4, 4)
-    assert radius_graph(x[:0], 0.25).padded().neighbors.shape == (0, 0)
-
-
-def test_a_clump_does_not_fill_the_memory() -> None:
-    graph = radius_graph(np.zeros((300, 2), np.float32), 0.1)
-    with pytest.raises(GraphSizeError, match=r"point 0 has 299 neighbours, .* at most 256 .* raise limit"):
-        graph.padded()
-    with pytest.raises(GraphSizeError, match=r"at most 40 .* raise width"):
-        graph.padded(40)
-    with pytest.raises(ConfigError, match="width must be at most limit = 256, got 300"):
-        graph.padded(300)
-    assert graph.padded(300, limit=300).mask.sum() == 300 * 299
-
-
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_verlet_list_gives_the_fresh_graphs_and_searches_seldom(dim: int) -> None:
     rng = np.random.default_rng(dim)

@@ -58,11 +58,6 @@ def collide_in_a_batch() -> None:
     MpmBatch([DROP, COLLISION], substeps=1, allow_unstable=True).advance(3)
 
 
-def clump() -> None:
-    """Ask for a table of the neighbours of nine points in one place."""
-    radius_graph(np.zeros((9, 2), np.float32), 1.0).padded(limit=7)
-
-
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
@@ -71,8 +66,8 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
     "ForceError": (lambda: MpmSolver(DROP).advance(1, [1.0]), r"of shape \(2,\), .*got shape \(1,\)"),
     "GraphSizeError": (
-        lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0).padded(limit=7),
-        "raise limit",
+        lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0, max_edges=7),
+        "raise max_edges",
     ),
     "InvertedError": (collide, r"particle \d+ reached volume ratio J = -.* in frame 0"),
     "NonFiniteError": (tear_apart, r"particle \d+ .*frame 0"),

@@ -31,14 +31,14 @@ CRATES: dict[str, str | None] = {
     "Solver": _MPM,
     "advance_all": _MPM,
     "grid_mass": _MPM,
-    "PaddedGraph": _NEIGHBORS,
     "RadiusGraph": _NEIGHBORS,
     "VerletList": _NEIGHBORS,
     "radius_graph": _NEIGHBORS,
     "AccelerationHistory": _NEURAL,
     "AccelerationSignal": _NEURAL,
-    "disturbance": _NEURAL,
+    "answer_weights": _NEURAL,
     "relaxed": _NEURAL,
+    "hand_out_times": "threads",
 }
 """Folder below rust/ of the crate that does a name's work; None where no figure depends on the name."""
 

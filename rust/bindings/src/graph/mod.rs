@@ -1,7 +1,6 @@
 //! `radius_graph`, `VerletList` and their records.
 
 mod finder;
-mod padded;
 mod record;
 mod verlet;
 
@@ -14,7 +13,6 @@ use crate::convert::{array, describe, slice_of};
 use crate::error::{GraphSizeError, config_error};
 use crate::pools::shared_pool;
 use finder::Direct;
-pub use padded::PyPaddedGraph;
 pub use record::PyRadiusGraph;
 pub use verlet::PyVerletList;
 
@@ -122,7 +120,7 @@ fn raised(error: GraphError) -> PyErr {
         | GraphError::Position { .. }
         | GraphError::Flags { .. }
         | GraphError::Points { .. } => config_error(message),
-        GraphError::Edges { .. } | GraphError::Width { .. } => GraphSizeError::new_err(message),
+        GraphError::Edges { .. } => GraphSizeError::new_err(message),
     }
 }
 

@@ -9,7 +9,6 @@ use pyo3::types::PySlice;
 use threads::Pool;
 
 use super::finder::{Direct, Finder};
-use super::padded::PyPaddedGraph;
 use super::{Points, in_use, raised};
 
 /// Edges between points at most a radius apart.
@@ -177,22 +176,5 @@ impl PyRadiusGraph {
     #[getter]
     fn radius(&self) -> PyResult<f32> {
         Ok(self.held()?.radius)
-    }
-
-    #[pyo3(signature = (width=None, *, limit=256, out=None))]
-    fn padded<'py>(
-        &self,
-        py: Python<'py>,
-        width: Option<usize>,
-        limit: usize,
-        out: Option<Bound<'py, PyPaddedGraph>>,
-    ) -> PyResult<Bound<'py, PyPaddedGraph>> {
-        let held = self.held()?;
-        // SAFETY: neither is written while `held` is locked.
-        let (starts, senders) = unsafe {
-            let (starts, senders) = (held.starts.bind(py), held.senders.bind(py));
-            (starts.as_slice()?, &senders.as_slice()?[..held.edges])
-        };
-        PyPaddedGraph::write(py, starts, senders, width, limit, out)
     }
 }
