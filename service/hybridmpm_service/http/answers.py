@@ -1,12 +1,9 @@
 """What the service answers, as JSON: pydantic models with examples."""
 
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from hybridmpm.control import Arrow, ControlledTrajectory, Sketch
 from hybridmpm.scenarios import ScenarioInfo
 from hybridmpm_service.http.learned_answers import SafeguardBody
 from hybridmpm_service.sessions.session import Session
@@ -199,64 +196,3 @@ class ParticlesBody(BaseModel):
     positions: list[list[float]] = Field(description="[particle][axis], metres.")
     velocities: list[list[float]] = Field(description="[particle][axis], metres per second.")
     types: list[int] = Field(description="3 kinematic, 5 water, 6 sand, 7 goop.")
-
-
-class TrajectoryBody(BaseModel):
-    """What the sketch makes of the session."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
-                    "frames": 2,
-                    "first_frame": 12,
-                    "mean_force": [[8.1, 16.2], [8.1, 16.2]],
-                    "target_displacement": [0.3, 0.2],
-                    "displacement": [0.29, 0.18],
-                    "centroids": [[0.41, 0.52], [0.5, 0.6], [0.7, 0.7]],
-                    "frame_indices": [0, 2],
-                    "positions": [[[0.4, 0.5]], [[0.7, 0.7]]],
-                }
-            ]
-        }
-    )
-
-    sketch: dict[str, Any]
-    frames: int
-    first_frame: int = Field(description="Frame of the session at which the sketch begins to steer.")
-    mean_force: list[list[float]] = Field(
-        description="External acceleration besides gravity in each frame, the mean over the fluid [m/s^2]."
-    )
-    target_displacement: list[float] = Field(description="Asked of the centre of mass [m].")
-    displacement: list[float] = Field(description="Reached [m].")
-    centroids: list[list[float]] = Field(description="frames + 1 rows.")
-    frame_indices: list[int] = Field(description="Of the rows of `positions`, counted from first_frame.")
-    positions: list[list[list[float]]] = Field(description="[frame][particle][axis], metres.")
-
-
-def sketch_body(sketch: Sketch) -> dict[str, Any]:
-    """Describe a sketch as it was understood."""
-    if isinstance(sketch, Arrow):
-        body: dict[str, Any] = {"kind": sketch.kind, "points": sketch.points.tolist()}
-        if sketch.widths is not None:
-            body["widths"] = sketch.widths.tolist()
-        return body
-    body = {"kind": sketch.kind, "center": sketch.center.tolist(), "axes": sketch.axes.tolist()}
-    body["angle"] = sketch.angle
-    if sketch.width is not None:
-        body["width"] = sketch.width
-    return body
-
-
-def trajectory_arrays(plan: ControlledTrajectory, stride: int) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of a trajectory, thinned to each `stride`-th frame, the first and the last."""
-    indices = np.unique(np.append(np.arange(0, plan.frames + 1, stride), plan.frames))
-    return {
-        "positions": plan.positions[indices],
-        "frame_indices": indices,
-        "centroids": plan.centroids,
-        "mean_force": plan.mean_force,
-        "target_displacement": plan.target_displacement,
-        "displacement": plan.displacement,
-    }

@@ -13,9 +13,14 @@ from starlette.datastructures import UploadFile
 from hybridmpm import SketchError
 from hybridmpm.control import Sketch, parse_png, parse_strokes
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError
-from hybridmpm_service.http.answers import TrajectoryBody, sketch_body, trajectory_arrays
 from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
 from hybridmpm_service.http.requests import SteerSession
+from hybridmpm_service.http.sketch_answers import (
+    TrajectoryBody,
+    sketch_body,
+    thinned_force,
+    trajectory_arrays,
+)
 from hybridmpm_service.http.uploads import read_limited
 from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
 from hybridmpm_service.settings import Settings
@@ -24,7 +29,10 @@ router = APIRouter(prefix="/v1/sessions", tags=["sketches"])
 
 DEFAULT_FRAMES = 100
 MAX_TRAJECTORY_NUMBERS = 1 << 24
-"""Coordinates in a trajectory, frames x particles x dimensions: 64 MiB, and planning holds two."""
+"""Largest number of coordinates in a trajectory, frames x particles x dimensions.
+
+They take 64 MiB. Planning holds two trajectories, and a force that changes from frame to frame is as large.
+"""
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -75,7 +83,7 @@ async def steer_session(
     plan = await session.steer(sketch, frames)
     arrays = trajectory_arrays(plan, stride)
     if wants_npz(request):
-        return await npz_response(arrays)
+        return await npz_response(arrays | {"force": thinned_force(plan, stride)})
     known = {"sketch": sketch_body(sketch), "frames": frames, "first_frame": plan.first_frame}
     return await json_response(known | arrays)
 

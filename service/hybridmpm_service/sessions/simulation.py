@@ -34,8 +34,16 @@ class Control:
     first_frame: int
     frames_done: int
     frames: int
-    plan: ControlledTrajectory
-    """Trajectory that the sketch gave, with the force of each frame."""
+    force: npt.NDArray[np.float32]
+    """External acceleration besides gravity [m/s^2], (D,) where it is one constant, else (frames, N, D).
+
+    Of the planned trajectory nothing else is kept: its positions would fill the memory while a session waits.
+    """
+
+    @property
+    def next_force(self) -> npt.NDArray[np.float32]:
+        """Force of the next frame, (D,) or (N, D) [m/s^2]."""
+        return self.force if self.force.ndim == 1 else self.force[self.frames_done]
 
 
 @dataclass(frozen=True)
@@ -156,7 +164,7 @@ class Simulation:
             No plan was found; an older control goes on.
         """
         plan = follow(self._solver, sketch, frames, on_frame=on_frame)
-        self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan)
+        self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force)
         return plan
 
     def reset(self) -> None:
@@ -219,7 +227,7 @@ class Simulation:
     def _one_frame(self) -> None:
         control = self._control
         start = self._clock()
-        self._solver.advance(1, None if control is None else control.plan.force_at(control.frames_done))
+        self._solver.advance(1, None if control is None else control.next_force)
         end = self._clock()
         if self._recorder is not None:
             self._recorder.note()

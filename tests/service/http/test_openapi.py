@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from hybridmpm.control import parse_strokes
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, requests
+from hybridmpm_service.http import answers, requests, sketch_answers
 from hybridmpm_service.http import learned_answers as learned
 
 OPERATIONS = {
@@ -104,7 +104,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         answers.ParticlesBody,
         learned.DecisionBody,
         learned.ModelBody,
-        answers.TrajectoryBody,
+        sketch_answers.TrajectoryBody,
     ],
 )
 def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:

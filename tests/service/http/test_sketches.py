@@ -6,8 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from tests.service.conftest import SMALL_SCENE
 
-from hybridmpm.control import Arrow, Ellipse, render_png
+from hybridmpm import MpmSolver, Scene
+from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, render_png
+from hybridmpm_service.http.sketch_answers import thinned_force, trajectory_arrays
 
 NPZ = {"Accept": "application/x-npz"}
 ARROW: dict[str, Any] = {"points": [[0.5, 0.5], [0.6, 0.55]], "kind": "arrow"}
@@ -68,6 +71,30 @@ def test_the_session_follows_the_trajectory_bit_for_bit(service: Any, path: str,
         moved = _arrays(service.http.post(f"{path}/advance", json={}, headers=NPZ).content)
         assert np.array_equal(moved["positions"], plan["positions"][frame])
     assert service.http.get(path).json()["control"] is None
+
+
+def test_the_force_of_an_npz_gives_the_trajectory_in_the_library(service: Any, path: str) -> None:
+    body = {"strokes": [ARROW], "frames": 12}
+    plan = _arrays(service.http.post(f"{path}/sketches?stride=1", json=body, headers=NPZ).content)
+    assert (plan["force"].shape, plan["force"].dtype) == ((2,), np.float32)
+    solver = MpmSolver(Scene.parse(SMALL_SCENE))
+    assert np.array_equal(solver.rollout(12, plan["force"]), plan["positions"])
+
+
+def test_a_force_that_changes_is_thinned_as_the_positions_are() -> None:
+    force = np.arange(7 * 3 * 2, dtype=np.float32).reshape(7, 3, 2)
+    plan = ControlledTrajectory(
+        positions=np.zeros((8, 3, 2), dtype=np.float32),
+        force=force,
+        mean_force=force.mean(axis=1, dtype=np.float64),
+        target_displacement=np.zeros(2),
+        displacement=np.zeros(2),
+        centroids=np.zeros((8, 2)),
+        first_frame=0,
+    )
+    assert trajectory_arrays(plan, 3)["frame_indices"].tolist() == [0, 3, 6, 7]
+    assert np.array_equal(thinned_force(plan, 3), force[[0, 3, 6]])
+    assert np.array_equal(thinned_force(plan, 1), force)
 
 
 def test_the_trajectory_is_followed_however_frames_are_asked_for(service: Any, path: str) -> None:

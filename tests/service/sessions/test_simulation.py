@@ -1,12 +1,13 @@
 """The synchronous heart of a session: control is applied, failures keep the last good state."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hybridmpm import Box, DomainError, MpmSolver, NeuralPhysics, Scene
-from hybridmpm.control import Arrow
+from hybridmpm.control import Arrow, follow
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm_service.sessions.frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
@@ -66,6 +67,20 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     simulation.advance(1)
     assert not decode(simulation.look().message).steered
     assert np.array_equal(simulation.particles().positions, free.positions)
+
+
+def test_a_force_may_change_from_frame_to_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation, solver = _simulation(), MpmSolver(SCENE)
+    force = np.random.default_rng(1).normal(size=(4, solver.particle_count, 2)).astype(np.float32)
+    plan = follow(solver, ARROW, 4)
+    monkeypatch.setattr(
+        "hybridmpm_service.sessions.simulation.follow", lambda *_, **__: replace(plan, force=force)
+    )
+    simulation.steer(ARROW, 4)
+    simulation.advance(5)
+    solver.advance(4, force)
+    solver.advance(1)
+    assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
 def test_a_newer_sketch_replaces_an_older_one() -> None:
