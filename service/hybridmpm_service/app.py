@@ -1,4 +1,4 @@
-"""Puts the application together; nothing exists before `create_app` is called."""
+"""The application, put together by `create_app`; nothing exists before that call."""
 
 import asyncio
 import contextlib
@@ -17,11 +17,12 @@ from hybridmpm_service.http.middleware import AccessMiddleware, AnswerMiddleware
 from hybridmpm_service.http.requests import SteerSession
 from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
 from hybridmpm_service.sessions.manager import SessionManager
-from hybridmpm_service.sessions.simulation import Clock
+from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.settings import Settings
 
 PAGE = Path(__file__).parent / "page"
 _SWEEP_SECONDS = 30.0
+"""Longest time between two searches for idle sessions."""
 
 _log = logging.getLogger(__name__)
 
@@ -32,15 +33,16 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     Parameters
     ----------
     settings : Settings, optional
-        Read from the environment if absent.
+        Settings of the service; read from the environment if absent.
     clock : Clock
-        For idle times and the pace of the players.
+        Clock for idle times and players.
     """
     settings = settings or Settings.load()
     app = FastAPI(
         title="hybridmpm",
         version=hybridmpm.__version__,
-        description="Interactive particle fluids: sessions, live frames, sketches that steer.",
+        description="Interactive particle fluids: create sessions, watch them live, steer them by sketches. "
+        "Positions are in metres in the box [0, 1]^D with y up, times in seconds.",
         # The usual documentation pages load scripts from other servers, which our policy forbids.
         docs_url=None,
         redoc_url=None,
@@ -82,6 +84,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 async def _sweep(manager: SessionManager, seconds: float) -> None:
+    """End idle sessions regularly, until this task is cancelled."""
     while True:
         await asyncio.sleep(seconds)
         try:

@@ -6,18 +6,18 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from hybridmpm.control import Stroke
 from hybridmpm.scenarios import NAMES
-from hybridmpm_service.sessions.session import MAX_SPEED, MIN_SPEED
+from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
 
 
 class Request(BaseModel):
-    """Base of what clients send: unknown fields are refused, numbers are finite."""
+    """Base of what clients send: unknown fields and numbers that are not finite are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class CreateSession(Request):
-    """What to simulate, a scenario with a seed or a whole scene, and by what."""
+    """A session to create: a scenario with a seed, or a scene, and the simulator."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -35,27 +35,40 @@ class CreateSession(Request):
         }
     )
 
-    scenario: str | None = Field(default=None, max_length=100, description=f"One of {', '.join(NAMES)}.")
+    scenario: str | None = Field(
+        default=None,
+        max_length=100,
+        description=f"Scenario that the scene is drawn from: one of {', '.join(NAMES)}.",
+    )
     seed: int | None = Field(
-        default=None, ge=0, lt=2**53, strict=True, description="Of the scenario; 0 if absent."
+        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
     )
     scene: dict[str, Any] | None = Field(
-        default=None, description="A scene, as `hybridmpm schema` describes it."
+        default=None,
+        description="Scene of your own, in the place of a scenario, as `hybridmpm schema` describes it.",
     )
     solver: Kind = Field(
         default="mpm",
-        description="Who simulates: MPM, a network that MPM stands in for (hybrid), or the network alone.",
+        description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
+        "or a network alone (neural).",
     )
     model: str | None = Field(
         default=None,
         max_length=100,
-        description="The network, by its name in `GET /v1/models`; if absent the first for the scenario.",
+        description="Name of the network, from `GET /v1/models`; not with mpm. If absent, the first that "
+        "serves the scenario; required with a scene.",
     )
     r_c: float | None = Field(
-        default=None, ge=-1, le=1, strict=True, description="Of hybrid: alarming safeguard; 0.8 if absent."
+        default=None,
+        ge=-1,
+        le=1,
+        strict=True,
+        description="Mean cosine below which the safeguard alarms; only with hybrid, 0.8 if absent.",
     )
     safeguard: SafeguardKind | None = Field(
-        default=None, description="Of hybrid: which mean of the cosines; ours if absent."
+        default=None,
+        description="Particles that the safeguard's mean is taken over: those that are not calm (ours), or "
+        "all (paper). Only with hybrid; ours if absent.",
     )
 
     @model_validator(mode="after")
@@ -67,28 +80,31 @@ class CreateSession(Request):
         return self
 
     def choice(self) -> SolverChoice:
-        """Return the solver that is asked for.
+        """Return the simulator that the client asks for.
 
         Raises
         ------
         FieldError
-            An option belongs to another kind of solver.
+            An option belongs to another kind of simulator.
         """
         return SolverChoice(solver=self.solver, model=self.model, r_c=self.r_c, safeguard=self.safeguard)
 
 
 class AdvanceSession(Request):
-    """How far to go."""
+    """Number of frames to advance a session by."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"frames": 10}]})
 
     frames: int = Field(
-        default=1, ge=1, strict=True, description="Limited by the setting max_advance_frames."
+        default=1,
+        ge=1,
+        strict=True,
+        description="Number of frames to compute, at most the setting max_advance_frames.",
     )
 
 
 class SteerSession(Request):
-    """A sketch in its vector form."""
+    """A sketch in its vector form, and how long it steers."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -98,9 +114,14 @@ class SteerSession(Request):
         }
     )
 
-    strokes: list[Stroke] = Field(min_length=1, max_length=1, description="Exactly one.")
+    strokes: list[Stroke] = Field(
+        min_length=1, max_length=1, description="Strokes of the sketch: exactly one."
+    )
     frames: int = Field(
-        default=100, ge=1, strict=True, description="Limited by the setting max_sketch_frames."
+        default=100,
+        ge=1,
+        strict=True,
+        description="Number of frames that the sketch steers, at most the setting max_sketch_frames.",
     )
 
 
@@ -117,20 +138,20 @@ class Pause(Request):
 
 
 class Step(Request):
-    """Pause, then compute some frames."""
+    """Stop the player, then compute some frames."""
 
     type: Literal["step"]
     frames: int = Field(default=1, ge=1, strict=True)
 
 
 class Reset(Request):
-    """Go back to frame 0."""
+    """Go back to frame 0; a player that runs goes on from there."""
 
     type: Literal["reset"]
 
 
 class Speed(Request):
-    """Choose simulated seconds per second."""
+    """Choose how many simulated seconds the player aims at per second."""
 
     type: Literal["speed"]
     value: float = Field(ge=MIN_SPEED, le=MAX_SPEED)

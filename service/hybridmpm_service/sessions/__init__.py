@@ -1,1 +1,1 @@
-"""Sessions without HTTP: the simulation, its worker and player, limits and expiry."""
+"""Sessions without HTTP: a simulation with its thread, its player and its viewers, limits and expiry."""

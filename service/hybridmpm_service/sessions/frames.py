@@ -12,13 +12,13 @@ KIND_POSITIONS = 1
 NUMBERS_U16 = 1
 FLAG_STEERED = 1
 HEADER = struct.Struct("<IBBHQdIBBH")
-"""Magic, version, kind, flags, frame, time, N, D, number type, solver time."""
+"""Magic, version, kind, flags, frame, time [s], N, D, type of the numbers, solver time [1 / 100 ms]."""
 _UNITS_PER_METRE = 65535
 _UNITS_PER_MS = 100
 
 
 class FrameError(ValueError):
-    """Bytes that are not a frame of this version."""
+    """The bytes are not a frame of this version."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,14 +26,15 @@ class Frame:
     """One instant of a simulation, as a viewer needs it."""
 
     number: int
+    """Number of frames since the start."""
     time: float
-    """Simulated [s]."""
+    """Simulated time since the start [s]."""
     solver_ms: float
-    """Of computing this frame; up to 655.35 survive the encoding."""
+    """Time that the simulator took for this frame [ms]; the message carries at most 655.35."""
     steered: bool
-    """A sketch steers this frame."""
+    """Whether a sketch steered this frame."""
     positions: npt.NDArray[np.float32]
-    """(N, D) [m] in [0, 1]; kept to 1 / 65535 m."""
+    """Positions (N, D) [m] in [0, 1]; the message rounds them to 1 / 65535 m."""
 
 
 def encode(frame: Frame) -> bytes:
@@ -58,12 +59,12 @@ def encode(frame: Frame) -> bytes:
 
 
 def decode(message: bytes) -> Frame:
-    """Return the frame of a message.
+    """Return the frame that a message carries.
 
     Raises
     ------
     FrameError
-        The bytes are no such message.
+        The bytes are not a frame of this version.
     """
     if len(message) < HEADER.size:
         raise FrameError(f"a frame has at least {HEADER.size} bytes, got {len(message)}")

@@ -1,4 +1,4 @@
-"""What waits for one client: the newest frame, word that the status changed, and the last problems."""
+"""Messages that wait for one client: the newest frame, a request for the status, the latest problems."""
 
 import asyncio
 from collections import deque
@@ -6,17 +6,20 @@ from enum import Enum
 from typing import TypeAlias
 
 MAX_PROBLEMS = 16
-"""Of these the oldest goes first: a client that never reads must not fill the memory."""
+"""Largest number of problems that wait; a further one drops the oldest.
+
+A client that never reads must not fill the memory.
+"""
 
 
 class Signal(Enum):
-    """A message without content of its own: the sender looks it up, so that it is never stale."""
+    """A message without content. The sender looks the content up when it sends, so that it is never stale."""
 
     STATUS = "status"
 
 
 Message: TypeAlias = bytes | Signal | Exception
-"""A binary frame, the wish for a status, or an error to tell."""
+"""A binary frame, a request for the status, or an error that the client has to know."""
 
 
 class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
@@ -27,6 +30,7 @@ class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
     code : int
         WebSocket close code.
     reason : str
+        Why the stream ends, for the client.
     """
 
     def __init__(self, code: int, reason: str) -> None:
@@ -36,7 +40,10 @@ class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
 
 
 class Mailbox:
-    """Belongs to the event loop. Putting never waits, so a slow client delays nobody."""
+    """Messages on their way to one client. Putting never waits, so a slow client delays no other.
+
+    A mailbox belongs to the event loop.
+    """
 
     def __init__(self) -> None:
         self._problems: deque[Exception] = deque(maxlen=MAX_PROBLEMS)
@@ -46,17 +53,17 @@ class Mailbox:
         self._changed = asyncio.Event()
 
     def put_frame(self, frame: bytes) -> None:
-        """Replace the frame that waits."""
+        """Put a frame in, in the place of one that still waits."""
         self._frame = frame
         self._changed.set()
 
     def put_status(self) -> None:
-        """Ask for a status message; several wishes are one."""
+        """Ask for a status message; several requests become one message."""
         self._status = True
         self._changed.set()
 
     def put_problem(self, problem: Exception) -> None:
-        """Add an error to tell."""
+        """Put in an error that the client has to know."""
         self._problems.append(problem)
         self._changed.set()
 
@@ -67,16 +74,16 @@ class Mailbox:
         self._changed.set()
 
     async def closed(self) -> MailboxClosed:
-        """Wait until `close`."""
+        """Wait until the mailbox is closed, and return how."""
         return await asyncio.shield(self._end)
 
     async def take(self) -> Message:
-        """Wait for the next message: problems first, then the status, then the frame.
+        """Wait for the next message and take it out: problems first, then the status, then the frame.
 
         Raises
         ------
         MailboxClosed
-            After `close`; what waited is dropped.
+            The mailbox has been closed; messages that waited are dropped.
         """
         while True:
             if self._end.done():

@@ -1,4 +1,4 @@
-"""All sessions of a process: how many there may be, and when one that nobody uses ends."""
+"""All sessions of a process: how many may exist, and when an unused one ends."""
 
 import asyncio
 import time
@@ -9,8 +9,8 @@ from pathlib import Path
 from hybridmpm import Scene, SceneError
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
+from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
-from hybridmpm_service.sessions.simulation import Clock
 from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
 from hybridmpm_service.settings import Settings
 
@@ -25,7 +25,7 @@ class SessionManager:
     ----------
     settings : Settings
     clock : Clock
-        For idle times and the players; a test hands in its own.
+        Clock for idle times and players; a test hands in its own.
 
     Raises
     ------
@@ -45,7 +45,7 @@ class SessionManager:
 
     @property
     def solvers(self) -> SolverFactory:
-        """What makes the solvers, and knows the models."""
+        """Factory that makes the simulators of sessions and knows the models."""
         return self._solvers
 
     async def create(
@@ -56,12 +56,23 @@ class SessionManager:
         seed: int | None = None,
         choice: SolverChoice | None = None,
     ) -> Session:
-        """Start a session with the scene that `make_scene` returns; it is called off the loop.
+        """Start a session.
+
+        Parameters
+        ----------
+        make_scene : callable
+            Returns the scene. It is called off the event loop, since drawing a scene takes time.
+        scenario, seed : optional
+            Where the scene comes from, if it is drawn.
+        choice : SolverChoice, optional
+            Simulator of the session; MPM if absent.
 
         Raises
         ------
-        TooManySessionsError, UnavailableError
-            No room, or shutting down.
+        TooManySessionsError
+            All sessions that the settings allow are in use.
+        UnavailableError
+            The server is shutting down.
         ConfigError, FieldError, ModelDamagedError
             The scene or the model is refused.
         """
@@ -93,6 +104,7 @@ class SessionManager:
         Raises
         ------
         SessionNotFoundError
+            The session does not exist, or no longer.
         """
         session = self._sessions.get(name)
         if session is None or self._is_idle(session):
@@ -108,17 +120,23 @@ class SessionManager:
         return [session for session in self._sessions.values() if not self._is_idle(session)]
 
     async def delete(self, name: str) -> None:
-        """End a session; raises SessionNotFoundError."""
+        """End a session.
+
+        Raises
+        ------
+        SessionNotFoundError
+            The session does not exist, or no longer.
+        """
         await self._end(self.get(name), CLOSE_DELETED, "the session has been deleted")
 
     async def expire(self) -> None:
-        """End the sessions that nobody has watched or asked anything of in `idle_seconds`."""
+        """End the sessions that no client has watched or called for `idle_seconds`."""
         for session in list(self._sessions.values()):
             if self._is_idle(session):
                 await self._end(session, CLOSE_DELETED, "the session has expired")
 
     def why_full(self) -> str | None:
-        """Return why no session can be created now, None if one can."""
+        """Return why no session can be created now; None if one can."""
         if self._draining:
             return "the server is shutting down"
         limit = self._settings.max_sessions
@@ -128,17 +146,17 @@ class SessionManager:
 
     @property
     def watched(self) -> bool:
-        """Whether any stream is open."""
+        """Whether any session has a viewer."""
         return any(session.watched for session in self._sessions.values())
 
     def drain(self) -> None:
-        """Take no more sessions and end all streams with 1001; a stopping server calls this first."""
+        """Create no more sessions, and close all streams with code 1001; a stop begins with this."""
         self._draining = True
         for session in self._sessions.values():
             session.end_streams(CLOSE_GOING_AWAY, "the server stops")
 
     async def close(self) -> None:
-        """End everything, and wait for the threads."""
+        """End all sessions, and wait for their threads."""
         self.drain()
         sessions = list(self._sessions.values())
         self._sessions.clear()
@@ -155,7 +173,7 @@ class SessionManager:
         return not session.needed and unused > self._settings.idle_seconds
 
     def _within_limits(self, scene: Scene) -> Scene:
-        """Lower the scene's particle limit to the service's; refuse what cannot be served."""
+        """Return the scene with the particle limit of this service; refuse a scene that it cannot serve."""
         for field in ("emitters", "sinks"):
             if getattr(scene, field):
                 text = "are not served: a session has the same particles throughout; run `hybridmpm simulate`"

@@ -1,9 +1,13 @@
-"""How many frames are due: media time against the clock on the wall."""
+"""How many frames a player owes: simulated time against the clock on the wall."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+Clock = Callable[[], float]
+"""Returns the seconds since an arbitrary start; they never go back."""
+
 MAX_LAG_SECONDS = 0.1
-"""A player that is further behind forgets the rest: catching up later would only look like a jump."""
+"""Longest time that a player makes up for. It forgets the rest, since catching up later looks like a jump."""
 
 
 @dataclass
@@ -24,16 +28,16 @@ class Pace:
     _done: int = 0
 
     def start(self, now: float) -> None:
-        """Count from now on."""
+        """Owe frames from now on, and none from before."""
         self._origin, self._done = now, 0
 
     def set_speed(self, speed: float, now: float) -> None:
-        """Go on at another speed, with no jump."""
+        """Go on at another speed, without a jump."""
         self.speed = speed
         self.start(now)
 
     def due(self, now: float) -> int:
-        """Return how many frames should be computed now."""
+        """Return how many frames are owed now."""
         owed = self._owed(now)
         most = max(1.0, MAX_LAG_SECONDS * self._rate)
         if owed > most:
@@ -43,7 +47,7 @@ class Pace:
         return int(owed)
 
     def count(self, frames: int) -> None:
-        """Note frames that have been computed."""
+        """Note that so many frames have been computed."""
         self._done += frames
 
     def wait(self, now: float) -> float:

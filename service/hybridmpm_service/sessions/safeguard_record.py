@@ -1,4 +1,4 @@
-"""What a hybrid session's safeguard measured, and who simulated when, for those who watch."""
+"""Record of a hybrid session: what its safeguard measured, and who simulated which frames."""
 
 import math
 from collections import deque
@@ -6,30 +6,35 @@ from dataclasses import dataclass
 
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.sessions.solvers import SafeguardKind, Watch
+from hybridmpm_service.sessions.solvers import SafeguardKind, SafeguardSettings
 
 HISTORY_FRAMES = 1000
-"""Frames for which values are kept: the length of most scenarios."""
+"""Number of frames for which values are kept: the length of most scenarios."""
 DIGITS = 4
-"""Decimals of a value that is told; the safeguard's own noise is larger."""
+"""Number of decimals in which values are answered; the safeguard's own noise is larger."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Safeguard:
-    """Of a hybrid session, at one instant."""
+    """Safeguard of a hybrid session, and its record, at one instant."""
 
     kind: SafeguardKind
+    """Mean of the cosines that the safeguard takes."""
     r_c: float
+    """Value below which the safeguard alarms."""
     value: float | None
+    """Mean cosine in [-1, 1] at present; None until both windows of time are full."""
     mpm_share: float
+    """Share of the frames so far that MPM simulated, in [0, 1]."""
     frames: tuple[int, ...]
-    """At which the values were taken."""
+    """Frames at which `values` were taken, ascending."""
     values: tuple[float, ...]
+    """Mean cosines over the last `HISTORY_FRAMES` frames."""
     decisions: tuple[Decision, ...]
-    """All since frame 0."""
+    """All decisions since frame 0 about who simulates."""
 
     def phases(self, frame: int) -> list[tuple[int, Mode]]:
-        """Return from which frame on who simulated, for the last `HISTORY_FRAMES` before `frame`."""
+        """Return the phases of the last `HISTORY_FRAMES` before `frame`: first frame, and who simulated."""
         all_phases: list[tuple[int, Mode]] = [(0, "mpm")]
         all_phases += [(decision.frame, decision.mode) for decision in without_undone(self.decisions)]
         first = max(0, frame - HISTORY_FRAMES)
@@ -40,13 +45,13 @@ class Safeguard:
 class SafeguardRecorder:
     """Keeps the latest values of a simulator's safeguard."""
 
-    def __init__(self, simulator: Simulator, watch: Watch) -> None:
-        self._simulator, self._watch = simulator, watch
+    def __init__(self, simulator: Simulator, settings: SafeguardSettings) -> None:
+        self._simulator, self._settings = simulator, settings
         self._r_t = simulator.r_t
         self._values: deque[tuple[int, float]] = deque(maxlen=max(2, HISTORY_FRAMES // self._r_t))
 
     def note(self) -> None:
-        """Take the value of the present frame, where it is a new one."""
+        """Keep the present value, in one frame of each step of the network: it changes no faster."""
         value, frame = finite(self._simulator.safeguard), self._simulator.frame
         if value is not None and frame % self._r_t == 0:
             self._values.append((frame, value))
@@ -56,10 +61,10 @@ class SafeguardRecorder:
         self._values.clear()
 
     def look(self) -> Safeguard:
-        """Return what there is."""
+        """Return the safeguard and its record as they are now."""
         return Safeguard(
-            kind=self._watch.kind,
-            r_c=self._watch.r_c,
+            kind=self._settings.kind,
+            r_c=self._settings.r_c,
             value=finite(self._simulator.safeguard),
             mpm_share=self._simulator.mpm_share,
             frames=tuple(frame for frame, _ in self._values),
@@ -69,5 +74,5 @@ class SafeguardRecorder:
 
 
 def finite(value: float | None) -> float | None:
-    """Return a number as it may be told in JSON; None where it is not finite."""
+    """Return a number as JSON can carry it, rounded to `DIGITS`; None where it is not finite."""
     return None if value is None or not math.isfinite(value) else round(value, DIGITS)

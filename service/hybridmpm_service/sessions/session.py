@@ -1,4 +1,4 @@
-"""A simulation that several people watch and command: a thread that computes, a player, viewers."""
+"""A simulation that several clients watch and command: a thread that computes, a player, viewers."""
 
 import asyncio
 import contextlib
@@ -11,50 +11,50 @@ from hybridmpm import SimulationError
 from hybridmpm.control import ControlledTrajectory, Sketch
 from hybridmpm_service.errors import ServiceError, SessionBusyError, SessionNotFoundError
 from hybridmpm_service.sessions.mailbox import Mailbox
-from hybridmpm_service.sessions.pace import Pace
-from hybridmpm_service.sessions.simulation import Clock, Particles, Simulation, View
+from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.player import Player
+from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, Kind
+from hybridmpm_service.sessions.view import Particles, View
 
-DEFAULT_SPEED = 0.25
-"""Simulated seconds per second: the eye can follow a splash at a quarter of real time."""
-MIN_SPEED = 0.01
-MAX_SPEED = 1.0
 MAX_WAITING = 32
-"""Calls that may wait for one session."""
+"""Largest number of calls that may wait for one session."""
 CLOSE_DELETED = 4404
 """WebSocket close code of a session that is unknown, deleted or expired."""
 _STATUS_SECONDS = 0.25
-_TICK_SECONDS = 1 / 60
-_TURN_SECONDS = 0.025
-"""The player gives way to waiting commands after this."""
+"""Time between two status messages."""
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
 class Session:
-    """Made by `open`. Belongs to the event loop, which never computes.
+    """A simulation with a thread, a player and viewers. `open` makes one; it belongs to the event loop.
 
-    All work on the simulation runs on the session's own thread, in the order it was asked for. After
-    each piece the thread hands a `View` to the loop, and from there it goes to the viewers.
+    The event loop never computes. All work on the simulation runs on the session's own thread, in the order
+    in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
+    on to the viewers.
 
     Attributes
     ----------
     id : str
+        Name of the session in its address.
     scenario : str or None
-        None where the session was made from a scene.
+        Scenario that the scene was drawn from; None where a scene was given.
     seed : int or None
+        Seed of the scenario; None where a scene was given.
     scene : Scene
+        Scene that is simulated.
     solver : Kind
-        Who simulates: "mpm", "hybrid" or "neural".
+        Simulator of the session: "mpm", "hybrid" or "neural".
     model : str or None
-        Name of the network, None where there is none.
+        Name of the network; None where there is none.
     simulation : Simulation
-        Only its unchanging properties and `timing` may be used outside of this class.
+        Outside of this class only its unchanging properties and `timing` may be used.
     view : View
-        The newest.
+        The newest view.
     last_used : float
-        On the session's clock.
+        Time of the latest use, on the session's clock [s].
     """
 
     def __init__(self, name: str, simulation: Simulation, clock: Clock) -> None:
@@ -68,19 +68,20 @@ class Session:
         self.view = simulation.look()
         self.last_used = clock()
         self._clock = clock
-        self._pace = Pace(self.scene.frame_dt, DEFAULT_SPEED)
+        self._player = Player(
+            self.scene.frame_dt, clock, compute=self._compute, on_fault=self._on_player_fault
+        )
         self._mailboxes: set[Mailbox] = set()
-        self._playing = asyncio.Event()
         self._waiting = 0
         self._calls = 0
         self._closed = False
         self._loop = asyncio.get_running_loop()
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"session-{name[:8]}")
-        self._tasks = [self._loop.create_task(self._play()), self._loop.create_task(self._report())]
+        self._tasks = [self._loop.create_task(self._player.run()), self._loop.create_task(self._report())]
 
     @classmethod
     async def open(cls, name: str, make: Callable[[], ChosenSolver], *, clock: Clock) -> Self:
-        """Build scene and solver off the loop.
+        """Make the simulator off the event loop, and a session of it.
 
         Raises
         ------
@@ -99,54 +100,53 @@ class Session:
 
     @property
     def watched(self) -> bool:
-        """Whether a viewer is there."""
+        """Whether the session has a viewer."""
         return bool(self._mailboxes)
 
     @property
     def needed(self) -> bool:
-        """Whether a viewer is there, or a call that has not been answered yet."""
+        """Whether the session has a viewer, or a call that has not been answered yet."""
         return self.watched or self._calls > 0
 
     @property
     def playing(self) -> bool:
-        """Whether frames come by themselves."""
-        return self._playing.is_set()
+        """Whether the player computes frames."""
+        return self._player.playing
 
     @property
     def speed(self) -> float:
         """Simulated seconds per second that the player aims at."""
-        return self._pace.speed
+        return self._player.speed
 
     def touch(self) -> None:
-        """Note that somebody uses the session."""
+        """Note that a client has used the session now."""
         self.last_used = self._clock()
 
     async def advance(self, frames: int) -> None:
-        """Compute frames; on failure pause at the last good one and tell the viewers.
+        """Compute frames. If one fails, the player pauses and the viewers get the problem.
 
         Raises
         ------
         SimulationError
-            The frame that failed did not happen.
+            A frame failed; the state is the one before it.
         SessionNotFoundError
             The session was deleted meanwhile.
         SessionBusyError
-            Too many calls wait.
+            Too many calls wait for the session.
         """
         with self._in_use():
-            await self._compute(lambda: self.simulation.advance(frames, lambda: not self._closed))
+            await self._compute(frames, lambda: not self._closed)
 
     async def steer(self, sketch: Sketch, frames: int) -> ControlledTrajectory:
-        """Plan from the present state and follow the plan from there; errors as in `advance`."""
+        """Plan a motion that follows the sketch and let the next frames follow it; errors as in `advance`."""
         with self._in_use():
             # A deleted session, or a server that stops, does not wait for the plan's end.
             plan = await self._on_worker(lambda: self.simulation.steer(sketch, frames, self._check_open))
-        # The time that planning took is not owed to the player.
-        self._pace.start(self._clock())
+        self._player.forgive()  # the frames that fell due while the thread was planning
         return plan
 
     async def particles(self) -> Particles:
-        """Take the state of all particles; errors as in `advance`."""
+        """Return the state of all particles; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
 
@@ -158,24 +158,23 @@ class Session:
     def play(self) -> None:
         """Compute frames at the chosen speed until `pause`."""
         if not self.playing:
-            self._pace.start(self._clock())
-            self._playing.set()
-            self._tell_status()
+            self._player.start()
+            self._post_status()
 
     def pause(self) -> None:
         """Stop playing after the frame that is being computed."""
         if self.playing:
-            self._playing.clear()
-            self._tell_status()
+            self._player.stop()
+            self._post_status()
 
     def set_speed(self, speed: float) -> None:
         """Choose simulated seconds per second, in [0.01, 1]."""
-        self._pace.set_speed(speed, self._clock())
-        self._tell_status()
+        self._player.set_speed(speed)
+        self._post_status()
 
     @contextlib.contextmanager
     def viewer(self) -> Iterator[Mailbox]:
-        """Lend a mailbox for frames, status and problems; it holds the newest frame at once."""
+        """Lend a mailbox that gets frames, status and problems; at first it holds the newest frame."""
         mailbox = Mailbox()
         if self._closed:
             mailbox.close(CLOSE_DELETED, "the session has been deleted")
@@ -188,17 +187,17 @@ class Session:
             self.touch()
 
     def end_streams(self, code: int, reason: str) -> None:
-        """Send all viewers away with a WebSocket close code."""
+        """Close the streams of all viewers with a WebSocket close code."""
         for mailbox in self._mailboxes:
             mailbox.close(code, reason)
 
     async def close(self, code: int, reason: str, *, wait: bool = False) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        With `wait` the thread has ended afterwards.
+        With `wait` this returns only after the thread has ended.
         """
         self._closed = True
-        self._playing.clear()
+        self._player.stop()
         for task in self._tasks:
             task.cancel()
         self.end_streams(code, reason)
@@ -209,7 +208,7 @@ class Session:
 
     @contextlib.contextmanager
     def _in_use(self) -> Iterator[None]:
-        """Keep the session from expiring while a call that came from outside is worked on."""
+        """Keep the session from expiring while a client's call is worked on."""
         self._calls += 1
         try:
             yield
@@ -217,20 +216,27 @@ class Session:
             self._calls -= 1
             self.touch()
 
-    async def _compute(self, job: Callable[[], int]) -> int:
+    async def _compute(self, frames: int, go_on: Callable[[], bool]) -> int:
+        """Compute frames as long as `go_on()` is true before each; return how many were computed."""
         try:
-            return await self._on_worker(job)
+            return await self._on_worker(lambda: self.simulation.advance(frames, go_on))
         except SimulationError as err:
             self._stop_with(err)
             raise
 
+    def _on_player_fault(self) -> None:
+        _log.exception("the player of session %s failed", self.id)
+        self._stop_with(ServiceError("the player failed and is paused; the cause is in the server's log"))
+
     def _stop_with(self, problem: Exception) -> None:
-        self._playing.clear()
+        """Pause the player and send a problem to the viewers."""
+        self._player.stop()
         for mailbox in self._mailboxes:
             mailbox.put_problem(problem)
-        self._tell_status()
+        self._post_status()
 
     async def _on_worker(self, job: Callable[[], T]) -> T:
+        """Run a job on the session's thread after those that wait; return its result."""
         if self._waiting >= MAX_WAITING:
             raise SessionBusyError(f"{MAX_WAITING} calls already wait for session {self.id!r}")
         self._check_open()
@@ -240,8 +246,8 @@ class Session:
             try:
                 result = job()
             finally:
-                # Also after a failure, and when nobody awaits the result any more.
-                self._loop.call_soon_threadsafe(self._show, self.simulation.look())
+                # Viewers see the state after a failure too, and when nobody awaits the result any more.
+                self._loop.call_soon_threadsafe(self._publish, self.simulation.look())
             self._check_open()
             return result
 
@@ -255,48 +261,22 @@ class Session:
         if self._closed:
             raise SessionNotFoundError(f"session {self.id!r} has been deleted")
 
-    def _show(self, view: View) -> None:
-        turned = (self.view.control is None, self.view.mode) != (view.control is None, view.mode)
-        self.view = view
+    def _publish(self, view: View) -> None:
+        """Take a new view and post it to the viewers."""
+        before, self.view = self.view, view
         for mailbox in self._mailboxes:
             mailbox.put_frame(view.message)
-        # A player changes the view all the time; its status comes from `_report`.
-        if turned or not self.playing:
-            self._tell_status()
+        other_control = (before.control is None) != (view.control is None)
+        # A player changes the view all the time; the status then comes from `_report`.
+        if other_control or before.mode != view.mode or not self.playing:
+            self._post_status()
 
-    def _tell_status(self) -> None:
+    def _post_status(self) -> None:
         for mailbox in self._mailboxes:
             mailbox.put_status()
 
     async def _report(self) -> None:
+        """Post the status regularly, until this task is cancelled."""
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
-            self._tell_status()
-
-    async def _play(self) -> None:
-        while True:
-            await self._playing.wait()
-            next_tick = self._clock() + _TICK_SECONDS
-            try:
-                self._pace.count(await self._turn(self._pace.due(self._clock())))
-            except (SimulationError, SessionBusyError):
-                # The first is told and has paused the player; after the second it tries again.
-                pass
-            except Exception:  # noqa: BLE001 - told to the viewers; the player must live on
-                _log.exception("the player of session %s failed", self.id)
-                self._stop_with(
-                    ServiceError("the player failed and is paused; the cause is in the server's log")
-                )
-            now = self._clock()
-            await asyncio.sleep(max(0.0, next_tick - now, self._pace.wait(now)))
-
-    async def _turn(self, frames: int) -> int:
-        if frames == 0:
-            return 0
-
-        def turn() -> int:
-            # Counted from when the thread is free: else a player that had to queue would get no frame.
-            deadline = self._clock() + _TURN_SECONDS
-            return self.simulation.advance(frames, lambda: self.playing and self._clock() < deadline)
-
-        return await self._compute(turn)
+            self._post_status()

@@ -1,101 +1,28 @@
-"""One running simulation with its control and its clockwork. Used by one thread at a time.
+"""One running simulation: a simulator, the sketch that steers it, and the times that its frames took.
 
-No HTTP, no asyncio, no threads in here: `Session` adds those.
+It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Session` adds the first two.
 """
 
 import statistics
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import Scene
 from hybridmpm.control import ControlledTrajectory, Sketch, follow
-from hybridmpm.decisions import Mode
 from hybridmpm_service.sessions.frames import Frame, encode
-from hybridmpm_service.sessions.safeguard_record import Safeguard, SafeguardRecorder
+from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
 from hybridmpm_service.sessions.solvers import ChosenSolver
-
-Clock = Callable[[], float]
-"""Seconds from an arbitrary start, never going back."""
+from hybridmpm_service.sessions.view import Control, LastFrame, Particles, Timing, View
 
 _TIMES_KEPT = 400
+"""Number of latest frames whose solver times are kept."""
 _PACE_WINDOW_SECONDS = 1.0
-
-
-@dataclass(frozen=True)
-class Control:
-    """A sketch that steers, and how far it has come."""
-
-    kind: Literal["arrow", "ellipse"]
-    first_frame: int
-    frames_done: int
-    frames: int
-    force: npt.NDArray[np.float32]
-    """External acceleration besides gravity [m/s^2], (D,) where it is one constant, else (frames, N, D).
-
-    Of the planned trajectory nothing else is kept: its positions would fill the memory while a session waits.
-    """
-
-    @property
-    def next_force(self) -> npt.NDArray[np.float32]:
-        """Force of the next frame, (D,) or (N, D) [m/s^2]."""
-        return self.force if self.force.ndim == 1 else self.force[self.frames_done]
-
-
-@dataclass(frozen=True)
-class LastFrame:
-    """How the latest frame was computed."""
-
-    substeps: int | None
-    """Of MPM; None where a network made the frame."""
-    bound: str | None
-    ms: float
-
-
-@dataclass(frozen=True)
-class Timing:
-    """How fast frames come."""
-
-    ms_per_frame: float
-    """Median solver time of the latest frames [ms]; 0 before the first.
-
-    With a network, of means over as many frames as one of its steps spans: all its work falls into the first.
-    """
-    ms_p95: float
-    time_scale: float
-    """Simulated seconds per second, over the last second."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class View:
-    """What others may see of a simulation, taken at one instant and never changed."""
-
-    frame: int
-    time: float
-    centroid: tuple[float, ...]
-    control: Control | None
-    last_frame: LastFrame | None
-    mode: Mode
-    """Who simulates the next frame."""
-    safeguard: Safeguard | None
-    """Only of a hybrid session."""
-    message: bytes
-    """The binary frame for viewers."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Particles:
-    """The state of all particles at one instant."""
-
-    frame: int
-    time: float
-    positions: npt.NDArray[np.float32]
-    velocities: npt.NDArray[np.float32]
-    types: npt.NDArray[np.uint8]
+"""Length of the time over which the pace of the frames is measured."""
 
 
 class Simulation:
@@ -104,13 +31,16 @@ class Simulation:
     Parameters
     ----------
     chosen : ChosenSolver
-        At frame 0; the simulation's own from now on.
+        Simulator at frame 0; nobody else may use it from now on.
     clock : Clock
+        Clock that measures how long frames take.
     """
 
     def __init__(self, chosen: ChosenSolver, *, clock: Clock) -> None:
         self._solver = chosen.simulator
-        self._recorder = None if chosen.watch is None else SafeguardRecorder(chosen.simulator, chosen.watch)
+        self._recorder = (
+            None if chosen.safeguard is None else SafeguardRecorder(chosen.simulator, chosen.safeguard)
+        )
         self._clock = clock
         self._control: Control | None = None
         self._steered = False
@@ -122,6 +52,7 @@ class Simulation:
 
     @property
     def scene(self) -> Scene:
+        """Scene that is simulated."""
         return self._solver.scene
 
     @property
@@ -131,19 +62,21 @@ class Simulation:
 
     @property
     def particle_count(self) -> int:
+        """Number N of particles."""
         return self._solver.particle_count
 
     @property
     def types(self) -> npt.NDArray[np.uint8]:
+        """DeepMind's particle types (N,)."""
         return self._solver.materials
 
     def advance(self, frames: int, go_on: Callable[[], bool] = lambda: True) -> int:
-        """Compute frames one by one while `go_on()`; return how many.
+        """Compute frames one by one, as long as `go_on()` is true before each; return how many were computed.
 
         Raises
         ------
         SimulationError
-            The state is then the last good one.
+            A frame failed; the state is the one before it.
         """
         for done in range(frames):
             if not go_on():
@@ -154,21 +87,27 @@ class Simulation:
     def steer(
         self, sketch: Sketch, frames: int, on_frame: Callable[[], object] | None = None
     ) -> ControlledTrajectory:
-        """Plan from the present state; the next `frames` frames follow the plan. Replaces an older one.
+        """Plan a motion from the present state, let the next `frames` frames follow it, and return it.
 
-        What `on_frame` raises gives the planning up.
+        Parameters
+        ----------
+        sketch : Arrow or Ellipse
+            Replaces a sketch that still steers.
+        frames : int in [1, 10000]
+        on_frame : callable, optional
+            Called before each frame of each trial. What it raises ends the planning.
 
         Raises
         ------
         SimulationError
-            No plan was found; an older control goes on.
+            No plan was found; an older sketch goes on steering.
         """
         plan = follow(self._solver, sketch, frames, on_frame=on_frame)
         self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force)
         return plan
 
     def reset(self) -> None:
-        """Go back to frame 0, without control."""
+        """Go back to frame 0; a sketch no longer steers."""
         self._solver.reset()
         if self._recorder is not None:
             self._recorder.clear()
@@ -176,7 +115,7 @@ class Simulation:
         self._steered = False
 
     def particles(self) -> Particles:
-        """Take positions, velocities and types."""
+        """Return a copy of the positions, velocities and types."""
         return Particles(
             frame=self._solver.frame,
             time=self._solver.time,
@@ -186,7 +125,7 @@ class Simulation:
         )
 
     def look(self) -> View:
-        """Take what others may see."""
+        """Return what other threads may see of the present state."""
         positions = self._solver.positions
         frame = Frame(
             number=self._solver.frame,
@@ -207,7 +146,7 @@ class Simulation:
         )
 
     def timing(self) -> Timing:
-        """Tell how fast frames come at present. Safe to call while another thread computes."""
+        """Return how fast frames come at present. Safe to call while another thread computes."""
         latest = list(self._milliseconds.copy())
         if not latest:
             return Timing(0.0, 0.0, 0.0)

@@ -18,25 +18,33 @@ from hybridmpm_service.errors import FieldError, ModelDamagedError
 
 SafeguardKind: TypeAlias = Literal["ours", "paper"]
 
-__all__ = ["ChosenSolver", "Kind", "Mode", "SafeguardKind", "SolverChoice", "SolverFactory", "Watch"]
+__all__ = [
+    "ChosenSolver",
+    "Kind",
+    "Mode",
+    "SafeguardKind",
+    "SafeguardSettings",
+    "SolverChoice",
+    "SolverFactory",
+]
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Watch:
-    """Settings of a safeguard."""
+class SafeguardSettings:
+    """Settings of the safeguard that watches a hybrid simulator's network."""
 
     kind: SafeguardKind
-    """Which mean of the cosines."""
+    """Mean of the cosines that is taken: over the particles that are not calm ("ours"), or all ("paper")."""
     r_c: float
-    """Value below which the safeguard alarms."""
+    """Mean cosine in [-1, 1] below which the safeguard alarms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolverChoice:
-    """Simulator that a session asks for; None where the default of an option holds.
+    """Simulator that a session asks for. An option that is None takes its default.
 
     Raises
     ------
@@ -56,12 +64,14 @@ class SolverChoice:
                 solvers = " and ".join(f'"{kind}"' for kind in takers)
                 raise FieldError(f"body.{name}", f'belongs to the solver {solvers}, got "{self.solver}"')
 
-    def watch(self) -> Watch | None:
-        """Return what is told about the safeguard; None for a simulator without one."""
+    def safeguard_settings(self) -> SafeguardSettings | None:
+        """Return the settings of the safeguard, defaults included; None for a simulator without one."""
         if "safeguard" not in simulators.settings_of(self.solver):
             return None
-        usual = Cosine()
-        return Watch(kind=self.safeguard or usual.safeguard, r_c=usual.r_c if self.r_c is None else self.r_c)
+        default = Cosine()
+        return SafeguardSettings(
+            kind=self.safeguard or default.safeguard, r_c=default.r_c if self.r_c is None else self.r_c
+        )
 
 
 @dataclass(frozen=True)
@@ -71,19 +81,19 @@ class ChosenSolver:
     simulator: Simulator
     model: str | None = None
     """Name of the network; None without one."""
-    watch: Watch | None = None
-    """Safeguard that watches the network; None without one."""
+    safeguard: SafeguardSettings | None = None
+    """Settings of the safeguard that watches the network; None without one."""
 
 
 class SolverFactory:
-    """Makes solvers. May be used by several threads.
+    """Makes the simulators of sessions, and shares loaded networks among them. Safe to use from many threads.
 
     Parameters
     ----------
     threads : int
-        Of each solver; the result does not depend on it.
+        Number of threads of each simulator; the result does not depend on it.
     folder : Path
-        Of the models and their manifest.
+        Folder that holds the models and their manifest.
 
     Raises
     ------
@@ -99,11 +109,18 @@ class SolverFactory:
 
     @property
     def models(self) -> dict[str, Entry]:
-        """The models by name, those to be preferred first."""
+        """The models by name; the first that serves a scenario is its default."""
         return dict(self._models)
 
     def make(self, choice: SolverChoice, scene: Scene, scenario: str | None = None) -> ChosenSolver:
-        """Return a simulator on a scene; `scenario`, where the scene is one's, chooses the model.
+        """Return the chosen simulator on a scene.
+
+        Parameters
+        ----------
+        choice : SolverChoice
+        scene : Scene
+        scenario : str, optional
+            Scenario that the scene was drawn from. Where no model is chosen, it decides which one serves.
 
         Raises
         ------
@@ -129,7 +146,7 @@ class SolverFactory:
                 threads=self._threads,
             )
         )
-        return ChosenSolver(simulator, name, choice.watch())
+        return ChosenSolver(simulator, name, choice.safeguard_settings())
 
     def _default(self, scenario: str | None) -> str:
         if scenario is None:
@@ -159,7 +176,7 @@ class SolverFactory:
 
 
 def _for_model(make: Callable[[], T]) -> T:
-    """Call, and report what is wrong as a fault of the chosen model, unless the scene itself is at fault."""
+    """Call `make`, and report a ConfigError as a fault of the chosen model, unless the scene is at fault."""
     try:
         return make()
     except SceneError:

@@ -66,10 +66,10 @@ def test_a_session_says_who_simulates_it(learned: Service, create: Callable[...,
     for solver in ("mpm", "hybrid", "neural"):
         body = learned.http.get(create(solver=solver)).json()
         told[solver] = [body[key] for key in ("solver", "model", "r_p", "mode", "safeguard")]
-    watch = {"kind": "ours", "r_c": 0.8, "value": None, "mpm_share": 1.0}
+    safeguard = {"kind": "ours", "r_c": 0.8, "value": None, "mpm_share": 1.0}
     assert told == {
         "mpm": ["mpm", None, 1.0, "mpm", None],
-        "hybrid": ["hybrid", "falling", 0.25, "mpm", watch],
+        "hybrid": ["hybrid", "falling", 0.25, "mpm", safeguard],
         "neural": ["neural", "falling", 0.25, "mpm", None],
     }
 

@@ -222,8 +222,8 @@ def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
         session = await manager.create(lambda: SCENE)
         gate = threading.Event()
         holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
-        session._playing.set()
-        turn = asyncio.create_task(session._turn(3))
+        session._player.start()
+        turn = asyncio.create_task(session._player.take_turn(3))
         await asyncio.sleep(0)
         clock.now = 10
         gate.set()
@@ -242,6 +242,6 @@ def test_the_time_of_planning_is_not_owed_to_the_player(monkeypatch: pytest.Monk
 
         monkeypatch.setattr(session.simulation, "steer", slow)
         await session.steer(Arrow(np.array([[0.5, 0.5], [0.6, 0.5]])), 1)
-        assert session._pace.due(clock.now) == 0
+        assert session._player._pace.due(clock.now) == 0
 
     _run(scene)

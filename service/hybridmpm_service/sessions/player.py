@@ -1,0 +1,103 @@
+"""The player of a session: it asks for the frames that are due at a chosen speed."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import TypeAlias
+
+from hybridmpm import SimulationError
+from hybridmpm_service.errors import SessionBusyError
+from hybridmpm_service.sessions.pace import Clock, Pace
+
+DEFAULT_SPEED = 0.25
+"""Simulated seconds per second: the eye can follow a splash at a quarter of real time."""
+MIN_SPEED = 0.01
+MAX_SPEED = 1.0
+_TICK_SECONDS = 1 / 60
+"""Shortest time between two looks at what is due: no screen shows more frames."""
+_MAX_TURN_SECONDS = 0.025
+"""Time after which the player gives way to commands that wait."""
+
+Compute: TypeAlias = Callable[[int, Callable[[], bool]], Awaitable[int]]
+"""Computes frames on the session's thread, as long as the function is true; answers how many it computed."""
+
+
+class Player:
+    """Computes frames by itself between `start` and `stop`. Belongs to the event loop.
+
+    Parameters
+    ----------
+    frame_dt : float > 0
+        Simulated seconds of a frame.
+    clock : Clock
+        Clock on the wall.
+    compute : Compute
+        Before it raises a SimulationError, it has to stop the player.
+    on_fault : callable
+        Called while an exception that nobody expected is handled; it has to stop the player.
+    """
+
+    def __init__(
+        self, frame_dt: float, clock: Clock, *, compute: Compute, on_fault: Callable[[], None]
+    ) -> None:
+        self._pace = Pace(frame_dt, DEFAULT_SPEED)
+        self._clock = clock
+        self._compute = compute
+        self._on_fault = on_fault
+        self._playing = asyncio.Event()
+
+    @property
+    def playing(self) -> bool:
+        """Whether frames are computed without being asked for."""
+        return self._playing.is_set()
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second that the player aims at."""
+        return self._pace.speed
+
+    def set_speed(self, speed: float) -> None:
+        """Choose simulated seconds per second, in [0.01, 1]."""
+        self._pace.set_speed(speed, self._clock())
+
+    def start(self) -> None:
+        """Play from now on."""
+        self.forgive()
+        self._playing.set()
+
+    def stop(self) -> None:
+        """Play no more after the frame that is being computed."""
+        self._playing.clear()
+
+    def forgive(self) -> None:
+        """Owe none of the frames that are due so far."""
+        self._pace.start(self._clock())
+
+    async def run(self) -> None:
+        """Play whenever `start` has been called, until this task is cancelled."""
+        while True:
+            await self._playing.wait()
+            next_tick = self._clock() + _TICK_SECONDS
+            try:
+                self._pace.count(await self.take_turn(self._pace.due(self._clock())))
+            except (SimulationError, SessionBusyError):
+                # After the first the player has been stopped; after the second it tries again.
+                pass
+            except Exception:  # noqa: BLE001 - told to the viewers; the player must live on
+                self._on_fault()
+            now = self._clock()
+            await asyncio.sleep(max(0.0, next_tick - now, self._pace.wait(now)))
+
+    async def take_turn(self, frames: int) -> int:
+        """Compute some frames, but give way after a while; return how many were computed."""
+        if frames == 0:
+            return 0
+        deadline: float | None = None
+
+        def go_on() -> bool:
+            # Counted from when the thread is free: else a player that had to queue would get no frame.
+            nonlocal deadline
+            now = self._clock()
+            deadline = now + _MAX_TURN_SECONDS if deadline is None else deadline
+            return self.playing and now < deadline
+
+        return await self._compute(frames, go_on)
