@@ -1,6 +1,6 @@
 """HTTP and WebSocket service of hybridmpm: it owns running simulations and serves the page.
 
-`serve()` runs it, `create_app(settings)` builds the application for another server or a test.
+`serve()` runs the service. `create_app(settings)` builds the application for another server or a test.
 """
 
 from hybridmpm_service.app import create_app

@@ -1,4 +1,4 @@
-"""`python -m hybridmpm_service`."""
+"""The command `python -m hybridmpm_service`."""
 
 import sys
 

@@ -1,28 +1,28 @@
-"""What the service refuses by itself; the library's errors come on top."""
+"""Errors of the service itself; those of the library are in `hybridmpm.errors`."""
 
 
 class ServiceError(Exception):
-    """Parent of the service's own refusals."""
+    """Parent of the errors with which the service itself refuses a request."""
 
 
 class SessionNotFoundError(ServiceError):
-    """No such session: never created, deleted, or expired."""
+    """The session does not exist: it was never created, or has been deleted, or has expired."""
 
 
 class ScenarioNotFoundError(ServiceError):
-    """No such scenario under this address."""
+    """The address names a scenario that does not exist."""
 
 
 class UnavailableError(ServiceError):
-    """Not now, but perhaps in a minute."""
+    """The request cannot be served now, but perhaps in a minute."""
 
 
 class TooManySessionsError(UnavailableError):
-    """The limit of sessions is reached."""
+    """All sessions that the settings allow are in use."""
 
 
 class SessionBusyError(UnavailableError):
-    """Too many calls wait for this session."""
+    """Too many calls already wait for this session."""
 
 
 class ModelDamagedError(UnavailableError):
@@ -30,22 +30,22 @@ class ModelDamagedError(UnavailableError):
 
 
 class UploadTooLargeError(ServiceError):
-    """A file is larger than the limit."""
+    """An uploaded file is larger than the limit."""
 
 
 class UnsupportedFormatError(ServiceError):
-    """A body in a format that this address does not take."""
+    """The body has a format that this address does not take."""
 
 
 class FieldError(ServiceError):
-    """One field is wrong.
+    """One field of a request has a value that is not allowed.
 
     Parameters
     ----------
     field : str
-        Where, e.g. "body.frames".
+        Path of the field, e.g. "body.frames".
     message : str
-        What is wrong and what is allowed.
+        What is wrong with its value, and which values are allowed.
     """
 
     def __init__(self, field: str, message: str) -> None:

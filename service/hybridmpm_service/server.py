@@ -1,4 +1,4 @@
-"""Running the application: address, signals, an orderly end."""
+"""The server that runs the application: its address, its command line, its orderly end."""
 
 import argparse
 import asyncio
@@ -19,7 +19,9 @@ from hybridmpm_service.settings import Settings
 WS_MAX_BYTES = 64 * 1024
 """Largest message of a client; commands have some fifty bytes."""
 _FAREWELL_SECONDS = 2.0
+"""Longest time that a stopping server waits for its streams to end."""
 _GRACE_SECONDS = 10
+"""Longest time that a stopping server then waits for answers on their way."""
 
 
 class ServeError(SimulationError):
@@ -32,21 +34,22 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     Parameters
     ----------
     host, port : optional
-        Default: the environment's HYBRIDMPM_HOST and HYBRIDMPM_PORT, else 127.0.0.1 and 8000.
+        Address to listen on; if absent, HYBRIDMPM_HOST and HYBRIDMPM_PORT, else 127.0.0.1 and 8000.
     **flags
-        Any other field of `Settings`; None counts as absent.
+        Other fields of `Settings`; one that is None counts as absent.
 
     Raises
     ------
     ConfigError
         A setting is out of range.
     ServeError
-        The address cannot be used.
+        The service cannot listen on the address.
     """
     settings = Settings.load(host=host, port=port, **flags)
     listener = listen(settings)
-    shown = f"[{settings.host}]" if ":" in settings.host else settings.host
-    sys.stdout.write(f"hybridmpm listens on http://{shown}:{listener.getsockname()[1]} (Ctrl+C ends it)\n")
+    host_in_url = f"[{settings.host}]" if ":" in settings.host else settings.host
+    url = f"http://{host_in_url}:{listener.getsockname()[1]}"
+    sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
         make_server(create_app(settings)).run(sockets=[listener])
@@ -58,7 +61,7 @@ def listen(settings: Settings) -> socket.socket:
     Raises
     ------
     ServeError
-        The address cannot be used.
+        The service cannot listen on the address.
     """
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     # asyncio switches Nagle's algorithm off only where the protocol is named. With it, the body of an answer
@@ -78,7 +81,7 @@ def listen(settings: Settings) -> socket.socket:
 
 
 def make_server(app: FastAPI) -> uvicorn.Server:
-    """Return a server for an application of `create_app`, with our limits."""
+    """Return a server, with the limits of this service, for an application of `create_app`."""
     config = uvicorn.Config(
         app,
         log_level=app.state.settings.log_level,
@@ -96,7 +99,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
 
 
 class _Server(uvicorn.Server):
-    """Ends streams with 1001 (going away) before uvicorn would end them with 1012."""
+    """A server that closes streams with code 1001 (going away) before uvicorn would close them with 1012."""
 
     def __init__(self, config: uvicorn.Config, sessions: SessionManager) -> None:
         super().__init__(config)
@@ -105,17 +108,18 @@ class _Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._sessions.drain()
         deadline = time.monotonic() + _FAREWELL_SECONDS
-        # Many streams end one by one; nothing else waits for it, so an event would be no clearer.
+        # Many streams end one by one. Nothing else waits for their end, so an event would be no clearer.
         while self._sessions.watched and time.monotonic() < deadline:  # noqa: ASYNC110
             await asyncio.sleep(0.01)
         await super().shutdown(sockets)
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run from the command line; return the exit status."""
+    """Run the service from the command line and return the exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m hybridmpm_service",
-        description="Serve hybridmpm over HTTP. Each flag has an environment variable, e.g. HYBRIDMPM_PORT.",
+        description="Serve hybridmpm over HTTP. An environment variable stands in for each flag, e.g. "
+        "HYBRIDMPM_PORT for --port.",
     )
     for name, field in Settings.model_fields.items():
         default = ",".join(field.default) if isinstance(field.default, tuple) else field.default

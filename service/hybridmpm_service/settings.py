@@ -1,4 +1,4 @@
-"""What the operator may choose, from the environment and from flags."""
+"""Settings that the operator chooses, by environment variables or flags."""
 
 import ipaddress
 import os
@@ -21,49 +21,73 @@ _Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
 
 
 class Settings(BaseModel):
-    """Addresses and limits of one service process; limits, because memory and cores do not grow."""
+    """Address, limits and access rules of one service process. Limits keep it within its memory and cores."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
-    port: int = Field(default=8000, ge=0, le=65535, description="0 takes a free one.")
-    max_sessions: int = Field(default=16, ge=1, le=1000, description="Sessions at once.")
-    max_particles: int = Field(default=50_000, ge=1, le=2_000_000, description="Particles of one session.")
-    max_grid_nodes: int = Field(default=1 << 22, ge=64, le=1 << 27, description="Grid nodes of one session.")
-    max_advance_frames: int = Field(default=2000, ge=1, le=100_000, description="Frames of one call.")
-    max_sketch_frames: int = Field(default=400, ge=1, le=4000, description="Frames that a sketch may steer.")
-    max_upload_bytes: int = Field(default=1 << 20, ge=1024, le=1 << 20, description="Compressed sketch.")
-    max_body_bytes: int = Field(default=1 << 21, ge=4096, le=1 << 26, description="Any request body.")
+    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    max_sessions: int = Field(
+        default=16, ge=1, le=1000, description="Largest number of sessions at the same time."
+    )
+    max_particles: int = Field(
+        default=50_000, ge=1, le=2_000_000, description="Largest number of particles of a session."
+    )
+    max_grid_nodes: int = Field(
+        default=1 << 22, ge=64, le=1 << 27, description="Largest number of grid nodes of a session."
+    )
+    max_advance_frames: int = Field(
+        default=2000, ge=1, le=100_000, description="Largest number of frames that one call advances."
+    )
+    max_sketch_frames: int = Field(
+        default=400, ge=1, le=4000, description="Largest number of frames that a sketch steers."
+    )
+    max_upload_bytes: int = Field(
+        default=1 << 20, ge=1024, le=1 << 20, description="Largest size of an uploaded PNG in bytes."
+    )
+    max_body_bytes: int = Field(
+        default=1 << 21, ge=4096, le=1 << 26, description="Largest size of a request body in bytes."
+    )
     idle_seconds: float = Field(
         default=600,
         ge=1,
         le=604_800,
-        description="A session that nobody watches or asks for ends after this.",
+        description="Seconds after which a session ends that no client watches or calls.",
     )
-    threads: int = Field(default=1, ge=1, le=256, description="Solver threads of one session.")
+    threads: int = Field(
+        default=1,
+        ge=1,
+        le=256,
+        description="Number of threads of each session's simulator; results do not depend on it.",
+    )
     models: str = Field(
         default="",
-        description="Folder of models with their manifest.json. Empty: the models of the library.",
+        description="Folder that holds models and their manifest.json. If empty, the library's models serve.",
     )
     cors_origins: _Names = Field(
         default=(),
-        description="Origins of other front ends that may use this service, e.g. https://a.example.",
+        description="Origins of other front ends that may use this service, separated by commas, "
+        "e.g. https://a.example.",
     )
     allowed_hosts: _Names = Field(
         default=(),
-        description="Host names that requests may carry. Empty: the loopback names when bound to loopback "
-        "(so that no web site can reach the service through a name it controls), else any.",
+        description="Host names that requests may carry, separated by commas. If empty, a service on a "
+        "loopback address allows the loopback names alone, so that no web site can reach it through a name "
+        "of the site's own; any other service allows all names.",
     )
-    log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
+    log_level: Literal["critical", "error", "warning", "info", "debug"] = Field(
+        default="warning",
+        description="Least severe level that is logged: critical, error, warning, info or debug.",
+    )
 
     @classmethod
     def load(cls, environment: Mapping[str, str] = os.environ, **flags: Any) -> Self:
-        """Read `HYBRIDMPM_PORT` and the like; a flag that is not None wins.
+        """Read the settings from variables such as HYBRIDMPM_PORT; a flag that is not None wins.
 
         Raises
         ------
         ConfigError
-            Naming the variable or flag and the allowed range.
+            A value is not allowed. The message names the variable or flag and the allowed range.
         """
         given = {
             name: environment[PREFIX + name.upper()]
@@ -81,7 +105,7 @@ class Settings(BaseModel):
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine can connect."""
+        """Whether only this machine can connect to the address."""
         try:
             return ipaddress.ip_address(self.host).is_loopback
         except ValueError:
@@ -89,7 +113,7 @@ class Settings(BaseModel):
 
     @property
     def hosts(self) -> tuple[str, ...] | None:
-        """Host names that requests may carry; None for any."""
+        """Host names that requests may carry; None if they may carry any."""
         if self.allowed_hosts:
             return self.allowed_hosts
         return (

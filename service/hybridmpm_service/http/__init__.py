@@ -1,1 +1,1 @@
-"""HTTP without routes: requests and answers as data, problems, uploads and what wraps every request."""
+"""HTTP without routes: requests and answers as data, problems, uploads, and middleware."""

@@ -1,4 +1,4 @@
-"""What the service answers, as JSON: pydantic models with examples."""
+"""What the service answers about sessions and scenarios, as JSON: pydantic models with examples."""
 
 from typing import Literal, Self
 
@@ -15,27 +15,29 @@ _LINKED = ("stream", "advance", "particles", "sketches", "decisions")
 
 
 class ControlBody(BaseModel):
-    """The sketch that steers at present."""
+    """The sketch that steers a session at present."""
 
-    kind: Literal["arrow", "ellipse"]
-    first_frame: int
-    frames_done: int
-    frames: int
+    kind: Literal["arrow", "ellipse"] = Field(description="Kind of the sketch.")
+    first_frame: int = Field(description="Frame of the session at which the sketch began to steer.")
+    frames_done: int = Field(description="Number of frames that the sketch has steered so far.")
+    frames: int = Field(description="Number of frames that the sketch steers in all.")
 
 
 class LastFrameBody(BaseModel):
     """How the latest frame was computed."""
 
-    substeps: int | None = Field(description="Of MPM; null where a network made the frame.")
-    bound: str | None = Field(
-        description='What chose the step: "sound", "speed", "obstacle", "frame", "reference" or "fixed"; '
-        "null where a network made the frame."
+    substeps: int | None = Field(
+        description="Number of substeps that MPM took; null where a network made the frame."
     )
-    ms: float = Field(description="Solver time.")
+    bound: str | None = Field(
+        description='Bound that chose the length of the substeps: "sound", "speed", "obstacle", "frame", '
+        '"reference" or "fixed"; null where a network made the frame.'
+    )
+    ms: float = Field(description="Time that the simulator took for the frame [ms].")
 
 
 class SessionBody(BaseModel):
-    """A session."""
+    """A session: what it simulates, by which simulator, and where it stands."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -72,29 +74,38 @@ class SessionBody(BaseModel):
         }
     )
 
-    id: str
-    scenario: str | None
-    seed: int | None
-    dim: Literal[2, 3]
-    particles: int
-    frame: int
-    time: float = Field(description="Simulated [s].")
-    frame_dt: float = Field(description="[s]")
-    playing: bool
+    id: str = Field(description="Name of the session in its address.")
+    scenario: str | None = Field(
+        description="Scenario that the scene was drawn from; null where a scene was sent."
+    )
+    seed: int | None = Field(description="Seed of the scenario; null where a scene was sent.")
+    dim: Literal[2, 3] = Field(description="Dimension D of the scene.")
+    particles: int = Field(description="Number N of particles.")
+    frame: int = Field(description="Number of frames since the start.")
+    time: float = Field(description="Simulated time since the start [s].")
+    frame_dt: float = Field(description="Simulated time that a frame spans [s].")
+    playing: bool = Field(description="Whether the player computes frames.")
     speed: float = Field(description="Simulated seconds per second that the player aims at.")
-    centroid: list[float] = Field(description="Centre of mass [m].")
-    solver: Kind
-    model: str | None = Field(description="The network; null without one.")
-    r_p: float = Field(description="Particles over those of the scene.")
-    mode: Mode = Field(description="Who simulates the next frame.")
-    safeguard: SafeguardBody | None = Field(description="Only of a hybrid session.")
-    control: ControlBody | None
-    last_frame: LastFrameBody | None
-    links: dict[str, str]
+    centroid: list[float] = Field(description="Centre of mass, D numbers [m].")
+    solver: Kind = Field(description="Simulator of the session.")
+    model: str | None = Field(description="Name of the network; null where MPM simulates alone.")
+    r_p: float = Field(description="Ratio of the particles to those of the scene, in (0, 1].")
+    mode: Mode = Field(description="Who simulates the next frame: MPM or the network.")
+    safeguard: SafeguardBody | None = Field(
+        description="Safeguard that watches the network; null unless the session is hybrid."
+    )
+    control: ControlBody | None = Field(description="Sketch that steers the next frame; null without one.")
+    last_frame: LastFrameBody | None = Field(
+        description="How the latest frame was computed; null before the first."
+    )
+    links: dict[str, str] = Field(
+        description="Addresses of the session and of what belongs to it: "
+        "self, stream, advance, particles, sketches, decisions."
+    )
 
     @classmethod
     def of(cls, session: Session) -> Self:
-        """Describe a session as it is now."""
+        """Describe a session by its newest view."""
         view = session.view
         link = f"/v1/sessions/{session.id}"
         return cls(
@@ -132,13 +143,13 @@ class SessionBody(BaseModel):
 
 
 class SessionList(BaseModel):
-    """All sessions, oldest first."""
+    """All sessions of the server."""
 
-    sessions: list[SessionBody]
+    sessions: list[SessionBody] = Field(description="Sessions, oldest first.")
 
 
 class ScenarioBody(BaseModel):
-    """A scenario."""
+    """A scenario: a kind of scene that seeds draw examples of."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -154,11 +165,11 @@ class ScenarioBody(BaseModel):
         }
     )
 
-    name: str
-    dim: Literal[2, 3]
-    frames: int = Field(description="Suggested length.")
-    max_particles: int
-    text: str
+    name: str = Field(description="Name of the scenario.")
+    dim: Literal[2, 3] = Field(description="Dimension of its scenes.")
+    frames: int = Field(description="Number of frames that a simulation is suggested to have.")
+    max_particles: int = Field(description="Largest number of particles of its scenes.")
+    text: str = Field(description="What its scenes contain, in a few words.")
 
     @classmethod
     def of(cls, info: ScenarioInfo) -> Self:
@@ -169,13 +180,13 @@ class ScenarioBody(BaseModel):
 
 
 class ScenarioList(BaseModel):
-    """All scenarios."""
+    """All scenarios of the library."""
 
-    scenarios: list[ScenarioBody]
+    scenarios: list[ScenarioBody] = Field(description="Scenarios.")
 
 
 class ParticlesBody(BaseModel):
-    """The state of all particles."""
+    """State of all particles of a session at one instant."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -191,8 +202,10 @@ class ParticlesBody(BaseModel):
         }
     )
 
-    frame: int
-    time: float
-    positions: list[list[float]] = Field(description="[particle][axis], metres.")
-    velocities: list[list[float]] = Field(description="[particle][axis], metres per second.")
-    types: list[int] = Field(description="3 kinematic, 5 water, 6 sand, 7 goop.")
+    frame: int = Field(description="Number of frames since the start.")
+    time: float = Field(description="Simulated time since the start [s].")
+    positions: list[list[float]] = Field(description="Positions; [particle][axis] [m].")
+    velocities: list[list[float]] = Field(description="Velocities; [particle][axis] [m/s].")
+    types: list[int] = Field(
+        description="Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop)."
+    )

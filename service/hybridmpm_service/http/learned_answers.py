@@ -11,20 +11,25 @@ from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import Mode, SafeguardKind
 
 LATEST_DECISIONS = 16
-"""In a status message; `DecisionList` has all."""
+"""Number of decisions in a status message; `DecisionList` has all of them."""
 
 
 class SafeguardBody(BaseModel):
-    """What a hybrid session's safeguard measures at present."""
+    """The safeguard of a hybrid session at present.
 
-    kind: SafeguardKind
-    r_c: float = Field(description="Below this the value is alarming.")
+    It measures the mean cosine between the accelerations of the particles in two successive windows of time.
+    """
+
+    kind: SafeguardKind = Field(
+        description="Particles that the mean is taken over: those that are not calm (ours), or all (paper)."
+    )
+    r_c: float = Field(description="Value below which the safeguard alarms, so that MPM takes over.")
     value: float | None = Field(description="Mean cosine in [-1, 1]; null until both windows are full.")
-    mpm_share: float = Field(description="Share of the frames so far that MPM simulated.")
+    mpm_share: float = Field(description="Share of the frames so far that MPM simulated, in [0, 1].")
 
     @classmethod
     def of(cls, safeguard: Safeguard) -> Self:
-        """Describe a safeguard."""
+        """Describe the safeguard of a session."""
         return cls(
             kind=safeguard.kind,
             r_c=safeguard.r_c,
@@ -34,7 +39,7 @@ class SafeguardBody(BaseModel):
 
 
 class DecisionBody(BaseModel):
-    """From which frame on who simulates, and why."""
+    """A decision about who simulates from some frame on."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -42,11 +47,20 @@ class DecisionBody(BaseModel):
         }
     )
 
-    frame: int = Field(description="The state at its end is the first that `mode` goes on from.")
-    mode: Mode
-    value: float | None = Field(description="Of the guard that decided; null where there is none.")
-    reason: str = Field(description='The guard, or "warm-up", "calm", "force", "unsound".')
-    noticed: int = Field(description="Frame at which it was decided; later where frames were undone.")
+    frame: int = Field(description="Frame whose end is the first state that `mode` goes on from.")
+    mode: Mode = Field(description="Who simulates from there on: MPM or the network.")
+    value: float | None = Field(
+        description="Value of the guard that decided, or of the safeguard where no guard did; null where "
+        "there is none yet."
+    )
+    reason: str = Field(
+        description="Name of the guard that decided; where no guard did, "
+        '"warm-up", "calm", "force" or "unsound".'
+    )
+    noticed: int = Field(
+        description="Frame at which the decision was made; later than `frame` where frames of the network "
+        "were undone."
+    )
 
     @classmethod
     def of(cls, decision: Decision) -> Self:
@@ -61,29 +75,29 @@ class DecisionBody(BaseModel):
 
 
 class DecisionList(BaseModel):
-    """The decisions of a session, oldest first."""
+    """All decisions of a session since frame 0."""
 
-    decisions: list[DecisionBody]
+    decisions: list[DecisionBody] = Field(description="Decisions in the order in which they were made.")
 
     @classmethod
     def of(cls, session: Session) -> Self:
-        """Describe all since frame 0."""
+        """Describe the decisions of a session; a session that is not hybrid has none."""
         safeguard = session.view.safeguard
         log = () if safeguard is None else safeguard.decisions
         return cls(decisions=[DecisionBody.of(decision) for decision in log])
 
 
 class HistoryBody(BaseModel):
-    """The last 1000 frames of a hybrid session."""
+    """What happened in the last 1000 frames of a hybrid session."""
 
-    frames: list[int]
-    values: list[float] = Field(description="Of the safeguard, at these frames.")
-    phases: list[tuple[int, Mode]] = Field(description="From which frame on who simulated.")
-    decisions: list[DecisionBody] = Field(description="The latest.")
+    frames: list[int] = Field(description="Frames at which `values` were taken, ascending.")
+    values: list[float] = Field(description="Values of the safeguard at these frames.")
+    phases: list[tuple[int, Mode]] = Field(description="First frame of each phase, and who simulated it.")
+    decisions: list[DecisionBody] = Field(description="The latest 16 decisions, oldest first.")
 
     @classmethod
     def of(cls, session: Session) -> Self | None:
-        """Describe a hybrid session's history; None for another."""
+        """Describe the history of a session; None unless it is hybrid."""
         safeguard = session.view.safeguard
         if safeguard is None:
             return None
@@ -96,7 +110,7 @@ class HistoryBody(BaseModel):
 
 
 class ModelBody(BaseModel):
-    """A network that sessions may be simulated with."""
+    """A network that may simulate sessions."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -116,15 +130,15 @@ class ModelBody(BaseModel):
         }
     )
 
-    name: str
-    scenarios: list[str] = Field(description="Whose scenes it serves.")
-    r_p: float = Field(description="Particles over those of the scene.")
-    r_t: int = Field(description="Frames that one of its steps spans.")
-    latent: int
-    layers: int
-    radius: float = Field(description="[m]")
-    parameters: int
-    sha256: str
+    name: str = Field(description="Name of the network.")
+    scenarios: list[str] = Field(description="Scenarios whose scenes it serves.")
+    r_p: float = Field(description="Ratio of its particles to those of the scene, in (0, 1].")
+    r_t: int = Field(description="Number of frames that one of its steps spans.")
+    latent: int = Field(description="Size of its latent vectors.")
+    layers: int = Field(description="Number of its message passing layers.")
+    radius: float = Field(description="Distance within which particles are neighbours [m].")
+    parameters: int = Field(description="Number of its parameters.")
+    sha256: str = Field(description="SHA-256 digest of its file.")
 
     @classmethod
     def of(cls, name: str, entry: Entry) -> Self:
@@ -134,6 +148,8 @@ class ModelBody(BaseModel):
 
 
 class ModelList(BaseModel):
-    """All models, those to be preferred first."""
+    """All networks that the server has."""
 
-    models: list[ModelBody]
+    models: list[ModelBody] = Field(
+        description="Networks; the first that serves a scenario is the scenario's default."
+    )

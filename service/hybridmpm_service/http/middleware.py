@@ -1,4 +1,4 @@
-"""What holds for every request: who may ask, how much they may send, what headers they get back."""
+"""Middleware for every request: who may ask, how large a body may be, what headers an answer carries."""
 
 import logging
 from collections.abc import Collection, Mapping
@@ -20,7 +20,7 @@ SECURITY_HEADERS: Mapping[str, str] = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
-    # A browser asks again whether the page is still the one it has; answers of the API are never kept.
+    # A browser may keep a file of the page, but has to ask each time whether it is still the newest.
     "Cache-Control": "no-cache",
 }
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -28,9 +28,9 @@ _KEPT_HEADERS = ("allow", "retry-after", "vary", "access-control-allow-origin")
 
 
 class AnswerMiddleware:
-    """Outermost: puts the security headers on every answer and makes every failure a problem.
+    """Puts the security headers on every answer and turns every failure into a problem.
 
-    Other middleware and a crash of our own would answer in plain text.
+    It is the outermost middleware: the others, and a fault of our own, would answer in plain text.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -47,11 +47,11 @@ class AnswerMiddleware:
             _log.exception("%s %s failed", scope["method"], scope["path"])
             if answer.started:
                 raise
-            await answer.replace(500, "the server failed; the cause is in its log, no session is touched")
+            await answer.replace(500, "the server failed; the cause is in its log; other sessions go on")
 
 
 class _Answer:
-    """One answer on its way out."""
+    """One answer on its way to the client."""
 
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self._scope = scope
@@ -61,7 +61,7 @@ class _Answer:
         self.started = False
 
     async def send_or_replace(self, message: Message) -> None:
-        """Pass a message on, but put a problem in the place of a failure in another form."""
+        """Pass a message on; if it begins a failure in another format, send a problem in its place."""
         if message["type"] == "http.response.start":
             self.started = True
             headers = Headers(raw=message["headers"])
@@ -74,7 +74,7 @@ class _Answer:
             await self._send_with_headers(message)
 
     async def replace(self, status: int, detail: str, headers: dict[str, str] | None = None) -> None:
-        """Send a problem."""
+        """Send a problem with this status in the place of the answer."""
         answer = of_status(self._scope["path"], status, detail, headers)
         await answer(self._scope, self._receive, self._send_with_headers)
 
@@ -93,10 +93,12 @@ class AccessMiddleware:
     Parameters
     ----------
     app : ASGI application
-    hosts : names that the Host header may carry, None for any
-        Without this check a site could point its own name at 127.0.0.1 and read everything.
-    origins : origins besides our own that may send changes and open streams
-        Browsers send forms and open WebSockets across sites without asking first.
+    hosts : collection of str, or None
+        Names that the Host header may carry; None for any. Without this check a site could point its own
+        name at 127.0.0.1 and read everything.
+    origins : collection of str
+        Origins besides our own that may change sessions and open streams. Browsers send forms and open
+        WebSockets across sites without asking first.
     """
 
     def __init__(self, app: ASGIApp, hosts: Collection[str] | None, origins: Collection[str]) -> None:
@@ -136,7 +138,7 @@ def _host_name(host: str) -> str | None:
 
 
 class BodyLimitMiddleware:
-    """Refuses bodies above a size, by Content-Length and by counting what really comes."""
+    """Refuses bodies above a size, by their Content-Length and by counting the bytes that arrive."""
 
     def __init__(self, app: ASGIApp, max_bytes: int) -> None:
         self._app = app

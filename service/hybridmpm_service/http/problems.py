@@ -1,4 +1,4 @@
-"""Every answer that is not a success, as `application/problem+json` (RFC 9457)."""
+"""Problems: every answer that is not a success, as `application/problem+json` (RFC 9457)."""
 
 import json
 from collections.abc import Sequence
@@ -31,25 +31,34 @@ RETRY_AFTER_SECONDS = 10
 
 
 class FieldProblem(BaseModel):
-    """One wrong field."""
+    """A field of the request whose value is not allowed."""
 
-    field: str = Field(examples=["body.seed"])
-    message: str = Field(examples=["Input should be greater than or equal to 0"])
+    field: str = Field(description="Path of the field.", examples=["body.seed"])
+    message: str = Field(
+        description="What is wrong with its value.", examples=["Input should be greater than or equal to 0"]
+    )
 
 
 class Problem(BaseModel):
-    """An error by RFC 9457."""
+    """An answer that is not a success, by RFC 9457."""
 
-    type: str = Field(examples=["urn:hybridmpm:problem:session-not-found"])
-    title: str = Field(examples=["Unknown session"])
-    status: int = Field(examples=[404])
-    detail: str = Field(examples=["there is no session 'abc'; it may have been deleted or have expired"])
-    instance: str = Field(examples=["/v1/sessions/abc"])
-    errors: list[FieldProblem] | None = None
+    type: str = Field(
+        description="Name of the kind of problem.", examples=["urn:hybridmpm:problem:session-not-found"]
+    )
+    title: str = Field(description="Kind of problem in a few words.", examples=["Unknown session"])
+    status: int = Field(description="HTTP status.", examples=[404])
+    detail: str = Field(
+        description="What went wrong this time, and what to change.",
+        examples=["there is no session 'abc'; it may have been deleted or have expired"],
+    )
+    instance: str = Field(description="Path of the request.", examples=["/v1/sessions/abc"])
+    errors: list[FieldProblem] | None = Field(
+        default=None, description="Fields whose values are not allowed, where the problem is about fields."
+    )
 
 
 class Row(NamedTuple):
-    """How a class of exceptions looks in HTTP."""
+    """How HTTP answers a class of exceptions: status, name of the kind of problem, title."""
 
     status: int
     slug: str
@@ -71,7 +80,7 @@ TABLE: dict[type[Exception], Row] = {
     UnavailableError: Row(503, "unavailable", "The service is not available now"),
     ServiceError: Row(400, "refused", "The request is refused"),
 }
-"""A class that is not listed has the row of its nearest parent."""
+"""How HTTP answers each class of exceptions; a class that is not listed has the row of its nearest parent."""
 
 
 def row_of(error: Exception) -> Row:
@@ -82,7 +91,7 @@ def row_of(error: Exception) -> Row:
 
 
 def urn_of(row: Row) -> str:
-    """Return the name of a kind of problem."""
+    """Return the name of a kind of problem, as its `type` carries it."""
     return f"urn:hybridmpm:problem:{row.slug}"
 
 
@@ -93,7 +102,7 @@ def problem_response(
     errors: Sequence[tuple[str, str]] = (),
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """Return the answer for one problem; `errors` are (field, message)."""
+    """Return the answer for a problem; `errors` are pairs of a field and a message."""
     body: dict[str, Any] = {
         "type": urn_of(row),
         "title": row.title,
@@ -103,7 +112,7 @@ def problem_response(
     }
     if errors:
         body["errors"] = [{"field": field, "message": message} for field, message in errors]
-    # ASCII, because messages quote the client's text, which may hold half a surrogate pair.
+    # JSON in ASCII, because messages quote the client's text, which may hold half a surrogate pair.
     return Response(json.dumps(body), row.status, headers, media_type=MEDIA_TYPE)
 
 
@@ -116,7 +125,7 @@ def install(app: FastAPI) -> None:
 
 
 def of_status(instance: str, status: int, detail: str, headers: dict[str, str] | None = None) -> Response:
-    """Return the problem for a bare HTTP status."""
+    """Return the answer for an HTTP status without an exception of ours."""
     phrase = HTTPStatus(status).phrase
     row = Row(status, phrase.lower().replace(" ", "-"), phrase)
     return problem_response(instance, row, detail, headers=headers)
@@ -168,6 +177,6 @@ def _field_problem(problem: dict[str, Any]) -> tuple[str, str]:
 
 
 def field_path(location: Sequence[int | str]) -> str:
-    """Return a location of pydantic's as text, e.g. body.strokes[0].points."""
+    """Return pydantic's location of a field as text, e.g. body.strokes[0].points."""
     path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return path.removeprefix(".")

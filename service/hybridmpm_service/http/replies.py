@@ -1,4 +1,4 @@
-"""Large answers, as JSON or as numpy's npz, encoded off the event loop."""
+"""Large answers as JSON or as numpy's npz, encoded off the event loop."""
 
 import asyncio
 import io
@@ -12,11 +12,13 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 NPZ = "application/x-npz"
+"""Media type of numpy's npz."""
 _NUMBERS_AT_ONCE = 4096
+"""Largest count of numbers that are encoded as JSON without a pause."""
 
 
 def wants_npz(request: Request) -> bool:
-    """Return whether the client asks for npz rather than JSON."""
+    """Return whether a request asks for npz instead of JSON."""
     accepted = [
         part.partition(";")[0].strip().lower() for part in request.headers.get("accept", "").split(",")
     ]
@@ -51,10 +53,10 @@ def _json(value: object) -> str:
 
 
 def _pieces(array: npt.NDArray[Any]) -> Iterator[str]:
-    """Yield the JSON of the elements of an array, some at a time.
+    """Yield the JSON of an array's elements in pieces of some milliseconds.
 
-    The encoder holds Python's global lock until it is done. In pieces of some milliseconds the
-    event loop gets its turns, though another thread encodes.
+    The encoder holds Python's global lock until a piece is done, also in another thread. Between two pieces
+    the event loop can go on.
     """
     step = max(1, _NUMBERS_AT_ONCE // max(1, array[:1].size))
     for start in range(0, len(array), step):

@@ -1,4 +1,4 @@
-"""Reading files from strangers: bytes are counted while they come, not believed."""
+"""Reading of uploaded files; their bytes are counted while they arrive, whatever a header says."""
 
 from typing import Protocol
 
@@ -11,16 +11,16 @@ class Source(Protocol):
     """Something to read from, such as Starlette's UploadFile."""
 
     async def read(self, size: int = -1) -> bytes:
-        """Return at most `size` bytes, b"" at the end."""
+        """Return at most `size` bytes; b"" at the end."""
 
 
 async def read_limited(source: Source, max_bytes: int) -> bytes:
-    """Return everything from a source, but read at most one chunk beyond the limit.
+    """Return everything that a source gives, and read at most one chunk beyond the limit.
 
     Raises
     ------
     UploadTooLargeError
-        With the limit.
+        The source gives more than `max_bytes` bytes.
     """
     data = bytearray()
     while chunk := await source.read(_CHUNK):

@@ -1,1 +1,1 @@
-"""The addresses: each parses, calls once, and shapes the answer."""
+"""The routes: each parses a request, calls a session or the manager once, and shapes the answer."""

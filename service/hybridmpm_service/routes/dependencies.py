@@ -1,4 +1,4 @@
-"""What routes share: the manager, the settings, and the documentation of problems."""
+"""What all routes share: the session manager, the settings, the OpenAPI description of problems."""
 
 from typing import Annotated, Any
 
@@ -25,7 +25,7 @@ Limits = Annotated[Settings, Depends(_settings)]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the OpenAPI description of the problems that a route may answer with."""
+    """Return the OpenAPI description of the problems that a route answers with these statuses."""
     texts: dict[int, list[str]] = {422: ["The request is not valid"], 413: ["The body is too large"]}
     for row in TABLE.values():
         texts.setdefault(row.status, []).append(row.title)

@@ -1,7 +1,7 @@
-"""Whether the process is alive, and whether it can take another session."""
+"""Routes for a supervisor: whether the process is alive, and whether it can take another session."""
 
 from fastapi import APIRouter
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from hybridmpm_service.errors import UnavailableError
 from hybridmpm_service.routes.dependencies import Sessions, problems
@@ -10,9 +10,9 @@ router = APIRouter(tags=["health"])
 
 
 class Health(BaseModel):
-    """A good sign."""
+    """State of the process."""
 
-    status: str
+    status: str = Field(description='State of the process: "alive" or "ready".')
 
 
 @router.get("/livez")

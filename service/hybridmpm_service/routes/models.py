@@ -1,4 +1,4 @@
-"""The networks that sessions may be simulated with."""
+"""Route of the networks that may simulate sessions."""
 
 from fastapi import APIRouter
 
@@ -10,5 +10,5 @@ router = APIRouter(prefix="/v1/models", tags=["models"])
 
 @router.get("")
 async def list_models(sessions: Sessions) -> ModelList:
-    """List the models, those to be preferred first."""
+    """List the networks that may simulate sessions; the first that serves a scenario is its default."""
     return ModelList(models=[ModelBody.of(*item) for item in sessions.solvers.models.items()])

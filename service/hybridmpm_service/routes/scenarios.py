@@ -1,4 +1,4 @@
-"""The scenarios and the scenes that they give."""
+"""Routes of the scenarios and of the scenes that are drawn from them."""
 
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ async def list_scenarios() -> ScenarioList:
 
 @router.get("/{name}", responses=problems(404, 422))
 def get_scene(name: str, seed: Annotated[int, Query(ge=0, lt=2**53)] = 0) -> dict[str, Any]:
-    """Draw the scene that this seed gives; it can be edited and sent to `POST /v1/sessions`."""
+    """Return the scene that this seed gives; it may be edited and sent to `POST /v1/sessions`."""
     if name not in scenarios.NAMES:
         known = ", ".join(scenarios.NAMES)
         raise ScenarioNotFoundError(f"there is no scenario {name[:64]!r}; there are {known}")

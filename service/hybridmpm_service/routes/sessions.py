@@ -1,4 +1,4 @@
-"""Creating, reading, advancing and ending sessions."""
+"""Routes that create, describe, advance and end sessions."""
 
 from fastapi import APIRouter, Request, Response
 
@@ -50,7 +50,7 @@ async def get_session(session_id: str, sessions: Sessions) -> SessionBody:
 
 @router.get("/{session_id}/decisions", responses=problems(404))
 async def get_decisions(session_id: str, sessions: Sessions) -> DecisionList:
-    """Tell who simulated since frame 0, and why; nothing unless the session is hybrid."""
+    """List all decisions since frame 0 about who simulates; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
 
 
@@ -68,7 +68,7 @@ async def delete_session(session_id: str, sessions: Sessions) -> None:
 async def advance_session(
     session_id: str, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
 ) -> SessionBody | Response:
-    """Compute frames and answer when they are done: the session, or the particles as npz."""
+    """Compute frames, and answer when they are done with the session, or with the particles as npz."""
     session = sessions.get(session_id)
     if body.frames > limits.max_advance_frames:
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"

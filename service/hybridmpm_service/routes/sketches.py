@@ -1,4 +1,4 @@
-"""A sketch steers a session: PNG or strokes in, trajectory out."""
+"""Route by which a sketch steers a session: a PNG or strokes come in, a trajectory goes out."""
 
 import asyncio
 import json
@@ -33,6 +33,9 @@ MAX_TRAJECTORY_NUMBERS = 1 << 24
 
 They take 64 MiB. Planning holds two trajectories, and a force that changes from frame to frame is as large.
 """
+_STRIDE = (
+    "Distance in frames between two rows of positions; the first frame and the last are always answered."
+)
 _BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
@@ -46,9 +49,14 @@ _BODY: dict[str, Any] = {
                         "sketch": {
                             "type": "string",
                             "format": "binary",
-                            "description": "PNG: a red arrow or a green outline on white, 512 x 512.",
+                            "description": "PNG of a red arrow or a green outline on white.",
                         },
-                        "frames": {"type": "integer", "minimum": 1, "default": DEFAULT_FRAMES},
+                        "frames": {
+                            "type": "integer",
+                            "minimum": 1,
+                            "default": DEFAULT_FRAMES,
+                            "description": "Number of frames that the sketch steers.",
+                        },
                     },
                 }
             },
@@ -71,9 +79,9 @@ async def steer_session(
     request: Request,
     sessions: Sessions,
     limits: Limits,
-    stride: Annotated[int, Query(ge=1, le=10_000, description="Each how many frames to return.")] = 10,
+    stride: Annotated[int, Query(ge=1, le=10_000, description=_STRIDE)] = 10,
 ) -> Response:
-    """Plan a motion that follows the sketch, apply it to the session and return it."""
+    """Plan a motion that follows the sketch, let the session follow it, and return it."""
     session = sessions.get(session_id)
     sketch, frames = await _read(request, limits)
     numbers = session.simulation.particle_count * session.scene.dim
@@ -137,7 +145,7 @@ async def _off_loop(field: str, parse: Callable[[], tuple[Sketch, int]]) -> tupl
     try:
         return await asyncio.to_thread(parse)
     except SketchError as err:
-        # The strokes' own messages begin with the field, a picture has none.
+        # Messages about strokes begin with the field; a picture has no fields.
         inner, colon, message = str(err).partition(": ")
         if colon and inner.startswith("strokes"):
             raise FieldError(f"{field}.{inner}", message) from err

@@ -1,4 +1,4 @@
-"""The live stream of a session: frames and status out, the player's commands in."""
+"""Route of a session's live stream: frames and status go out, commands for the player come in."""
 
 import asyncio
 import base64
@@ -22,7 +22,7 @@ from hybridmpm_service.settings import Settings
 router = APIRouter()
 
 _LAST_WORDS_SECONDS = 1.0
-"""How long a client may take to read what is being sent when its stream ends."""
+"""Longest time that a client may take to read the message on its way when its stream ends."""
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
@@ -44,7 +44,7 @@ async def stream(websocket: WebSocket, session_id: str, sessions: Sessions, limi
 async def _serve(
     websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings
 ) -> MailboxClosed | None:
-    """Send and receive at once; return how the stream was ended, None where the client left."""
+    """Send and receive at once; return how the stream was closed, None where the client left."""
     sending = asyncio.create_task(_send(websocket, session, mailbox))
     receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits))
     ending = asyncio.create_task(mailbox.closed())
@@ -65,7 +65,7 @@ async def _serve(
 
 
 async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox) -> None:
-    """Send what the mailbox holds until it is closed."""
+    """Send a greeting, then the messages of the mailbox, until it is closed."""
     await websocket.send_json(_hello(session))
     with contextlib.suppress(MailboxClosed):
         while True:
@@ -91,11 +91,11 @@ async def _receive(websocket: WebSocket, session: Session, mailbox: Mailbox, lim
                 raise FieldError("message", "must be text with a JSON command, got binary data")
             await _obey(COMMAND.validate_json(text), session, limits)
         except ValidationError as err:
-            mailbox.put_problem(_refused(err))
+            mailbox.put_problem(_refusal(err))
         except ServiceError as err:
             mailbox.put_problem(err)
         except SimulationError:
-            # The session has told all its viewers.
+            # The session has put this problem into the mailboxes of all its viewers.
             continue
 
 
@@ -116,9 +116,10 @@ async def _obey(command: Command, session: Session, limits: Settings) -> None:
             session.set_speed(value)
 
 
-def _refused(err: ValidationError) -> FieldError:
+def _refusal(err: ValidationError) -> FieldError:
+    """Return the refusal of a command that cannot be read."""
     problem = err.errors(include_url=False)[0]
-    # The first part of the location is the type of the command, which is no field.
+    # The first part of the location is the type of the command, which is not a field.
     field = field_path(problem["loc"][1:]) or "message"
     return FieldError(field, problem["msg"])
 
