@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends
+from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
 from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
@@ -22,6 +22,7 @@ def _settings(connection: HTTPConnection) -> Settings:
 
 Sessions = Annotated[SessionManager, Depends(_sessions)]
 Limits = Annotated[Settings, Depends(_settings)]
+SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:

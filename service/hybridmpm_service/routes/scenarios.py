@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Path, Query
 
 from hybridmpm import scenarios
 from hybridmpm_service.errors import ScenarioNotFoundError
@@ -19,7 +19,10 @@ async def list_scenarios() -> ScenarioList:
 
 
 @router.get("/{name}", responses=problems(404, 422))
-def get_scene(name: str, seed: Annotated[int, Query(ge=0, lt=2**53)] = 0) -> dict[str, Any]:
+def get_scene(
+    name: Annotated[str, Path(description="Name of the scenario.")],
+    seed: Annotated[int, Query(ge=0, lt=2**53, description="Seed that the scene is drawn with.")] = 0,
+) -> dict[str, Any]:
     """Return the scene that this seed gives; it may be edited and sent to `POST /v1/sessions`."""
     if name not in scenarios.NAMES:
         known = ", ".join(scenarios.NAMES)

@@ -8,7 +8,7 @@ from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionLi
 from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
 from hybridmpm_service.http.requests import AdvanceSession, CreateSession
-from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
+from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
@@ -43,19 +43,19 @@ async def list_sessions(sessions: Sessions) -> SessionList:
 
 
 @router.get("/{session_id}", responses=problems(404))
-async def get_session(session_id: str, sessions: Sessions) -> SessionBody:
+async def get_session(session_id: SessionId, sessions: Sessions) -> SessionBody:
     """Describe a session."""
     return SessionBody.of(sessions.get(session_id))
 
 
 @router.get("/{session_id}/decisions", responses=problems(404))
-async def get_decisions(session_id: str, sessions: Sessions) -> DecisionList:
+async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionList:
     """List all decisions since frame 0 about who simulates; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404))
-async def delete_session(session_id: str, sessions: Sessions) -> None:
+async def delete_session(session_id: SessionId, sessions: Sessions) -> None:
     """End a session; its streams close with code 4404."""
     await sessions.delete(session_id)
 
@@ -66,7 +66,7 @@ async def delete_session(session_id: str, sessions: Sessions) -> None:
     responses={200: {"content": _NPZ_CONTENT}, **problems(404, 413, 415, 422, 503)},
 )
 async def advance_session(
-    session_id: str, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
+    session_id: SessionId, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
 ) -> SessionBody | Response:
     """Compute frames, and answer when they are done with the session, or with the particles as npz."""
     session = sessions.get(session_id)
@@ -82,7 +82,7 @@ async def advance_session(
     response_model=ParticlesBody,
     responses={200: {"content": _NPZ_CONTENT}, **problems(404, 503)},
 )
-async def get_particles(session_id: str, sessions: Sessions, request: Request) -> Response:
+async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
     """Return the state of all particles as JSON or npz."""
     return await _particles(sessions.get(session_id), as_npz=wants_npz(request))
 

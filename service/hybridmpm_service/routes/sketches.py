@@ -22,7 +22,7 @@ from hybridmpm_service.http.sketch_answers import (
     trajectory_arrays,
 )
 from hybridmpm_service.http.uploads import read_limited
-from hybridmpm_service.routes.dependencies import Limits, Sessions, problems
+from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.settings import Settings
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"])
@@ -75,7 +75,7 @@ _BODY: dict[str, Any] = {
     openapi_extra=_BODY,
 )
 async def steer_session(
-    session_id: str,
+    session_id: SessionId,
     request: Request,
     sessions: Sessions,
     limits: Limits,

@@ -14,7 +14,7 @@ from hybridmpm_service.http.answers import SessionBody
 from hybridmpm_service.http.learned_answers import HistoryBody
 from hybridmpm_service.http.problems import field_path, row_of, urn_of
 from hybridmpm_service.http.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
-from hybridmpm_service.routes.dependencies import Limits, Sessions
+from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.mailbox import Mailbox, MailboxClosed, Signal
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.settings import Settings
@@ -26,7 +26,7 @@ _LAST_WORDS_SECONDS = 1.0
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
-async def stream(websocket: WebSocket, session_id: str, sessions: Sessions, limits: Limits) -> None:
+async def stream(websocket: WebSocket, session_id: SessionId, sessions: Sessions, limits: Limits) -> None:
     """Serve one viewer until it leaves or the session ends."""
     # Accepted first, because a refused handshake cannot carry a close code.
     await websocket.accept()
