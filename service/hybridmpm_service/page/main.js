@@ -1,17 +1,20 @@
-// Puts the parts together: session -> stage, pointer -> steering -> session, everything -> ui.
+// Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
 import { request } from "./net/api.js";
-import { StagePointer } from "./sketch/pointer.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
+import * as controls from "./panels/controls.js";
+import * as livePanel from "./panels/live-panel.js";
+import * as messages from "./panels/messages.js";
+import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
 import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
-import { Stage } from "./stage/stage.js";
 import { showSteering } from "./panels/steering-panel.js";
+import { StagePointer } from "./sketch/pointer.js";
 import { Steering } from "./sketch/steering.js";
-import * as ui from "./panels/ui.js";
+import { Stage } from "./stage/stage.js";
 
 const query = new URLSearchParams(window.location.search);
-const calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const overlay = document.getElementById("overlay");
 const asSeed = (text) => (/^\d{1,9}$/.test(text ?? "") ? Number(text) : 0);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
@@ -21,23 +24,23 @@ let chosen = {
   solver: asSolver(query.get("solver")),
 };
 
-let scene = null; // of the hello message
-let shownId = null; // the session that the stage shows
-let playing = null; // not known yet
+let scene = null; // the scene of the hello message
+let sessionId = null; // the session that the stage shows
+let playing = null; // whether the session plays; null as long as that is unknown
 let tool = "arrow";
-let fresh = false; // a session of ours that has not been started yet
+let startsPlaying = false; // whether to play once the session is live: this page has created it
 let speedTimer = 0;
-let newest = null; // ArrayBuffer not yet shown
-let drawnTimes = [];
+let newestMessage = null; // the newest binary frame, as long as it has not been shown
+let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
   plan: (stroke, frames) => session.steer(stroke, frames),
   dim: () => scene.dim,
-  widths: ui.depthWidths,
+  widths: controls.depthWidths,
   changed: refreshSteering,
-  refused: ui.toast,
-  tooSmall: () => ui.toast({ title: "That stroke is very short", advice: "Press, drag a few centimetres, release.", hint: true }),
+  refused: messages.toast,
+  tooSmall: () => messages.toast({ title: "That stroke is very short", advice: "Press, drag a few centimetres, release.", hint: true }),
 });
 const stage = new Stage(document.getElementById("view"), steering, query.get("renderer"));
 
@@ -46,16 +49,16 @@ function refreshSteering() {
   stage.invalidate();
 }
 
-// ---- from the server ------------------------------------------------------------------------------------
+// ---- from the server ----
 
 function onState(state, { seconds, problem }) {
-  ui.showState(state);
-  ui.showBanner(bannerOf(state, seconds, problem));
+  messages.showState(state);
+  messages.showBanner(bannerOf(state, seconds, problem));
   refreshSteering();
-  if (state === "connecting") ui.showSkeleton("Connecting to the simulation");
+  if (state === "connecting") messages.showSkeleton("Connecting to the simulation");
   if (state === "failed") {
-    ui.showSkeleton("No simulation");
-    ui.toast(problem);
+    messages.showSkeleton("No simulation");
+    messages.toast(problem);
   }
 }
 
@@ -78,32 +81,32 @@ function bannerOf(state, seconds, problem) {
 }
 
 function onHello(hello) {
-  if (hello.session.id !== shownId) showSession(hello);
-  ui.showSpeed(hello.session.speed);
-  ui.showStatus({ session: hello.session });
+  if (hello.session.id !== sessionId) showSession(hello);
+  controls.showSpeed(hello.session.speed);
+  livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
   setPlaying(hello.session.playing);
-  if (fresh) session.send({ type: "play" });
-  fresh = false;
+  if (startsPlaying) session.send({ type: "play" });
+  startsPlaying = false;
 }
 
-/** Another session than before; one that was only interrupted keeps its camera, tool and sketch. */
+/** Show another session than before. One that was only interrupted keeps its camera, tool and sketch. */
 function showSession(hello) {
-  shownId = hello.session.id;
-  ui.showSession(shownId);
-  scene = { ...hello.scene, obstacles: hello.scene.obstacles ?? [] };
+  sessionId = hello.session.id;
+  livePanel.showSession(sessionId);
+  scene = hello.scene;
   stage.setScene(scene, decodeTypes(hello.types));
   steering.clear();
-  ui.showTools(scene.dim);
+  controls.showTools(scene.dim);
   chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);
   if (!hello.session.scenario) return;
   chosen = { scenario: hello.session.scenario, seed: hello.session.seed, solver: hello.session.solver };
-  ui.chooseScene(chosen);
+  chooseScene(chosen);
   showChoice(chosen);
 }
 
 function onStatus(status) {
-  ui.showStatus(status);
+  livePanel.showStatus(status);
   showWho(status.session, status.history);
   setPlaying(status.session.playing);
 }
@@ -112,32 +115,32 @@ function setPlaying(value) {
   if (value === playing) return; // most status messages change nothing: no reason to draw again
   drawnTimes = [];
   playing = value;
-  ui.showPlaying(value);
+  controls.showPlaying(value);
   refreshSteering();
 }
 
 function onProblem(problem) {
-  ui.toast(problem);
+  messages.toast(problem);
 }
 
 function onFrame(buffer) {
-  newest = buffer; // older ones that were not drawn in time are skipped
+  newestMessage = buffer; // an older one that has not been shown yet is skipped
 }
 
 function showNewest() {
-  if (newest === null || scene === null) return;
+  if (newestMessage === null || scene === null) return;
   try {
-    const frame = decodeFrame(newest);
+    const frame = decodeFrame(newestMessage);
     stage.show(frame);
-    ui.showFrame(frame);
-    ui.hideSkeleton();
-    steering.watch(frame.frame);
+    livePanel.showFrame(frame);
+    messages.hideSkeleton();
+    steering.follow(frame.frame);
     if (steering.phase === "following") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
-    ui.toast({ title: "This page and the server do not match", detail: error.message, advice: "Reload the page." });
+    messages.toast({ title: "This page and the server do not match", detail: error.message, advice: "Reload the page." });
   } finally {
-    newest = null;
+    newestMessage = null;
   }
 }
 
@@ -147,18 +150,18 @@ function animate(now) {
   if (stage.draw(now)) drawnTimes.push(now);
 }
 
-/** Drawings in the last second, twice a second. */
+/** Count the pictures of the last second; called twice a second. */
 function measureDrawing() {
   const now = performance.now();
   drawnTimes = drawnTimes.filter((time) => now - time < 1000);
-  ui.showDrawing(drawnTimes.length > 1 ? drawnTimes.length : null);
+  livePanel.showDrawing(drawnTimes.length > 1 ? drawnTimes.length : null);
 }
 
-// ---- from the user --------------------------------------------------------------------------------------
+// ---- from the user ----
 
 function startScene(wanted) {
   if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
-    ui.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
+    messages.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
   }
   chosen = { ...wanted, solver: solverFor(wanted.scenario, wanted.solver ?? chosenSolver()) };
@@ -168,8 +171,8 @@ function startScene(wanted) {
   address.searchParams.delete("session");
   window.history.replaceState(null, "", address);
   steering.clear();
-  newest = null;
-  fresh = true;
+  newestMessage = null;
+  startsPlaying = true;
   session.start(chosen);
 }
 
@@ -177,14 +180,14 @@ function chooseTool(name) {
   if (name === "orbit" && scene?.dim !== 3) return;
   const switched = name !== tool;
   tool = name;
-  ui.showTool(name);
+  controls.showTool(name);
   if (scene?.dim === 3 && switched) {
-    stage.view.glideTo(name !== "orbit", performance.now(), !calm.matches);
+    stage.view.glideTo(name !== "orbit", performance.now(), !reducedMotion.matches);
   }
   refreshSteering();
 }
 
-/** Where a pointer is in the world, kept inside the world box. */
+/** A pointer's position as a point inside the world box. */
 function sampleOf({ at, time }) {
   const clamp = (value) => Math.min(1, Math.max(0, value));
   return { point: stage.view.unproject(...at).map(clamp), time };
@@ -211,7 +214,7 @@ const pointer = new StagePointer(overlay, {
   },
 });
 
-ui.bind({
+controls.bindControls({
   play: () => session.send({ type: playing ? "pause" : "play" }),
   step: () => {
     if (playing) session.send({ type: "pause" });
@@ -222,12 +225,11 @@ ui.bind({
   },
   speed: (value) => {
     const wanted = Math.min(1, Math.max(0.01, value));
-    ui.showSpeed(wanted);
-    // A dragged slider reports every pixel; the server only needs where it rests.
+    controls.showSpeed(wanted);
+    // A dragged slider reports every pixel; the server only needs the value where it rests.
     clearTimeout(speedTimer);
     speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
   },
-  newScene: startScene,
   tool: chooseTool,
   undo: () => steering.clear(),
   switchKind: () => steering.switchKind(),
@@ -237,10 +239,12 @@ ui.bind({
   },
 });
 
-// ---- start ----------------------------------------------------------------------------------------------
+bindScene(startScene);
 
-ui.showRenderer(stage.rendererKind);
-ui.showTool(tool);
+// ---- start ----
+
+livePanel.showRenderer(stage.rendererKind);
+controls.showTool(tool);
 refreshSteering();
 const modelsKnown = request("GET", "/v1/models").then(
   (answer) => setModels(answer.models),
@@ -253,7 +257,7 @@ if (query.has("session")) session.attach(query.get("session"));
 else if (chosen.solver === "mpm") startScene(chosen);
 else modelsKnown.then(() => startScene(chosen));
 request("GET", "/v1/scenarios").then(
-  (answer) => ui.showScenarios(answer.scenarios ?? answer, chosen),
+  (answer) => showScenarios(answer.scenarios, chosen),
   () => {
     // The session's own attempt to connect already tells the user that the server is away.
   },

@@ -1,4 +1,4 @@
-// HTTP calls to the service. Failures become one kind of error that says what the user can do.
+// HTTP calls to the service. Each failure becomes a Problem, which says what the user can do.
 
 const ADVICE = {
   404: "Start a new simulation from the scene panel.",
@@ -41,7 +41,7 @@ async function problemOf(response) {
   }
 }
 
-/** Fetch JSON (or nothing, for 204). Throws Problem for every answer that is not a success. */
+/** Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success. */
 export async function request(method, path, body) {
   let response;
   try {

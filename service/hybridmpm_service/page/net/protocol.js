@@ -1,4 +1,4 @@
-// The wire format of docs/http-api.md, decoded. Pure functions: bytes in, plain values out.
+// Decoding of the messages that docs/http-api.md describes. Pure functions: bytes in, plain values out.
 
 const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
 const VERSION = 1;
@@ -7,7 +7,7 @@ const NUMBERS_U16 = 1;
 const HEADER_BYTES = 32;
 const FLAG_STEERED = 1;
 
-/** Types of particles, DeepMind's numbering. */
+/** Types of particles, in DeepMind's numbering. */
 export const WATER = 5;
 export const SAND = 6;
 export const GOOP = 7;

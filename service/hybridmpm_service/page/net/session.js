@@ -6,8 +6,8 @@ const LOST_CODE = 4404; // the server does not know the session (any more)
 const RETRY_SECONDS = [0.5, 1, 2, 4, 5];
 
 /**
- * States: "connecting" (first contact), "live", "reconnecting" (server away, we keep trying),
- * "lost" (server is there, the session is not), "failed" (could not be created).
+ * The connection to one session. Its states are "connecting" (at first), "live", "reconnecting" (the server does
+ * not answer, we keep trying), "lost" (the server no longer has the session), "failed" (none could be created).
  */
 export class SessionClient {
   #handlers;
@@ -47,7 +47,7 @@ export class SessionClient {
     }
   }
 
-  /** Watch a session that somebody else created. It is left alone when the page closes. */
+  /** Watch a session that somebody else created; it goes on when the page closes. */
   attach(id) {
     const generation = this.#leave();
     this.path = `/v1/sessions/${encodeURIComponent(id)}`;
@@ -76,7 +76,7 @@ export class SessionClient {
     this.#resume(this.#generation);
   }
 
-  /** The page goes away: give the session's place on the server back. */
+  /** Delete the session, if this page created it, because the page goes away. */
   dispose() {
     this.#leave();
   }

@@ -1,4 +1,4 @@
-// The safeguard's value over the latest frames, the threshold, and the phases that MPM simulated.
+// The chart of the safeguard: its value over the latest frames, its threshold, the phases that MPM simulated.
 
 const FRAMES = 1000; // as many as the server keeps
 const MIN_FRAMES = 200; // a run that has just begun does not fill the width
@@ -10,10 +10,10 @@ const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sa
 export const signed = (value) => value.toFixed(2).replace("-", "−");
 
 /**
- * Where everything lies, in CSS pixels. A pure function.
+ * The layout of the chart in CSS pixels. A pure function.
  *
  * @param history {frames, values, phases: [[frame, "mpm" | "neural"], ...]}
- * @returns {area, ticks: [{y, text, threshold}], first, last, bands: [{x, width}], points: [[x, y]], threshold}
+ * @returns {area, ticks: [{y, text, threshold}], first, last, bands: [{x, width}], points: [[x, y]]}
  */
 export function layout(history, { threshold, frame, width, height }) {
   const area = {
@@ -35,7 +35,7 @@ export function layout(history, { threshold, frame, width, height }) {
     .map((value, i) => [history.frames[i], value])
     .filter(([at]) => at >= first)
     .map(([at, value]) => [x(at), y(value)]);
-  // A mark that would touch the threshold's gives way.
+  // A mark that would touch that of the threshold is left out.
   const apart = (value) => Math.abs(y(value) - y(threshold)) >= 14;
   const ticks = [1, 0, -1]
     .filter((value) => value >= lowest && apart(value))
@@ -44,7 +44,7 @@ export function layout(history, { threshold, frame, width, height }) {
   return { area, ticks, first, last, bands, points };
 }
 
-/** Draw at the canvas' size on the screen. */
+/** Draw the chart at the size that the canvas has on the screen. */
 export function drawSafeguard(canvas, history, { threshold, frame }) {
   const { clientWidth: width, clientHeight: height } = canvas;
   if (width === 0 || height === 0) return;

@@ -1,4 +1,4 @@
-// Who simulates: the choice, the badge on the picture, and the card of the safeguard.
+// The simulator: its choice, the badge on the picture that says who simulates, the card of the safeguard.
 
 import { byId, setText } from "./dom.js";
 import { drawSafeguard, signed } from "./safeguard-chart.js";
@@ -6,7 +6,7 @@ import { drawSafeguard, signed } from "./safeguard-chart.js";
 const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
 const NAMES = { mpm: "MPM", neural: "Network" };
 const REASONS = {
-  audit: "the network was off",
+  audit: "the network erred",
   calm: "the motion is calm",
   cosine: "the motion is complex",
   density: "particles crowded",
@@ -22,9 +22,9 @@ const REASONS = {
 const EMPTY = { frames: [], values: [], phases: [[0, "mpm"]], decisions: [] };
 
 let models = [];
-let shown = null; // what the chart shows: {history, threshold, frame}
+let charted = null; // content of the chart: {history, threshold, frame}
 
-// ---- the choice -----------------------------------------------------------------------------------------
+// ---- the choice ----
 
 const modelFor = (scenario) => models.find((model) => model.scenarios.includes(scenario));
 
@@ -32,7 +32,7 @@ export function setModels(list) {
   models = list;
 }
 
-/** The solver wanted, or MPM where no network serves the scenario. */
+/** The solver that is wanted, or MPM where no network serves the scenario. */
 export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined ? "mpm" : solver);
 
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
@@ -51,33 +51,38 @@ function choiceText(solver, model) {
   const share = `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
   switch (solver) {
     case "hybrid":
-      return `A network goes ahead with ${share}. Where its safeguard alarms, MPM takes over.`;
+      return `A network simulates ${share}. Where a guard alarms, MPM takes over.`;
     case "neural":
-      return `A network alone, with ${share}. Nothing watches over it.`;
+      return `A network alone simulates ${share}. No guard watches it.`;
     default:
-      return "The material point method, with all particles.";
+      return "The material point method (MPM) simulates all particles.";
   }
 }
 
-// ---- who simulates now ----------------------------------------------------------------------------------
+// ---- who simulates now ----
 
-/** @param session of a hello or status message; @param history of a status message, null without one */
+/**
+ * Show who simulates now.
+ *
+ * @param session the session of a hello or status message
+ * @param history the history of a status message; null where there is none
+ */
 export function showWho({ solver, mode, safeguard, frame }, history) {
   document.body.dataset.solver = solver;
   document.body.dataset.mode = mode;
   byId("mode").hidden = solver === "mpm";
-  // A live region: it speaks only when the text changes.
+  // Screen readers speak this text whenever it changes.
   setText("mode-text", solver === "mpm" ? "" : MODES[mode]);
   byId("safeguard-card").hidden = safeguard === null;
   if (safeguard === null) {
-    shown = null;
+    charted = null;
     return;
   }
-  shown = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
+  charted = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
   setText("safeguard-value", safeguard.value === null ? "not yet" : signed(safeguard.value));
   setText("safeguard-threshold", signed(safeguard.r_c));
   setText("mpm-share", `${Math.round(100 * safeguard.mpm_share)} %`);
-  showDecision(shown.history.decisions.at(-1));
+  showDecision(charted.history.decisions.at(-1));
   draw();
 }
 
@@ -87,7 +92,7 @@ function showDecision(decision) {
 }
 
 function draw() {
-  if (shown !== null) drawSafeguard(byId("safeguard-chart"), shown.history, shown);
+  if (charted !== null) drawSafeguard(byId("safeguard-chart"), charted.history, charted);
 }
 
 new ResizeObserver(draw).observe(byId("safeguard-chart"));

@@ -1,4 +1,4 @@
-// What the page says about a sketch: the line under the picture and the numbers beside it.
+// What the page says about a sketch: the line under the picture, and the numbers beside it.
 
 import { byId, setText } from "./dom.js";
 
@@ -6,13 +6,13 @@ const signed = (value) => `${value < 0 ? "−" : ""}${Math.abs(value).toFixed(1)
 const centimetres = (vector) => `(${vector.map((value) => signed(100 * value)).join(", ")}) cm`;
 const lengthText = (metres) => (metres < 0.01 ? `${(1000 * metres).toFixed(1)} mm` : `${(100 * metres).toFixed(1)} cm`);
 
-/** Where walls or the limit of the force keep the fluid away from the target, say so beforehand. */
+/** A warning where walls or the limit of the acceleration keep the fluid away from the target. */
 function missText(steering) {
   const { miss } = steering.deviation();
   return miss > 0.25 * Math.hypot(...steering.plan.target_displacement) ? `, will end ${lengthText(miss)} away` : "";
 }
 
-/** What the line under the picture says in each phase of steering. */
+/** The line under the picture, for each phase of steering. */
 function steerText(steering, { live, playing, dim, tool }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
@@ -40,7 +40,7 @@ export function showSteering(steering, context) {
   const { phase, plan } = steering;
   document.body.dataset.control = phase;
   setText("steer-text", steerText(steering, context));
-  setText("steer-count", phase === "following" ? `${steering.done} / ${plan.frames}` : "");
+  setText("steer-count", phase === "following" ? `${steering.framesDone} / ${plan.frames}` : "");
   byId("switch-kind").hidden = phase !== "staged";
   setText("switch-kind", steering.sketch?.kind === "arrow" ? "Make it an oval" : "Make it an arrow");
   byId("undo").hidden = !["staged", "following", "done"].includes(phase);
@@ -50,11 +50,11 @@ export function showSteering(steering, context) {
   byId("plan-card").hidden = plan === null;
   if (plan === null) return;
   progress.max = plan.frames;
-  progress.value = steering.done;
-  const [start, now] = [plan.centroids[0], plan.centroids[steering.done]];
+  progress.value = steering.framesDone;
+  const [start, now] = [plan.centroids[0], plan.centroids[steering.framesDone]];
   setText("wanted", centimetres(plan.target_displacement));
   setText("moved", centimetres(now.map((value, axis) => value - start[axis])));
-  const force = plan.mean_force[Math.min(steering.done, plan.frames - 1)];
+  const force = plan.mean_force[Math.min(steering.framesDone, plan.frames - 1)];
   setText("force", `${Math.hypot(...force).toFixed(1)} m/s²`);
   setText("deviation", lengthText(steering.deviation().miss));
 }

@@ -1,6 +1,6 @@
 // Mouse, pen and touch on the stage, turned into strokes (world units) or into camera moves.
 
-/** Listens on `element`. The handlers decide what a gesture means; this module only follows pointers. */
+/** Follows the pointers on an element. The handlers decide what a gesture means. */
 export class StagePointer {
   #element;
   #handlers;
@@ -19,7 +19,7 @@ export class StagePointer {
     element.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
   }
 
-  /** Forget the stroke in progress. */
+  /** Drop the stroke in progress. */
   abort() {
     if (this.#stroke === null) return;
     this.#stroke = null;

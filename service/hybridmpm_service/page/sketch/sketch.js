@@ -2,19 +2,19 @@
 
 const MAX_POINTS = 96; // enough for any freehand curve, far below the server's limit
 
-/** Width, in pixels of a 512-pixel raster, that means the back wall and the front of a 3D box. */
+/** Stroke widths that mean the back wall and the front of a 3D box [pixels of a 512-pixel raster]. */
 export const WIDTH_RANGE = [2, 20];
 
 export const distance = (a, b) => Math.hypot(b[0] - a[0], b[1] - a[1]);
 
-/** Length of the way along the points. */
+/** Length of the line through the points. */
 export function pathLength(points) {
   let total = 0;
   for (let i = 1; i < points.length; i += 1) total += distance(points[i - 1], points[i]);
   return total;
 }
 
-/** The same way with `count` points at equal distances; both ends stay where they are. */
+/** The same line with `count` points at equal distances; both ends stay where they are. */
 export function resample(points, count) {
   const step = pathLength(points) / (count - 1);
   const result = [points[0]];
@@ -60,7 +60,7 @@ function moments(points) {
 }
 
 /**
- * What a freehand stroke means: "ellipse" when it comes back to its start around some area, else "arrow".
+ * The kind of a freehand stroke: "ellipse" if it comes back to its start around some area, else "arrow".
  *
  * A circle encloses 0.08 of its squared length, a straight line nothing.
  */
@@ -86,7 +86,7 @@ export function ellipseOf(points) {
   };
 }
 
-/** Outline of the oval inside the rectangle with opposite corners a and b; the first point is repeated. */
+/** Outline of the oval in the rectangle with opposite corners a and b; its last point repeats the first. */
 export function ovalBetween(a, b, count = 49) {
   const [cx, cy] = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const [rx, ry] = [Math.abs(b[0] - a[0]) / 2, Math.abs(b[1] - a[1]) / 2];
@@ -96,7 +96,7 @@ export function ovalBetween(a, b, count = 49) {
   });
 }
 
-/** Both barbs and the tip of an arrow's head: [left, tip, right]. `size` is the length of the head. */
+/** Left barb, tip and right barb of an arrow's head; `size` is the length of the head. */
 export function arrowHead(points, size) {
   const tip = points.at(-1);
   // The direction over one head length, not the last segment: hands tremble at the end of a stroke.
@@ -110,7 +110,7 @@ export function arrowHead(points, size) {
   return [barb(0.45), tip, barb(-0.45)];
 }
 
-/** Whether the stroke is long enough to mean something; a click is not a sketch. */
+/** Whether a stroke is large enough to be a sketch; a click is not. */
 export function isDrawable({ kind, points }) {
   if (points.length < 2) return false;
   if (kind === "arrow") return distance(points[0], points.at(-1)) >= 0.02;
@@ -118,16 +118,16 @@ export function isDrawable({ kind, points }) {
   return shape !== null && shape.axes[1] >= 0.015;
 }
 
-/** Depth in [0, 1], back wall to front, of a stroke width. */
+/** Depth that a stroke width means, from 0 at the back wall to 1 at the front. */
 export const depthOfWidth = (width) => (width - WIDTH_RANGE[0]) / (WIDTH_RANGE[1] - WIDTH_RANGE[0]);
 
-/** Stroke widths along the points: from the first to the second for arrows, the second alone for ovals. */
+/** Stroke width at each point: from `start` to `end` for an arrow, `end` alone for an oval. */
 export function widthsAlong({ kind, points }, [start, end]) {
   if (kind === "ellipse") return points.map(() => end);
   return points.map((_, i) => start + ((end - start) * i) / Math.max(points.length - 1, 1));
 }
 
-/** The stroke as the service takes it; `widths` for 3D, null otherwise. */
+/** A sketch as the service takes it. `widths` are [start, end] in 3D, null in 2D. */
 export function strokeOf(sketch, widths) {
   const points = sketch.points.length > MAX_POINTS ? resample(sketch.points, MAX_POINTS) : sketch.points;
   const stroke = { kind: sketch.kind, points };

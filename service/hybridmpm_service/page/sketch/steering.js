@@ -4,22 +4,22 @@ import { classify, isDrawable, ovalBetween, strokeOf } from "./sketch.js";
 
 /** Frames that a sketch steers: 0.25 s of simulated time, the service's default horizon. */
 export const FRAMES = 100;
-const STAGE_MS = 1100; // time to disagree with the guess of a freehand stroke
+const STAGE_MS = 1100; // time in which the user may correct the guess for a freehand stroke
 
 /**
- * Phases: "idle", "drawing", "staged" (guess shown, not sent), "planning" (server computes),
- * "following", "done".
+ * One sketch after the other. Its phases are "idle", "drawing", "staged" (the guess is shown, not yet sent),
+ * "planning" (the server computes), "following" and "done".
  */
 export class Steering {
   phase = "idle";
   sketch = null; // {kind, points, widths: [start, end]}
   plan = null; // the service's answer
-  done = 0; // controlled frames so far
+  framesDone = 0; // number of frames that the sketch has steered so far
   #tool = "arrow";
-  #raw = []; // samples of the stroke in progress: {point, time}
+  #samples = []; // points of the stroke in progress: {point, time}
   #stageTimer = 0;
   #lastFrame = 0;
-  #serial = 0; // tells answers to replaced sketches apart
+  #attempt = 0; // number of the present sketch, which tells answers to replaced ones apart
   #handlers;
 
   /** @param handlers {plan(stroke, frames) -> promise, dim(), widths(), changed(), refused(problem), tooSmall()} */
@@ -34,23 +34,23 @@ export class Steering {
 
   begin(tool, sample) {
     clearTimeout(this.#stageTimer);
-    this.#serial += 1;
+    this.#attempt += 1;
     this.#tool = tool;
-    this.#raw = [sample];
+    this.#samples = [sample];
     this.plan = null;
-    this.#shape();
+    this.#updateSketch();
     this.#enter("drawing");
   }
 
   extend(samples) {
     if (this.phase !== "drawing") return;
-    this.#raw.push(...samples);
-    this.#shape();
+    this.#samples.push(...samples);
+    this.#updateSketch();
     this.#handlers.changed();
   }
 
-  #shape() {
-    const points = this.#raw.map((sample) => sample.point);
+  #updateSketch() {
+    const points = this.#samples.map((sample) => sample.point);
     const widths = this.#handlers.widths();
     const [first, last] = [points[0], points.at(-1)];
     if (this.#tool === "arrow") this.sketch = { kind: "arrow", points: [first, last], widths };
@@ -58,7 +58,7 @@ export class Steering {
     else this.sketch = { kind: classify(points), points, widths };
   }
 
-  /** The pointer is released: explicit tools are sent at once, a guess waits a moment. */
+  /** End the stroke. Arrow and oval are sent at once; the guess for a free stroke waits a moment. */
   finish() {
     if (this.phase !== "drawing") return;
     if (!isDrawable(this.sketch)) {
@@ -77,7 +77,7 @@ export class Steering {
     this.#enter("staged");
   }
 
-  /** The guess was wrong: take the stroke for the other kind. */
+  /** Take a stroke that was guessed wrongly for the other kind. */
   switchKind() {
     if (this.phase !== "staged") return;
     const other = { ...this.sketch, kind: this.sketch.kind === "arrow" ? "ellipse" : "arrow" };
@@ -91,33 +91,33 @@ export class Steering {
 
   async #send() {
     this.#enter("planning");
-    const serial = this.#serial;
+    const serial = this.#attempt;
     try {
       const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
       const plan = await this.#handlers.plan(stroke, FRAMES);
-      if (serial !== this.#serial) return;
+      if (serial !== this.#attempt) return;
       this.plan = plan;
-      this.done = 0;
+      this.framesDone = 0;
       this.#enter("following");
     } catch (problem) {
-      if (serial !== this.#serial) return;
+      if (serial !== this.#attempt) return;
       this.clear();
       this.#handlers.refused(problem);
     }
   }
 
-  /** Take the drawing away. What the server already follows goes on. */
+  /** Take the sketch off the picture. A motion that the server follows already goes on. */
   clear() {
     clearTimeout(this.#stageTimer);
-    this.#serial += 1;
+    this.#attempt += 1;
     this.sketch = null;
     this.plan = null;
-    this.done = 0;
+    this.framesDone = 0;
     this.#enter("idle");
   }
 
-  /** A frame arrived: how much of the plan has been followed? */
-  watch(frame) {
+  /** Note that a frame is shown, and so how much of the plan has been followed. */
+  follow(frame) {
     const wasReset = frame < this.#lastFrame;
     this.#lastFrame = frame;
     if (this.phase !== "following" && this.phase !== "done") return;
@@ -125,12 +125,12 @@ export class Steering {
       this.clear();
       return;
     }
-    // The picture may still be behind the frame at which the plan was made.
-    this.done = Math.min(this.plan.frames, Math.max(0, frame - this.plan.first_frame));
-    if (this.phase === "following" && this.done === this.plan.frames) this.#enter("done");
+    // The picture may still be behind the frame at which the plan begins.
+    this.framesDone = Math.min(this.plan.frames, Math.max(0, frame - this.plan.first_frame));
+    if (this.phase === "following" && this.framesDone === this.plan.frames) this.#enter("done");
   }
 
-  /** Distance [m] between where the centre of mass ends and where it was wanted, and the angle between both ways. */
+  /** How far [m] from the target the centre of mass will end, and the angle between both displacements [degrees]. */
   deviation() {
     const { displacement, target_displacement: target } = this.plan;
     const norm = (vector) => Math.hypot(...vector);

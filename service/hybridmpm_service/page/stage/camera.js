@@ -1,7 +1,7 @@
-// Where world points appear on the square stage. Both views answer the same questions:
-// matrix (world -> clip space, column-major), project, unproject, pixelsPerMetre.
+// Views: where points of the world appear on the square stage. Both views have the same surface:
+// matrix (world -> clip space, column-major), project, unproject, pixelsPerMetre, settle.
 
-const MARGIN = 0.035; // room around the walls, as part of a metre
+const MARGIN = 0.035; // room around the walls [m]
 export const DEPTH_SCALE = 0.6; // keeps every corner of [0, 1]^3 inside the clip volume, see OrbitView.matrix
 const GLIDE_MS = 520;
 
@@ -91,7 +91,7 @@ export class OrbitView {
     return new Float32Array([...columns, ...last]);
   }
 
-  /** Pixels and, third, the depth: larger is nearer to the viewer. */
+  /** A point on the stage: x and y in pixels, and the depth, which is larger nearer to the viewer. */
   project(point) {
     const [right, up, near] = this.axes();
     const offset = point.map((value, axis) => value - this.center[axis]);
@@ -101,7 +101,7 @@ export class OrbitView {
     return [this.size / 2 + along(right) * scale, this.size / 2 - along(up) * scale, depth];
   }
 
-  /** World (x, y) under a pixel of the front view. */
+  /** The world's (x, y) under a pixel of the front view. */
   unproject(px, py) {
     const scale = this.pixelsPerMetre;
     return [this.center[0] + (px - this.size / 2) / scale, this.center[1] - (py - this.size / 2) / scale];
@@ -126,7 +126,7 @@ export class OrbitView {
 
   /** Go to the front view, where strokes are taken, or back to where the viewer was. */
   glideTo(front, now, animated) {
-    // Whole turns are left out of the way back to the front.
+    // The way to the front leaves out whole turns.
     this.yaw = Math.atan2(Math.sin(this.yaw), Math.cos(this.yaw));
     const from = { yaw: this.yaw, pitch: this.pitch, perspective: this.perspective, zoom: this.zoom };
     this.#glide = { from, to: front ? FRONT : this.home, start: animated ? now : now - GLIDE_MS };

@@ -1,11 +1,12 @@
-// Sketches and what becomes of them, painted over the particles.
+// Sketches and the motion planned from them, painted over the particles.
 
 import { arrowHead, depthOfWidth, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
+import { trace, traceWorld } from "./lines.js";
 
 const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
 const PATH_COLOR = "#ffffff";
 
-/** Sketch points on the stage; in 3D each at the depth that its stroke width means. */
+/** Points of a sketch on the stage [px]; in 3D each at the depth that its stroke width means. */
 function project(view, scene, sketch) {
   if (scene.dim === 2) return sketch.points.map((point) => view.project(point));
   const { lower, upper } = scene.walls;
@@ -16,13 +17,7 @@ function project(view, scene, sketch) {
   });
 }
 
-function trace(context, points, closed = false) {
-  context.beginPath();
-  points.forEach(([px, py], i) => (i === 0 ? context.moveTo(px, py) : context.lineTo(px, py)));
-  if (closed) context.closePath();
-}
-
-/** A stroke as drawn, with its head when it is an arrow. `alpha` fades strokes that are done. */
+/** Draw a stroke, with its head if it is an arrow. `alpha` fades strokes that are done. */
 export function drawSketch(context, view, scene, sketch, alpha) {
   const points = project(view, scene, sketch);
   if (points.length < 2) return;
@@ -46,7 +41,7 @@ function lineWidths(view, scene, sketch) {
   return widthsAlong(sketch, sketch.widths).map((width) => Math.max(1.5, width * perRasterPixel));
 }
 
-/** A closed curve through the middles of the sides: freehand outlines without corners. */
+/** Begin a closed curve through the middles of the sides: a freehand outline without corners. */
 function traceSmooth(context, points) {
   const middle = (i) => {
     const [a, b] = [points[i % points.length], points[(i + 1) % points.length]];
@@ -68,7 +63,7 @@ function drawOutline(context, view, scene, sketch, points) {
   context.fill();
 }
 
-/** Shaft and head as one shape, so that a faded arrow has no seams. */
+/** Draw shaft and head as one shape, so that a faded arrow has no seams. */
 function drawArrow(context, view, scene, sketch, points) {
   const widths = lineWidths(view, scene, sketch);
   const head = arrowHead(points, Math.min(0.5 * pathLength(points), 10 + 2.2 * Math.max(...widths)));
@@ -93,10 +88,9 @@ function drawArrow(context, view, scene, sketch, points) {
   context.stroke();
 }
 
-/** A word beside the end of the stroke: what it is taken for. */
+/** Draw a word beside the end of the stroke, for what the stroke is taken for. */
 export function drawGuess(context, view, scene, sketch) {
-  const points = project(view, scene, sketch);
-  const [px, py] = points.at(-1);
+  const [px, py] = project(view, scene, sketch).at(-1);
   const label = sketch.kind === "arrow" ? "arrow" : "oval";
   context.save();
   context.font = "600 13px system-ui, sans-serif";
@@ -114,39 +108,35 @@ export function drawGuess(context, view, scene, sketch) {
 }
 
 /**
- * The plan and how far it is: where the centre of mass started, where it is wanted, its way so far.
+ * Draw a plan: where the centre of mass starts, where it is wanted, and its way so far.
  *
- * @param plan the service's answer to the sketch, `done` the number of controlled frames that have passed
+ * @param plan the service's answer to the sketch
+ * @param framesDone number of frames that the sketch has steered so far
  */
-export function drawPlan(context, view, plan, done) {
+export function drawPlan(context, view, plan, framesDone) {
   const start = plan.centroids[0];
   const target = start.map((value, axis) => value + plan.target_displacement[axis]);
-  const [sx, sy] = view.project(start);
-  const [tx, ty] = view.project(target);
   context.save();
   context.lineCap = "round";
   context.strokeStyle = "rgb(255 255 255 / 0.65)";
   context.lineWidth = 1.5;
   context.setLineDash([2, 6]);
-  trace(context, [
-    [sx, sy],
-    [tx, ty],
-  ]);
+  traceWorld(context, view, [start, target]);
   context.stroke();
   context.setLineDash([]);
-  drawTarget(context, tx, ty);
+  drawTarget(context, ...view.project(target));
 
-  const way = plan.centroids.slice(0, done + 1).map((point) => view.project(point));
+  const way = plan.centroids.slice(0, framesDone + 1);
   context.shadowColor = "rgb(0 0 0 / 0.7)";
   context.shadowBlur = 4;
   context.strokeStyle = PATH_COLOR;
   context.lineWidth = 2.5;
-  trace(context, way);
+  traceWorld(context, view, way);
   context.stroke();
   context.fillStyle = "rgb(255 255 255 / 0.7)";
-  dot(context, sx, sy, 3);
+  drawDot(context, view.project(start), 3);
   context.fillStyle = PATH_COLOR;
-  dot(context, way.at(-1)[0], way.at(-1)[1], 5.5);
+  drawDot(context, view.project(way.at(-1)), 5.5);
   context.restore();
 }
 
@@ -170,13 +160,13 @@ function drawTarget(context, px, py) {
   }
 }
 
-function dot(context, px, py, radius) {
+function drawDot(context, [px, py], radius) {
   context.beginPath();
   context.arc(px, py, radius, 0, 2 * Math.PI);
   context.fill();
 }
 
-/** The ellipse that a freehand outline stands for, so that the drawer sees what will be sent. */
+/** Draw the ellipse that a freehand outline stands for, so that the user sees what the service will read. */
 export function drawFittedEllipse(context, view, scene, sketch) {
   const fitted = ellipseOf(sketch.points);
   if (fitted === null || scene.dim !== 2) return;

@@ -1,4 +1,4 @@
-// Where a moving obstacle is: the motion of docs/http-api.md, evaluated at a simulated time.
+// Where a moving obstacle is at a simulated time: the `motion` of docs/http-api.md.
 
 /** An obstacle of the scene as it stands at `time` [s]; a moving box has `corners`, ordered as by cornersOf. */
 export function placed(obstacle, time) {
@@ -38,7 +38,7 @@ function carrier(motion, time) {
   };
 }
 
-/** Seconds of motion at the given velocities: the time itself, or what a swing makes of it. */
+/** Seconds of motion at the given velocities: the time itself, or less for a swing, which comes back. */
 function clockOf({ period, phase = 0 }, time) {
   if (period === undefined) return time;
   const swing = (turns) => Math.sin(2 * Math.PI * turns);
@@ -51,7 +51,7 @@ function turnInPlane(arm, angle) {
   return [cosine * arm[0] - sine * arm[1], sine * arm[0] + cosine * arm[1]];
 }
 
-/** Rodrigues' formula. */
+/** Turn an arm about the axis `turn` by Rodrigues' formula. */
 function turnInSpace(arm, turn, clock) {
   const speed = Math.hypot(...turn);
   if (speed === 0) return arm;

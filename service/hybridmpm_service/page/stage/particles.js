@@ -1,11 +1,11 @@
-// What the renderers need beside positions: an estimate of speed and the spacing of the particles.
+// What renderers need besides positions: the spacing of the particles, and estimates of their speeds.
 
-/** Speed that the byte 255 stands for. */
-export const FASTEST = 4; // m/s
+/** Speed that the byte 255 stands for [m/s]. */
+export const FASTEST = 4;
 const NEIGHBOURS = 16;
 const PROBES = 40;
 
-/** Distance from particle `probe` to its k-th nearest other, in units of `positions`. */
+/** Distance from particle `probe` to the 16th nearest other, in units of `positions`. */
 function neighbourDistance(positions, dim, probe) {
   const nearest = new Float64Array(NEIGHBOURS).fill(Infinity); // ascending
   const count = positions.length / dim;
@@ -26,7 +26,7 @@ function neighbourDistance(positions, dim, probe) {
 /**
  * Mean spacing of the particles in metres: the side of the square (cube) that one particle fills.
  *
- * Taken from the 16th neighbour, which hardly feels the jitter of single particles.
+ * It is taken from the distance of the 16th neighbour, which the jitter of single particles hardly changes.
  */
 export function spacingOf(positions, dim) {
   const count = positions.length / dim;
@@ -39,7 +39,7 @@ export function spacingOf(positions, dim) {
   return (ball / (NEIGHBOURS + 1)) ** (1 / dim);
 }
 
-/** Speeds estimated from successive frames, one byte a particle (255 = FASTEST), lightly smoothed. */
+/** Speeds of the particles, one byte each (255 = FASTEST), estimated from successive frames and smoothed. */
 export class SpeedEstimate {
   #last = null;
   #time = 0;

@@ -1,4 +1,4 @@
-// The picture: three canvases on top of each other, redrawn when something has changed.
+// The picture: three canvases on top of each other, which are drawn again when something has changed.
 
 import { FlatView, OrbitView } from "./camera.js";
 import { drawFittedEllipse, drawGuess, drawPlan, drawSketch } from "./drawing.js";
@@ -16,9 +16,9 @@ export class Stage {
   #canvases;
   #renderer;
   #speeds = null;
-  #time = 0; // of the frame that is shown [s]
+  #time = 0; // simulated time of the frame that is shown [s]
   #steering;
-  #still = true; // nothing has changed since the last drawing
+  #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
   constructor(element, steering, wantedRenderer) {
@@ -48,7 +48,7 @@ export class Stage {
     this.#resize();
   }
 
-  /** A decoded frame to show from now on. */
+  /** Show a decoded frame from now on. */
   show(frame) {
     if (frame.count !== this.#types.length || frame.dim !== this.#scene.dim) return;
     if (this.#speeds === null) {
@@ -63,8 +63,9 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Draw again at the next opportunity. */
   invalidate() {
-    this.#still = false;
+    this.#stale = true;
   }
 
   /** The camera moved: everything behind the particles has to be drawn again as well. */
@@ -86,11 +87,11 @@ export class Stage {
     this.invalidateView();
   }
 
-  /** Draw if something has changed; true if it did. */
+  /** Draw if something has changed; return whether it has. */
   draw(now) {
     if (this.view.settle(now)) this.invalidateView();
-    if (this.#still) return false;
-    this.#still = true;
+    if (!this.#stale) return false;
+    this.#stale = false;
     if (this.#backdropStale) {
       this.#backdropStale = false;
       drawBackdrop(this.#clear(this.#canvases.backdrop), this.view, this.#scene, this.#time);
@@ -110,7 +111,7 @@ export class Stage {
 
   #drawOverlay() {
     const context = this.#clear(this.#canvases.overlay);
-    const { sketch, plan, phase, done } = this.#steering;
+    const { sketch, plan, phase, framesDone } = this.#steering;
     drawForeground(context, this.view, this.#scene, this.#time);
     if (sketch !== null) {
       const faded = phase === "following" || phase === "done";
@@ -118,6 +119,6 @@ export class Stage {
       if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
       if (phase === "drawing" || phase === "staged") drawGuess(context, this.view, this.#scene, sketch);
     }
-    if (plan !== null) drawPlan(context, this.view, plan, done);
+    if (plan !== null) drawPlan(context, this.view, plan, framesDone);
   }
 }

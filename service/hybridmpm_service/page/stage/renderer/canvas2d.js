@@ -1,4 +1,4 @@
-// Particles by Canvas2D, where WebGL2 is missing: the same pictures, computed on the CPU.
+// Particles drawn by Canvas2D, where WebGL2 is missing: the same pictures, computed on the CPU.
 
 import { SAND } from "../../net/protocol.js";
 import { LiquidField } from "./liquid-cpu.js";

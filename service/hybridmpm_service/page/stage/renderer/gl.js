@@ -1,6 +1,6 @@
-// Small helpers around WebGL2 objects.
+// Helpers for WebGL2: programs, uniforms and textures to draw into.
 
-/** A linked program with its uniform locations by name. */
+/** Link a program; return it with the locations of its uniforms by name. */
 export function program(gl, vertex, fragment) {
   const linked = gl.createProgram();
   for (const [type, source] of [
@@ -29,7 +29,7 @@ export function program(gl, vertex, fragment) {
 /**
  * A square texture to draw into, with its framebuffer and, if asked for, a depth buffer.
  *
- * Half floats, which can be blended and filtered everywhere; `precise` takes full floats where they are allowed.
+ * It holds half floats, which can be blended and filtered everywhere, or, if `precise`, full floats where allowed.
  */
 export class FieldTarget {
   #gl;

@@ -3,16 +3,11 @@
 
 import { GOOP, SAND } from "../../net/protocol.js";
 import * as palette from "./palette.js";
+import { ATTRIBUTES, FRAGMENT } from "./shaders.js";
 
 /** Nearest sphere surface: R depth [m, towards the viewer], G speed, B goop, A 1 where there is liquid. */
-export const DEPTH_VERTEX = `#version 300 es
-precision highp float;
-layout(location = 0) in vec3 position;
-layout(location = 1) in float type;
-layout(location = 2) in float speed;
-uniform mat4 matrix;
+export const DEPTH_VERTEX = `${ATTRIBUTES}
 uniform vec4 near;
-uniform float pointSize;
 uniform float radius;
 out vec4 surface;
 out float reach;
@@ -23,11 +18,9 @@ void main() {
   reach = radius;
 }`;
 
-export const DEPTH_FRAGMENT = `#version 300 es
-precision highp float;
+export const DEPTH_FRAGMENT = `${FRAGMENT}
 in vec4 surface;
 in float reach;
-out vec4 color;
 void main() {
   vec2 p = 2.0 * gl_PointCoord - 1.0;
   float inside = 1.0 - dot(p, p);
@@ -38,13 +31,11 @@ void main() {
 }`;
 
 /** One direction of the smoothing; across a silhouette (a jump in depth) nothing is mixed. */
-export const SMOOTH_FRAGMENT = `#version 300 es
-precision highp float;
+export const SMOOTH_FRAGMENT = `${FRAGMENT}
 in vec2 at;
 uniform sampler2D field;
 uniform vec2 along;
 uniform float range;
-out vec4 color;
 void main() {
   vec4 here = texture(field, at);
   if (here.a < 0.5) {
@@ -69,15 +60,13 @@ void main() {
 }`;
 
 /** The smoothed surface lit, with its depth, so that sand can lie in front of it or behind. */
-export const SURFACE_FRAGMENT = `#version 300 es
-precision highp float;
+export const SURFACE_FRAGMENT = `${FRAGMENT}
 in vec2 at;
 uniform sampler2D field;
 uniform vec2 texel;
 uniform float metresPerTexel;
 uniform float depthScale;
 uniform float perspective;
-out vec4 color;
 float slopeAlong(vec2 step, float depth) {
   vec4 ahead = texture(field, at + step);
   vec4 behind = texture(field, at - step);

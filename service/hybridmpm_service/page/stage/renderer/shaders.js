@@ -5,7 +5,7 @@ import { FASTEST } from "../particles.js";
 import * as palette from "./palette.js";
 
 /**
- * Field values that matter to the liquid's surface, in units of one particle's peak.
+ * Reach of a particle's kernel, and field values at the surface and inside, in units of one particle's peak.
  *
  * A kernel of (1 - q^2)^2 over a radius of 3 spacings adds up to 9.4 inside the liquid.
  */
@@ -13,7 +13,8 @@ export const KERNEL_SPACINGS = 3;
 export const SURFACE = 0.78;
 export const INTERIOR = 8.2;
 
-const ATTRIBUTES = `#version 300 es
+/** Beginning of a vertex shader that runs for each particle. */
+export const ATTRIBUTES = `#version 300 es
 precision highp float;
 layout(location = 0) in vec3 position;
 layout(location = 1) in float type;
@@ -22,7 +23,8 @@ uniform mat4 matrix;
 uniform float pointSize;
 `;
 
-const FRAGMENT = `#version 300 es
+/** Beginning of a fragment shader. */
+export const FRAGMENT = `#version 300 es
 precision highp float;
 out vec4 color;
 `;

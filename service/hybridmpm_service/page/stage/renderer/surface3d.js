@@ -29,7 +29,10 @@ export class LiquidSurface {
     this.#back = new FieldTarget(gl, { filter: gl.NEAREST, precise: true });
   }
 
-  /** @param canvasSize pixels; `drawPoints` issues the draw call of all particles */
+  /**
+   * @param canvasSize size of the canvas [pixels]
+   * @param drawPoints issues the draw call of all particles
+   */
   draw(view, spacing, canvasSize, drawPoints) {
     const gl = this.#gl;
     const size = Math.min(canvasSize, MAX_SIZE);

@@ -11,7 +11,7 @@ const GRAIN_SPACINGS = 1.5; // diameter of a grain of sand: grains overlap a lit
 const SPHERE_SPACINGS = 0.82; // radius of a sphere: neighbours overlap, so that the body looks closed
 const FIELD_RESOLUTION = 0.5; // field texels per device pixel: the field is smooth, half is enough
 
-/** Whether the graphics card is a program; not every browser counts that as a performance caveat. */
+/** Whether a program imitates the graphics card; not every browser counts that as a performance caveat. */
 function isImitated(gl) {
   const info = gl.getExtension("WEBGL_debug_renderer_info");
   const name = gl.getParameter(info === null ? gl.RENDERER : info.UNMASKED_RENDERER_WEBGL);
@@ -32,8 +32,8 @@ export class WebglRenderer {
   #pending = null;
 
   /**
-   * Null where WebGL2 or drawing into half floats is missing, and, unless `forced`, where the browser
-   * imitates a graphics card in software: Canvas2D is faster there.
+   * Return a renderer; null where WebGL2 or drawing into half floats is missing. Unless `forced` it is also null
+   * where the browser imitates a graphics card in software: Canvas2D is faster there.
    */
   static create(canvas, forced) {
     const gl = canvas.getContext("webgl2", {

@@ -1,0 +1,45 @@
+// The live numbers of the simulation and of the drawing.
+
+import { speedText } from "./controls.js";
+import { byId, setText } from "./dom.js";
+
+/** Note that another session is shown; no number of the one before is valid any more. */
+export function showSession(id) {
+  document.body.dataset.session = id;
+  delete document.body.dataset.frame;
+}
+
+export function showFrame({ frame, time }) {
+  document.body.dataset.frame = String(frame);
+  setText("frame", frame.toLocaleString("en"));
+  setText("time", `${time.toFixed(3)} s`);
+}
+
+/** Show how many pictures a second are drawn; null while none are. */
+export function showDrawing(framesPerSecond) {
+  setText("fps", framesPerSecond === null ? "idle" : `${Math.round(framesPerSecond)} fps`);
+}
+
+const threeDigits = (value) => value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0);
+
+/** A playing session stands still while its thread plans a sketch. */
+function measuredText(playing, measured) {
+  if (!playing) return "paused";
+  return measured > 0 ? `${speedText(measured)} real time` : "waiting";
+}
+
+/** @param status a status message, or {session} of a hello message, which has no measurements */
+export function showStatus({ session, ms_per_frame: median, ms_p95: high, time_scale: measured }) {
+  if (median !== undefined && session.last_frame !== null) {
+    setText("solver", high > 0 ? `${threeDigits(median)} ms (p95 ${threeDigits(high)})` : `${threeDigits(median)} ms`);
+  }
+  setText("measured", measuredText(session.playing, measured));
+  setText("count", session.particles.toLocaleString("en"));
+  const last = session.last_frame;
+  setText("substeps", last === null || last.substeps === null ? "–" : `${last.substeps} (${last.bound})`);
+}
+
+export function showRenderer(kind) {
+  document.body.dataset.renderer = kind;
+  setText("renderer", kind === "webgl2" ? "WebGL2" : "Canvas2D");
+}

@@ -1,0 +1,56 @@
+// The form that chooses a scene: scenario, seed, and the buttons that start it.
+
+import { byId, setText } from "./dom.js";
+
+const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
+
+/** "water_sand_2d" -> "Water and sand, 2D". */
+function titleOf(name) {
+  const words = name.split("_");
+  const text = words.slice(0, -1).map((word) => TITLES[word] ?? word);
+  const materials = text.filter((word) => !word.startsWith("with"));
+  const rest = text.filter((word) => word.startsWith("with"));
+  const joined = [materials.join(" and ").toLowerCase(), ...rest].join(" ");
+  return `${joined.charAt(0).toUpperCase()}${joined.slice(1)}, ${TITLES[words.at(-1)] ?? words.at(-1)}`;
+}
+
+/** Offer the scenarios of the server, and choose one with its seed. */
+export function showScenarios(scenarios, chosen) {
+  const options = scenarios.map(({ name, text }) => {
+    const option = document.createElement("option");
+    option.value = name;
+    option.textContent = titleOf(name);
+    option.dataset.text = text;
+    return option;
+  });
+  byId("scenario").replaceChildren(...options);
+  chooseScene(chosen);
+}
+
+export function chooseScene({ scenario, seed }) {
+  byId("scenario").value = scenario;
+  byId("seed").value = seed;
+  describeScenario();
+}
+
+function describeScenario() {
+  setText("scenario-text", byId("scenario").selectedOptions[0]?.dataset.text ?? "");
+}
+
+/** Call `newScene` with {scenario, seed} whenever the user asks for another scene or simulator. */
+export function bindScene(newScene) {
+  const start = () => newScene({ scenario: byId("scenario").value, seed: Number(byId("seed").value) });
+  byId("scenario").addEventListener("change", () => {
+    describeScenario();
+    start();
+  });
+  byId("solvers").addEventListener("change", start);
+  byId("dice").addEventListener("click", () => {
+    byId("seed").value = String(Math.floor(Math.random() * 1_000_000));
+    start();
+  });
+  byId("scene-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    start();
+  });
+}

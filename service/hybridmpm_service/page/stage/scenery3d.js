@@ -1,0 +1,96 @@
+// The box and the obstacles of 3D scenes.
+
+import { drawGrid, OBSTACLE_EDGE, traceWorld } from "./lines.js";
+import { cornersOf } from "./motion.js";
+
+/** Draw the floor with a grid, and those edges of the box that lie behind the particles. */
+export function drawBox(context, view, walls) {
+  const { lower, upper } = walls;
+  const corners = [
+    [lower[0], lower[1], lower[2]],
+    [upper[0], lower[1], lower[2]],
+    [upper[0], lower[1], upper[2]],
+    [lower[0], lower[1], upper[2]],
+  ];
+  traceWorld(context, view, corners, true);
+  context.fillStyle = "#111a27";
+  context.fill();
+  context.strokeStyle = "rgb(140 170 210 / 0.14)";
+  drawGrid(context, view, walls, 0, 2);
+  drawGrid(context, view, walls, 2, 0);
+  drawEdges(context, view, cornersOf(walls), false);
+}
+
+/**
+ * Draw those of a box's twelve edges that lie in front of the particles, or those behind.
+ *
+ * In front are the three that meet in the corner nearest to the viewer.
+ */
+export function drawEdges(context, view, corners, inFront) {
+  const depth = (bits) => view.project(corners[bits])[2];
+  const nearest = [0, 1, 2, 3, 4, 5, 6, 7].reduce((best, bits) => (depth(bits) > depth(best) ? bits : best));
+  context.strokeStyle = inFront ? "rgb(150 178 212 / 0.28)" : "rgb(150 178 212 / 0.5)";
+  context.lineWidth = 1.25;
+  for (let bits = 0; bits < 8; bits += 1) {
+    for (let axis = 0; axis < 3; axis += 1) {
+      const other = bits | (1 << axis);
+      if (other === bits || (bits === nearest || other === nearest) !== inFront) continue;
+      traceWorld(context, view, [corners[bits], corners[other]]);
+      context.stroke();
+    }
+  }
+}
+
+/** Draw an obstacle by its outline. */
+export function drawSolidObstacle(context, view, obstacle) {
+  context.strokeStyle = OBSTACLE_EDGE;
+  context.lineWidth = 1.25;
+  if (obstacle.shape === "box") {
+    const corners = obstacle.corners ?? cornersOf(obstacle);
+    drawEdges(context, view, corners, true);
+    drawEdges(context, view, corners, false);
+  } else if (obstacle.shape === "ball") {
+    drawRings(context, view, obstacle.center, obstacle.radius);
+  } else if (obstacle.shape === "segment") {
+    traceWorld(context, view, [obstacle.start, obstacle.end]);
+    context.lineCap = "round";
+    context.lineWidth = Math.max(2, obstacle.thickness * view.pixelsPerMetre);
+    context.strokeStyle = "rgb(147 167 192 / 0.55)";
+    context.stroke();
+  } else {
+    drawPlane(context, view, obstacle);
+  }
+}
+
+function drawRings(context, view, center, radius) {
+  for (let skip = 0; skip < 3; skip += 1) {
+    const [u, w] = [0, 1, 2].filter((axis) => axis !== skip);
+    const ring = Array.from({ length: 48 }, (_, i) => {
+      const point = [...center];
+      point[u] += radius * Math.cos((2 * Math.PI * i) / 48);
+      point[w] += radius * Math.sin((2 * Math.PI * i) / 48);
+      return point;
+    });
+    traceWorld(context, view, ring, true);
+    context.stroke();
+  }
+}
+
+/** Draw a square patch of the plane, around its point. */
+function drawPlane(context, view, { point, normal }) {
+  const size = Math.hypot(...normal);
+  const n = normal.map((value) => value / size);
+  const helper = Math.abs(n[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0];
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const across = cross(helper, n);
+  const u = across.map((value) => (0.4 * value) / Math.hypot(...across));
+  const w = cross(n, u);
+  const patch = [
+    [1, 1],
+    [1, -1],
+    [-1, -1],
+    [-1, 1],
+  ].map(([s, t]) => point.map((value, axis) => value + s * u[axis] + t * w[axis]));
+  traceWorld(context, view, patch, true);
+  context.stroke();
+}
