@@ -24,7 +24,7 @@ class ControlBody(BaseModel):
 
 
 class LastFrameBody(BaseModel):
-    """How the latest frame was computed."""
+    """Report on the computation of the latest frame."""
 
     substeps: int | None = Field(
         description="Number of substeps that MPM took; null where a network made the frame."
@@ -96,7 +96,7 @@ class SessionBody(BaseModel):
     )
     control: ControlBody | None = Field(description="Sketch that steers the next frame; null without one.")
     last_frame: LastFrameBody | None = Field(
-        description="How the latest frame was computed; null before the first."
+        description="Report on the computation of the latest frame; null before the first."
     )
     links: dict[str, str] = Field(
         description="Addresses of the session and of what belongs to it: "

@@ -88,7 +88,7 @@ class DecisionList(BaseModel):
 
 
 class HistoryBody(BaseModel):
-    """What happened in the last 1000 frames of a hybrid session."""
+    """History of the last 1000 frames of a hybrid session."""
 
     frames: list[int] = Field(description="Frames at which `values` were taken, ascending.")
     values: list[float] = Field(description="Values of the safeguard at these frames.")

@@ -36,7 +36,7 @@ class Control:
 
 @dataclass(frozen=True)
 class LastFrame:
-    """How the latest frame was computed."""
+    """Report on the computation of the latest frame."""
 
     substeps: int | None
     """Number of MPM's substeps; None where a network made the frame."""
@@ -48,7 +48,7 @@ class LastFrame:
 
 @dataclass(frozen=True)
 class Timing:
-    """How fast frames come."""
+    """Times that frames take, and the pace that results."""
 
     ms_per_frame: float
     """Median time that the simulator took for one of the latest frames [ms]; 0 before the first frame.
@@ -75,9 +75,9 @@ class View:
     control: Control | None
     """Sketch that steers the next frame; None where nothing steers."""
     last_frame: LastFrame | None
-    """How the latest frame was computed; None before the first."""
+    """Report on the latest frame; None before the first."""
     mode: Mode
-    """Who simulates the next frame: "mpm" or "neural"."""
+    """Simulator of the next frame: "mpm" or "neural"."""
     safeguard: Safeguard | None
     """Safeguard of a hybrid session; None in other sessions."""
     message: bytes

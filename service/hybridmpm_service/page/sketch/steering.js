@@ -130,7 +130,7 @@ export class Steering {
     if (this.phase === "following" && this.framesDone === this.plan.frames) this.#enter("done");
   }
 
-  /** How far [m] from the target the centre of mass will end, and the angle between both displacements [degrees]. */
+  /** Distance [m] between the planned end of the centre of mass and the target, and angle between both ways. */
   deviation() {
     const { displacement, target_displacement: target } = this.plan;
     const norm = (vector) => Math.hypot(...vector);

@@ -29,11 +29,11 @@ export function cornersOf({ lower, upper }) {
 /** A function that carries a point of an obstacle at time 0 to where it is at `time` [s]. */
 function carrier(motion, time) {
   const clock = clockOf(motion, time);
-  const turn = motion.angular_velocity ?? 0;
+  const spin = motion.angular_velocity ?? 0;
   return (point) => {
     const center = motion.center ?? point;
     const arm = point.map((value, axis) => value - center[axis]);
-    const turned = Array.isArray(turn) ? turnInSpace(arm, turn, clock) : turnInPlane(arm, turn * clock);
+    const turned = Array.isArray(spin) ? turnInSpace(arm, spin, clock) : turnInPlane(arm, spin * clock);
     return turned.map((value, axis) => center[axis] + value + (motion.velocity?.[axis] ?? 0) * clock);
   };
 }
@@ -51,11 +51,11 @@ function turnInPlane(arm, angle) {
   return [cosine * arm[0] - sine * arm[1], sine * arm[0] + cosine * arm[1]];
 }
 
-/** Turn an arm about the axis `turn` by Rodrigues' formula. */
-function turnInSpace(arm, turn, clock) {
-  const speed = Math.hypot(...turn);
+/** Turn an arm about the axis of `spin` [rad/s] by Rodrigues' formula. */
+function turnInSpace(arm, spin, clock) {
+  const speed = Math.hypot(...spin);
   if (speed === 0) return arm;
-  const [x, y, z] = turn.map((value) => value / speed);
+  const [x, y, z] = spin.map((value) => value / speed);
   const [cosine, sine] = [Math.cos(speed * clock), Math.sin(speed * clock)];
   const along = (x * arm[0] + y * arm[1] + z * arm[2]) * (1 - cosine);
   return [
