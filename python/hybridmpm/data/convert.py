@@ -9,7 +9,7 @@ from hybridmpm.data.formats import Format
 from hybridmpm.data.statistics import Statistics
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError, DataError, ExportError
-from hybridmpm.scene.particle_types import NAMES, SAME, TO_LAGRANGEBENCH
+from hybridmpm.scene.particle_types import NAMES, TO_LAGRANGEBENCH, UNCHANGED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,5 +87,5 @@ def convert(
 
 
 def _type_names(target: Format) -> dict[str, str]:
-    table = TO_LAGRANGEBENCH if target.name == "lagrangebench" else SAME
+    table = TO_LAGRANGEBENCH if target.name == "lagrangebench" else UNCHANGED
     return {str(table[number]): name for number, name in NAMES.items()}

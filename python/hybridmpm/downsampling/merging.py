@@ -8,7 +8,7 @@ import numpy.typing as npt
 from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Particles, Scene
-from hybridmpm.scene.scene import WALLS_APART
+from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS
 
 FEWEST_PER_CELL = 2
 """Particles per cell that a coarse grid keeps: with fewer, bodies come apart between their particles."""
@@ -112,7 +112,7 @@ def coarse_resolution(scene: Scene, r_p: float) -> int:
     if finest >= scene.resolution or r_p == 1:
         return scene.resolution
     narrowest = min(b - a for a, b in zip(scene.walls.lower, scene.walls.upper, strict=True))
-    coarsest = max(MIN_RESOLUTION, math.ceil(WALLS_APART / narrowest))
+    coarsest = max(MIN_RESOLUTION, math.ceil(MIN_CELLS_BETWEEN_WALLS / narrowest))
     if finest < coarsest:
         raise ConfigError(
             f"r_p must be at least {sparse * (coarsest / scene.resolution) ** scene.dim:.2g} in this scene, "

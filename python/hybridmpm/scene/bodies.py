@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from hybridmpm.scene.fields import Length, Point, Points, Record, Seed, Velocity, disorder, refuse
+from hybridmpm.scene.fields import Length, Point, Points, Record, Seed, Velocity, corner_faults, raise_faults
 from hybridmpm.scene.materials import Material
 
 
@@ -26,12 +26,12 @@ class Box(_Body):
 
     @model_validator(mode="after")
     def _ordered(self) -> "Box":
-        refuse("Box", disorder(self.lower, self.upper))
+        raise_faults("Box", corner_faults(self.lower, self.upper))
         return self
 
     @property
     def bounds(self) -> tuple[Points, Points]:
-        """Lower and upper corner [m]."""
+        """Lower and upper corner of the box [m]."""
         return np.array(self.lower), np.array(self.upper)
 
     @property
@@ -40,7 +40,7 @@ class Box(_Body):
         return math.prod(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"lower": self.lower, "upper": self.upper}
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
@@ -53,8 +53,8 @@ class Ball(_Body):
     """Disc in 2D, ball in 3D."""
 
     shape: Literal["ball"] = "ball"
-    center: Point = Field(description="[m]")
-    radius: Length = Field(description="[m]")
+    center: Point = Field(description="Centre of the ball, D coordinates [m].")
+    radius: Length = Field(description="Radius of the ball [m].")
 
     @property
     def bounds(self) -> tuple[Points, Points]:
@@ -68,7 +68,7 @@ class Ball(_Body):
         return math.pi * self.radius**2 if len(self.center) == 2 else 4 / 3 * math.pi * self.radius**3
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"center": self.center}
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
@@ -78,11 +78,11 @@ class Ball(_Body):
 
 
 class Polygon(_Body):
-    """Closed polygon by the even-odd rule, 2D only; it may be concave."""
+    """Closed polygon, 2D only. It may be concave; what lies inside follows the even-odd rule."""
 
     shape: Literal["polygon"] = "polygon"
     vertices: Annotated[tuple[Point, ...], Field(min_length=3, max_length=1000)] = Field(
-        description="Corners in order [m]; the last joins the first."
+        description="Corners of the polygon in order [m]; an edge joins the last to the first."
     )
 
     @property
@@ -98,7 +98,7 @@ class Polygon(_Body):
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {f"vertices[{i}]": vertex for i, vertex in enumerate(self.vertices)}
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
@@ -108,7 +108,8 @@ class Polygon(_Body):
         odd = np.zeros(len(x), dtype=bool)
         corners = np.array(self.vertices)
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            # Only these lie beside the edge; a horizontal edge is never crossed by a horizontal ray.
+            # Only points first to last have the edge at their height. A horizontal edge is at no height,
+            # since no horizontal ray crosses it.
             first, last = np.searchsorted(height, sorted((ay, by)))
             if first < last:
                 beside = slice(first, last)

@@ -15,7 +15,7 @@ from hybridmpm.errors import SceneError
 
 @dataclass(frozen=True)
 class Range:
-    """The allowed range of a number, for `Annotated`; refuses NaN and infinity with the same message."""
+    """Allowed range of a number, for use in `Annotated`. NaN and infinity lie outside of every range."""
 
     low: float
     high: float
@@ -28,7 +28,7 @@ class Range:
         return f"{left}{_brief(self.low)}, {_brief(self.high)}{right}{self.unit and ' ' + self.unit}"
 
     def check(self, value: float) -> float:
-        """Return `value`, or raise ValueError with the range and the value."""
+        """Return `value`; where it lies outside, raise ValueError, whose message gives range and value."""
         above = value > self.low if self.open_low else value >= self.low
         below = value < self.high if self.open_high else value <= self.high
         if not (above and below and math.isfinite(value)):
@@ -52,29 +52,29 @@ def _brief(value: float) -> str:
 
 
 Points = npt.NDArray[np.float64]
-"""Points or vectors, (..., D)."""
+"""Points or vectors (..., D)."""
 Coordinate = Annotated[float, Range(0, 1, "m")]
 Length = Annotated[float, Range(0, 1, "m", open_low=True)]
 Point = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
-"""D coordinates in the world box [m]."""
+"""Point of the world box, D coordinates [m]."""
 Direction = Annotated[tuple[Annotated[float, Range(-1e3, 1e3)], ...], Field(min_length=2, max_length=3)]
 Velocity = Annotated[tuple[Annotated[float, Range(-50, 50, "m/s")], ...], Field(min_length=2, max_length=3)]
 Gravity = Annotated[
     tuple[Annotated[float, Range(-1000, 1000, "m/s^2")], ...], Field(min_length=2, max_length=3)
 ]
 Seed = Annotated[int, Range(0, 2**53 - 1)]
-"""Below 2**53, so that a browser's numbers hold it."""
+"""Seed of a random generator, below 2**53: JavaScript's numbers hold integers exactly only up to there."""
 
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
 else:
-    # pydantic names the metaclass of its models nowhere in public.
+    # pydantic has no public name for the metaclass of its models.
     ModelMetaclass = type(BaseModel)
 
 
 class _RaisesSceneError(ModelMetaclass):
-    """Makes `Model(...)` raise `SceneError`, while nested validation keeps pydantic's own errors."""
+    """Makes `Model(...)` raise `SceneError`; validation inside another model keeps pydantic's own errors."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805 - a metaclass
         try:
@@ -84,22 +84,22 @@ class _RaisesSceneError(ModelMetaclass):
 
 
 class Record(BaseModel, metaclass=_RaisesSceneError):
-    """Frozen model that refuses unknown keys; a bad value raises `SceneError` with its field path."""
+    """Frozen model without unknown keys; a bad key or value raises `SceneError` with its field path."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 Fault = tuple[tuple[str | int, ...], str]
-"""Where a fault is (as pydantic writes locations) and what is wrong there."""
+"""Location of a fault, as pydantic writes locations, and what is wrong at that location."""
 
 
-def refuse(title: str, faults: list[Fault]) -> None:
-    """Raise all `faults` at once, each at its own location, from within a model validator.
+def raise_faults(title: str, faults: list[Fault]) -> None:
+    """Raise all `faults` at once, each at its own location, from within a validator of the model `title`.
 
     Raises
     ------
     pydantic.ValidationError
-        If there are any; pydantic then prefixes the location of the model itself.
+        There is at least one fault. Pydantic puts the location of the model before that of each fault.
     """
     if faults:
         raise ValidationError.from_exception_data(
@@ -119,13 +119,13 @@ def scene_error(error: ValidationError) -> SceneError:
 
 
 def problems_of(error: ValidationError) -> list[tuple[str, str]]:
-    """List (field path, message) of each fault in `error`."""
+    """List field path and message of each fault in `error`."""
     faults = error.errors(include_url=False)
-    return [(_path(fault["loc"]), _message(fault)) for fault in faults if not _follows(fault, faults)]
+    return [(_path(fault["loc"]), _message(fault)) for fault in faults if not _is_consequence(fault, faults)]
 
 
-def _follows(fault: ErrorDetails, faults: list[ErrorDetails]) -> bool:
-    """Whether a fault only follows from another one: pydantic drops bad items, then counts what is left."""
+def _is_consequence(fault: ErrorDetails, faults: list[ErrorDetails]) -> bool:
+    """Whether a fault only follows from another: pydantic drops bad items, then counts what is left."""
     if fault["type"] == "too_short":
         where = fault["loc"]
         return any(len(other["loc"]) > len(where) and other["loc"][: len(where)] == where for other in faults)
@@ -172,8 +172,8 @@ def _path(location: tuple[str | int, ...]) -> str:
     return path
 
 
-def disorder(lower: tuple[float, ...], upper: tuple[float, ...]) -> list[Fault]:
-    """Faults of a box whose corners differ in dimension, or which has no extent along some axis."""
+def corner_faults(lower: tuple[float, ...], upper: tuple[float, ...]) -> list[Fault]:
+    """List the faults of a box: its corners differ in dimension, or it has no extent along an axis."""
     if len(lower) != len(upper):
         return [(("upper",), f"must have as many numbers as lower, {len(lower)}, got {len(upper)}")]
     return [

@@ -1,4 +1,4 @@
-"""Obstacles as particles of type 3, which is how networks on particles see them."""
+"""Obstacles as particles of type 3 (kinematic), the form in which networks on particles see obstacles."""
 
 import numpy as np
 import numpy.typing as npt
@@ -6,8 +6,8 @@ import numpy.typing as npt
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene.scene import Scene
 
-DEPTH = 3.0
-"""Particles fill an obstacle this many spacings deep: further ones are no neighbours of any fluid."""
+_DEPTH = 3.0
+"""Depth [spacings] to which particles fill an obstacle: deeper ones would be no neighbours of any fluid."""
 
 
 def kinematic_particles(scene: Scene, spacing: float) -> npt.NDArray[np.float32]:
@@ -17,17 +17,17 @@ def kinematic_particles(scene: Scene, spacing: float) -> npt.NDArray[np.float32]
     ----------
     scene : Scene
     spacing : float
-        Of the lattice [m].
+        Distance between neighbouring points of the lattice [m].
 
     Returns
     -------
     float32 (K, D)
-        Positions [m], none where there are no obstacles.
+        Positions of the points [m]; K is 0 where there are no obstacles.
 
     Raises
     ------
     ConfigError
-        An obstacle moves: positions of data sets follow from the solver's particles alone.
+        An obstacle moves. Data sets store one place for each kinematic particle, the same in all frames.
     """
     if not scene.obstacles:
         return np.empty((0, scene.dim), dtype=np.float32)
@@ -41,5 +41,5 @@ def kinematic_particles(scene: Scene, spacing: float) -> npt.NDArray[np.float32]
     inside = np.zeros(len(sites), dtype=np.bool_)
     for obstacle in scene.obstacles:
         distance = obstacle.to_native().signed_distance(sites)
-        inside |= (distance < 0) & (distance > -DEPTH * spacing)
+        inside |= (distance < 0) & (distance > -_DEPTH * spacing)
     return sites[inside]

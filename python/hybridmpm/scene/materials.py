@@ -1,7 +1,7 @@
-"""What bodies are made of: the constants of water, sand and elastic, with their ranges.
+"""Materials of bodies: the constants of water, sand and elastic solids, with their ranges.
 
-The defaults are the reference materials of the engine that the paper used (taichi_elements). Types are
-DeepMind's particle types of "Learning to Simulate" (arXiv:2002.09405).
+The default constants are those of the engine that the paper used (taichi_elements), here called the
+reference materials. Type ids are DeepMind's particle types of "Learning to Simulate" (arXiv:2002.09405).
 """
 
 from typing import Annotated, Literal
@@ -12,7 +12,7 @@ from hybridmpm import _native
 from hybridmpm.scene.fields import Range, Record
 
 REFERENCE_BULK_MODULUS = 277_778.0
-"""lambda [Pa] of water that states no stiffness: E nu / ((1 + nu)(1 - 2 nu)) with E = 1 MPa, nu = 0.2."""
+"""lambda [Pa] of water that is given no stiffness: E nu / ((1 + nu)(1 - 2 nu)) with E = 1 MPa, nu = 0.2."""
 
 Density = Annotated[float, Range(0, 1e5, "kg/m^3", open_low=True)]
 Modulus = Annotated[float, Range(0, 1e12, "Pa", open_low=True)]
@@ -23,22 +23,31 @@ Friction = Annotated[float, Range(0, 10)]
 class Water(Record):
     """Weakly compressible fluid with Cauchy pressure p = lambda (1 - J).
 
-    Stiffness comes from one of two fields: `bulk_modulus` is lambda itself; `max_compression` c asks that
-    water at rest be compressed by at most c, i.e. lambda = rho g h / c. Here h is the height of the
-    highest point of the scene's water above the floor of the walls, which bounds the depth that it can
-    have once settled (impacts compress more). With neither, lambda is `REFERENCE_BULK_MODULUS`.
+    The stiffness comes from one of two fields. `bulk_modulus` is lambda itself. `max_compression` c asks that
+    water at rest be compressed by at most c, so lambda = rho g h / c. Here h is the height of the highest
+    water at the start above the floor of the walls, because settled water is never deeper. Impacts may
+    compress the water by more than c. With neither field, lambda is `REFERENCE_BULK_MODULUS`.
     """
 
     kind: Literal["water"] = "water"
     density: Density = Field(1000.0, description="Rest density [kg/m^3].")
-    bulk_modulus: Modulus | None = Field(None, description="lambda [Pa]; 277778 if nothing is given.")
-    max_compression: Annotated[float, Range(0, 0.5, open_low=True)] | None = Field(
-        None, description="Largest 1 - J at rest; sets the bulk modulus from the depth of the scene."
+    bulk_modulus: Modulus | None = Field(
+        None, description="Bulk modulus lambda [Pa]; 277778 if max_compression is absent, too."
     )
-    tension: Annotated[float, Range(0, 1)] = Field(0.25, description="Factor on the stress where J > 1.")
-    wall_friction: Friction = Field(0.0, description="Coulomb coefficient against walls and obstacles.")
+    max_compression: Annotated[float, Range(0, 0.5, open_low=True)] | None = Field(
+        None,
+        description="Largest compression 1 - J of the water at rest [-]. The bulk modulus then follows from "
+        "the height of the scene's water. Not together with bulk_modulus.",
+    )
+    tension: Annotated[float, Range(0, 1)] = Field(
+        0.25, description="Factor on the stress of stretched water, J > 1 [-]; 0 allows no tension."
+    )
+    wall_friction: Friction = Field(
+        0.0, description="Coulomb coefficient of the water against walls and obstacles [-]."
+    )
     volume_correction: bool = Field(
-        default=True, description="Lead J back where the density on the grid contradicts it."
+        default=True,
+        description="Whether a particle's J is led back to the density on the grid where the two disagree.",
     )
 
     @model_validator(mode="after")
@@ -49,23 +58,23 @@ class Water(Record):
 
     @property
     def type_id(self) -> int:
-        """DeepMind's particle type."""
+        """DeepMind's number of this particle type."""
         return 5
 
     def stiffness(self, potential_drop: float) -> float:
-        """Bulk modulus lambda [Pa] in a scene with this g h.
+        """Return the bulk modulus lambda [Pa] that this water has in a scene.
 
         Parameters
         ----------
         potential_drop : float
-            g h [m^2/s^2] between the floor and the highest water; positive if `max_compression` is used.
+            `Scene.potential_drop`, the product g h [m^2/s^2]; positive if `max_compression` is given.
         """
         if self.max_compression is not None:
             return self.density * potential_drop / self.max_compression
         return REFERENCE_BULK_MODULUS if self.bulk_modulus is None else self.bulk_modulus
 
     def to_native(self, potential_drop: float) -> _native.Material:
-        """Build the core's material; the argument is that of `stiffness`."""
+        """Build the core's material; `potential_drop` as in `stiffness`."""
         return _native.Material.water(
             density=self.density,
             bulk_modulus=self.stiffness(potential_drop),
@@ -80,23 +89,26 @@ class Sand(Record):
 
     kind: Literal["sand"] = "sand"
     density: Density = Field(1000.0, description="Rest density [kg/m^3].")
-    youngs_modulus: Modulus = Field(1e6, description="E [Pa].")
-    poisson_ratio: PoissonRatio = Field(0.2, description="nu [-].")
+    youngs_modulus: Modulus = Field(1e6, description="Young's modulus E [Pa].")
+    poisson_ratio: PoissonRatio = Field(0.2, description="Poisson's ratio nu [-].")
     friction_angle: Annotated[float, Range(0, 90, "degrees", open_low=True, open_high=True)] = Field(
-        45.0, description="Internal friction angle [degrees]."
+        45.0, description="Internal friction angle of the sand [degrees]."
     )
     volume_correction: bool = Field(
-        default=True, description="Take back, on recompaction, the volume gained in separation."
+        default=True,
+        description="Whether sand that is compacted again first loses the volume gained in separation.",
     )
-    wall_friction: Friction = Field(0.5, description="Coulomb coefficient against walls and obstacles.")
+    wall_friction: Friction = Field(
+        0.5, description="Coulomb coefficient of the sand against walls and obstacles [-]."
+    )
 
     @property
     def type_id(self) -> int:
-        """DeepMind's particle type."""
+        """DeepMind's number of this particle type."""
         return 6
 
     def to_native(self, _potential_drop: float) -> _native.Material:
-        """Build the core's material; sand does not depend on the depth of the scene."""
+        """Build the core's material; sand does not depend on `Scene.potential_drop`."""
         return _native.Material.sand(
             density=self.density,
             youngs_modulus=self.youngs_modulus,
@@ -108,21 +120,23 @@ class Sand(Record):
 
 
 class Elastic(Record):
-    """Fixed-corotated solid (Stomakhin et al. 2012); the defaults are those of taichi_elements' jelly."""
+    """Fixed-corotated solid (Stomakhin et al. 2012); the default constants are taichi_elements' jelly."""
 
     kind: Literal["elastic"] = "elastic"
     density: Density = Field(1000.0, description="Rest density [kg/m^3].")
-    youngs_modulus: Modulus = Field(3e5, description="E [Pa].")
-    poisson_ratio: PoissonRatio = Field(0.2, description="nu [-].")
-    wall_friction: Friction = Field(0.5, description="Coulomb coefficient against walls and obstacles.")
+    youngs_modulus: Modulus = Field(3e5, description="Young's modulus E [Pa].")
+    poisson_ratio: PoissonRatio = Field(0.2, description="Poisson's ratio nu [-].")
+    wall_friction: Friction = Field(
+        0.5, description="Coulomb coefficient of the solid against walls and obstacles [-]."
+    )
 
     @property
     def type_id(self) -> int:
-        """DeepMind's particle type (goop)."""
+        """DeepMind's number of this particle type (goop)."""
         return 7
 
     def to_native(self, _potential_drop: float) -> _native.Material:
-        """Build the core's material; it does not depend on the depth of the scene."""
+        """Build the core's material; an elastic solid does not depend on `Scene.potential_drop`."""
         return _native.Material.elastic(
             density=self.density,
             youngs_modulus=self.youngs_modulus,
@@ -137,4 +151,4 @@ def _from_name(value: object) -> object:
 
 
 Material = Annotated[Water | Sand | Elastic, Field(discriminator="kind"), BeforeValidator(_from_name)]
-"""A material object, or its kind alone for the reference constants."""
+"""A material object; its kind alone ("water") stands for the reference material of this kind."""

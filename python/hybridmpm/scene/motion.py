@@ -1,46 +1,50 @@
-"""`Motion`: how an obstacle moves by itself, whatever pushes against it."""
+"""`Motion`: the prescribed motion of an obstacle, which nothing that pushes against it can change."""
 
 from typing import Annotated, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from hybridmpm import _native
-from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, refuse
+from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, raise_faults
 
-_Turn = Annotated[float, Range(-1000, 1000, "rad/s")]
+_TurnRate = Annotated[float, Range(-1000, 1000, "rad/s")]
 _AngularVelocity = Annotated[
-    Annotated[_Turn, Tag("number")] | Annotated[tuple[_Turn, _Turn, _Turn], Tag("vector")],
+    Annotated[_TurnRate, Tag("number")] | Annotated[tuple[_TurnRate, _TurnRate, _TurnRate], Tag("vector")],
     Discriminator(lambda value: "vector" if isinstance(value, list | tuple) else "number"),
 ]
 
 
 class Motion(Record):
-    """Prescribed rigid motion: on and on, or back and forth with a period.
+    """Prescribed rigid motion of an obstacle: steady, or a swing back and forth with a period.
 
-    With the clock s(t) = t, or s(t) = period / (2 pi) (sin(2 pi (t / period + phase)) - sin(2 pi phase))
-    where there is a period, the obstacle has moved by `velocity` s and turned by `angular_velocity` s at
-    time t. So a swing that starts at phase 0 is in the middle of its stroke and goes
-    period / (2 pi) times the velocity to either side.
+    At time t the obstacle has moved by `velocity` s(t) and turned by `angular_velocity` s(t). A steady motion
+    has s(t) = t, a swing s(t) = period / (2 pi) (sin(2 pi (t / period + phase)) - sin(2 pi phase)). A swing
+    of phase 0 starts in the middle of its stroke and reaches period / (2 pi) times the velocity to either
+    side.
     """
 
     velocity: Velocity | None = Field(
-        None, description="D numbers [m/s]; zero if absent. Of a swing the largest."
+        None,
+        description="Velocity of the obstacle, D numbers [m/s]; zero if absent. For a swing, its largest "
+        "velocity.",
     )
     angular_velocity: _AngularVelocity | None = Field(
         None,
-        description="One number in 2D, anticlockwise, three in 3D [rad/s]; zero if absent. Of a swing the "
-        "largest.",
+        description="Angular velocity of the obstacle [rad/s], in 2D one number, positive anticlockwise, in "
+        "3D three; zero if absent. For a swing, its largest angular velocity.",
     )
     center: Point | None = Field(
         None,
-        description="Of rotation at frame 0 [m]; it moves with the velocity. Only with angular_velocity.",
+        description="Centre of rotation at frame 0, D coordinates [m]; the centre moves with velocity. "
+        "Required with angular_velocity, not allowed without.",
     )
     period: Annotated[float, Range(0, 1e4, "s", open_low=True)] | None = Field(
-        None, description="Of a swing [s]; without it the motion goes on and on."
+        None, description="Period of a swing [s]. If absent, the motion is steady."
     )
     phase: Annotated[float, Range(0, 1, open_high=True)] = Field(
         0.0,
-        description="Where in the period a swing starts: at 0 with full speed, at 0.75 at rest, going forth.",
+        description="Fraction of the period at which a swing starts [-]: at 0 the obstacle starts at full "
+        "speed, at 0.75 at rest, about to move along velocity.",
     )
 
     @model_validator(mode="after")
@@ -55,11 +59,11 @@ class Motion(Record):
             faults.append((("center",), needed))
         if self.phase and self.period is None:
             faults.append((("phase",), "needs a period"))
-        refuse("Motion", faults)
+        raise_faults("Motion", faults)
         return self
 
     def dimension_faults(self, dim: int) -> list[Fault]:
-        """List what does not fit a scene of `dim` dimensions."""
+        """List the vectors whose length does not fit a scene of `dim` dimensions."""
         faults: list[Fault] = [
             ((name,), f"must have dim = {dim} numbers, got {len(vector)}")
             for name, vector in (("velocity", self.velocity), ("center", self.center))
@@ -71,7 +75,7 @@ class Motion(Record):
         return faults
 
     def applied_to(self, obstacle: _native.Obstacle) -> _native.Obstacle:
-        """Return the core's obstacle in this motion."""
+        """Return the core's obstacle with this motion."""
         turn = self.angular_velocity
         return obstacle.moving(
             velocity=self.velocity,

@@ -1,4 +1,4 @@
-"""Obstacles: solids that stand still or move as they are told."""
+"""Obstacles: solids that stand still or follow a prescribed motion."""
 
 import math
 from typing import Annotated, Literal
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from hybridmpm import _native
-from hybridmpm.scene.fields import Direction, Length, Point, Record, disorder, refuse
+from hybridmpm.scene.fields import Direction, Length, Point, Record, corner_faults, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.motion import Motion
 
@@ -14,16 +14,24 @@ Contact = Literal["sticky", "slip", "separating"]
 
 
 class _Obstacle(Record):
-    contact: Contact = Field("separating", description="What happens to material that touches it.")
-    friction: Friction | None = Field(
-        None, description="Coulomb coefficient of separating contact; each material's own if absent."
+    contact: Contact = Field(
+        "separating",
+        description="Contact with material. sticky: the material moves with the obstacle. slip: it slides "
+        "along without friction and cannot leave. separating: it may leave, and slides with friction.",
     )
-    motion: Motion | None = Field(None, description="The obstacle stands still if absent.")
+    friction: Friction | None = Field(
+        None,
+        description="Coulomb coefficient of separating contact [-]; the wall_friction of each material if "
+        "absent. Only with separating contact.",
+    )
+    motion: Motion | None = Field(
+        None, description="Prescribed motion of the obstacle; it stands still if absent."
+    )
 
     @model_validator(mode="after")
     def _friction_has_effect(self) -> "_Obstacle":
         if self.friction is not None and self.contact != "separating":
-            refuse("Obstacle", [(("friction",), f"is only for separating contact, not {self.contact}")])
+            raise_faults("Obstacle", [(("friction",), f"is only for separating contact, not {self.contact}")])
         return self
 
     def to_native(self) -> _native.Obstacle:
@@ -36,21 +44,21 @@ class _Obstacle(Record):
 
 
 class SegmentObstacle(_Obstacle):
-    """Ramp: all points within thickness / 2 of the segment."""
+    """Ramp: all points within thickness / 2 of the segment from `start` to `end`."""
 
     shape: Literal["segment"] = "segment"
-    start: Point = Field(description="[m]")
-    end: Point = Field(description="[m]")
-    thickness: Length = Field(description="[m]")
+    start: Point = Field(description="First end of the segment, D coordinates [m].")
+    end: Point = Field(description="Second end of the segment, D coordinates [m].")
+    thickness: Length = Field(description="Thickness of the ramp [m].")
 
     @model_validator(mode="after")
     def _has_length(self) -> "SegmentObstacle":
         if self.start == self.end:
-            refuse("SegmentObstacle", [(("end",), "must differ from start")])
+            raise_faults("SegmentObstacle", [(("end",), "must differ from start")])
         return self
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"start": self.start, "end": self.end}
 
     @property
@@ -73,16 +81,16 @@ class BoxObstacle(_Obstacle):
 
     @model_validator(mode="after")
     def _ordered(self) -> "BoxObstacle":
-        refuse("BoxObstacle", disorder(self.lower, self.upper))
+        raise_faults("BoxObstacle", corner_faults(self.lower, self.upper))
         return self
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"lower": self.lower, "upper": self.upper}
 
     @property
     def smallest_extent(self) -> float:
-        """Shortest side [m]."""
+        """Shortest side of the box [m]."""
         return min(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
     def _at_rest(self) -> _native.Obstacle:
@@ -93,16 +101,16 @@ class BallObstacle(_Obstacle):
     """Solid disc in 2D, ball in 3D."""
 
     shape: Literal["ball"] = "ball"
-    center: Point = Field(description="[m]")
-    radius: Length = Field(description="[m]")
+    center: Point = Field(description="Centre of the ball, D coordinates [m].")
+    radius: Length = Field(description="Radius of the ball [m].")
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"center": self.center}
 
     @property
     def smallest_extent(self) -> float:
-        """Diameter [m]."""
+        """Diameter of the ball [m]."""
         return 2 * self.radius
 
     def _at_rest(self) -> _native.Obstacle:
@@ -110,25 +118,27 @@ class BallObstacle(_Obstacle):
 
 
 class HalfSpaceObstacle(_Obstacle):
-    """Everything on the side that `normal` points away from."""
+    """Solid that fills everything on the side of a plane, in 2D a line, that `normal` points away from."""
 
     shape: Literal["half_space"] = "half_space"
-    point: Point = Field(description="A point of the surface [m].")
-    normal: Direction = Field(description="Points out of the solid; any length but zero.")
+    point: Point = Field(description="Any point of the surface, D coordinates [m].")
+    normal: Direction = Field(
+        description="Vector out of the solid, normal to its surface, D numbers; of any length but zero."
+    )
 
     @model_validator(mode="after")
     def _normal_points_somewhere(self) -> "HalfSpaceObstacle":
         if math.hypot(*self.normal) < 1e-6:
-            refuse("HalfSpaceObstacle", [(("normal",), "must be at least 1e-6 long")])
+            raise_faults("HalfSpaceObstacle", [(("normal",), "must be at least 1e-6 long")])
         return self
 
     def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """Vectors whose length has to be the scene's dimension, by field name."""
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"point": self.point, "normal": self.normal}
 
     @property
     def smallest_extent(self) -> float:
-        """Infinite: nothing is behind it [m]."""
+        """Infinite [m]: a half space has no far side."""
         return math.inf
 
     def _at_rest(self) -> _native.Obstacle:

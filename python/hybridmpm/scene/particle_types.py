@@ -1,8 +1,8 @@
-"""Particle types by convention: the same number means different things to different projects.
+"""Numbers of the particle types, which mean different things to different projects.
 
-Within the library types are DeepMind's (Sanchez-Gonzalez et al. 2020): 0 rigid, 3 kinematic, 5 water, 6 sand,
-7 goop. LagrangeBench (`NodeType` in its utils.py) has 0 fluid, 1 wall, 2 moving wall, 3 rigid; a ramp of
-DeepMind's, read as its 3, would fall like a rigid body.
+Within the library the numbers are DeepMind's (Sanchez-Gonzalez et al. 2020): 0 rigid, 3 kinematic, 5 water,
+6 sand, 7 goop. LagrangeBench (`NodeType` in its utils.py) has 0 fluid, 1 wall, 2 moving wall, 3 rigid. So a
+ramp, which is 3 to DeepMind, would fall like a rigid body if LagrangeBench read it without translation.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ NAMES: Mapping[int, str] = {
     GOOP: "goop",
 }
 
-SAME: Mapping[int, int] = {number: number for number in NAMES}
+UNCHANGED: Mapping[int, int] = {number: number for number in NAMES}
 TO_LAGRANGEBENCH: Mapping[int, int] = {RIGID: 3, KINEMATIC: 1, WATER: 0, SAND: SAND, GOOP: GOOP}
 FROM_LAGRANGEBENCH: Mapping[int, int] = {
     0: WATER,
@@ -38,17 +38,17 @@ FROM_LAGRANGEBENCH: Mapping[int, int] = {
 def translated(
     types: npt.NDArray[np.integer], table: Mapping[int, int], *, where: str
 ) -> npt.NDArray[np.int64]:
-    """Replace each type by what `table` says.
+    """Replace each type by its entry in `table`; the result has the shape of `types`.
 
     Raises
     ------
     DataError
-        A type is not in the table; the message begins with `where` and lists those known.
+        A type is not in the table. The message begins with `where` and lists the types that are.
     """
     present, inverse = np.unique(types, return_inverse=True)
     unknown = [int(number) for number in present if int(number) not in table]
     if unknown:
-        known = ", ".join(str(number) for number in sorted(table))
-        raise DataError(f"{where} holds particle type {unknown[0]}; this format has {known}")
+        allowed = ", ".join(str(number) for number in sorted(table))
+        raise DataError(f"{where} holds particle type {unknown[0]}; this format has {allowed}")
     renamed = np.array([table[int(number)] for number in present], dtype=np.int64)
     return np.asarray(renamed[inverse].reshape(types.shape))

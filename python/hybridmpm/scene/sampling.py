@@ -1,8 +1,8 @@
 """From bodies to particles: one particle in each cell of a fine lattice, jittered.
 
-The lattice is one for the whole world, with `Scene.spacing` between its sites. A site belongs to the first
-body that contains it, in the order of the scene; sites inside an obstacle stay empty. So overlapping bodies
-never hold two particles in one place: the earlier body wins.
+One lattice spans the whole world; its sites are `Scene.spacing` apart. A site belongs to the first body of
+the scene that contains it, so that overlapping bodies never have two particles in one place. Sites inside an
+obstacle stay empty.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,17 +20,20 @@ from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.walls import Walls
 
 JITTER = 0.25
-"""Largest offset along an axis, in spacings: two particles are never closer than half a spacing."""
+"""Largest offset of a particle from its site along an axis [spacings].
+
+So two particles are never closer than half a spacing.
+"""
 
 _CLEARANCE = 1e-3
-"""Distance kept from walls, in spacings: more than rounding to float32 can move a particle."""
+"""Smallest distance of a particle from the walls [spacings], more than rounding to float32 can move it."""
 
 _SITES_AT_ONCE = 100_000
-"""Sites between two looks at the limit of particles: a scene that is too large is refused early."""
+"""Number of sites between two checks of `max_particles`, so that a scene that is too large fails early."""
 
 
 class Fillable(Protocol):
-    """What sampling needs to know of a scene."""
+    """The part of a scene that sampling needs."""
 
     @property
     def dim(self) -> int:
@@ -42,23 +45,23 @@ class Fillable(Protocol):
 
     @property
     def bodies(self) -> Sequence[Body]:
-        """Bodies to fill, the first ones first."""
+        """Bodies to fill, in this order."""
 
     @property
     def obstacles(self) -> Sequence[Obstacle]:
-        """Obstacles that stay empty."""
+        """Obstacles, which hold no particles."""
 
     @property
     def walls(self) -> Walls:
-        """The box that holds all particles."""
+        """Walls of the box that contains all particles."""
 
     @property
     def materials(self) -> Sequence[Material]:
-        """Distinct materials of the bodies, and maybe others."""
+        """Distinct materials of the scene, those of the bodies among them."""
 
     @property
     def max_particles(self) -> int:
-        """Number of particles that a scene may hold at most."""
+        """Largest number of particles that the scene may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,15 +73,15 @@ class Particles:
     v: npt.NDArray[np.float32]
     """Velocities (N, D) [m/s]."""
     material: npt.NDArray[np.uint8]
-    """Index into `Scene.materials`, (N,)."""
+    """Index (N,) of each particle's material in `Scene.materials`."""
     types: npt.NDArray[np.uint8]
     """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
     body: npt.NDArray[np.int32]
-    """Index into `Scene.bodies`, (N,)."""
+    """Index (N,) of each particle's body in `Scene.bodies`."""
     mass: npt.NDArray[np.float32]
-    """(N,) [kg]; in 2D of a slice one metre deep."""
+    """Masses (N,) [kg]; in 2D those of a slice one metre deep."""
     volume: npt.NDArray[np.float32]
-    """Rest volume spacing^D, (N,) [m^D]."""
+    """Rest volumes spacing^D (N,) [m^D]."""
 
 
 def sample(scene: Fillable) -> Particles:
@@ -87,7 +90,7 @@ def sample(scene: Fillable) -> Particles:
     Raises
     ------
     SceneError
-        A body has room for no particle, or there are more than `scene.max_particles`.
+        A body has room for no particle, or the bodies need more than `scene.max_particles`.
     """
     positions: list[npt.NDArray[np.float32]] = []
     taken = np.empty(0, dtype=np.int64)
@@ -125,12 +128,19 @@ def _particles(scene: Fillable, positions: list[npt.NDArray[np.float32]]) -> Par
 
 
 def _free_sites(scene: Fillable, body: Body, taken: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the lattice indices (n, D) of the sites of `body` that nothing else holds.
+    """Return the lattice indices (n, D) of the sites that are free for `body`.
+
+    Parameters
+    ----------
+    scene, body
+        The scene and the body to fill.
+    taken : int64 (K,)
+        Keys of the sites that earlier bodies have.
 
     Raises
     ------
     SceneError
-        With those taken before they are more than `scene.max_particles`; the rest is then not looked for.
+        The free sites and the taken ones are more than `scene.max_particles`.
     """
     solids = [obstacle.to_native() for obstacle in scene.obstacles]
     free, needed = [], len(taken)
@@ -151,7 +161,7 @@ def _free_sites(scene: Fillable, body: Body, taken: npt.NDArray[np.int64]) -> np
 
 
 def _lattice_blocks(scene: Fillable, body: Body) -> Iterator[npt.NDArray[np.int64]]:
-    """Yield the lattice indices of the bounding box of `body`, in slabs that bound the memory used."""
+    """Yield the lattice indices (n, D) of the bounding box of `body`, in slabs that bound the memory used."""
     lower, upper = body.bounds
     first = np.floor(lower / scene.spacing).astype(int)
     last = np.ceil(upper / scene.spacing).astype(int)
@@ -167,12 +177,12 @@ def _centers(scene: Fillable, sites: npt.NDArray[np.int64]) -> Points:
 
 
 def _rounded(x: Points) -> npt.NDArray[np.float32]:
-    """Positions as the solver holds them; every test of containment is made on these."""
+    """Return positions in the solver's precision; every test of containment is made on these."""
     return x.astype(np.float32)
 
 
 def _keys(scene: Fillable, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """One number per site."""
+    """Return one number (n,) for each site, different for different sites."""
     extent = int(np.ceil(1.0 / scene.spacing)) + 1
     return np.asarray(np.ravel_multi_index(tuple(sites.T), (extent,) * scene.dim), dtype=np.int64)
 
@@ -184,7 +194,7 @@ def _clear_of_walls(scene: Fillable, x: npt.NDArray[np.float32]) -> npt.NDArray[
 
 
 def _jittered(scene: Fillable, body: Body, sites: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
-    """Move each particle off its site at random, but leave on it those that would get out of the body."""
+    """Return positions (n, D) [m]: each site moved at random, or unmoved where it would leave the body."""
     rng = np.random.default_rng(body.seed)
     centers = _centers(scene, sites)
     moved = _rounded(centers + rng.uniform(-JITTER, JITTER, centers.shape) * scene.spacing)

@@ -1,6 +1,6 @@
 """`Scene`: everything that a simulation needs to start, as checked data with JSON and YAML forms.
 
-Lengths are metres in the world box [0, 1]^D with y up, times are seconds. Every number is checked on
+The world is the box [0, 1]^D in metres, with y up. Times are in seconds. Every number is checked on
 construction, so that the rest of the library may trust a scene.
 """
 
@@ -15,7 +15,7 @@ from pydantic_core import from_json
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
 from hybridmpm.scene.bodies import Body
-from hybridmpm.scene.fields import Fault, Gravity, Range, Record, refuse, scene_error
+from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
 from hybridmpm.scene.materials import Material, Water
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
@@ -23,68 +23,81 @@ from hybridmpm.scene.sampling import Particles, sample
 from hybridmpm.scene.walls import Walls
 
 DEFAULT_MAX_PARTICLES = 200_000
-LEAST_CELLS_THICK = 2
-"""Cells across an obstacle that lets nothing through: a particle moves less than one in a substep, and one
-that got inside is put back to the nearer surface."""
+MIN_CELLS_THICK = 2
+"""Smallest thickness [cells] of an obstacle that nothing passes through.
+
+A particle moves by less than one cell in a substep, and a particle that got inside is put back to the nearer
+surface. So in a thinner obstacle it could come out on the other side.
+"""
 _ROUNDING = 1e-9
-"""A ball that just touches a wall may reach past it by the rounding of its bounds [m]."""
-WALLS_APART = 4
-"""Cells between opposite walls, so that no grid node feels both."""
+"""Length [m] by which bounds may reach past a wall: a ball that just touches it does so by rounding."""
+MIN_CELLS_BETWEEN_WALLS = 4
+"""Smallest distance [cells] of opposite walls, so that no grid node feels both."""
 _MAX_RESOLUTION_3D = 256
-"""A dense grid above this would take gigabytes."""
+"""Largest resolution in 3D [cells/m]: the dense grid of a larger one would take gigabytes."""
 YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
-"""The loader lets errors of its conversions through: of a date in month 13, or of `!!bool maybe`."""
+"""What the YAML loader raises: besides its own errors those of conversions, e.g. a date in month 13."""
 
 
-def _in_dim(two: Any, three: Any) -> Any:
-    """Return a default factory that chooses by the scene's `dim`."""
+def _by_dim(two: Any, three: Any) -> Any:
+    """Return a default factory that gives `two` where the scene's `dim` is 2, else `three`."""
     return lambda fields: two if fields["dim"] == 2 else three
 
 
 class Scene(Record):
-    """A world box with bodies, obstacles and numerical settings.
+    """A world box with walls, bodies, obstacles, emitters, sinks and numerical settings.
 
-    `Scene(...)` and `Scene.parse(...)` raise `SceneError` for anything out of range, each fault with the
-    path of its field and the range allowed.
+    `Scene(...)` and `Scene.parse(...)` raise `SceneError` for anything out of range. The error lists all
+    faults, each with the path of its field and the allowed range.
     """
 
-    name: Annotated[str, Field(max_length=200)] = ""
-    dim: Literal[2, 3]
+    name: Annotated[str, Field(max_length=200, description="Name of the scene, for people.")] = ""
+    dim: Literal[2, 3] = Field(description="Dimension D of the scene.")
     resolution: Annotated[int, Range(8, 1024, "cells")] = Field(
-        default_factory=_in_dim(128, 64), description="Grid cells per metre; 128 in 2D, 64 in 3D if absent."
+        default_factory=_by_dim(128, 64), description="Grid cells per metre; 128 in 2D, 64 in 3D if absent."
     )
     frame_dt: Annotated[float, Range(0, 0.1, "s", open_low=True)] = Field(
         0.0025, description="Length of a frame [s]."
     )
     gravity: Gravity = Field(
-        default_factory=_in_dim((0.0, -9.81), (0.0, -9.81, 0.0)),
-        description="D numbers [m/s^2]; 9.81 downwards if absent.",
+        default_factory=_by_dim((0.0, -9.81), (0.0, -9.81, 0.0)),
+        description="Gravity, D numbers [m/s^2]; 9.81 along -y if absent.",
     )
     walls: Walls = Field(
-        default_factory=_in_dim(
+        default_factory=_by_dim(
             Walls(lower=(0.1,) * 2, upper=(0.9,) * 2), Walls(lower=(0.1,) * 3, upper=(0.9,) * 3)
         ),
-        description="From 0.1 to 0.9 along each axis if absent.",
+        description="Box that no particle leaves; from 0.1 to 0.9 m along each axis if absent.",
     )
     bodies: Annotated[tuple[Body, ...], Field(max_length=1000)] = Field(
-        description="One at least, unless there are emitters."
+        description="Shapes of material that become particles at the start; at least one in a scene without "
+        "emitters."
     )
-    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
-    emitters: Annotated[tuple[Emitter, ...], Field(max_length=100)] = ()
-    sinks: Annotated[tuple[Sink, ...], Field(max_length=100)] = ()
-    frames: Annotated[int, Range(1, 1_000_000)] = Field(400, description="Suggested length of a run.")
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = Field(
+        (), description="Solids in the way of the material."
+    )
+    emitters: Annotated[tuple[Emitter, ...], Field(max_length=100)] = Field(
+        (), description="Openings through which material comes into the scene."
+    )
+    sinks: Annotated[tuple[Sink, ...], Field(max_length=100)] = Field(
+        (), description="Shapes in which material leaves the scene."
+    )
+    frames: Annotated[int, Range(1, 1_000_000)] = Field(
+        400, description="Suggested length of a run [frames]."
+    )
     particles_per_cell: Annotated[int, Range(1, 64)] = Field(
-        default_factory=_in_dim(4, 8), description="2**D if absent."
+        default_factory=_by_dim(4, 8), description="Number of particles in a grid cell; 2**D if absent."
     )
     max_particles: Annotated[int, Range(1, 10_000_000)] = Field(
         DEFAULT_MAX_PARTICLES,
-        description="A scene whose bodies need more is refused; emitters stop before they exceed it.",
+        description="Largest number of particles. A scene whose bodies need more is refused; an emitter "
+        "pauses while another layer would exceed it.",
     )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        refuse("Scene", self._dimension_faults())
-        refuse("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
+        raise_faults("Scene", self._dimension_faults())
+        raise_faults("Scene", self._range_faults() + self._body_faults() + self._emitter_faults())
         return self
 
     def _dimension_faults(self) -> list[Fault]:
@@ -123,10 +136,12 @@ class Scene(Record):
         if self.dim == 3 and self.resolution > _MAX_RESOLUTION_3D:
             text = f"must be in [8, {_MAX_RESOLUTION_3D}] for dim 3, got {self.resolution}"
             faults.append((("resolution",), text))
-        needed = WALLS_APART * self.dx
+        needed = MIN_CELLS_BETWEEN_WALLS * self.dx
         for axis, (a, b) in enumerate(zip(self.walls.lower, self.walls.upper, strict=True)):
             if b - a < needed:
-                text = f"must be at least {WALLS_APART} cells, {needed:g} m, apart along axis {axis}"
+                text = (
+                    f"must be at least {MIN_CELLS_BETWEEN_WALLS} cells, {needed:g} m, apart along axis {axis}"
+                )
                 faults.append((("walls",), f"{text}, got {b - a:g} m"))
         return faults
 
@@ -155,7 +170,7 @@ class Scene(Record):
         for i, emitter in enumerate(self.emitters):
             where = ("emitters", i, emitter.shape)
             lower, upper = emitter.bounds
-            # How far the first layer may have come when it appears, at the end of a frame.
+            # A layer appears at the end of a frame, when it may have come this far.
             way = emitter.direction * (self.spacing + emitter.speed * self.frame_dt)
             lower, upper = np.minimum(lower, lower + way), np.maximum(upper, upper + way)
             if (lower < np.array(self.walls.lower) - _ROUNDING).any() or (
@@ -186,7 +201,7 @@ class Scene(Record):
 
     @property
     def spacing(self) -> float:
-        """Mean distance of neighbouring particles [m]."""
+        """Mean distance of neighbouring particles at the start [m]."""
         return float(self.dx / self.particles_per_cell ** (1.0 / self.dim))
 
     @property
@@ -196,10 +211,10 @@ class Scene(Record):
 
     @property
     def potential_drop(self) -> float:
-        """Product g h [m^2/s^2], h being the height of the highest water above the floor; 0 without water.
+        """Product g h [m^2/s^2], where h is the height of the highest water above the floor; 0 without water.
 
-        "High" and "floor" follow gravity, whatever its direction: the largest g . x over the walls' box
-        minus the smallest over the bounding boxes of the water bodies and of the openings of water.
+        Up is against gravity, whatever its direction. The product is the largest g . x in the box of the
+        walls minus the smallest in the bounding boxes of the bodies and openings of water.
         """
         parts = (*self.bodies, *self.emitters)
         water = [part.bounds for part in parts if isinstance(part.material, Water)]
@@ -211,11 +226,11 @@ class Scene(Record):
         return float(floor - top)
 
     def thin_obstacles(self) -> list[str]:
-        """Describe each obstacle that is thinner than `LEAST_CELLS_THICK` cells, and what to do about it."""
-        needed = LEAST_CELLS_THICK * self.dx
+        """Return a message for each obstacle thinner than `MIN_CELLS_THICK` cells; it says what to do."""
+        needed = MIN_CELLS_THICK * self.dx
         return [
             f"obstacles[{i}] ({obstacle.shape}) is {obstacle.smallest_extent:.3g} m thick, less than "
-            f"{LEAST_CELLS_THICK} cells of {self.dx:.3g} m, so fast material may pass through it: "
+            f"{MIN_CELLS_THICK} cells of {self.dx:.3g} m, so fast material may pass through it: "
             f"make it at least {needed:.3g} m thick, or raise the resolution"
             for i, obstacle in enumerate(self.obstacles)
             if obstacle.smallest_extent < needed - _ROUNDING
@@ -227,18 +242,18 @@ class Scene(Record):
         Raises
         ------
         SceneError
-            A body has room for no particle, or there are more than `max_particles`.
+            A body has room for no particle, or the bodies need more than `max_particles`.
         """
         return sample(self)
 
     @classmethod
     def parse(cls, data: object) -> Self:
-        """Check plain data, e.g. what a JSON parser returned.
+        """Make a scene from plain data, e.g. what a JSON parser returned.
 
         Raises
         ------
         SceneError
-            With every fault's field path and message in `problems`.
+            The data are no valid scene. `problems` lists field path and message of each fault.
         """
         try:
             return cls.model_validate(data)
@@ -247,7 +262,7 @@ class Scene(Record):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """Read a scene from JSON; raises `SceneError`, also where the text is not JSON."""
+        """Read a scene from JSON; raises `SceneError` where the text is no JSON or no valid scene."""
         try:
             data = from_json(text)
         except ValueError as error:
@@ -256,7 +271,7 @@ class Scene(Record):
 
     @classmethod
     def from_yaml(cls, text: str | bytes) -> Self:
-        """Read a scene from YAML; raises `SceneError`, also where the text is not YAML."""
+        """Read a scene from YAML; raises `SceneError` where the text is no YAML or no valid scene."""
         try:
             data = yaml.safe_load(text)
         except YAML_ERRORS as error:
@@ -265,24 +280,40 @@ class Scene(Record):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a scene from a .json, .yaml or .yml file; raises `SceneError` or OSError."""
+        """Read a scene from a .json, .yaml or .yml file.
+
+        Raises
+        ------
+        SceneError
+            The file's name has another ending, or its text is no valid scene.
+        OSError
+            The file cannot be read.
+        """
         path = Path(path)
         read = cls.from_json if _suffix(path) == ".json" else cls.from_yaml
         return read(path.read_bytes())
 
     def to_json(self) -> str:
-        """Write the scene as JSON; `from_json` gives an equal scene back."""
+        """Return the scene as JSON; `from_json` makes an equal scene of it."""
         return self.model_dump_json(exclude_none=True, indent=2) + "\n"
 
     def to_yaml(self) -> str:
-        """Write the scene as YAML; `from_yaml` gives an equal scene back."""
+        """Return the scene as YAML; `from_yaml` makes an equal scene of it."""
         text: str = yaml.safe_dump(
             self.model_dump(mode="json", exclude_none=True), sort_keys=False, default_flow_style=None
         )
         return text
 
     def save(self, path: str | Path) -> None:
-        """Write the scene to a .json, .yaml or .yml file; raises `SceneError` or `ExportError`."""
+        """Write the scene to a .json, .yaml or .yml file.
+
+        Raises
+        ------
+        SceneError
+            The file's name has another ending.
+        ExportError
+            The file cannot be written.
+        """
         path = Path(path)
         text = self.to_json() if _suffix(path) == ".json" else self.to_yaml()
         with replacing(path) as part:
@@ -290,7 +321,7 @@ class Scene(Record):
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """JSON Schema (2020-12) of the JSON and YAML forms."""
+        """Return the JSON Schema (2020-12) of a scene's JSON and YAML forms."""
         return cls.model_json_schema()
 
 

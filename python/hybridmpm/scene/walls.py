@@ -1,25 +1,30 @@
-"""Walls: the box that holds a scene."""
+"""Walls: the box that no particle of a scene leaves."""
 
 from typing import Self
 
 from pydantic import Field, model_validator
 
-from hybridmpm.scene.fields import Point, Record, disorder, refuse
+from hybridmpm.scene.fields import Point, Record, corner_faults, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.obstacles import Contact
 
 
 class Walls(Record):
-    """The box that holds everything, applied at its true position though it lies between grid nodes."""
+    """Box that no particle leaves. It acts at its true position, also where this lies between grid nodes."""
 
     lower: Point = Field(description="Corner with the smallest coordinates [m].")
     upper: Point = Field(description="Corner with the largest coordinates [m].")
-    contact: Contact = Field("separating", description="What happens to material that touches a wall.")
+    contact: Contact = Field(
+        "separating",
+        description="Contact with material. sticky: the material stays where it touches. slip: it slides "
+        "along without friction and cannot leave. separating: it may leave, and slides with friction.",
+    )
     friction: Friction | None = Field(
-        None, description="Coulomb coefficient of separating walls; each material's own if absent."
+        None,
+        description="Coulomb coefficient of separating walls [-]; each material's wall_friction if absent.",
     )
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        refuse("Walls", disorder(self.lower, self.upper))
+        raise_faults("Walls", corner_faults(self.lower, self.upper))
         return self

@@ -17,7 +17,7 @@ from hybridmpm import ConfigError, DataError, data
 from hybridmpm.data import hdf5, metadata
 from hybridmpm.data.formats import inert
 from hybridmpm.data.formats.tfrecord import crc32c
-from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
+from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, TO_LAGRANGEBENCH, UNCHANGED, translated
 
 from . import tfrecords
 from .conftest import trajectories
@@ -77,7 +77,7 @@ def test_tables_of_types() -> None:
         translated(np.array([0, 2, 3, 6]), FROM_LAGRANGEBENCH, where="x"), [5, 3, 0, 6]
     )
     with pytest.raises(DataError, match="here holds particle type 4; this format has 0, 3, 5, 6, 7"):
-        translated(np.array([5, 4]), SAME, where="here")
+        translated(np.array([5, 4]), UNCHANGED, where="here")
 
 
 def test_lagrangebench_metadata_count_states_and_solver_steps(tmp_path: Path, made: Path) -> None:

@@ -16,7 +16,7 @@ from hybridmpm.data.formats import inert
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.scene.particle_types import SAME, translated
+from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 _ALL = "gns_data"
 """Key of files that hold all trajectories in one array."""
@@ -97,7 +97,7 @@ def _trajectory(entry: Any, key: str, path: Path) -> Trajectory:
         types = np.full(positions.shape[1], types)  # one type for all
     return Trajectory(
         positions=positions,
-        types=translated(types, SAME, where=where),
+        types=translated(types, UNCHANGED, where=where),
         place=Place(str(path), position=f"{key}, positions,", types=f"{key}, types,"),
     )
 

@@ -11,7 +11,7 @@ from hybridmpm._support.files import replacing
 from hybridmpm.data import hdf5
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
 from hybridmpm.data.trajectory import Trajectory
-from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, SAME, TO_LAGRANGEBENCH, translated
+from hybridmpm.scene.particle_types import FROM_LAGRANGEBENCH, TO_LAGRANGEBENCH, UNCHANGED, translated
 
 
 def _file(folder: Path, split: str) -> Path:
@@ -52,7 +52,7 @@ def _format(name: str, text: str, incoming: Mapping[int, int], outgoing: Mapping
 
 
 HYBRIDMPM = _format(
-    "hybridmpm", "LagrangeBench's layout with DeepMind's types: {train,valid,test}.h5", SAME, SAME
+    "hybridmpm", "LagrangeBench's layout with DeepMind's types: {train,valid,test}.h5", UNCHANGED, UNCHANGED
 )
 LAGRANGEBENCH = _format(
     "lagrangebench",

@@ -18,7 +18,7 @@ from hybridmpm.data import metadata
 from hybridmpm.data.formats.layout import Format, chosen, files_as_splits
 from hybridmpm.data.trajectory import Place, Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.scene.particle_types import SAME, translated
+from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 _LENGTH = struct.Struct("<QI")
 _MASK = 0xA282EAD8
@@ -105,7 +105,7 @@ def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Tra
         positions=np.stack([np.frombuffer(frame, "<f4").reshape(-1, dim) for frame in frames]).astype(
             np.float32
         ),
-        types=translated(types, SAME, where=f"{where}: particle_type"),
+        types=translated(types, UNCHANGED, where=f"{where}: particle_type"),
         place=Place(where),
     )
 

@@ -9,7 +9,7 @@ from hybridmpm.data.generation.executors import GROUP
 from hybridmpm.data.generation.shards import Shards
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import DataError
-from hybridmpm.scene.particle_types import SAME, translated
+from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 
 def split_file(folder: Path, split: str) -> Path:
@@ -61,5 +61,5 @@ def read_split(folder: Path, split: str) -> Iterator[Trajectory]:
     with hdf5.reading(path) as file:
         for group in sorted(file):
             key = f"{group}/particle_type"
-            types = translated(hdf5.read_array(file, key, path), SAME, where=f"{path}: {key}")
+            types = translated(hdf5.read_array(file, key, path), UNCHANGED, where=f"{path}: {key}")
             yield hdf5.read_trajectory(file, group, path, types)

@@ -18,7 +18,7 @@ from hybridmpm.data.generation.executors import GROUP
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError, DataError, ExportError
-from hybridmpm.scene.particle_types import SAME, translated
+from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 FOLDER = "shards"
 METADATA = "metadata.json"
@@ -104,7 +104,7 @@ class Shards:
         path = self.path(seed)
         with hdf5.reading(path) as file:
             key = f"{GROUP}/particle_type"
-            types = translated(hdf5.read_array(file, key, path), SAME, where=f"{path}: {key}")
+            types = translated(hdf5.read_array(file, key, path), UNCHANGED, where=f"{path}: {key}")
             trajectory = hdf5.read_trajectory(file, GROUP, path, types)
         if trajectory.seed != seed:
             raise DataError(f"{path}: {GROUP} is of seed {trajectory.seed}, not of {seed}")
