@@ -1,7 +1,7 @@
-"""Random, collision-free places for the blocks and ramps of the scenarios. Pure: the generator comes in.
+"""Random places, free of collisions, for the blocks and ramps of the scenarios.
 
-Everything keeps `CLEARANCE` cells from everything else, so that no particle starts within the reach of
-another body's or a ramp's grid stencil.
+Blocks are at least `CLEARANCE` cells from each other and from ramps, so that no particle starts within the
+reach of the grid stencil of another body or of a ramp. The caller gives the random generator.
 """
 
 from dataclasses import dataclass
@@ -12,35 +12,38 @@ import numpy.typing as npt
 from hybridmpm.scene import SegmentObstacle
 
 CLEARANCE = 2.0
-"""Smallest gap between bodies, and between bodies and ramps, in cells."""
+"""Smallest gap between bodies, and between bodies and ramps [cells]."""
 RAMP_GAP = 8.0
-"""Smallest gap between ramps, in cells: material has to flow between them."""
+"""Smallest gap between ramps [cells], so that material can flow between them."""
 
 _ATTEMPTS = 200
+"""Number of places tried for a block or a ramp."""
 _RAMP_POINTS = 33
+"""Number of points on a ramp's centre line from which its distances are measured."""
 
 Vector = npt.NDArray[np.float64]
 Span = tuple[float, float]
+"""Lower and upper end of a range."""
 
 
 class NoRoomError(Exception):
-    """Nothing fitted in the attempts allowed; draw the scene anew."""
+    """No place was found for a block or ramp in `_ATTEMPTS` attempts; draw the whole scene anew."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """An axis-aligned box."""
+    """An axis-aligned box, given by two opposite corners (D,) [m]."""
 
     lower: Vector
     upper: Vector
 
     def distance(self, x: Vector) -> Vector:
-        """Distance [m] of points (N, D) to the box, 0 inside; shape (N,)."""
+        """Return the distances (N,) of points (N, D) from the box [m], 0 inside."""
         gap = np.maximum(np.maximum(self.lower - x, x - self.upper), 0.0)
         return np.asarray(np.linalg.norm(gap, axis=1))
 
     def gap(self, other: "Block") -> float:
-        """Distance [m] between two boxes, 0 where they touch."""
+        """Return the distance between this box and another [m], 0 where they touch."""
         apart = np.maximum(np.maximum(self.lower - other.upper, other.lower - self.upper), 0.0)
         return float(np.linalg.norm(apart))
 
@@ -48,30 +51,33 @@ class Block:
 def draw_blocks(
     rng: np.random.Generator, *, room: Block, count: int, measure: float, aspect: Span, clearance: float
 ) -> list[Block]:
-    """Place blocks at random that together fill a given measure.
+    """Place blocks at random that together have a given area or volume.
 
     Parameters
     ----------
     rng : numpy Generator
     room : Block
-        They lie inside it.
+        Box that contains the blocks.
     count : int >= 1
+        Number of blocks.
     measure : float > 0
-        Sum of their areas [m^2] or volumes [m^3]; each has between half and twice an equal share.
+        Sum of the blocks' areas [m^2] or volumes [m^3]. No block has more than twice that of another.
     aspect : (low, high)
-        Range of the sides, relative to a cube of the same measure, before they are rescaled to it.
+        Range of a block's sides, relative to the side of a cube of the same measure. The sides drawn from it
+        are then scaled to the block's measure.
     clearance : float >= 0
-        Smallest gap between two of them [m].
+        Smallest gap between two blocks [m].
 
     Raises
     ------
     NoRoomError
+        A block found no place.
     """
-    shares = rng.uniform(0.5, 1.0, count)
+    weights = rng.uniform(0.5, 1.0, count)
     blocks: list[Block] = []
-    for share in shares / shares.sum():
+    for weight in weights / weights.sum():
         block = _draw_block(
-            rng, room=room, measure=share * measure, aspect=aspect, clearance=clearance, others=blocks
+            rng, room=room, measure=weight * measure, aspect=aspect, clearance=clearance, others=blocks
         )
         blocks.append(block)
     return blocks
@@ -101,25 +107,28 @@ def _draw_block(
 
 @dataclass(frozen=True, kw_only=True)
 class RampShape:
-    """Ranges that ramps are drawn from."""
+    """Ranges from which ramps are drawn."""
 
     length: Span
-    """[m]"""
+    """Length of a ramp [m]."""
     thickness: Span
-    """[m]"""
+    """Thickness of a ramp [m]."""
     steepest: float
-    """Largest angle to the horizontal [degrees]."""
+    """Largest angle of a ramp to the horizontal [degrees]."""
 
 
 def draw_ramps(
     rng: np.random.Generator, *, room: Block, count: int, shape: RampShape, blocks: list[Block], dx: float
 ) -> list[SegmentObstacle]:
-    """Place ramps at random in the (x, y) plane, clear of the walls of `room`, of `blocks` and each other.
+    """Place up to `count` ramps at random in the (x, y) plane, clear of walls, blocks and each other.
+
+    Ramps lie in `room`, `CLEARANCE` cells of size `dx` [m] from `blocks` and `RAMP_GAP` cells from each
+    other. A ramp that finds no place is left out.
 
     Raises
     ------
     NoRoomError
-        The first does not fit. Later ones that do not fit are left out.
+        No ramp found a place.
     """
     ramps: list[SegmentObstacle] = []
     for _ in range(count):

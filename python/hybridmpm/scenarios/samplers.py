@@ -1,4 +1,4 @@
-"""The ranges that the scenarios draw from, in one table; docs/scenarios.md shows the same table."""
+"""The ranges from which the scenarios are drawn, in one table; docs/scenarios.md shows the same table."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ _RAMPS = RampShape(length=(0.15, 0.35), thickness=(0.02, 0.03), steepest=50.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class VelocityRanges:
     """Ranges of the initial velocity of a block."""
 
     horizontal: Span
-    """Along x, and along z in 3D [m/s]."""
+    """Velocity along x, and along z in 3D [m/s]."""
     vertical: Span
-    """Along y, upwards [m/s]."""
+    """Velocity along y, positive upwards [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,31 +22,32 @@ class Sampler:
     """Ranges of one scenario; pairs of floats are the ends of uniform distributions."""
 
     text: str
+    """What happens in the scenario, in one sentence for people."""
     dim: int
     frames: int
-    """Suggested length, that of the paper's data."""
+    """Suggested number of frames, that of the paper's data."""
     max_particles: int
     materials: tuple[str, ...]
-    """Each appears at least once; further blocks draw one of them."""
-    motion: Motion
+    """Materials of the blocks. Each appears at least once; further blocks draw one of them."""
+    velocity: VelocityRanges
     salt: int
-    """Keeps scenarios apart that are drawn with one seed."""
+    """Number that the random generator gets besides the seed, so that scenarios of one seed differ."""
     blocks: tuple[int, int] = (1, 3)
-    """Least and most."""
+    """Smallest and largest number of blocks."""
     fill: Span = (0.45, 0.95)
-    """Particles of all blocks together, as a share of `max_particles`."""
+    """Number of particles of all blocks together, as a fraction of `max_particles`."""
     top: float = 1.0
-    """Height that no block reaches above, as a share of the distance between floor and ceiling."""
+    """Largest height of a block's top above the floor, as a fraction of the ceiling's height."""
     aspect: Span = (0.6, 1.6)
-    """Sides relative to a cube of the same measure, before they are rescaled to it."""
+    """A block's sides relative to a cube of the same measure, before they are scaled to this measure."""
     ramps: tuple[int, int] = (0, 0)
-    """Least and most; those that find no room are left out, but never all."""
+    """Smallest and largest number of ramps. Ramps that find no place are left out, but never all."""
     ramp_shape: RampShape = _RAMPS
 
 
 # Chosen so that the per-frame velocities of water_2d and sand_2d spread as in DeepMind's WaterDrop and Sand.
-_WATER = Motion(horizontal=(-0.8, 0.8), vertical=(-0.8, 0.4))
-_SAND = Motion(horizontal=(-3.0, 3.0), vertical=(-3.0, 1.0))
+_WATER = VelocityRanges(horizontal=(-0.8, 0.8), vertical=(-0.8, 0.4))
+_SAND = VelocityRanges(horizontal=(-3.0, 3.0), vertical=(-3.0, 1.0))
 
 SAMPLERS: dict[str, Sampler] = {
     "water_2d": Sampler(
@@ -55,7 +56,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=1000,
         max_particles=4000,
         materials=("water",),
-        motion=_WATER,
+        velocity=_WATER,
         top=0.7,
         salt=1,
     ),
@@ -65,7 +66,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=600,
         max_particles=3300,
         materials=("water",),
-        motion=_WATER,
+        velocity=_WATER,
         ramps=(1, 4),
         salt=2,
     ),
@@ -75,7 +76,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=320,
         max_particles=4000,
         materials=("sand",),
-        motion=_SAND,
+        velocity=_SAND,
         salt=3,
     ),
     "sand_ramps_2d": Sampler(
@@ -84,7 +85,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=400,
         max_particles=3300,
         materials=("sand",),
-        motion=_SAND,
+        velocity=_SAND,
         ramps=(1, 4),
         salt=4,
     ),
@@ -94,7 +95,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=800,
         max_particles=4000,
         materials=("water",),
-        motion=_WATER,
+        velocity=_WATER,
         fill=(0.45, 0.9),
         top=0.7,
         salt=5,
@@ -105,7 +106,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=350,
         max_particles=4000,
         materials=("sand",),
-        motion=_SAND,
+        velocity=_SAND,
         fill=(0.45, 0.9),
         salt=6,
     ),
@@ -115,7 +116,7 @@ SAMPLERS: dict[str, Sampler] = {
         frames=500,
         max_particles=4000,
         materials=("water", "sand"),
-        motion=_WATER,
+        velocity=_WATER,
         blocks=(2, 3),
         salt=7,
     ),
@@ -123,7 +124,7 @@ SAMPLERS: dict[str, Sampler] = {
 
 
 def markdown_table() -> str:
-    """Write `SAMPLERS` as a Markdown table, one scenario a row."""
+    """Return `SAMPLERS` as a Markdown table, one row for each scenario."""
     head = (
         "scenario",
         "D",
@@ -161,8 +162,8 @@ def _row(name: str, sampler: Sampler) -> tuple[str, ...]:
         _span(sampler.fill),
         f"{sampler.top:g} of the height",
         _span(sampler.aspect),
-        _span(sampler.motion.horizontal),
-        _span(sampler.motion.vertical),
+        _span(sampler.velocity.horizontal),
+        _span(sampler.velocity.vertical),
         *ramps,
     )
 

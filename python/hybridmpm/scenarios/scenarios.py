@@ -1,8 +1,8 @@
 """The seven seeded scenarios: random scenes of the kinds that the paper trains and tests on.
 
-`water_2d(seed)` and its siblings return a `Scene`; the same name and seed always give the same scene with
-one version of numpy. Scenes never hold more than `describe(name).max_particles` particles, bodies do not
-overlap, and ramps touch no body. The ranges drawn from stand in `samplers.py` and docs/scenarios.md.
+`water_2d(seed)` and its siblings return a `Scene`. With one version of numpy, the same name and seed always
+give the same scene. A scene never has more than `describe(name).max_particles` particles, bodies do not
+overlap, and ramps touch no body. `samplers.py` and docs/scenarios.md list the ranges.
 """
 
 import operator
@@ -36,21 +36,22 @@ _REDRAWS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioInfo:
-    """What a scenario is, without drawing a scene."""
+    """What all scenes of a scenario have in common."""
 
     name: str
     dim: int
     frames: int
-    """Suggested length, that of the paper's data."""
+    """Suggested number of frames, that of the paper's data."""
     max_particles: int
     text: str
+    """What happens in the scenario, in one sentence."""
 
 
 NAMES: tuple[str, ...] = tuple(SAMPLERS)
 
 
 def describe(name: str) -> ScenarioInfo:
-    """Tell a scenario's dimension, length and limits; raises `UnknownScenarioError`."""
+    """Return a scenario's dimension, length and limits; raises `UnknownScenarioError`."""
     sampler = _sampler(name)
     return ScenarioInfo(
         name=name,
@@ -62,19 +63,20 @@ def describe(name: str) -> ScenarioInfo:
 
 
 def get(name: str, seed: int = 0) -> Scene:
-    """Draw a scene.
+    """Draw a scene of a scenario.
 
     Parameters
     ----------
     name : str
-        One of `NAMES`.
+        Name of the scenario, one of `NAMES`.
     seed : int in [0, 2**53 - 1]
-        By convention below 10**6 for training, below 1.1 * 10**6 for validation, above for tests.
+        Seed of the scene. By convention seeds below 10**6 are for training, those from 10**6 on for
+        validation, those from 1.1 * 10**6 on for tests.
 
     Raises
     ------
     UnknownScenarioError
-        The message lists the names.
+        No scenario has this name; the message lists the names.
     SceneError
         The seed is out of range.
     """
@@ -85,7 +87,7 @@ def get(name: str, seed: int = 0) -> Scene:
             return _draw(f"{name} seed {seed}", sampler, rng)
         except NoRoomError:
             continue
-    # The test draws hundreds of seeds and needs a few redraws at most.
+    # tests/python/scenarios draws hundreds of seeds, which need a few redraws at most.
     raise AssertionError(f"{name} with seed {seed} found no room in {_REDRAWS} redraws")
 
 
@@ -145,7 +147,7 @@ def _checked_seed(seed: int) -> int:
 def _draw(title: str, sampler: Sampler, rng: np.random.Generator) -> Scene:
     dx = 1.0 / (128 if sampler.dim == 2 else 64)
     spacing = dx / 2  # 2**D particles per cell
-    # A site's width from the walls: bodies then lose no layer of particles to them.
+    # One spacing from the walls, so that bodies lose no layer of particles at a wall.
     inset = spacing
     room = Block(np.full(sampler.dim, _WALL_LOW + inset), np.full(sampler.dim, _WALL_HIGH - inset))
     below = room.upper.copy()
@@ -182,8 +184,8 @@ def _draw(title: str, sampler: Sampler, rng: np.random.Generator) -> Scene:
 
 def _body(sampler: Sampler, rng: np.random.Generator, index: int, block: Block) -> Box:
     drawn = int(rng.integers(len(sampler.materials)))
-    velocity = rng.uniform(*sampler.motion.horizontal, sampler.dim)
-    velocity[1] = rng.uniform(*sampler.motion.vertical)
+    velocity = rng.uniform(*sampler.velocity.horizontal, sampler.dim)
+    velocity[1] = rng.uniform(*sampler.velocity.vertical)
     return Box(
         material=sampler.materials[index if index < len(sampler.materials) else drawn],
         lower=tuple(np.round(block.lower, 6).tolist()),
