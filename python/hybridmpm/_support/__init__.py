@@ -1,1 +1,1 @@
-"""Checks of arguments, files, charts and facts about the machine: what every room may use."""
+"""Helpers of all rooms: argument checks, safe files, packed snapshots, charts, facts about the machine."""

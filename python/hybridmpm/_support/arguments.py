@@ -1,4 +1,4 @@
-"""Checks on arguments before they cross into the compiled core, whose integers have fixed sizes."""
+"""Checks of arguments before the compiled core gets them, whose integers have fixed sizes."""
 
 import operator
 
@@ -9,9 +9,9 @@ from hybridmpm.errors import ConfigError
 
 
 def whole(name: str, value: object, low: int, high: int) -> int:
-    """Return `value` as an int in [low, high], or raise `ConfigError` naming it and the range."""
+    """Return `value` as an int in [low, high], or raise `ConfigError`, whose message has `name` and range."""
     refusal = f"{name} must be a whole number in [{low}, {high}], got {value!r}"
-    if isinstance(value, bool):  # an int to Python, but a slip in a caller's code
+    if isinstance(value, bool):  # Python counts it as an int, but the caller made a slip
         raise ConfigError(refusal)
     try:
         number = operator.index(value)  # type: ignore[arg-type]  # what is no integer raises
@@ -28,11 +28,12 @@ def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.flo
     Raises
     ------
     ConfigError
-        Not numbers, or another number of axes. Lengths of axes are the core's to check.
+        `value` is no array of numbers, or its number of axes fits none of `shapes`. The lengths of axes are
+        not checked here, but by the core.
     """
     expected = f"{name} must be numbers of shape {' or '.join(shapes)}"
     try:
-        # What float32 cannot hold becomes infinite, and the core names the particle that has it.
+        # Numbers too large for float32 become infinite; the core then names the particle that has one.
         with np.errstate(over="ignore"):
             array = np.asarray(value, dtype=np.float32, order="C")
     except (TypeError, ValueError) as error:

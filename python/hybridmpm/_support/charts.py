@@ -1,4 +1,4 @@
-"""One look for all charts; matplotlib is needed only here and only when a chart is drawn."""
+"""The common look of all charts; only this module imports matplotlib, and only when a chart is drawn."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#1f6f9f", "#c8553d", "#3a7d44", "#8d6a9f", "#b8860b", "#5c6b73")
-"""Lines in this order; told apart also in grey and by the colour-blind, with the marker of the same index."""
+"""Colours of lines, in this order. With `MARKERS` in the same order, lines differ also in grey."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
@@ -23,7 +23,7 @@ _STYLE: Any = {
     "font.size": 10,
     "grid.alpha": 0.3,
     "savefig.dpi": 120,
-    # The same data give the same file.
+    # Without a fixed salt, SVG ids would differ from run to run for the same data.
     "svg.hashsalt": "hybridmpm",
 }
 
@@ -31,11 +31,12 @@ _STYLE: Any = {
 def panels(
     columns: int = 1, rows: int = 1, *, width: float = 4.5, height: float = 3.4
 ) -> "tuple[Figure, Any]":
-    """Make a figure of equal panels, each `width` by `height` inches.
+    """Make a figure of panels of equal size, each `width` by `height` inches.
 
     Returns
     -------
-    Figure, and its axes as an array (rows, columns).
+    Figure, array of Axes
+        The figure, and its axes as an array (rows, columns).
 
     Raises
     ------
@@ -55,7 +56,7 @@ def panels(
 
 
 def plain_log_ticks(axis: Any) -> None:
-    """Label a logarithmic axis at 1, 2 and 5 of each decade with plain numbers, which stay apart."""
+    """Label a logarithmic axis with plain numbers, at 1, 2 and 5 of each decade, so that none overlap."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: PLC0415 - an extra
 
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -64,7 +65,7 @@ def plain_log_ticks(axis: Any) -> None:
 
 
 def save(figure: "Figure", path: Path) -> None:
-    """Write the figure as SVG and as PNG; the suffix of `path` is replaced by theirs.
+    """Write the figure as SVG and as PNG; `path` with the suffixes .svg and .png names the files.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Writing files so that an interruption leaves the old file or the new one, never half of one."""
+"""Writing files so that an interruption leaves the old file or the new one, never half a file."""
 
 import os
 from collections.abc import Iterator
@@ -10,15 +10,15 @@ from hybridmpm.errors import ExportError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to, and move it there once the block succeeded.
+    """Yield a temporary path in the folder of `path`, and rename its file to `path` after the block.
 
-    The name keeps the suffix, since encoders choose by it. On any exception, an interrupt among them, it is
-    removed.
+    The temporary name has the suffix of `path`, since encoders choose the format by it. After any exception,
+    interrupts included, the temporary file is removed.
 
     Raises
     ------
     ExportError
-        The folder does not exist or refuses the file.
+        The folder does not exist, or a file in it cannot be written.
     """
     part = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:

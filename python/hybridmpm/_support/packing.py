@@ -1,4 +1,4 @@
-"""Snapshots as bytes: a tree of plain data, arrays and bytes in one block with a checksum."""
+"""Snapshots as bytes: a tree of plain data, arrays and bytes in one block, followed by a checksum."""
 
 import hashlib
 import io
@@ -13,9 +13,16 @@ _CHECKSUM = hashlib.sha256().digest_size
 
 
 def pack(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
-    """Write a tree of dictionaries, lists, numbers, texts, None, arrays and bytes.
+    """Return a tree as bytes; the same tree always gives the same bytes.
 
-    The same tree gives the same bytes.
+    Parameters
+    ----------
+    magic : bytes
+        First bytes of the result, which tell the kind of snapshot.
+    version : int
+        Version of the layout of `tree`.
+    tree : dict
+        Dictionaries, lists, numbers, strings, None, arrays and bytes, nested at will.
     """
     arrays: dict[str, Any] = {}
 
@@ -45,12 +52,12 @@ def _number(value: Any) -> Any:
 
 
 def unpack(magic: bytes, version: int, data: bytes) -> dict[str, Any]:
-    """Read what `pack` wrote.
+    """Return the tree that `pack` made into bytes.
 
     Raises
     ------
     SnapshotError
-        The bytes are foreign, damaged, cut off or of another version.
+        The bytes do not begin with `magic`, are damaged or cut off, or have another version.
     """
     if not data.startswith(magic):
         raise SnapshotError("the bytes are no snapshot of this kind of simulator")

@@ -1,4 +1,4 @@
-"""The wire format of protocol buffers, as much as it takes to look into files without their libraries."""
+"""The wire format of protocol buffers: the part that is needed to read files without Google's library."""
 
 from collections.abc import Iterator
 
@@ -6,14 +6,14 @@ _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def messages(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Yield number and content of each length-delimited field; raises `ValueError` where cut off."""
+    """Yield number and content of each length-delimited field; raises ValueError where a field is cut off."""
     for number, content in fields(data):
         if isinstance(content, memoryview):
             yield number, content
 
 
 def fields(data: memoryview) -> Iterator[tuple[int, memoryview | int]]:
-    """Yield number and content of each field that is length-delimited or a varint; others are skipped.
+    """Yield number and content of each length-delimited or varint field; fields of other kinds are skipped.
 
     Raises
     ------
