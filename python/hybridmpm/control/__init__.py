@@ -1,6 +1,7 @@
-"""Steering a fluid by a freehand sketch: reading sketches, and the constant force that follows them.
+"""Steering a fluid by a freehand sketch: reading sketches, and finding the force that follows a sketch.
 
-`parse_png` and `parse_strokes` give an `Arrow` or an `Ellipse`, `follow` gives the trajectory.
+`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`; `follow` turns one of these
+into a `ControlledTrajectory`.
 """
 
 from hybridmpm.control.constant import MAX_ACCELERATION, ControlledTrajectory, follow

@@ -1,7 +1,8 @@
 """The paper's baseline controller: one acceleration, the same for all particles and all frames.
 
-Written in closed form for a body that nothing holds, then corrected by shooting: the solver itself
-is run on copies, because walls, obstacles and the fluid's own pressure take part in the motion.
+The first guess is exact for a body in free flight. Walls, obstacles and the fluid's own pressure also act on
+the motion, so the guess is corrected by shooting: copies of the solver are run, and each miss corrects the
+next acceleration.
 """
 
 from collections.abc import Callable
@@ -17,44 +18,50 @@ from hybridmpm.simulator import Simulator
 
 MAX_FRAMES = 10_000
 MAX_ACCELERATION = 100.0
-"""Largest control acceleration [m/s^2], about ten times gravity: what a target asks for beyond it is
-out of reach in the frames given, and would only press the fluid through its walls."""
+"""Largest control acceleration [m/s^2], about ten times gravity.
+
+A target that needs more is out of reach in the given frames; more would only press the fluid through walls.
+"""
 MAX_ROLLOUTS = 5
-_CLOSE_ENOUGH = 0.01
-"""Shooting ends when the miss is below this share of the wanted displacement ..."""
+"""Largest number of accelerations tried for one sketch."""
+_ALLOWED_MISS = 0.01
+"""Shooting ends when the miss is below this fraction of the target displacement [-]."""
 _SMALLEST_MISS = 1e-3
-"""... or below this length [m]."""
-_PATIENCE = 2
-"""Rollouts in a row that may bring nothing: a wall is in the way, and more force will not help."""
+"""Shooting also ends when the miss is below this length [m]."""
+_MAX_USELESS = 2
+"""Shooting ends after this many rollouts without progress: a wall is in the way, and no force moves it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ControlledTrajectory:
-    """What a sketch makes of the state it was drawn on. N particles, D dimensions, T frames."""
+    """Motion of a scene's particles under the force that follows a sketch.
+
+    N is the number of particles, D the dimension, T the number of frames.
+    """
 
     positions: npt.NDArray[np.float32]
-    """(T + 1, N, D) [m]; row 0 is the state at the start."""
+    """Positions (T + 1, N, D) [m]; row 0 is the state at the start."""
     force: npt.NDArray[np.float32]
-    """External acceleration besides gravity [m/s^2], as `Simulator.advance` takes it over T frames: (D,)
-    where it is one constant, else (T, N, D)."""
+    """External acceleration besides gravity [m/s^2], in the form that `Simulator.advance` takes over T
+    frames: (D,) where it is one constant, else (T, N, D)."""
     mean_force: Floats
-    """(T, D) [m/s^2]: `force` in each frame, as the mean over the mass of the particles."""
+    """Mean of `force` over the mass of the particles, in each frame, (T, D) [m/s^2]."""
     target_displacement: Floats
-    """(D,) [m]: how far the centre of mass was asked to move."""
+    """Displacement of the centre of mass that the sketch asks for, (D,) [m]."""
     displacement: Floats
-    """(D,) [m]: how far it does."""
+    """Displacement of the centre of mass over the T frames, (D,) [m]."""
     centroids: Floats
-    """(T + 1, D) [m]: centre of mass after each frame."""
+    """Centre of mass at the start and after each frame, (T + 1, D) [m]."""
     first_frame: int
     """Frame number of the solver at the start."""
 
     @property
     def frames(self) -> int:
-        """T."""
+        """Number T of frames."""
         return len(self.positions) - 1
 
     def force_at(self, index: int) -> npt.NDArray[np.float32]:
-        """Return the force of a frame, counted from 0 at the start: (D,) or (N, D) [m/s^2].
+        """Return the force (D,) or (N, D) [m/s^2] of a frame; the first frame has `index` 0.
 
         `solver.advance(T, trajectory.force)` from the state at the start gives `positions` bit for bit, and
         so does `solver.advance(1, trajectory.force_at(index))` for each frame in turn.
@@ -71,36 +78,38 @@ def follow(
 ) -> ControlledTrajectory:
     """Find the constant acceleration under which the centre of mass follows a sketch.
 
-    For an unhindered body a = 2 (Delta - v_0 T) / T^2 - g, with Delta the wanted displacement, v_0
-    the velocity of the centre of mass and T the time. That is tried on a copy of the solver and
-    corrected by the miss (Broyden's method), at most `MAX_ROLLOUTS` times; the nearest is kept. An
-    acceleration beyond `MAX_ACCELERATION` is cut to it.
+    A body in free flight needs a = 2 (Delta - v_0 t) / t^2 - g, where Delta is the displacement that the
+    sketch asks for, v_0 the velocity of the centre of mass and t the time. This acceleration is tried on a
+    copy of the solver, and the miss gives the next acceleration (Broyden's method). Up to `MAX_ROLLOUTS`
+    accelerations are tried; the trajectory with the smallest miss is returned. Accelerations longer than
+    `MAX_ACCELERATION` are shortened to it.
 
     Parameters
     ----------
     solver : Simulator
-        Stays as it is. Of a hybrid simulator MPM follows the sketch, because of the force; a network alone
-        gets the acceleration as one that it knows.
+        Simulator in the state that the sketch was drawn on; it does not change. A hybrid simulator follows
+        the sketch by MPM, because of the force. A network alone gets the acceleration as an input.
     sketch : Arrow or Ellipse
-        An arrow asks for tip minus tail, an ellipse for its centre minus the present centre of
-        mass. In 3D the widths give the depth; without widths the depth does not change.
+        An arrow asks the centre of mass to move by tip minus tail, an ellipse to move to its centre. In 3D
+        the widths of the stroke give the depth; without widths the depth does not change.
     frames : int in [1, 10000]
-        T / frame_dt.
+        Number T of frames.
     on_frame : callable, optional
-        Called before each frame of each trial. What it raises ends the search, unless it is a
-        SimulationError.
+        Called before each frame of each trial. An exception from it ends the search, except a
+        SimulationError, which ends the trial.
 
     Raises
     ------
     ConfigError
-        `frames` is out of range, or the scene has emitters or sinks: the centre of mass then moves with the
-        particles that come and go.
+        `frames` is out of range, or the scene has emitters or sinks: particles that come and go would move
+        the centre of mass.
     SimulationError
-        The solver failed under every acceleration tried; the last failure.
+        The solver failed under every acceleration tried; this is the last failure.
 
     References
     ----------
-    The baseline of the control experiments of arXiv:2505.18926, which leave open how it is found.
+    The baseline of the control experiments of arXiv:2505.18926. The paper leaves open how the acceleration is
+    found.
     """
     frames = whole("frames", frames, 1, MAX_FRAMES)
     scene = solver.scene
@@ -134,7 +143,7 @@ def target_displacement(sketch: Sketch, solver: Simulator) -> Floats:
 
 
 class _Shooting:
-    """Tries accelerations on copies of the solver and remembers the nearest result."""
+    """Tries accelerations on copies of the solver and keeps the result with the smallest miss."""
 
     def __init__(
         self, solver: Simulator, target: Floats, frames: int, on_frame: Callable[[], object]
@@ -146,8 +155,12 @@ class _Shooting:
         self._weights = _weights(solver)
 
     def run(self, trial: Floats, gain: Floats) -> ControlledTrajectory:
-        """Return the best trajectory; `gain` is the first guess of d displacement / d acceleration."""
-        good_enough = max(_SMALLEST_MISS, _CLOSE_ENOUGH * float(np.linalg.norm(self._target)))
+        """Return the trajectory with the smallest miss.
+
+        `trial` is the first acceleration (D,) [m/s^2]; `gain` (D, D) [s^2] is the first guess of the
+        derivative of the displacement by the acceleration.
+        """
+        good_enough = max(_SMALLEST_MISS, _ALLOWED_MISS * float(np.linalg.norm(self._target)))
         best: ControlledTrajectory | None = None
         smallest, useless = np.inf, 0
         last: tuple[Floats, Floats] | None = None
@@ -157,10 +170,10 @@ class _Shooting:
                 result = self._rollout(trial)
             except SimulationError as err:
                 failures.append(err)
-                # Halfway to what is known to work: the best so far, else no control at all.
+                # Halfway back to an acceleration that works: the best one so far, else none at all.
                 trial = (trial + (0.0 if best is None else best.force)) / 2
                 continue
-            # Only these two are kept of a rollout that is not the best: positions are large.
+            # Of a rollout that is not the best only these two are kept, because positions are large.
             shot = result.force.astype(np.float64), result.displacement
             if last is not None:
                 gain = _broyden(gain, shot, last)
@@ -172,9 +185,9 @@ class _Shooting:
                 best, smallest = result, size
             else:
                 useless += 1
-            if smallest <= good_enough or useless >= _PATIENCE:
+            if smallest <= good_enough or useless >= _MAX_USELESS:
                 break
-            # Directions in which a wall stops all motion have no gain: leave them alone.
+            # `rcond` leaves out directions without gain: there a wall stops all motion.
             correction = np.asarray(np.linalg.lstsq(gain, miss, rcond=0.05)[0], dtype=np.float64)
             trial = _limited(shot[0] + _limited(correction))
         if best is None:
@@ -182,7 +195,7 @@ class _Shooting:
         return best
 
     def _rollout(self, acceleration: Floats) -> ControlledTrajectory:
-        # Rounded once, here: what is reported is exactly what was applied.
+        # Rounded here once, so that the reported acceleration is exactly the applied one.
         applied = acceleration.astype(np.float32)
         twin = self._solver.copy()
         positions = np.empty((self._frames + 1, twin.particle_count, twin.dim), dtype=np.float32)
@@ -204,14 +217,14 @@ class _Shooting:
 
 
 def _weights(solver: Simulator) -> Floats:
-    """Share of each particle in the mass (N,)."""
+    """Return the mass (N,) of each particle as a fraction of the total mass."""
     mass = solver.mass.astype(np.float64)
     return np.asarray(mass / mass.sum())
 
 
-def _mean(solver: Simulator, rows: npt.NDArray[np.float32]) -> Floats:
-    """Mean over the mass of a quantity (N, D) of the particles."""
-    return np.asarray(_weights(solver) @ rows)
+def _mean(solver: Simulator, values: npt.NDArray[np.float32]) -> Floats:
+    """Return the mean (D,) over the mass of a quantity (N, D) of the particles."""
+    return np.asarray(_weights(solver) @ values)
 
 
 def _broyden(gain: Floats, shot: tuple[Floats, Floats], last: tuple[Floats, Floats]) -> Floats:

@@ -1,4 +1,4 @@
-"""Reading an arrow from its ink: where it starts, which way it goes, how wide it is."""
+"""Reading an arrow from its ink: its tail, its way to the tip, and its width."""
 
 from dataclasses import dataclass
 
@@ -9,35 +9,47 @@ from hybridmpm.control.sketch.sketch import RASTER_SIZE, WIDTH_AT_BACK, WIDTH_AT
 from hybridmpm.errors import SketchError
 
 _BAND = 6
-"""Geodesic steps that are averaged into one point of the centre line."""
+"""Number of geodesic steps that are averaged into one point of the centre line."""
 _HEAD_REACH = 34.0
-"""A head lies within this distance of its end, plus the stroke's width, or half the arrow [pixels]."""
+"""Distance from the tip [pixels] within which the head lies, in addition to the width of the stroke.
+
+On a short arrow the head lies within half of the distance between the ends.
+"""
 _FREE_SHAFT = (0.3, 0.65)
-"""Part of the stroke that neither end's head can cover: its widths extrapolate to both ends."""
+"""Part of the stroke, as fractions of its length, that a head at neither end can cover.
+
+The widths measured here are extrapolated to both ends.
+"""
 _CLEAR_HEAD = 24
-"""By how many pixels of ink beside the stroke the ends must differ, else the direction is a guess."""
+"""Smallest difference of ink beside the stroke [pixels] between both ends; with less, no end is the head."""
 _EDGE = 2.5
-"""Ink this far outside the fitted width is no longer the unsteadiness of the stroke [pixels]."""
+"""Distance from the fitted edge of the stroke [pixels] up to which ink counts as an unsteady stroke."""
 _TOLERANCE = 1.5
-"""How far the simplified polyline may run beside the centre line [pixels]."""
+"""Largest distance between the simplified polyline and the centre line [pixels]."""
 
 
 @dataclass(frozen=True)
 class _Shaft:
-    """Centre line of a stroke from one end to the other, with its width fitted by a straight line."""
+    """Centre line of a stroke from one end to the other, and its width as a linear function of the steps."""
 
     levels: Levels
+    """Geodesic steps from the start to each pixel of ink, int32 (512, 512); -1 outside the ink."""
     centers: Floats
+    """Points (K, 2) of the centre line [pixels]."""
     steps: Floats
+    """Geodesic steps (K,) from the start to each point of the centre line."""
     slope: float
+    """Change of the width with each step [pixels]."""
     width_at_start: float
+    """Width at the start [pixels]."""
 
     def width(self, step: float) -> float:
+        """Return the width [pixels] so many geodesic steps from the start, at least 1."""
         return max(self.width_at_start + self.slope * step, 1.0)
 
 
 def stroke_ends(mark: Mask) -> tuple[Floats, Floats, int]:
-    """Return the two ends of a stroke (x, y) and the steps between them inside the ink."""
+    """Return both ends (x, y) of a stroke [pixels] and the number of geodesic steps between them."""
     rows, columns = np.nonzero(mark)
     somewhere = geodesic_levels(mark, (int(rows[0]), int(columns[0])))
     first = _farthest(somewhere)
@@ -49,14 +61,14 @@ def stroke_ends(mark: Mask) -> tuple[Floats, Floats, int]:
 def read_arrow(mark: Mask) -> Arrow:
     """Return the arrow that a connected mark of ink shows, with a width for each point.
 
-    The head is the end with more ink beside the stroke, where the stroke is continued with the
-    width that its free part has. Ends are taken to be round: they reach half a width beyond the
-    points of the arrow.
+    The head is the end with more ink beside the stroke. The stroke near an end is taken to have the width
+    that is extrapolated from its free part. Ends are taken to be round, so that the ink reaches half a width
+    beyond the arrow's first and last point.
 
     Raises
     ------
     SketchError
-        Too short, or no head to be told from the tail.
+        The arrow is too short, or its head cannot be told from its tail.
     """
     first, second, _ = stroke_ends(mark)
     ink = pixels_of(mark)
@@ -75,16 +87,16 @@ def read_arrow(mark: Mask) -> Arrow:
 
 @dataclass(frozen=True)
 class _Approach:
-    """A stroke followed from one end to the other, and what lies around the end it comes to."""
+    """A stroke followed from `start` to its other end, and the ink around that end."""
 
     start: Floats
     shaft: _Shaft
     free: Floats
-    """Centre line up to the neighbourhood of the end."""
+    """Points (K, 2) of the centre line before the neighbourhood of the end [pixels]."""
     near: Floats
-    """Ink in that neighbourhood."""
+    """Pixels of ink (M, 2) in the neighbourhood of the end."""
     beside: int
-    """How many pixels of it lie farther from the centre line than half the stroke's width."""
+    """Number of pixels among `near` that lie outside the stroke continued to the end."""
 
     @classmethod
     def to(cls, mark: Mask, ink: Floats, start: Floats, end: Floats) -> "_Approach":
@@ -109,12 +121,12 @@ def _measure(mark: Mask, start: tuple[int, int]) -> _Shaft:
     sums = [np.bincount(band, weights=ink[:, axis]) for axis in (0, 1)]
     centers = np.asarray(np.column_stack(sums) / counts[:, None], dtype=np.float64)
     steps = (np.arange(len(counts), dtype=np.float64) + 0.5) * _BAND
-    low, high = (share * float(levels.max()) for share in _FREE_SHAFT)
+    low, high = (fraction * float(levels.max()) for fraction in _FREE_SHAFT)
     clear = (steps >= low) & (steps <= high)
     if clear.sum() < 2:
         clear = np.ones(len(steps), dtype=bool)
     widths = np.array([2 * half_width(mark, center) for center in centers[clear]])
-    # Where the centre line leaves the ink (a sharp bend) there is nothing to measure.
+    # In a sharp bend the centre line leaves the ink, and the width there is 0.
     inside = widths > 0
     slope, at_start = np.polyfit(steps[clear][inside], widths[inside], 1) if inside.sum() > 1 else (0.0, 1.0)
     return _Shaft(levels, centers, steps, float(slope), float(at_start))
@@ -123,7 +135,7 @@ def _measure(mark: Mask, start: tuple[int, int]) -> _Shaft:
 def _tip(mark: Mask, head: _Approach) -> Floats:
     """Return the foremost point of the head in the direction of the shaft.
 
-    Not the end of the stroke: of an open head that is the end of a barb, behind the tip.
+    The end of the stroke would be wrong: on an open head it is the end of a barb, which lies behind the tip.
     """
     behind = head.free[max(len(head.free) - 6, 0)]
     along = _unit(head.free[-1] - behind)
@@ -144,7 +156,7 @@ def _tail(mark: Mask, ink: Floats, head: _Approach) -> Floats:
 
 
 def _distance_to_polyline(points: Floats, line: Floats) -> Floats:
-    """Return the distance of points (N, 2) to the points of a line made dense, shape (N,)."""
+    """Return the distances (N,) of points (N, 2) from a polyline, which is sampled densely."""
     places = np.linspace(0, len(line) - 1, 4 * len(line))
     dense = np.column_stack([np.interp(places, np.arange(len(line)), line[:, axis]) for axis in (0, 1)])
     return np.asarray(np.linalg.norm(points[:, None] - dense, axis=2).min(axis=1))
@@ -155,15 +167,16 @@ def _unit(vector: Floats) -> Floats:
 
 
 def _foremost(points: Floats, along: Floats) -> Floats:
-    """Return the middle of the pixels that reach farthest in a direction."""
+    """Return the mean of the points that lie farthest in a direction."""
     progress = points @ along
     return np.asarray(points[progress >= progress.max() - 0.6].mean(axis=0))
 
 
 def _cap_radius(mark: Mask, front: Floats, along: Floats) -> float:
-    """Return how far the middle of a round end lies behind its foremost point.
+    """Return the distance [pixels] from the foremost point of a round end back to the centre of its arc.
 
-    At depth s behind it the largest disc inside a round end has radius s, inside a pointed one less.
+    At a depth s behind the foremost point, the largest disc inside a round end has the radius s; inside a
+    pointed end the disc is smaller.
     """
     radius = 0.0
     for depth in np.arange(1.0, WIDTH_AT_FRONT / 2 + 1.5, 0.5):
@@ -174,7 +187,7 @@ def _cap_radius(mark: Mask, front: Floats, along: Floats) -> float:
 
 
 def _simplified(points: Floats) -> Floats:
-    """Return the polyline without the points that others explain (Douglas and Peucker 1973)."""
+    """Return the polyline without points that lie on the lines between others (Douglas and Peucker 1973)."""
     start, end = points[0], points[-1]
     if len(points) <= 2:
         return points

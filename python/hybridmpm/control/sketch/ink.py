@@ -1,7 +1,7 @@
-"""The drawn pixels of a raster: which belong together, how far apart they are along the stroke.
+"""The drawn pixels of a raster: which of them are connected, and how far apart they are along a stroke.
 
-A mask is bool (512, 512), row 0 on top. Points are (x, y) in pixels, the middle of pixel (row,
-column) being (column + 0.5, row + 0.5).
+A mask is bool (512, 512) with row 0 on top. Points are (x, y) in pixels; the middle of pixel (row, column) is
+(column + 0.5, row + 0.5).
 """
 
 from typing import TypeAlias
@@ -16,21 +16,21 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 Levels: TypeAlias = npt.NDArray[np.int32]
 
 MIN_INK = 40
-"""Fewest pixels of a sketch: a stroke of 2 x 20."""
-MAX_SHARE = 0.3
-"""Largest share of the picture that may be ink; above it this is a photograph or a filled shape."""
+"""Smallest number of drawn pixels in a sketch, those of a stroke of 2 x 20 pixels."""
+MAX_INK = 0.3
+"""Largest fraction of the picture that may be ink; a photograph or a filled shape has more."""
 MIN_COLOR = 32
-"""Weakest colour (0 to 255) that counts as ink."""
-_MAIN_SHARE = 0.8
-"""Of all ink, that one connected mark must have: the rest is dust."""
+"""Weakest colour that counts as ink, on a scale of 0 to 255."""
+_MAIN_INK = 0.8
+"""Smallest fraction of the ink that the main mark must have; smaller marks are dust."""
 _WINDOW = 16
-"""Largest half width that is measured [pixels], above the widest stroke's 10."""
+"""Largest half width that is measured [pixels]; that of the widest stroke is 10."""
 
 
 def ink_masks(picture: npt.NDArray[np.uint8]) -> dict[str, Mask]:
-    """Return the red, green and dark ink of a picture, uint8 (H, W, 3); only those that are there.
+    """Return a mask for each ink of a picture, uint8 (H, W, 3): red, green and dark, without absent ones.
 
-    Ink begins at half of the strongest colour found, where the edge of an anti-aliased stroke lies.
+    Pixels of at least half the strongest colour are ink: the edge of an anti-aliased stroke lies there.
     """
     red, green, blue = (picture[..., channel].astype(np.int16) for channel in range(3))
     redness = red - np.maximum(green, blue)
@@ -46,26 +46,26 @@ def ink_masks(picture: npt.NDArray[np.uint8]) -> dict[str, Mask]:
 
 
 def main_mark(mask: Mask) -> Mask:
-    """Return the one connected mark that is nearly all of the ink.
+    """Return the one connected mark that has nearly all of the ink.
 
     Raises
     ------
     SketchError
-        Too little ink, too much, or several marks.
+        There is too little ink or too much, or it forms several marks.
     """
     count = int(mask.sum())
     if count < MIN_INK:
         raise SketchError(f"the sketch has {count} drawn pixels, it needs at least {MIN_INK} (of 512 x 512)")
-    if count > MAX_SHARE * mask.size:
+    if count > MAX_INK * mask.size:
         raise SketchError(
-            f"{count / mask.size:.0%} of the picture is ink, at most {MAX_SHARE:.0%} may be: "
+            f"{count / mask.size:.0%} of the picture is ink, at most {MAX_INK:.0%} may be: "
             "draw a line on a white ground"
         )
     rest, left = mask.copy(), count
-    while left > (1 - _MAIN_SHARE) * count:
+    while left > (1 - _MAIN_INK) * count:
         row, column = np.unravel_index(int(rest.argmax()), rest.shape)
         mark = geodesic_levels(rest, (int(row), int(column))) >= 0
-        if mark.sum() >= _MAIN_SHARE * count:
+        if mark.sum() >= _MAIN_INK * count:
             return mark
         rest &= ~mark
         left = int(rest.sum())
@@ -73,10 +73,16 @@ def main_mark(mask: Mask) -> Mask:
 
 
 def geodesic_levels(mask: Mask, start: tuple[int, int], *, corners: bool = True) -> Levels:
-    """Return the number of steps from `start` (row, column) inside the mask, -1 where not reached.
+    """Return the number of steps from `start` (row, column) to each pixel inside the mask.
 
-    Steps alternate between 4 and 8 neighbours, whose balls are octagons: within 6 % of Euclid's.
-    With `corners=False` all steps take 4 neighbours, which do not slip through a diagonal line.
+    Steps go to 4 neighbours and to 8 neighbours in turn. So pixels within a number of steps form an octagon,
+    and steps differ from the Euclidean distance by at most 6 %. With `corners=False` all steps go to 4
+    neighbours and do not cross a diagonal line of pixels.
+
+    Returns
+    -------
+    int32, shape of the mask
+        Number of steps, -1 where a pixel is not reached.
     """
     row_length = mask.shape[1] + 2
     free = np.pad(mask, 1).ravel()
@@ -90,7 +96,7 @@ def geodesic_levels(mask: Mask, start: tuple[int, int], *, corners: bool = True)
     while frontier.size or before.size:
         step += 1
         diagonal = corners and step % 2 == 0
-        # A pixel met by 4 neighbours only must still be asked for its diagonal ones a step later.
+        # A pixel that was left to its 4 neighbours only is left to its diagonal ones a step later.
         front = np.concatenate([frontier, before]) if diagonal else frontier
         reach = (front[:, None] + (both if diagonal else edges)).ravel()
         reach = np.unique(reach[free[reach]])
@@ -101,19 +107,19 @@ def geodesic_levels(mask: Mask, start: tuple[int, int], *, corners: bool = True)
 
 
 def filled(mask: Mask) -> Mask:
-    """Return the mask with everything it encloses."""
+    """Return the mask together with the pixels that it encloses."""
     outside = geodesic_levels(np.pad(~mask, 1, constant_values=True), (0, 0), corners=False) >= 0
     return np.asarray(~outside[1:-1, 1:-1])
 
 
 def pixels_of(mask: Mask) -> Floats:
-    """Return the middles of the pixels, shape (count, 2)."""
+    """Return the middles (K, 2) of the K pixels of a mask, (x, y) in pixels."""
     rows, columns = np.nonzero(mask)
     return np.column_stack([columns, rows]).astype(np.float64) + 0.5
 
 
 def half_width(mask: Mask, point: Floats) -> float:
-    """Return the radius of the largest disc of ink around a point [pixels], 0 outside the ink."""
+    """Return the radius [pixels] of the largest disc of ink around a point, 0 for a point outside the ink."""
     column, row = int(point[0]), int(point[1])
     top, left = max(row - _WINDOW, 0), max(column - _WINDOW, 0)
     window = mask[top : row + _WINDOW + 1, left : column + _WINDOW + 1]
@@ -121,5 +127,5 @@ def half_width(mask: Mask, point: Floats) -> float:
     if not paper.size:
         return float(_WINDOW)
     nearest = float(np.linalg.norm(paper - point, axis=1).min())
-    # To the edge of the paper pixel, not to its middle.
+    # The disc ends at the edge of the paper's pixel, not at its middle.
     return max(nearest - 0.5, 0.0)

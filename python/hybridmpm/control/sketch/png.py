@@ -1,4 +1,4 @@
-"""Reading a PNG from a stranger: checked before it is decoded, and always 512 x 512 afterwards."""
+"""Reading a PNG from an unknown sender: it is checked before it is decoded, and scaled to 512 x 512."""
 
 import io
 import struct
@@ -12,29 +12,32 @@ from hybridmpm.control.sketch.sketch import RASTER_SIZE
 from hybridmpm.errors import SketchError
 
 MAX_BYTES = 1 << 20
-"""Largest compressed sketch [bytes]."""
+"""Largest size of a PNG [bytes]."""
 MIN_SIDE = 16
+"""Smallest side of a PNG [pixels]."""
 MAX_SIDE = 2048
-"""Allowed sides of the raster [pixels]."""
+"""Largest side of a PNG [pixels]."""
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _DECODE_ERRORS = (OSError, SyntaxError, ValueError, EOFError, IndexError, struct.error, zlib.error)
-"""What Pillow's PNG plugin raises on damaged files."""
+"""Exceptions that Pillow's PNG plugin raises on damaged files."""
 
 
 def decode_png(data: bytes) -> npt.NDArray[np.uint8]:
-    """Return the picture on a white ground, uint8 (512, 512, 3), row 0 on top.
+    """Return the picture of a PNG on a white ground, uint8 (512, 512, 3), row 0 on top.
+
+    The size is read from the header before anything is decoded, so that a small file cannot claim a large
+    memory.
 
     Parameters
     ----------
     data : bytes
-        A still PNG, square, 16 to 2048 pixels a side, at most 1 MiB.
+        A still, square PNG of 16 to 2048 pixels a side and at most 1 MiB.
 
     Raises
     ------
     SketchError
-        Not a PNG, animated, too large, truncated or damaged. The size is read from the header
-        before anything is decoded, so a small file cannot ask for a large memory.
+        The data are no PNG, or it is animated, not square, too large, truncated or damaged.
     """
     if len(data) > MAX_BYTES:
         raise SketchError(f"the PNG has {len(data)} bytes, at most {MAX_BYTES} are allowed")

@@ -13,25 +13,26 @@ from hybridmpm.errors import SketchError
 def parse_png(data: bytes) -> Sketch:
     """Return the sketch that a PNG shows.
 
-    A red mark is an arrow, a green one an ellipse. Where there is neither, a dark mark is taken: an
-    ellipse if it is closed, else an arrow. The head of an arrow is the end with more ink than the
-    stroke alone explains; its width gives the widths of the sketch.
+    A red mark is an arrow, a green mark an ellipse. Without either, a dark mark is read: as an ellipse if it
+    is closed, else as an arrow. The head of an arrow is the end with more ink than the stroke alone has. The
+    width of the stroke gives the widths of the sketch.
 
     Parameters
     ----------
     data : bytes
-        A still, square PNG, 16 to 2048 pixels a side, at most 1 MiB; transparent is white.
+        A still, square PNG of 16 to 2048 pixels a side and at most 1 MiB. Transparent pixels are white.
 
     Raises
     ------
     SketchError
-        Not such a PNG, blank, too little or too much ink, several marks, red and green together,
-        an outline with a wide gap, or an arrow whose head cannot be told from its tail.
+        The data are no such PNG; or the picture is blank, has too little or too much ink, several marks, or
+        red and green ink together; or an outline has a wide gap; or an arrow's head cannot be told from its
+        tail.
     """
     masks = {name: mask for name, mask in ink_masks(decode_png(data)).items() if mask.any()}
     if not masks:
         raise SketchError("the sketch is blank: draw a red arrow or a green outline on white")
-    # A few stray pixels of the other colour do not make a second sketch.
+    # A few stray pixels of another colour are no second sketch.
     colors = [name for name in ("red", "green") if name in masks and masks[name].sum() >= MIN_INK]
     if len(colors) == 2:
         raise SketchError("the sketch has red and green ink: send one arrow or one outline at a time")
@@ -49,7 +50,13 @@ def parse_png(data: bytes) -> Sketch:
 
 
 def _closed(mark: Mask) -> Mask:
-    """Return the outline with a small gap between the ends of the stroke bridged."""
+    """Return the closed outline; a small gap between the ends of its stroke is bridged.
+
+    Raises
+    ------
+    SketchError
+        The gap is too wide.
+    """
     if _encloses(mark):
         return mark
     start, end, length = stroke_ends(mark)
@@ -69,7 +76,7 @@ def _closed(mark: Mask) -> Mask:
 
 
 def _encloses(mark: Mask) -> bool:
-    """Return whether the hole is larger than any that an arrow's head leaves open."""
+    """Return whether the mark encloses a hole that is larger than any inside an arrow's head."""
     hole = int(filled(mark).sum()) - int(mark.sum())
     return hole > max(MIN_INK, 0.1 * int(mark.sum()))
 

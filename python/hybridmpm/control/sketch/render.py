@@ -1,4 +1,4 @@
-"""The raster of a sketch: red arrow or green outline on white, as the paper draws them."""
+"""Drawing a sketch as a raster, as the paper does: a red arrow or a green outline on white."""
 
 import io
 
@@ -8,15 +8,15 @@ from PIL import Image, ImageDraw
 from hybridmpm.control.sketch.sketch import RASTER_SIZE, Arrow, Ellipse, Floats, Sketch
 
 ARROW_WIDTH = 4.0
-"""Shaft of an arrow that carries no depth [pixels]."""
+"""Width of the shaft of an arrow without widths [pixels]."""
 OUTLINE_WIDTH = 3.0
-"""Outline of an ellipse that carries no depth [pixels]."""
+"""Width of the outline of an ellipse without width [pixels]."""
 HEAD_LENGTH = 26.0
-"""Along the shaft [pixels]; shorter on short arrows."""
-HEAD_SHARE = 0.4
-"""A head is at most this share of its arrow."""
+"""Length of a head along the shaft [pixels]; heads of short arrows are shorter."""
+MAX_HEAD = 0.4
+"""Largest length of a head as a fraction of its arrow's length."""
 HEAD_SLOPE = 0.45
-"""Half width of the head over its length."""
+"""Half width of a head over its length."""
 
 _OVERSAMPLING = 4
 _RED = (220, 20, 30, 255)
@@ -25,11 +25,10 @@ _WHITE = (255, 255, 255, 255)
 
 
 def render_png(sketch: Sketch) -> bytes:
-    """Return the sketch as a PNG, 512 x 512 RGBA on white.
+    """Return a sketch as a PNG, 512 x 512 RGBA on white; `parse_png` reads the sketch from it.
 
-    An arrow without widths has a shaft of 4 pixels and a filled triangular head that ends at the
-    tip; with widths the shaft tapers and the head is two open strokes. An ellipse is one closed
-    outline. `parse_png` reads it back.
+    An arrow without widths has a shaft of 4 pixels and a filled triangular head that ends at the tip. An
+    arrow with widths has a tapering shaft and a head of two open strokes. An ellipse is one closed outline.
     """
     side = RASTER_SIZE * _OVERSAMPLING
     image = Image.new("RGBA", (side, side), _WHITE)
@@ -44,7 +43,7 @@ def render_png(sketch: Sketch) -> bytes:
 
 
 class _Pen:
-    """Draws in pixels of the final raster."""
+    """Draws on the oversampled picture; all lengths are in pixels of the final raster."""
 
     def __init__(self, draw: ImageDraw.ImageDraw) -> None:
         self._draw = draw
@@ -53,7 +52,7 @@ class _Pen:
         self._draw.polygon([(float(x), float(y)) for x, y in points * _OVERSAMPLING], fill=color)
 
     def polyline(self, points: Floats, widths: Floats, color: tuple[int, int, int, int]) -> None:
-        """Stroke with round ends and joints; the width changes linearly along each segment."""
+        """Draw a stroke with round ends and joints; its width changes linearly along each segment."""
         for a, b, at_a, at_b in zip(points, points[1:], widths, widths[1:], strict=False):
             along = b - a
             length = float(np.hypot(*along))
@@ -77,7 +76,7 @@ def _draw_arrow(pen: _Pen, arrow: Arrow) -> None:
     points = _to_pixels(arrow.points)
     tip = points[-1]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    length = min(HEAD_LENGTH, HEAD_SHARE * float(steps.sum()))
+    length = min(HEAD_LENGTH, MAX_HEAD * float(steps.sum()))
     along = tip - _point_before_tip(points, length)
     along = along / max(float(np.hypot(*along)), 1e-9)
     across = np.array([-along[1], along[0]])
@@ -97,13 +96,16 @@ def _draw_arrow(pen: _Pen, arrow: Arrow) -> None:
 
 
 def _point_before_tip(points: Floats, distance: float) -> Floats:
-    """Return the point of the polyline at `distance` from the tip in a straight line, else the tail."""
+    """Return the last point of the polyline that is `distance` from the tip in a straight line.
+
+    If all points are nearer, it is the tail.
+    """
     far = np.flatnonzero(np.linalg.norm(points - points[-1], axis=1) >= distance)
     if not far.size:
         return np.asarray(points[0])
     outside, inside = points[far[-1]], points[far[-1] + 1]
-    shares = np.linspace(0.0, 1.0, 65)[:, None]
-    between = outside + shares * (inside - outside)
+    fractions = np.linspace(0.0, 1.0, 65)[:, None]
+    between = outside + fractions * (inside - outside)
     gap = np.abs(np.linalg.norm(between - points[-1], axis=1) - distance)
     return np.asarray(between[int(gap.argmin())])
 

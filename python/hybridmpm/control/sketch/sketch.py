@@ -1,8 +1,8 @@
-"""The two sketches a person can draw: an arrow, or an oval around where the fluid should be.
+"""The two sketches that a person can draw: an arrow, or an oval around the place where the fluid should be.
 
-Both live in the front view (x, y) of the world box [0, 1]^D with y up. In 3D the width of the
-stroke carries the depth: `WIDTH_AT_BACK` pixels at the back wall (lower z), `WIDTH_AT_FRONT` at the
-front wall (upper z), linear between, measured on a raster of `RASTER_SIZE` pixels.
+Both are drawn in the front view (x, y) of the world box [0, 1]^D with y up. In 3D the width of the stroke
+gives the depth z: `WIDTH_AT_BACK` pixels stand for the back wall (lower z), `WIDTH_AT_FRONT` pixels for the
+front wall (upper z), and widths between them for depths between, linearly.
 """
 
 from dataclasses import dataclass
@@ -14,10 +14,13 @@ import numpy.typing as npt
 from hybridmpm.errors import SketchError
 
 RASTER_SIZE = 512
-"""Side of the sketch raster [pixels]; stroke widths are counted on it."""
+"""Side of the sketch raster [pixels]; stroke widths are in pixels of this raster."""
 WIDTH_AT_BACK = 2.0
+"""Stroke width that stands for the depth of the back wall [pixels]."""
 WIDTH_AT_FRONT = 20.0
+"""Stroke width that stands for the depth of the front wall [pixels]."""
 MAX_POINTS = 4096
+"""Largest number of points of a stroke."""
 MIN_LENGTH = 2.0 / RASTER_SIZE
 """Shortest arrow and smallest semi-axis [m]: two pixels of the raster."""
 
@@ -26,19 +29,19 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """Asks the centre of mass to move by tip minus tail.
+    """A sketch that asks the centre of mass to move by tip minus tail.
 
     Parameters
     ----------
     points : float (K, 2), in [0, 1], 2 <= K <= `MAX_POINTS`
         Polyline from the tail to the tip [m].
     widths : float (K,), in [2, 20], optional
-        Stroke width at each point [pixels of the 512-pixel raster]: the depth in 3D.
+        Stroke width at each point [pixels of the 512-pixel raster], which gives the depth in 3D.
 
     Raises
     ------
     SketchError
-        Naming the field and the allowed range.
+        A value is out of range; the message names the field and the allowed range.
     """
 
     points: Floats
@@ -63,23 +66,23 @@ class Arrow:
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """Asks the centre of mass to move to `center`.
+    """A sketch that asks the centre of mass to move to `center`.
 
     Parameters
     ----------
     center : float (2,), in [0, 1]
-        [m]
+        Centre of the ellipse [m].
     axes : float (2,), >= 2 / 512, major first
-        Semi-axes [m]: two standard deviations of the wanted particle cloud.
+        Semi-axes [m], two standard deviations of the wanted particle cloud.
     angle : float
-        Of the major axis against +x, counter-clockwise [rad].
+        Angle of the major axis to +x, counter-clockwise [rad].
     width : float in [2, 20], optional
-        Stroke width [pixels of the 512-pixel raster]: the depth in 3D.
+        Stroke width [pixels of the 512-pixel raster], which gives the depth in 3D.
 
     Raises
     ------
     SketchError
-        Naming the field and the allowed range.
+        A value is out of range; the message names the field and the allowed range.
     """
 
     center: Floats
@@ -110,18 +113,19 @@ Sketch: TypeAlias = Arrow | Ellipse
 def depth_of_width(width: float, back: float, front: float) -> float:
     """Return the depth z [m] that a stroke width [pixels] stands for.
 
-    `back` and `front` are the z of the two walls [m]. Widths outside [2, 20] are those of the walls.
+    `back` and `front` are the z of the back and the front wall [m]. A width below 2 stands for the back wall,
+    a width above 20 for the front wall.
     """
-    share = (width - WIDTH_AT_BACK) / (WIDTH_AT_FRONT - WIDTH_AT_BACK)
-    return back + min(max(share, 0.0), 1.0) * (front - back)
+    fraction = (width - WIDTH_AT_BACK) / (WIDTH_AT_FRONT - WIDTH_AT_BACK)
+    return back + min(max(fraction, 0.0), 1.0) * (front - back)
 
 
 def _frozen(values: npt.ArrayLike) -> Floats:
-    """Return an own, read-only float64 copy, so that a checked sketch stays checked."""
+    """Return a read-only float64 copy, so that nobody can change the values after they are checked."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as err:
-        raise SketchError(f"a sketch is made of numbers: {err}") from err
+        raise SketchError(f"a sketch must be made of numbers: {err}") from err
     array.flags.writeable = False
     return array
 

@@ -1,4 +1,4 @@
-"""From the vector form of a sketch, as a page or a tablet records it, to an arrow or an ellipse."""
+"""From a stroke, which a page or a tablet records as points, to an arrow or an ellipse."""
 
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
@@ -19,7 +19,7 @@ from hybridmpm.control.sketch.sketch import (
 from hybridmpm.errors import SketchError
 
 CLOSED_GAP = 0.2
-"""A stroke is closed when its ends are nearer than this share of its length."""
+"""Largest distance between the ends of a closed stroke, as a fraction of the stroke's length."""
 
 _Unit = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 _Width = Annotated[float, Field(ge=WIDTH_AT_BACK, le=WIDTH_AT_FRONT, allow_inf_nan=False)]
@@ -27,25 +27,27 @@ _Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Stroke(BaseModel):
-    """One freehand stroke in the front view, in world units with y up."""
+    """One freehand stroke in the front view (x, y) of the world box, in metres with y up."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     points: list[tuple[_Unit, _Unit]] = Field(
-        min_length=2, max_length=MAX_POINTS, description="[x, y] in metres, from tail to tip."
+        min_length=2, max_length=MAX_POINTS, description="Points [x, y] of the stroke [m], from tail to tip."
     )
     widths: list[_Width] | None = Field(
         default=None,
-        description="Stroke width at each point in pixels of a 512-pixel raster: in 3D the depth, "
-        "2 at the back wall, 20 at the front.",
+        description="Stroke width at each point, in pixels of a 512-pixel raster. In 3D it gives the depth: "
+        "2 stands for the back wall, 20 for the front wall.",
     )
     times: list[_Seconds] | None = Field(
         default=None,
-        description="Seconds at which each point was drawn; must not decrease. "
-        "Recorded by drawing tools; the constant force does not depend on it.",
+        description="Time at which each point was drawn [s]; times must not decrease. Drawing tools record "
+        "them; the constant force does not depend on them.",
     )
     kind: Literal["arrow", "ellipse"] | None = Field(
-        default=None, description="Without it a closed stroke is an ellipse, an open one an arrow."
+        default=None,
+        description="Kind of sketch that the stroke stands for. If absent, a closed stroke is an ellipse, an "
+        "open one an arrow.",
     )
 
     @model_validator(mode="after")
@@ -61,18 +63,19 @@ class Stroke(BaseModel):
 
 
 def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]]) -> Sketch:
-    """Return the sketch that exactly one stroke stands for.
+    """Return the sketch that a stroke stands for.
 
     Parameters
     ----------
-    strokes : sequence of one stroke
-        `Stroke`, or a mapping with its fields: points (K, 2) in [0, 1], optionally widths (K,) in
-        [2, 20] pixels, times (K,) and kind.
+    strokes : sequence of exactly one stroke
+        The stroke is a `Stroke` or a mapping with its fields: points (K, 2) in [0, 1], and optionally widths
+        (K,) in [2, 20] pixels, times (K,) and kind.
 
     Raises
     ------
     SketchError
-        Naming the field and the allowed range.
+        There is not exactly one stroke, or a value is out of range; the message names the field and the
+        allowed range.
     """
     if isinstance(strokes, str | bytes | Mapping) or not isinstance(strokes, Sequence):
         raise SketchError(f"strokes must be a list of one stroke, got {type(strokes).__name__}")
@@ -106,9 +109,9 @@ def _is_closed(points: Floats) -> bool:
 
 
 def _ellipse_around(points: Floats, width: float | None) -> Ellipse:
-    """Return the ellipse with the area moments of the polygon (Green's theorem).
+    """Return the ellipse that has the area moments of the polygon (Green's theorem).
 
-    Moments of the area, not of the points: a pen that rests somewhere leaves many points there.
+    Moments of the points would be wrong, because a pen that rests leaves many points in one place.
     """
     middle = points.mean(axis=0)
     x, y = (points - middle).T
@@ -128,12 +131,20 @@ def _ellipse_around(points: Floats, width: float | None) -> Ellipse:
 
 
 def ellipse_of_moments(center: Floats, covariance: Floats, width: float | None) -> Ellipse:
-    """Return the uniformly filled ellipse of given centre and covariance: semi-axes 2 sqrt(lambda)."""
+    """Return the ellipse whose uniformly filled area has a given centre and covariance.
+
+    Its semi-axes are 2 sqrt(lambda), where lambda are the eigenvalues of the covariance.
+
+    Raises
+    ------
+    SketchError
+        The covariance is not positive definite.
+    """
     values, vectors = np.linalg.eigh(covariance)
     if values[0] <= 0:
         raise SketchError("points: the stroke crosses itself so that it encloses no definite area")
     major = vectors[:, 1]
     angle = float(np.arctan2(major[1], major[0]))
-    # The axis has no direction: its angle is told within half a turn.
+    # An axis has no direction, so its angle is given within half a turn.
     angle = (angle + np.pi / 2) % np.pi - np.pi / 2
     return Ellipse(np.clip(center, 0, 1), 2 * np.sqrt(values[::-1]), angle, width)
