@@ -1,4 +1,4 @@
-"""From one format to another, a trajectory at a time."""
+"""Converting a data set from one format to another, one trajectory at a time."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ class Converted:
     """What a conversion did."""
 
     trajectories: dict[str, int]
-    """By split."""
+    """Number of trajectories written, by split."""
     lost: tuple[str, ...]
-    """What the target cannot hold: of "force", "mass" and "scene"."""
+    """Those of "force", "mass" and "scene" that the source has and the target format cannot store."""
 
 
 def convert(
@@ -32,17 +32,26 @@ def convert(
 ) -> Converted:
     """Write the data set in `source` to a new folder `out`.
 
-    Positions keep their bits, particle types are translated, `metadata.json` keeps what it says and gains the
-    keys that the target's readers look for.
+    Positions keep their bits, and particle types are translated. `metadata.json` keeps its keys and gains
+    those that readers of the target format need.
+
+    Parameters
+    ----------
+    source, out : Path
+        Folders of the data set and of its conversion.
+    origin, target : Format
+        Formats of both folders.
+    on_progress : callable
+        Called with the number of trajectories done since its last call.
 
     Raises
     ------
     ConfigError
-        The target is only read, or `out` holds something.
+        The target format cannot be written, or `out` is not empty.
     DataError
         The source is damaged or incomplete; the message names file and key.
     ExportError
-        A file cannot be written. Splits done before are whole.
+        A file cannot be written. Splits written before it are complete.
     """
     if target.write is None:
         raise ConfigError(f"the format {target.name} is only read; choose another one to write")
@@ -60,7 +69,7 @@ def convert(
     statistics = {split: Statistics() for split in splits}
     for split in splits:
 
-        def watched(split: str = split) -> Iterator[Trajectory]:
+        def counted(split: str = split) -> Iterator[Trajectory]:
             for trajectory in origin.read(source, split, None):
                 statistics[split].add(trajectory)
                 present.update(
@@ -69,7 +78,7 @@ def convert(
                 yield trajectory
                 on_progress(1)
 
-        target.write(out, split, watched())
+        target.write(out, split, counted())
     ours = {**about.get("hybridmpm", {}), "format": target.name, "type_names": _type_names(target)}
     metadata.write(
         out,

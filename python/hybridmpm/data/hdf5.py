@@ -1,6 +1,6 @@
 """Reading and writing trajectories as HDF5 groups, with errors that name file and key.
 
-h5py is imported on first use: the extra `data` installs it, and nothing else of the library needs it.
+h5py is imported on first use: the extra `data` installs it, and no other part of the library needs it.
 """
 
 import importlib
@@ -21,13 +21,13 @@ from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import Scene
 
 _CHUNK_BYTES = 2**18
-"""Of a chunk before compression: a training sample of 7 frames then touches few of them."""
+"""Size of a chunk before compression [bytes]; a training sample of 7 frames then reads few chunks."""
 _LEVEL = 1
-"""Of gzip: with the bytes shuffled, higher levels gain little and take several times as long."""
+"""Level of gzip: once the bytes are shuffled, higher levels gain little and take several times as long."""
 
 
 def h5py() -> Any:
-    """Return the module, or raise `ConfigError` saying how to install it."""
+    """Return the module h5py, or raise `ConfigError`, whose message says how to install h5py."""
     try:
         return importlib.import_module("h5py")
     except ImportError:
@@ -36,7 +36,7 @@ def h5py() -> Any:
 
 @contextmanager
 def reading(path: Path) -> Iterator[Any]:
-    """Open a file to read; raises `DataError` naming it where it is damaged, cut off or no HDF5."""
+    """Open a file to read; raises `DataError` with its name where it is missing, damaged or no HDF5 file."""
     module = h5py()
     if not path.is_file():
         raise DataError(f"{path} does not exist")
@@ -50,14 +50,14 @@ def reading(path: Path) -> Iterator[Any]:
 
 @contextmanager
 def writing(path: Path) -> Iterator[Any]:
-    """Create a file; raises OSError with the system's own reason where that fails, also on closing."""
+    """Create a file to write; where writing or closing fails, raises OSError with the system's reason."""
     try:
         with h5py().File(path, "w") as file:
             yield file
     except (OSError, RuntimeError) as error:
         number = re.search(r"errno = (\d+)", str(error))
         if number is None and isinstance(error, RuntimeError):
-            # h5py reports what HDF5 could not flush as RuntimeError.
+            # Where HDF5 could not flush a file, h5py raises RuntimeError.
             raise OSError(f"HDF5 could not write it: {error}") from error
         if number is None:
             raise
@@ -65,7 +65,7 @@ def writing(path: Path) -> Iterator[Any]:
 
 
 def read_array(file: Any, key: str, path: Path) -> npt.NDArray[Any]:
-    """Read one array; raises `DataError` naming file and key where it is missing, damaged or no numbers."""
+    """Read an array of numbers; where it is missing or damaged, raises `DataError` with file and key."""
     found = file.get(key)
     if not isinstance(found, h5py().Dataset):
         there = ", ".join(list(file)[:8]) or "nothing"
@@ -79,7 +79,7 @@ def read_array(file: Any, key: str, path: Path) -> npt.NDArray[Any]:
 
 
 def read_text(file: Any, key: str, path: Path) -> str | None:
-    """Read a string, None where there is none; raises `DataError` naming file and key."""
+    """Read a string, None where the key is missing; where it is damaged, raises `DataError` with the key."""
     if key not in file:
         return None
     try:
@@ -89,7 +89,7 @@ def read_text(file: Any, key: str, path: Path) -> str | None:
 
 
 def write_array(group: Any, key: str, array: npt.NDArray[Any]) -> None:
-    """Write an array; one of frames is compressed in chunks of several."""
+    """Write an array; an array (F, N, D) is compressed in chunks of several frames."""
     if array.ndim < 3 or array.size == 0:
         group.create_dataset(key, data=array)
         return
@@ -103,7 +103,7 @@ def write_array(group: Any, key: str, array: npt.NDArray[Any]) -> None:
         compression_opts=_LEVEL,
         shuffle=True,
     )
-    # zlib lets other threads run, HDF5's own compression holds the one lock of h5py.
+    # While zlib compresses, other threads run; HDF5's own compression would keep h5py's only lock.
     for start in range(0, len(array), frames):
         chunk = array[start : start + frames]
         missing = np.zeros((frames - len(chunk), *array.shape[1:]), array.dtype)
@@ -111,15 +111,16 @@ def write_array(group: Any, key: str, array: npt.NDArray[Any]) -> None:
 
 
 def _filtered(chunk: npt.NDArray[Any]) -> bytes:
-    """Shuffle and compress as HDF5's filters of these names do: first bytes first, then the second ones."""
+    """Shuffle and compress as HDF5's filters shuffle and gzip do: all first bytes, then all second ones."""
     by_byte = chunk.view(np.uint8).reshape(-1, chunk.itemsize).T
     return zlib.compress(by_byte.tobytes(), _LEVEL)
 
 
 def write_trajectory(group: Any, trajectory: Trajectory, types: npt.NDArray[np.int64]) -> None:
-    """Fill a group in LagrangeBench's layout, and with what we know beyond it.
+    """Fill a group in LagrangeBench's layout, with force, mass, scene, seed and digest added.
 
-    `types` are the particle types as the file is to have them; the digest is that of DeepMind's.
+    `types` (N,) are the particle types in the convention of the file. The digest is that of the trajectory,
+    whose types are in DeepMind's convention.
     """
     write_array(group, "position", trajectory.positions)
     write_array(group, "particle_type", types)
@@ -135,12 +136,12 @@ def write_trajectory(group: Any, trajectory: Trajectory, types: npt.NDArray[np.i
 
 
 def read_trajectory(file: Any, group: str, path: Path, types: npt.NDArray[np.int64]) -> Trajectory:
-    """Read a group back; `types` are its types in DeepMind's convention.
+    """Read a group that `write_trajectory` filled; `types` (N,) are its types in DeepMind's convention.
 
     Raises
     ------
     DataError
-        A key is missing or damaged, shapes disagree, or the data are not those the digest was taken of.
+        A key is missing or damaged, shapes disagree, or the data do not match their digest.
     """
 
     def optional(key: str) -> npt.NDArray[np.float32] | None:
@@ -163,8 +164,8 @@ def read_trajectory(file: Any, group: str, path: Path, types: npt.NDArray[np.int
     return trajectory
 
 
-def image(trajectory: Trajectory, group: str) -> bytes:
-    """Return the bytes of a file with this one trajectory."""
+def file_bytes(trajectory: Trajectory, group: str) -> bytes:
+    """Return an HDF5 file as bytes, with the trajectory as its only group."""
     memory = io.BytesIO()
     with h5py().File(memory, "w") as file:
         write_trajectory(file.create_group(group), trajectory, trajectory.types)

@@ -1,4 +1,4 @@
-"""`metadata.json`: DeepMind's keys, those that LagrangeBench reads, and ours under "hybridmpm"."""
+"""`metadata.json`: DeepMind's keys, the keys that LagrangeBench reads, and ours under "hybridmpm"."""
 
 import hashlib
 import json
@@ -19,15 +19,15 @@ from hybridmpm.scene.particle_types import NAMES
 FILE = "metadata.json"
 FORMAT_VERSION = 1
 REQUIRED = ("bounds", "dim", "dt", "default_connectivity_radius", "sequence_length")
-"""What no reader can do without, and what positions alone do not tell."""
+"""Keys that every reader needs and that do not follow from the positions."""
 RADIUS_2D, RADIUS_3D = 0.015 * 256 / 1.75**0.5, 2.0
-"""Connectivity radius in spacings: 0.015 m at r_p = 1/1.75 in 2D, as in DeepMind's sets; 2 in 3D."""
+"""Connectivity radius [spacings]: in 2D 0.015 m at r_p = 1/1.75, as in DeepMind's sets; in 3D 2 spacings."""
 _MATERIALS = 16
-"""Distinct ones that are listed; with ranges each trajectory has its own, which its scene tells."""
+"""Largest number of materials listed. With ranges there may be more; each scene lists its own, too."""
 
 
 def write(folder: Path, data: Mapping[str, Any]) -> None:
-    """Write `metadata.json`, whole or not at all; raises `ExportError`."""
+    """Write `metadata.json`, whole or not at all; raises `ExportError` where it cannot be written."""
     with replacing(folder / FILE) as part:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
@@ -38,19 +38,19 @@ def read(folder: Path) -> dict[str, Any]:
     Raises
     ------
     DataError
-        It is missing, damaged or lacks a key of `REQUIRED`; the message names it.
+        The file is missing or damaged, or it lacks a key of `REQUIRED`; the message names file and key.
     """
     path = folder / FILE
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(
-            f"{path} is missing; it must hold {', '.join(REQUIRED)}, which positions do not tell"
+            f"{path} is missing; it must hold {', '.join(REQUIRED)}, which do not follow from positions"
         ) from None
     except (OSError, ValueError) as error:
         raise DataError(f"{path} cannot be read: {error}") from None
     if isinstance(data, dict) and "train" in data and "bounds" not in data:
-        data = data["train"]  # gns may keep one set of keys for training and one for rollouts
+        data = data["train"]  # gns may have one set of keys for training and another for rollouts
     if isinstance(data, dict):
         data = _from_lagrangebench(data)
     missing = [key for key in REQUIRED if not isinstance(data, dict) or key not in data]
@@ -61,7 +61,7 @@ def read(folder: Path) -> dict[str, Any]:
 
 
 def _from_lagrangebench(data: dict[str, Any]) -> dict[str, Any]:
-    """Turn its keys into DeepMind's: a length that counts states, and a dt of the solver's own steps."""
+    """Turn LagrangeBench's keys into DeepMind's: its length counts states, its dt is of solver steps."""
     every, states = data.get("write_every", 1), data.get("sequence_length_train")
     if every != 1 and "dt" in data:
         data = {**data, "dt": data["dt"] * every, "write_every": 1}
@@ -94,10 +94,12 @@ def describe(
     ----------
     recipe : Recipe
     scenes : sequence of Scene, at least one
-        Of all trajectories.
-    statistics, digests, seeds : by split
-        The statistics are taken from the first split, "train" unless it is empty.
-    failed : seed to message
+        Scenes of all trajectories.
+    statistics, digests, seeds : mapping from split
+        Statistics of each split, and digests and seeds of its trajectories. The velocities' and
+        accelerations' statistics are those of the first split, which is "train" unless it is empty.
+    failed : mapping from seed to message
+        Simulations that failed.
     """
     scene = scenes[0]
     spacing = spacing_at(scene, recipe.r_p)
@@ -140,7 +142,7 @@ def describe(
 
 
 def lagrangebench_keys(statistics: Mapping[str, Statistics]) -> dict[str, Any]:
-    """Return the keys that LagrangeBench reads besides DeepMind's; its lengths count states."""
+    """Return the keys that LagrangeBench reads besides DeepMind's; lengths in them count states."""
     dim = next(iter(statistics.values())).dim
     keys: dict[str, Any] = {
         "num_particles_max": max(max(part.particles) for part in statistics.values()),
@@ -153,7 +155,7 @@ def lagrangebench_keys(statistics: Mapping[str, Statistics]) -> dict[str, Any]:
 
 
 def digest_of(parts: Sequence[str]) -> str:
-    """SHA-256 of the digests of a split's trajectories in their order."""
+    """Return the SHA-256 of the digests of a split's trajectories, in their order."""
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
@@ -169,7 +171,7 @@ def _materials(scenes: Sequence[Scene]) -> list[dict[str, Any]]:
 
 
 def _runs(numbers: Sequence[int]) -> list[list[int]]:
-    """Write increasing numbers as [first, last] of each unbroken run."""
+    """Return increasing numbers as runs without gaps, each as [first, last]."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and runs[-1][1] == number - 1:

@@ -1,4 +1,4 @@
-"""`Recipe`: what the trajectories of a data set have in common; with a seed it determines one of them."""
+"""`Recipe`: what all trajectories of a data set have in common. Recipe and seed determine a trajectory."""
 
 import dataclasses
 import math
@@ -14,10 +14,10 @@ from hybridmpm.mpm import Substeps
 from hybridmpm.scene import Scene, Water
 
 MAX_FORCE = 1000.0
-"""[m/s^2]; beyond a hundred times gravity nothing is a fluid in a box."""
+"""Largest random acceleration [m/s^2], a hundred times gravity."""
 _MAX_FRAMES = 1_000_000
-_LEAST_STATES = 3
-"""Accelerations need three states."""
+_MIN_STATES = 3
+"""Smallest number of states of a trajectory, since an acceleration needs three."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,22 +27,23 @@ class Recipe:
     Raises
     ------
     ConfigError
-        A setting is out of range; `SceneError` where it is the scene's.
+        A setting is out of range. If the scene refuses it, this is a `SceneError`.
     """
 
     scenario: str | None = None
-    """Name of a scenario; None with `template`."""
+    """Name of the scenario that the scenes are drawn from; None with `template`."""
     template: SceneTemplate | None = None
+    """Template that the scenes are drawn from; None with `scenario`."""
     frames: int | None = None
-    """Frames simulated; what the scenario or the template suggests if None."""
+    """Number of frames to simulate; if None, the number that the scenario or the template suggests."""
     stride: int = 1
-    """Frames between two states kept; it divides `frames`."""
+    """Number of frames from one stored state to the next; it divides `frames`."""
     r_p: float = 1.0
-    """Ratio of the particles to those of the scene, in (0, 1]."""
+    """Number of particles over that of the scene, in (0, 1]."""
     max_compression: float | None = None
-    """Of all water at rest, in (0, 0.5]; the scene's own stiffness if None."""
+    """`Water.max_compression` of all water, in (0, 0.5]; if None, water has the stiffness of the scene."""
     substeps: Substeps = "reference"
-    """As in `MpmSolver`; "reference" is the ground truth's rule."""
+    """Rule for substeps, as in `MpmSolver`; "reference" is the rule of the ground truth."""
     force: float = 0.0
     """Root mean square [m/s^2] of a smooth random acceleration that stirs all particles and is stored."""
 
@@ -52,7 +53,7 @@ class Recipe:
         whole("stride", self.stride, 1, _MAX_FRAMES)
         frames = whole("frames", self._suggested() if self.frames is None else self.frames, 1, _MAX_FRAMES)
         object.__setattr__(self, "frames", frames)
-        if frames % self.stride or frames // self.stride + 1 < _LEAST_STATES:
+        if frames % self.stride or frames // self.stride + 1 < _MIN_STATES:
             raise ConfigError(
                 f"frames must be a multiple of the stride, {self.stride}, at least twice, got {frames}"
             )
@@ -61,12 +62,12 @@ class Recipe:
         if not (math.isfinite(self.force) and 0.0 <= self.force <= MAX_FORCE):
             raise ConfigError(f"force must be in [0, {MAX_FORCE:g}] m/s^2, got {self.force}")
         if self.force and self.stride > 1:
-            raise ConfigError("force needs stride 1: a row of it acts over one frame")
+            raise ConfigError("force needs stride 1: each row of the stored force acts over one frame")
         self.scene(0)
 
     @property
     def states(self) -> int:
-        """States of a trajectory, the start among them: T + 1."""
+        """Number T + 1 of states of a trajectory, the start included."""
         return whole("frames", self.frames, 1, _MAX_FRAMES) // self.stride + 1
 
     @property
@@ -75,7 +76,7 @@ class Recipe:
         return self.scenario or str(self.template and self.template.data.get("name", "scene"))
 
     def scene(self, seed: int) -> Scene:
-        """Draw the scene of a seed; raises `SceneError`."""
+        """Draw the scene of a seed; raises `SceneError` where none can be drawn."""
         if self.template is not None:
             scene = self.template.draw(seed)
         else:
@@ -83,7 +84,7 @@ class Recipe:
         return scene if self.max_compression is None else _stiffened(scene, self.max_compression)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data: equal for recipes, of this version, that give the same trajectories."""
+        """Return the recipe and the library's version as plain data."""
         return {"hybridmpm": __version__, **dataclasses.asdict(self)}
 
     def _suggested(self) -> int:
@@ -93,7 +94,7 @@ class Recipe:
 
 
 def _stiffened(scene: Scene, max_compression: float) -> Scene:
-    """Give all water of a scene the stiffness of `max_compression`, checking it anew."""
+    """Return the scene with all its water at the stiffness of `max_compression`; raises `SceneError`."""
     bodies = []
     for body in scene.bodies:
         plain = body.model_dump(exclude_none=True)

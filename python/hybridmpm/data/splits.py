@@ -1,4 +1,4 @@
-"""Splits by seed: which seeds train, validate and test, and the files of each split."""
+"""Splits by seed: which seeds are for training, validation and tests."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from hybridmpm.errors import ConfigError
 
 NAMES = ("train", "valid", "test")
 FIRST_VALID, FIRST_TEST = 1_000_000, 1_100_000
-"""Seeds below the first train, from there to the second validate, above test."""
+"""First seed for validation and first seed for tests; smaller seeds are for training."""
 
 
 def split_of(seed: int) -> str:
@@ -19,18 +19,22 @@ def split_of(seed: int) -> str:
 
 @dataclass(frozen=True)
 class Seeds:
-    """The seeds of a data set: `first` and those after it, from the start of each split's range.
+    """The seeds of a data set. Each split has successive seeds from the start of its range plus `first` on.
 
     Raises
     ------
     ConfigError
-        There are none, or more than a range holds.
+        All splits are empty, or one has more seeds than its range.
     """
 
     train: int
+    """Number of seeds for training."""
     valid: int = 0
+    """Number of seeds for validation."""
     test: int = 0
+    """Number of seeds for tests."""
     first: int = 0
+    """Distance of each split's first seed from the start of its range."""
 
     def __post_init__(self) -> None:
         room = {"train": FIRST_VALID, "valid": FIRST_TEST - FIRST_VALID, "test": FIRST_VALID}
@@ -46,14 +50,14 @@ class Seeds:
             raise ConfigError("a data set needs at least one trajectory, got none in any split")
 
     def counts(self) -> dict[str, int]:
-        """Trajectories of each split."""
+        """Return the number of seeds of each split."""
         return {"train": self.train, "valid": self.valid, "test": self.test}
 
     def of(self, split: str) -> range:
-        """Seeds of one split."""
+        """Return the seeds of a split."""
         start = {"train": 0, "valid": FIRST_VALID, "test": FIRST_TEST}[split] + self.first
         return range(start, start + self.counts()[split])
 
     def all(self) -> list[int]:
-        """Every seed, those for training first."""
+        """Return all seeds, those for training first."""
         return [seed for split in NAMES for seed in self.of(split)]

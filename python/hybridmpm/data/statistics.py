@@ -22,7 +22,7 @@ class Moments:
         self._squares: _Floats = np.zeros(0)
 
     def add(self, vectors: npt.NDArray[np.floating]) -> None:
-        """Take in vectors (..., D)."""
+        """Add vectors (..., D) to the sample."""
         rows = vectors.reshape(-1, vectors.shape[-1]).astype(np.float64)
         if not len(rows):
             return
@@ -38,43 +38,45 @@ class Moments:
 
     @property
     def mean(self) -> list[float]:
-        """One number an axis; empty where nothing was added."""
+        """Mean along each axis, D numbers; empty before the first vector."""
         return [float(number) for number in self._mean]
 
     @property
     def std(self) -> list[float]:
-        """Of the population, one number an axis."""
+        """Standard deviation of the population along each axis, D numbers; empty before the first vector."""
         return [float(number) for number in np.sqrt(self._squares / max(self.count, 1))]
 
 
 @dataclass(kw_only=True)
 class Statistics:
-    """What `metadata.json` tells of positions.
+    """Statistics of trajectories, in DeepMind's convention.
 
-    Velocities are differences of successive states and accelerations differences of those, both per state
-    and not per second, of all particles that are not kinematic: DeepMind's convention.
+    Velocities are differences of successive states, and accelerations are differences of successive
+    velocities. Both are per state and not per second, and leave out kinematic particles.
     """
 
     velocity: Moments = field(default_factory=Moments)
-    """[m per state]."""
+    """Mean and standard deviation of velocities [m per state]."""
     acceleration: Moments = field(default_factory=Moments)
-    """[m per state^2]."""
+    """Mean and standard deviation of accelerations [m per state^2]."""
     trajectories: int = 0
+    """Number of trajectories."""
     dim: int = 0
+    """Dimension of the trajectories, 0 before the first."""
     particles: list[int] = field(default_factory=list)
-    """Of each trajectory, the kinematic ones among them."""
+    """Number of particles of each trajectory, kinematic ones included."""
     states: list[int] = field(default_factory=list)
-    """Of each trajectory."""
+    """Number of states of each trajectory."""
     types: dict[int, int] = field(default_factory=dict)
-    """Particles of each type, over all trajectories."""
+    """Number of particles of each type, over all trajectories."""
 
     def add(self, trajectory: Trajectory) -> None:
-        """Take in one trajectory.
+        """Add a trajectory.
 
         Raises
         ------
         DataError
-            Its dimension is not that of the others.
+            Its dimension differs from that of the trajectories before it.
         """
         states, count, dim = trajectory.positions.shape
         if self.dim and dim != self.dim:
@@ -93,7 +95,7 @@ class Statistics:
             self.types[int(number)] = self.types.get(int(number), 0) + int(members)
 
     def metadata(self) -> dict[str, list[float]]:
-        """Return the statistics under DeepMind's keys."""
+        """Return the statistics of velocities and accelerations under DeepMind's keys."""
         return {
             "vel_mean": self.velocity.mean,
             "vel_std": self.velocity.std,
@@ -103,7 +105,7 @@ class Statistics:
 
 
 def statistics(trajectories: Iterable[Trajectory]) -> Statistics:
-    """Take in each trajectory in turn; raises what reading them does."""
+    """Return the statistics of trajectories; raises `DataError` as reading them does."""
     total = Statistics()
     for trajectory in trajectories:
         total.add(trajectory)

@@ -1,13 +1,14 @@
 """Scene files with ranges: a template from which each seed draws a scene.
 
-Anywhere under `bodies` and `obstacles` a value may be replaced by one of
+Any value under `bodies` and `obstacles` may be one of these ranges:
 
-- `{uniform: [low, high]}`: a number, or a vector where low and high are lists;
-- `{integer: [low, high]}`: a whole number, both ends included;
-- `{choice: [a, b, ...]}`: any of these, a whole list of bodies among them; chosen values may hold ranges.
+- `{uniform: [low, high]}` draws a number, or a vector where low and high are lists;
+- `{integer: [low, high]}` draws a whole number, both ends included;
+- `{choice: [a, b, ...]}` draws one of the listed values. These may be of any kind, also a whole list of
+  bodies, and may have ranges themselves.
 
-A body or obstacle may have a `shift`, D numbers [m] that are added to its place. A body that states no `seed`
-draws one for its particles.
+A body or obstacle may have a `shift`, D numbers [m] that are added to its place. A body without `seed` draws
+the seed of its particles.
 """
 
 from dataclasses import dataclass
@@ -22,8 +23,9 @@ from hybridmpm.scene import Scene
 from hybridmpm.scene.scene import YAML_ERRORS
 
 _SALT = 2**20
-"""Keeps templates apart from the scenarios, which salt by small numbers."""
+"""Number that the random generator gets besides the seed; those of the scenarios are small."""
 _DRAWS = 100
+"""Number of draws tried for a seed."""
 _KINDS = ("uniform", "integer", "choice")
 _PLACES = ("lower", "upper", "center", "start", "end", "point")
 _RANGED = ("bodies", "obstacles")
@@ -31,36 +33,43 @@ _RANGED = ("bodies", "obstacles")
 
 @dataclass(frozen=True)
 class SceneTemplate:
-    """A scene with ranges, as plain data."""
+    """A scene with ranges.
+
+    Raises
+    ------
+    SceneError
+        A value other than bodies and obstacles has a range, or no valid scene can be drawn.
+    """
 
     data: dict[str, Any]
+    """The scene file as plain data."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.data, dict):
             raise SceneError("a scene file must be an object with named fields")
         for key, value in self.data.items():
-            if key not in _RANGED and _holds_range(value):
-                raise SceneError.of([(key, "may hold no range: all scenes of a data set share it")])
+            if key not in _RANGED and _contains_range(value):
+                raise SceneError.of([(key, "must have no range: it is the same in all scenes of a data set")])
         self.draw(0)
 
     @classmethod
     def load(cls, path: str | Path) -> "SceneTemplate":
-        """Read a .yaml, .yml or .json file; raises `SceneError` or OSError."""
+        """Read a .yaml, .yml or .json file; raises `SceneError` for its content, OSError for the file."""
         path = Path(path)
         try:
-            # JSON is YAML too.
+            # A JSON file is a YAML file, too.
             data = yaml.safe_load(path.read_bytes())
         except YAML_ERRORS as error:
             raise SceneError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
         return cls(data)
 
     def draw(self, seed: int) -> Scene:
-        """Draw the scene of a seed; the same seed always gives the same scene with one version of numpy.
+        """Draw the scene of a seed. With one version of numpy, the same seed always gives the same scene.
 
         Raises
         ------
         SceneError
-            None of 100 draws is a scene; the message tells what is wrong with the last.
+            None of 100 draws is a valid scene; the message says what is wrong with the last one.
         """
         rng = np.random.default_rng([_SALT, seed])
         for attempt in range(1, _DRAWS + 1):
@@ -88,11 +97,11 @@ def _is_range(value: Any) -> bool:
     return isinstance(value, dict) and len(value) == 1 and next(iter(value)) in _KINDS
 
 
-def _holds_range(value: Any) -> bool:
+def _contains_range(value: Any) -> bool:
     if _is_range(value):
         return True
     parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return any(_holds_range(part) for part in parts)
+    return any(_contains_range(part) for part in parts)
 
 
 def _drawn(value: Any, rng: np.random.Generator, path: str) -> Any:
@@ -131,7 +140,10 @@ def _pick(kind: str, given: Any, rng: np.random.Generator, path: str) -> Any:
 
 
 def _placed(part: Any, rng: np.random.Generator, *, body: bool) -> Any:
-    """Apply the shift of a body or obstacle, and give a body its seed; `Scene` refuses what is no object."""
+    """Return a body or obstacle with its shift applied, a body also with a seed.
+
+    Anything else than a mapping is returned as it is, for `Scene` to refuse.
+    """
     if not isinstance(part, dict):
         return part
     part = dict(part)
@@ -144,13 +156,13 @@ def _placed(part: Any, rng: np.random.Generator, *, body: bool) -> Any:
     try:
         for key in _PLACES:
             if key in part:
-                part[key] = _sum(part[key], shift)
+                part[key] = _shifted(part[key], shift)
         if "vertices" in part:
-            part["vertices"] = [_sum(vertex, shift) for vertex in part["vertices"]]
+            part["vertices"] = [_shifted(vertex, shift) for vertex in part["vertices"]]
     except (TypeError, ValueError):
         raise SceneError(f"shift must be as many numbers as the place that it moves, got {shift!r}") from None
     return part
 
 
-def _sum(place: Any, shift: Any) -> list[float]:
+def _shifted(place: Any, shift: Any) -> list[float]:
     return [a + b for a, b in zip(place, shift, strict=True)]

@@ -1,4 +1,4 @@
-"""`Trajectory`: one simulation as data, whatever file it came from."""
+"""`Trajectory`: one simulation as data, whatever format it was read from."""
 
 import hashlib
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a trajectory stands, for messages: its file, and its keys within it."""
+    """Origin of a trajectory, for error messages: its file, and the keys of its arrays in the file."""
 
     file: str
     position: str = "position"
@@ -23,32 +23,35 @@ class Place:
     mass: str = "mass"
 
     def under(self, group: str) -> "Place":
-        """Return the place of the keys in an HDF5 group."""
+        """Return the place whose keys are in an HDF5 group."""
         keys = (f"{group}/{key}" for key in (self.position, self.types, self.force, self.mass))
         return Place(self.file, *keys)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory:
-    """F states of N particles at equal intervals, checked on construction.
+    """F states of N particles at equal intervals of time, checked on construction.
 
     Raises
     ------
     DataError
-        Shapes that disagree, or a number that is not finite; the message names the key in `place`.
+        Shapes disagree, or a number is not finite; the message names file and key as in `place`.
     """
 
     positions: Floats
-    """(F, N, D) [m], the start first."""
+    """Positions (F, N, D) [m], the start first."""
     types: npt.NDArray[np.int64]
     """DeepMind's particle types (N,): 0 rigid, 3 kinematic, 5 water, 6 sand, 7 goop."""
     force: Floats | None = None
-    """External acceleration besides gravity, (F - 1, N, D) [m/s^2]; row t acts from state t to t + 1."""
+    """External acceleration besides gravity (F - 1, N, D) [m/s^2]; row t acts from state t to t + 1."""
     mass: Floats | None = None
-    """(N,) [kg], 0 where kinematic; None where unknown."""
+    """Masses (N,) [kg], 0 for kinematic particles; None where unknown."""
     seed: int | None = None
+    """Seed of the trajectory; None where unknown."""
     scene: Scene | None = None
+    """Scene that was simulated; None where unknown."""
     place: Place = Place("trajectory")
+    """Origin of the trajectory, for error messages."""
 
     def __post_init__(self) -> None:
         x, place = self.positions, self.place
@@ -73,7 +76,7 @@ class Trajectory:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of positions, types and force with their shapes: equal for equal data in any file."""
+        """SHA-256 of positions, types and force with their shapes; equal data have it in any format."""
         total = hashlib.sha256()
         for name, array in (
             ("position", self.positions.astype("<f4", copy=False)),
@@ -87,7 +90,7 @@ class Trajectory:
 
 
 def _refuse_not_finite(array: Floats, place: Place, key: str) -> None:
-    # The sum is finite unless an entry is not, or the entries are beyond all sense.
+    # If an entry is not finite, neither is the sum. Finite float32 entries do not overflow a float64 sum.
     if np.isfinite(array.sum(dtype=np.float64)):
         return
     frame, particle, axis = (int(index) for index in np.argwhere(~np.isfinite(array))[0])

@@ -1,4 +1,4 @@
-"""Pictures of trajectories: films of one, and a sheet of moments of several."""
+"""Pictures of trajectories: a film of one, or a sheet with several at a few moments."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,22 +16,22 @@ from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import KINEMATIC
 
 _RADIUS_SPACINGS = {2: 3.0, 3: 2.0}
-"""Connectivity radii in spacings, about what data sets have: it tells how large a particle is."""
+"""Usual connectivity radius of data sets [spacings], by dimension; from it follows a particle's size."""
 _GAP = 6
-"""Between rows of a sheet [pixels]."""
+"""Distance between rows of a sheet [pixels]."""
 
 
 def recording_of(trajectory: Trajectory, about: Mapping[str, Any]) -> Recording:
-    """Turn a trajectory into what `export` writes films of.
+    """Turn a trajectory into a recording, which `export` can draw.
 
-    Where the trajectory has its scene, that is drawn, obstacles and all; otherwise its box, scaled to fit the
-    unit square, with kinematic particles as they are.
+    If the trajectory has its scene, the recording has it, too, and no kinematic particles. Else its scene is
+    the empty box of the metadata, scaled into the unit square where needed, and kinematic particles are kept.
 
     Parameters
     ----------
     trajectory : Trajectory
     about : mapping
-        The data set's metadata.
+        Metadata of the data set.
     """
     dt = float(about["dt"])
     positions = trajectory.positions.astype(np.float64)
@@ -57,12 +57,23 @@ def recording_of(trajectory: Trajectory, about: Mapping[str, Any]) -> Recording:
 def write_sheet(
     path: Path, recordings: Sequence[Recording], labels: Sequence[str], *, moments: int, width: int
 ) -> None:
-    """Write a .png of one row a recording, `moments` pictures of `width` pixels each, evenly spread in time.
+    """Write a .png with one row for each recording: `moments` pictures, evenly spread over its time.
+
+    Parameters
+    ----------
+    path : Path
+    recordings : sequence of Recording
+    labels : sequence of str
+        Text at the start of each row.
+    moments : int
+        Number of pictures in a row.
+    width : int
+        Width of a picture [pixels].
 
     Raises
     ------
     ExportError
-        The folder refuses the file.
+        The file cannot be written.
     """
     rows = [_row(*pair, moments, width) for pair in zip(recordings, labels, strict=True)]
     widest = max(row.shape[1] for row in rows)
@@ -92,7 +103,7 @@ def _padded(row: npt.NDArray[np.uint8], width: int) -> npt.NDArray[np.uint8]:
 def _boxed(
     positions: npt.NDArray[np.float64], about: Mapping[str, Any], dt: float
 ) -> tuple[Scene, npt.NDArray[np.float64]]:
-    """Build an empty scene with the box of the metadata, and scale positions into it."""
+    """Return a scene with the box of the metadata, and the positions (F, N, D) [m] scaled into it."""
     dim = positions.shape[2]
     lower, upper = np.array(about["bounds"], dtype=np.float64).T
     scale, offset = 1.0, np.zeros(dim)
@@ -102,7 +113,7 @@ def _boxed(
         positions = 0.1 + scale * (positions - offset)
     spacing = scale * float(about["default_connectivity_radius"]) / _RADIUS_SPACINGS[dim]
     walls = {"lower": lower.tolist(), "upper": upper.tolist()}
-    # A scene needs a body, which is not drawn.
+    # A scene needs a body; bodies are not drawn.
     filled = {"shape": "box", "material": {"kind": "water"}, **walls}
     scene = Scene.parse(
         {

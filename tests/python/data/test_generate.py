@@ -146,7 +146,7 @@ def test_another_recipe_is_refused(made: Path) -> None:
 
 def test_two_processes_do_not_write_one_data_set(tmp_path: Path, drops: data.Recipe) -> None:
     planned = data.plan(drops, tmp_path, data.Seeds(train=1))
-    with Shards(tmp_path).held(), pytest.raises(ConfigError, match="another process is writing"):
+    with Shards(tmp_path).locked(), pytest.raises(ConfigError, match="another process is writing"):
         data.generate(planned, executor=data.Threads(1))
 
 
@@ -220,7 +220,7 @@ def test_shards_left_behind_after_assembly_are_no_duplicates(
     shards = Shards(folder)
     shards.claim(drops)
     for seed in (0, 3):
-        shards.store(seed, hdf5.image(data.simulate(drops, seed), "trajectory"))
+        shards.store(seed, hdf5.file_bytes(data.simulate(drops, seed), "trajectory"))
     make(drops, folder, data.Seeds(train=4, valid=1, test=1))
     assert [one.seed for one in trajectories(folder)] == [0, 1, 2, 3]
     assert metadata.read(folder) == metadata.read(made)
@@ -230,7 +230,7 @@ def test_shards_left_behind_after_assembly_are_no_duplicates(
 def test_a_damaged_shard_is_named_and_made_anew(tmp_path: Path, made: Path, drops: data.Recipe) -> None:
     shards = Shards(tmp_path)
     shards.claim(drops)
-    whole = {seed: hdf5.image(data.simulate(drops, seed), "trajectory") for seed in range(3)}
+    whole = {seed: hdf5.file_bytes(data.simulate(drops, seed), "trajectory") for seed in range(3)}
     # Water and sand are 5 and 6, so that 11 - type is the other one: a fault that only a digest can tell.
     place = whole[1].index(data.simulate(drops, 1).types.tobytes())
     other = bytes([11 - whole[1][place]])

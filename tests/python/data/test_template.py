@@ -103,8 +103,8 @@ def changed(**changes: Any) -> dict[str, Any]:
     ("content", "message"),
     [
         ([], "must be an object with named fields"),
-        ({**DROPS, "gravity": [0, {"uniform": [-10, -5]}]}, "gravity: may hold no range"),
-        ({**DROPS, "frames": {"integer": [1, 5]}}, "frames: may hold no range"),
+        ({**DROPS, "gravity": [0, {"uniform": [-10, -5]}]}, "gravity: must have no range"),
+        ({**DROPS, "frames": {"integer": [1, 5]}}, "frames: must have no range"),
         ({**DROPS, "bodies": 3}, "bodies: must be a list, got 3"),
         (changed(radius={"uniform": [0.2]}), r"bodies\[0\]\.radius\.uniform: must be \[low, high\]"),
         (changed(radius={"uniform": [0.2, 0.1]}), "low <= high"),

@@ -1,4 +1,4 @@
-"""The formats that data sets come in, and how to tell them apart."""
+"""The formats of data sets, and how to tell them apart."""
 
 import json
 from pathlib import Path
@@ -16,13 +16,13 @@ FORMATS = {form.name: form for form in (HYBRIDMPM, LAGRANGEBENCH, GNS, NEURALMPM
 
 
 def detect(folder: Path) -> Format:
-    """Tell the format of a folder by its files, and by what its metadata say where these do not decide.
+    """Return the format of a data set, found by its files and, where these do not decide, its metadata.
 
     Raises
     ------
     DataError
-        There is no data set, or it is in LagrangeBench's layout and nothing tells whose particle types
-        it has.
+        The folder has no data set; or the data set is in LagrangeBench's layout, and nothing tells whether
+        its particle types are DeepMind's or LagrangeBench's.
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; a data set is a folder with metadata.json and its splits")

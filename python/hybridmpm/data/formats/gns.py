@@ -1,6 +1,6 @@
-"""npz files of geoelements/gns: each trajectory is a pair (positions, particle types), in an object array.
+"""npz files of geoelements/gns: each trajectory is a pair (positions, particle types) in an object array.
 
-Such files are pickles; they are read by `inert`, which runs nothing of theirs.
+An object array is a pickle. `inert` reads it without running anything that it names.
 """
 
 import zipfile
@@ -19,7 +19,7 @@ from hybridmpm.errors import DataError
 from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 _ALL = "gns_data"
-"""Key of files that hold all trajectories in one array."""
+"""Key of the only array in files that have all trajectories in one array."""
 
 
 def _file(folder: Path, split: str) -> Path:
@@ -65,7 +65,7 @@ def _entry(archive: zipfile.ZipFile, key: str, path: Path) -> Any:
     except inert.InertPickleError as error:
         raise DataError(
             f"{path}: {key} holds {error}; only arrays of numbers are read, the rest of a pickle could run "
-            "any program. If you trust the file, write its positions and types anew with numpy"
+            "any program. If you trust the file, write its positions and types to a new one with numpy"
         ) from None
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, NotImplementedError) as error:
         raise DataError(f"{path}: {key} is damaged: {error}") from None

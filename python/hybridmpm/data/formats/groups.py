@@ -1,7 +1,7 @@
-"""LagrangeBench's layout: one HDF5 file a split, one group a trajectory, `position` and `particle_type`.
+"""LagrangeBench's layout: an HDF5 file for each split, in it a group for each trajectory.
 
-It comes with types as DeepMind numbers them, which is what we write and what LagrangeBench's own converter of
-DeepMind's data leaves, and with types as LagrangeBench numbers them.
+A group has `position` and `particle_type`. The types are numbered in one of two ways: in DeepMind's way, as
+we write them and as LagrangeBench's own converter of DeepMind's data leaves them, or in LagrangeBench's way.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

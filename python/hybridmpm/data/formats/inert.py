@@ -1,8 +1,8 @@
-"""Reading numpy's object arrays without running what a file says.
+"""Reading numpy's object arrays without running code that a file names.
 
-Such an array is a pickle, and a pickle may call any function. Here it may name only what numpy's own arrays
-need, and even these names stand for plain records of ours: nothing of numpy or of any other module is called
-while the pickle is read. The arrays are built afterwards, from bytes and a checked dtype.
+An object array is a pickle, and a pickle may call any function. Here it may only name what numpy's arrays
+need, and each of these names stands for a plain record defined below. So while the pickle is read, nothing of
+numpy or of any other module is called. The arrays are built afterwards, from bytes and a checked dtype.
 """
 
 import io
@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 _SIMPLE = frozenset(f"{kind}{size}" for kind in "iu" for size in (1, 2, 4, 8)) | {"f2", "f4", "f8", "b1"}
-_ENTRIES = 2**31
-"""An array of more is refused."""
+_MAX_LENGTH = 2**31
+"""Length of an axis from which on an array is refused."""
 
 
 class InertPickleError(ValueError):
-    """A pickle names or holds what no array of numbers needs."""
+    """A pickle names or has something that arrays of numbers do not need."""
 
 
 class _Dtype:
@@ -59,7 +59,7 @@ class _Array:
 def _numbers(
     shape: object, dtype: np.dtype[Any], content: object, *, by_columns: bool = False
 ) -> npt.NDArray[Any]:
-    lengths = isinstance(shape, tuple) and all(isinstance(n, int) and 0 <= n < _ENTRIES for n in shape)
+    lengths = isinstance(shape, tuple) and all(isinstance(n, int) and 0 <= n < _MAX_LENGTH for n in shape)
     if not lengths or not isinstance(content, bytes):
         raise InertPickleError("an array whose shape or content is none")
     flat = np.frombuffer(content, dtype) if len(content) % dtype.itemsize == 0 else np.empty(0, dtype)
@@ -83,14 +83,14 @@ def _from_buffer(content: object, dtype: object, shape: object, order: object) -
 
 
 def _encode(text: object, _encoding: object = "latin1") -> bytes:
-    """Stand in for `_codecs.encode`, by which pickles of old protocols hold bytes."""
+    """Stand in for `_codecs.encode`, by which pickles of old protocols store bytes."""
     if not isinstance(text, str):
         raise InertPickleError("bytes that are none")
     return text.encode("latin1")
 
 
 def _no_bytes(*_arguments: object) -> bytes:
-    """Stand in for `bytes`, which old protocols call for b""."""
+    """Stand in for `bytes`, which pickles of old protocols call to make b""."""
     return b""
 
 
@@ -117,16 +117,22 @@ class _Reader(pickle.Unpickler):
 
 
 def load(file: IO[bytes]) -> Any:
-    """Read a pickled object array: its entries as a list, nested arrays as arrays or again lists.
+    """Read a pickled object array.
+
+    Returns
+    -------
+    list
+        Its entries: arrays of numbers as arrays, numbers as numbers, and other object arrays, lists and
+        tuples as lists.
 
     Raises
     ------
     InertPickleError
-        The pickle holds anything but arrays of numbers, numbers, lists and tuples; the message names it.
+        The pickle has anything but arrays of numbers, numbers, lists and tuples; the message names it.
     """
     content = file.read()
     try:
-        _refuse_waste(content)
+        _refuse_memo_holes(content)
         found = _Reader(io.BytesIO(content)).load()
     except InertPickleError:
         raise
@@ -135,8 +141,8 @@ def load(file: IO[bytes]) -> Any:
     return _resolved(found, 0)
 
 
-def _refuse_waste(content: bytes) -> None:
-    """Refuse pickles that ask for far more memory than they have bytes: through a place in the memo."""
+def _refuse_memo_holes(content: bytes) -> None:
+    """Refuse pickles that write to a far place of the memo: a few bytes would claim a large memory."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if opcode.name in {"PUT", "BINPUT", "LONG_BINPUT"} and (argument or 0) > count:
             raise InertPickleError("a memo with holes")

@@ -1,4 +1,4 @@
-"""What a format is: where its splits lie, and how trajectories come out of them and go in."""
+"""`Format`: how a data set lies in a folder, and how its trajectories are read and written."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,24 +12,25 @@ Write = Callable[[Path, str, Iterable[Trajectory]], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One way to keep a data set in a folder. Trajectories have DeepMind's types on both sides."""
+    """One way to store a data set in a folder. Trajectories read or to be written have DeepMind's types."""
 
     name: str
     text: str
+    """Files of the format, for people."""
     splits: Callable[[Path], list[str]]
-    """Splits that a folder holds in this format."""
+    """Return the splits that a folder has in this format."""
     count: Callable[[Path, str], int]
-    """Trajectories of a split, without reading them all."""
+    """Return the number of trajectories of a split, without reading all of them."""
     read: Callable[[Path, str, Iterable[int] | None], Iterator[Trajectory]]
-    """Yield the trajectories of a split, those of some numbers or all; raises `DataError`."""
+    """Yield the trajectories of a split that have given numbers, all if None; raises `DataError`."""
     write: Write | None
-    """Write a split whole or not at all; raises `ExportError`. None where a format is only read."""
+    """Write a split whole or not at all; raises `ExportError`. None if the format can only be read."""
     keeps: frozenset[str]
-    """What it can hold besides positions and types: of "force", "mass" and "scene"."""
+    """Those of "force", "mass" and "scene" that the format can store besides positions and types."""
 
 
 def files_as_splits(suffix: str) -> Callable[[Path], list[str]]:
-    """Return a `splits` for formats with one file a split."""
+    """Return the function `Format.splits` of a format with one file for each split."""
 
     def splits(folder: Path) -> list[str]:
         found = {path.stem for path in folder.glob(f"*{suffix}") if not path.name.startswith(".")}
@@ -39,13 +40,13 @@ def files_as_splits(suffix: str) -> Callable[[Path], list[str]]:
 
 
 def in_order(found: Iterable[str]) -> list[str]:
-    """Sort splits: those for training, validation and testing first."""
+    """Return splits in order: "train", "valid" and "test" first, then the others by name."""
     usual = ["train", "valid", "test"]
     return sorted(found, key=lambda name: (usual.index(name) if name in usual else len(usual), name))
 
 
 def chosen(numbers: Iterable[int] | None, count: int, where: Path) -> list[int]:
-    """Return `numbers`, all if None; raises `DataError` where one is out of range."""
+    """Return `numbers`, or all below `count` if None; raises `DataError` where one is out of range."""
     wanted = list(range(count)) if numbers is None else list(numbers)
     beyond = [number for number in wanted if not 0 <= number < count]
     if beyond:

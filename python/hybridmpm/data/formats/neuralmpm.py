@@ -1,7 +1,7 @@
-"""NeuralMPM's layout: one HDF5 file a trajectory, walls and obstacles apart from the moving particles.
+"""NeuralMPM's layout: an HDF5 file for each trajectory, with walls and obstacles apart from moving particles.
 
-`SPLIT/sim_I.h5` holds `particles` (F, N, D or more), `boundary` (F or 1, B, D or more) and `types`, either of
-the moving particles or of both with the boundary first. Type 0 is the boundary, others are DeepMind's.
+`SPLIT/sim_I.h5` has `particles` (F, N, D or more), `boundary` (F or 1, B, D or more) and `types`, which are
+(N,) or, with the boundary first, (B + N,). Type 0 is the boundary; other types are DeepMind's.
 """
 
 import re
@@ -94,7 +94,7 @@ def _write(folder: Path, split: str, trajectories: Iterable[Trajectory]) -> None
             moving = trajectory.types != KINEMATIC
             types = translated(trajectory.types[moving], _TO, where=trajectory.place.file)
             hdf5.write_array(file, "particles", trajectory.positions[:, moving])
-            # Its reader joins both along the particles, which needs the same number of frames.
+            # NeuralMPM's reader joins both arrays along the particles, so both need all frames.
             hdf5.write_array(file, "boundary", trajectory.positions[:, ~moving])
             hdf5.write_array(file, "types", types)
             if trajectory.force is not None:

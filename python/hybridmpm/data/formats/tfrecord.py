@@ -1,9 +1,9 @@
 """DeepMind's tfrecords, read without tensorflow: the framing of the records and the few protocol buffers.
 
-A record is a length (8 bytes), its checksum (4), a `SequenceExample` and its checksum (4). Its context holds
-`particle_type` as the bytes of int64 (N,), its feature list `position` one string of float32 (N D) a frame
-(Sanchez-Gonzalez et al. 2020, reading_utils.py). Checksums are those of the lengths; a damaged example shows
-in its sizes.
+A record is a length (8 bytes), the checksum of the length (4), a `SequenceExample` and its checksum (4). The
+context of the example has `particle_type`, the bytes of int64 (N,); its feature list `position` has a string
+for each frame, the bytes of float32 (N D) (Sanchez-Gonzalez et al. 2020, reading_utils.py). Only checksums of
+lengths are checked; a damaged example is found by its sizes.
 """
 
 import struct
@@ -26,7 +26,7 @@ _POLYNOMIAL = 0x82F63B78
 
 
 def crc32c(data: bytes) -> int:
-    """CRC-32C (Castagnoli) of a few bytes; bit by bit, so not for many."""
+    """Return the CRC-32C (Castagnoli) of a few bytes; it goes bit by bit and is slow for many."""
     crc = 0xFFFFFFFF
     for byte in data:
         crc ^= byte
@@ -36,12 +36,12 @@ def crc32c(data: bytes) -> int:
 
 
 def masked(crc: int) -> int:
-    """Return a checksum as records hold it, rotated and shifted."""
+    """Return a checksum in the form that records store, rotated and shifted."""
     return ((crc >> 15 | crc << 17) + _MASK) & 0xFFFFFFFF
 
 
 def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, int]]:
-    """Yield place and length of each record's data; leaves reading them to the caller."""
+    """Yield position in the file and length of each record's data [bytes], which are not read."""
     size = path.stat().st_size
     start, number = 0, 0
     while start < size:
@@ -58,7 +58,7 @@ def _records(file: IO[bytes], path: Path) -> Iterator[tuple[int, int]]:
 
 
 def _map(data: memoryview) -> dict[str, memoryview]:
-    """Entries of a `map<string, message>`, the first field of both Features and FeatureLists."""
+    """Return the entries of a `map<string, message>`, the first field of Features and FeatureLists."""
     entries = {}
     for number, entry in messages(data):
         if number == 1:
@@ -68,7 +68,7 @@ def _map(data: memoryview) -> dict[str, memoryview]:
 
 
 def _strings(feature: memoryview) -> list[memoryview]:
-    """Values of a Feature that holds a BytesList."""
+    """Return the values of a Feature that has a BytesList."""
     lists = dict(messages(feature))
     if 1 not in lists:
         raise ValueError("a feature holds no bytes")

@@ -1,1 +1,1 @@
-"""Making data sets: each trajectory from its seed, in parallel, to be interrupted and resumed."""
+"""Making data sets: each trajectory from its seed, in parallel; a run can be interrupted and resumed."""

@@ -1,4 +1,4 @@
-"""From shards to one HDF5 file for each split."""
+"""Assembling the shards of a run into one HDF5 file for each split."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,12 +13,18 @@ from hybridmpm.scene.particle_types import UNCHANGED, translated
 
 
 def split_file(folder: Path, split: str) -> Path:
-    """Return where a split lies."""
+    """Return the path of a split's file."""
     return folder / f"{split}.h5"
 
 
 def seeds_in(folder: Path, split: str) -> dict[int, str]:
-    """Group of each seed in an assembled split, empty where there is none; raises `DataError`."""
+    """Return the group of each seed in an assembled split, none where there is no file.
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or was not made by `generate`.
+    """
     path = split_file(folder, split)
     if not path.exists():
         return {}
@@ -32,16 +38,16 @@ def seeds_in(folder: Path, split: str) -> dict[int, str]:
 
 
 def assemble(folder: Path, split: str, shards: Shards, seeds: Sequence[int]) -> None:
-    """Add the shards of `seeds` to a split, ordered by seed, and remove them.
+    """Add the shards of `seeds` to the file of a split, ordered by seed, and remove the shards.
 
-    Data are copied as they are, compressed. The file appears under its name once it is complete.
+    Compressed data are copied as they are. The new file replaces the old one once it is complete.
 
     Raises
     ------
     ExportError
-        The file cannot be written; shards and older file stay.
+        The file cannot be written; the shards and the old file stay.
     DataError
-        A shard or the older file cannot be read.
+        A shard or the old file cannot be read.
     """
     there = seeds_in(folder, split)
     new = [seed for seed in seeds if seed not in there]
@@ -52,11 +58,11 @@ def assemble(folder: Path, split: str, shards: Shards, seeds: Sequence[int]) -> 
                 old = seed in there
                 with hdf5.reading(path if old else shards.path(seed)) as source:
                     source.copy(there[seed] if old else GROUP, target, name=f"{number:05d}")
-    shards.drop(list(seeds))
+    shards.remove(list(seeds))
 
 
 def read_split(folder: Path, split: str) -> Iterator[Trajectory]:
-    """Yield the trajectories of an assembled split, each against its digest; raises `DataError`."""
+    """Yield the trajectories of an assembled split; raises `DataError` where a digest does not match."""
     path = split_file(folder, split)
     with hdf5.reading(path) as file:
         for group in sorted(file):

@@ -1,6 +1,6 @@
-"""Where trajectories are made: on threads of this process, or as tasks of a Ray cluster.
+"""Executors, which make trajectories in parallel: threads of this process, or tasks of a Ray cluster.
 
-Both give the same bytes; files are written by the caller alone.
+Both give the same bytes. Executors write no file; the caller does.
 """
 
 import importlib
@@ -18,60 +18,60 @@ from hybridmpm.data.generation.simulate import simulate
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.errors import ConfigError, SimulationError
 
-_PATIENCE = 10.0
-"""With a cluster that does not answer [s]."""
+_CONNECT_SECONDS = 10.0
+"""Time to wait for a cluster that does not answer [s]."""
 GROUP = "trajectory"
-"""Key of the one trajectory in a shard."""
+"""Key of the only trajectory in a shard."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a seed."""
+    """Result of a seed: its trajectory, or why there is none."""
 
     seed: int
     shard: bytes | None = None
-    """An HDF5 file; None where the simulation failed."""
+    """HDF5 file with the trajectory; None if the simulation failed."""
     failure: str | None = None
-    """Why it failed."""
+    """Reason why the simulation failed; None if it did not."""
 
 
 class Executor(Protocol):
     """Makes trajectories in parallel."""
 
     def run(self, recipe: Recipe, seeds: Iterable[int]) -> Generator[Outcome]:
-        """Yield the outcome of each seed, the first done first; closing it stops the others."""
+        """Yield the outcome of each seed as soon as it is done; closing the generator stops the others."""
 
 
 def produce(recipe: Recipe, seed: int, stop: threading.Event | None = None) -> Outcome:
-    """Simulate one seed; a frame that fails is an outcome, not an exception."""
+    """Simulate one seed. A failed simulation is an outcome, too; it raises no exception."""
     try:
         trajectory = simulate(recipe, seed, stop=(lambda: False) if stop is None else stop.is_set)
     except SimulationError as error:
         return Outcome(seed=seed, failure=str(error))
-    return Outcome(seed=seed, shard=hdf5.image(trajectory, GROUP))
+    return Outcome(seed=seed, shard=hdf5.file_bytes(trajectory, GROUP))
 
 
 class Threads:
-    """Threads of this process: the solver runs outside Python's lock.
+    """Threads of this process; they run at once, since the solver releases Python's lock.
 
     Parameters
     ----------
     threads : int in [1, 1024], optional
-        Trajectories at a time; as many as the process may use cores if absent.
+        Number of trajectories made at a time; if absent, the number of cores that the process may use.
     """
 
     def __init__(self, threads: int | None = None) -> None:
         self._threads = usable_cores() if threads is None else whole("threads", threads, 1, 1024)
 
     def run(self, recipe: Recipe, seeds: Iterable[int]) -> Generator[Outcome]:
-        """Yield the outcome of each seed; closing it stops the others within a few frames."""
+        """Yield the outcome of each seed; closing the generator stops the others within a few frames."""
         stop = threading.Event()
         todo = iter(seeds)
         running: set[Future[Outcome]] = set()
         with ThreadPoolExecutor(self._threads) as pool:
             try:
                 while True:
-                    # One in waiting for each at work: done shards do not pile up behind a slow disk.
+                    # One seed waits for each at work. With more, shards would pile up before a slow disk.
                     while len(running) < 2 * self._threads and (seed := next(todo, None)) is not None:
                         running.add(pool.submit(produce, recipe, seed, stop))
                     if not running:
@@ -85,12 +85,12 @@ class Threads:
 
 
 class RayTasks:
-    """Tasks of an existing Ray cluster, one core each. Its machines need this version of hybridmpm.
+    """Tasks of an existing Ray cluster, each on one core. Its machines need this version of hybridmpm.
 
     Parameters
     ----------
     address : str
-        Of the cluster; "auto" finds the one that this machine belongs to.
+        Address of the cluster; "auto" finds the cluster that this machine belongs to.
 
     Raises
     ------
@@ -107,7 +107,7 @@ class RayTasks:
             ) from None
         if not self._ray.is_initialized():
             try:
-                _knock(address)
+                _require_listener(address)
                 self._ray.init(address=address, log_to_driver=False, configure_logging=False)
             except (OSError, ValueError) as error:
                 raise ConfigError(
@@ -116,7 +116,7 @@ class RayTasks:
                 ) from None
 
     def run(self, recipe: Recipe, seeds: Iterable[int]) -> Generator[Outcome]:
-        """Yield the outcome of each seed; closing it cancels the others."""
+        """Yield the outcome of each seed; closing the generator cancels the others."""
         task = self._ray.remote(num_cpus=1, max_retries=2)(produce)
         at_once = 2 * max(1, int(self._ray.cluster_resources().get("CPU", 1)))
         todo = iter(seeds)
@@ -141,8 +141,8 @@ class RayTasks:
         return outcome
 
 
-def _knock(address: str) -> None:
-    """Raise OSError where nobody listens at host:port: Ray itself would try again for many minutes."""
+def _require_listener(address: str) -> None:
+    """Raise OSError where nobody listens at host:port; Ray itself would retry for many minutes."""
     host, colon, port = address.rpartition("://")[2].rpartition(":")
     if colon:
-        socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
+        socket.create_connection((host, int(port)), timeout=_CONNECT_SECONDS).close()

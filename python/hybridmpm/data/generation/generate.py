@@ -1,4 +1,4 @@
-"""Making a data set: in parallel, to be interrupted and resumed at will."""
+"""Making a data set in parallel; a run can be interrupted and resumed at any time."""
 
 import shutil
 from collections.abc import Callable, Sequence
@@ -22,28 +22,29 @@ if TYPE_CHECKING:
     from hybridmpm.scene import Scene
 
 _SAMPLED = 8
-"""Scenes that are filled to tell how much room all of them need."""
+"""Number of scenes, about, from which the size of all trajectories is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a run is about to do."""
+    """What a run will do."""
 
     recipe: Recipe
     folder: Path
     seeds: Seeds
     todo: tuple[int, ...]
-    """Seeds without a trajectory, those for training first."""
+    """Seeds that have no trajectory yet, those for training first."""
     done: int
-    """Trajectories that are there."""
+    """Number of seeds that have a trajectory."""
     bytes_needed: int
-    """Room for what is to do [bytes], by the particles of some of its scenes, before compression."""
+    """Size of the missing trajectories before compression [bytes], estimated from some of their scenes."""
     bytes_between: int
-    """Room that a split and its shards take while it is assembled [bytes], `bytes_needed` among it."""
+    """Size of the missing trajectories together with the largest split, which is assembled beside its
+    shards [bytes]."""
     bytes_free: int
-    """On the disk."""
+    """Free room on the disk of the folder [bytes]."""
     damaged: tuple[str, ...]
-    """Messages about shards that are made anew."""
+    """Messages about damaged shards, whose seeds are in `todo`."""
 
 
 @dataclass(kw_only=True)
@@ -51,17 +52,18 @@ class Report:
     """What a run did."""
 
     made: int = 0
+    """Number of new trajectories."""
     failed: dict[int, str] = field(default_factory=dict)
-    """Message by seed, of simulations that failed; all others are in the data set."""
+    """Messages of the simulations that failed, by seed. All other seeds are in the data set."""
 
 
 def plan(recipe: Recipe, folder: Path, seeds: Seeds) -> Plan:
-    """Look at what is there and what is missing; removes nothing and makes only the folder.
+    """Find out which trajectories are missing. This makes the folder and removes nothing.
 
     Raises
     ------
     ConfigError
-        The folder holds other data, or the disk has not enough room.
+        The folder has data of another recipe, or the disk has not enough room.
     DataError
         An assembled split is damaged.
     ExportError
@@ -70,8 +72,10 @@ def plan(recipe: Recipe, folder: Path, seeds: Seeds) -> Plan:
     shards = Shards(folder)
     shards.claim(recipe)
     todo, damaged = _missing(folder, shards, seeds)
-    needed = _bytes(recipe, todo)
-    largest = max(_bytes(recipe, [s for s in todo if splits.split_of(s) == name]) for name in splits.NAMES)
+    needed = _estimated_bytes(recipe, todo)
+    largest = max(
+        _estimated_bytes(recipe, [s for s in todo if splits.split_of(s) == name]) for name in splits.NAMES
+    )
     found = Plan(
         recipe=recipe,
         folder=folder,
@@ -94,33 +98,34 @@ def plan(recipe: Recipe, folder: Path, seeds: Seeds) -> Plan:
 def generate(
     planned: Plan, *, executor: Executor, on_progress: Callable[[int], object] = lambda _count: None
 ) -> Report:
-    """Make the trajectories that are missing, and assemble splits and metadata.
+    """Make the missing trajectories, and assemble splits and metadata.
 
-    A trajectory is the work of its seed alone, so the data depend neither on the executor nor on how often
-    the run was interrupted. Whatever stops it leaves each finished trajectory whole, and the same calls go on
-    from there. A simulation that fails is left out and named in the report and in `metadata.json`.
+    A trajectory depends on recipe and seed alone, so neither the executor nor interruptions change the data.
+    If the run is stopped, finished trajectories stay, and calling `plan` and `generate` again makes the
+    others. A simulation that fails is left out and named in the report and in `metadata.json`.
 
     Parameters
     ----------
     planned : Plan
-        From `plan`.
+        Result of `plan`.
     executor : Executor
+        What makes the trajectories: `Threads` or `RayTasks`.
     on_progress : callable
-        Called with the trajectories done since its last call.
+        Called with the number of trajectories done since its last call.
 
     Raises
     ------
     ConfigError
-        Another process writes this data set, or all simulations failed.
+        Another process is writing this data set, or all simulations failed.
     DataError
         An assembled split is damaged.
     ExportError
         A file cannot be written.
     """
     shards, report = Shards(planned.folder), Report()
-    with shards.held():
-        shards.clean()
-        shards.drop(planned.todo)  # the damaged ones
+    with shards.locked():
+        shards.remove_unfinished()
+        shards.remove(planned.todo)  # those that are damaged
         with closing(executor.run(planned.recipe, planned.todo)) as outcomes:
             for outcome in outcomes:
                 if outcome.shard is None:
@@ -143,7 +148,7 @@ def _missing(folder: Path, shards: Shards, seeds: Seeds) -> tuple[list[int], lis
         there = assemble.seeds_in(folder, split)
         for seed in seeds.of(split):
             try:
-                if seed in there or shards.sound(seed):
+                if seed in there or shards.is_intact(seed):
                     continue
             except DataError as error:
                 damaged.append(str(error))
@@ -151,8 +156,8 @@ def _missing(folder: Path, shards: Shards, seeds: Seeds) -> tuple[list[int], lis
     return todo, damaged
 
 
-def _bytes(recipe: Recipe, todo: Sequence[int]) -> int:
-    """Estimate the raw size of trajectories from some of their scenes; compression only lowers it."""
+def _estimated_bytes(recipe: Recipe, todo: Sequence[int]) -> int:
+    """Return the size of trajectories before compression [bytes], estimated from some of their scenes."""
     if not todo:
         return 0
     sampled = todo[:: max(1, len(todo) // _SAMPLED)]
@@ -174,7 +179,7 @@ def _assemble(planned: Plan, shards: Shards) -> None:
 
 
 def _describe(planned: Plan, report: Report) -> None:
-    """Read all splits once more, each trajectory against its digest, and write `metadata.json`."""
+    """Read all splits once more, checking each trajectory's digest, and write `metadata.json`."""
     scenes: list[Scene] = []
     statistics: dict[str, Statistics] = {}
     digests: dict[str, list[str]] = {}

@@ -1,6 +1,6 @@
-"""The working folder of a run: one file for each finished trajectory, until its split is assembled.
+"""Shards: one file for each finished trajectory, until its split is assembled.
 
-A killed writer leaves an HDF5 file torn, so each shard is written aside and renamed.
+A killed process leaves a damaged HDF5 file, so each shard is written under another name and then renamed.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ METADATA = "metadata.json"
 
 
 class Shards:
-    """The shards of a data set's folder, which is made if it is not there.
+    """The shards of a data set, in a folder that is made where it is missing.
 
     Raises
     ------
@@ -42,13 +42,13 @@ class Shards:
             raise ExportError(f"cannot write {self.folder}: {error.strerror or error}") from error
 
     @contextmanager
-    def held(self) -> Iterator[None]:
-        """Keep other processes out; the system lets go of the lock when this one dies.
+    def locked(self) -> Iterator[None]:
+        """Lock the data set against other processes; the system frees the lock when this process ends.
 
         Raises
         ------
         ConfigError
-            Another process writes this data set.
+            Another process is writing this data set.
         """
         handle = os.open(self.folder, os.O_RDONLY)
         try:
@@ -62,12 +62,12 @@ class Shards:
             os.close(handle)
 
     def claim(self, recipe: Recipe) -> None:
-        """Begin with `recipe`, or go on with it.
+        """Note `recipe` in an empty folder, or check that the folder's data were made with it.
 
         Raises
         ------
         ConfigError
-            The folder holds data of another recipe; the message names the settings that differ.
+            The folder has data of another recipe; the message names the settings that differ.
         """
         wanted = json.loads(json.dumps(recipe.to_dict()))
         note = self.folder / "recipe.json"
@@ -84,23 +84,23 @@ class Shards:
             raise ConfigError(f"{self.folder.parent} holds data made with {pairs}; choose another folder")
 
     def path(self, seed: int) -> Path:
-        """File of a seed's trajectory."""
+        """Return the path of a seed's shard."""
         return self.folder / f"{seed:07d}.h5"
 
     def store(self, seed: int, shard: bytes) -> None:
-        """Write a finished trajectory; raises `ExportError`, and the older shards stay."""
+        """Write a finished trajectory; where that fails, raises `ExportError`, and other shards stay."""
         with replacing(self.path(seed)) as part:
             part.write_bytes(shard)
 
-    def sound(self, seed: int) -> bool:
-        """Whether a trajectory is there; raises `DataError` where it is damaged."""
+    def is_intact(self, seed: int) -> bool:
+        """Whether a seed has a shard; raises `DataError` where the shard is damaged."""
         if not self.path(seed).exists():
             return False
         self.read(seed)
         return True
 
     def read(self, seed: int) -> Trajectory:
-        """Read a trajectory; raises `DataError` naming file and key."""
+        """Read a seed's trajectory; where it is damaged, raises `DataError` with file and key."""
         path = self.path(seed)
         with hdf5.reading(path) as file:
             key = f"{GROUP}/particle_type"
@@ -110,18 +110,18 @@ class Shards:
             raise DataError(f"{path}: {GROUP} is of seed {trajectory.seed}, not of {seed}")
         return trajectory
 
-    def clean(self) -> None:
-        """Remove what killed writers left half done."""
+    def remove_unfinished(self) -> None:
+        """Remove the unfinished files of killed processes."""
         for part in self.folder.glob(".*"):
             part.unlink(missing_ok=True)
 
-    def drop(self, seeds: Iterable[int]) -> None:
-        """Remove shards, where they are there."""
+    def remove(self, seeds: Iterable[int]) -> None:
+        """Remove the shards of seeds, where there are any."""
         for seed in seeds:
             self.path(seed).unlink(missing_ok=True)
 
     def finish(self) -> None:
-        """Remove the folder; shards that belong to no split keep it."""
+        """Remove the folder of the shards, unless shards that belong to no split remain in it."""
         (self.folder / "recipe.json").unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self.folder.rmdir()

@@ -1,4 +1,4 @@
-"""From recipe and seed to a trajectory, by the solver."""
+"""Simulating the trajectory of a recipe and a seed."""
 
 from collections.abc import Callable
 
@@ -15,13 +15,15 @@ from hybridmpm.scene.kinematic import kinematic_particles
 from hybridmpm.scene.particle_types import KINEMATIC
 
 _AT_ONCE = 25
-"""Frames between two looks at whether to stop."""
+"""Number of frames after which `stop` is asked again."""
 _MODES = 6
+"""Number of waves of the random force."""
 _LONGEST, _SHORTEST = 0.8, 0.2
-"""Wavelengths of the random force [m]."""
+"""Longest and shortest wavelength of the random force [m]."""
 _SLOWEST, _FASTEST = 0.2, 2.0
-"""Its frequencies [Hz]."""
+"""Lowest and highest frequency of the random force [Hz]."""
 _FORCE_SALT = 2**21
+"""Number that the generator of the random force gets besides the seed."""
 
 
 class StoppedError(Exception):
@@ -29,14 +31,19 @@ class StoppedError(Exception):
 
 
 def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: False) -> Trajectory:
-    """Simulate the scene of a seed, with obstacles as particles of type 3 behind those of the fluid.
+    """Simulate the scene of a seed.
+
+    The trajectory has the particles of the solver first, then the obstacles as particles of type 3
+    (kinematic). `stop()` is asked every few frames.
 
     Raises
     ------
+    ConfigError
+        The scene has emitters, sinks or moving obstacles.
     SimulationError
         The scene cannot be filled, or a frame failed.
     StoppedError
-        `stop()`, asked every few frames, was true.
+        `stop()` was true.
     """
     scene = recipe.scene(seed)
     solver = _solver(scene, recipe)
@@ -69,7 +76,7 @@ def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: Fa
 
 def _solver(scene: Scene, recipe: Recipe) -> MpmSolver:
     if scene.emitters or scene.sinks:
-        raise ConfigError("a trajectory keeps its particles: take emitters and sinks out of the scene")
+        raise ConfigError("a trajectory has the same particles throughout: remove emitters and sinks")
     return MpmSolver(scene, substeps=recipe.substeps, r_p=recipe.r_p)
 
 
@@ -81,14 +88,16 @@ def _advance(solver: MpmSolver, frames: int, stop: Callable[[], bool]) -> None:
 
 
 class RandomForce:
-    """A smooth random acceleration in space and time: a few travelling waves, the same for the same seed.
+    """A random acceleration that is smooth in space and time, a sum of a few travelling waves.
 
     Parameters
     ----------
     dim : int
+        Dimension D.
     strength : float
-        Root mean square over space and time of its length [m/s^2].
+        Root mean square of the acceleration's length over space and time [m/s^2].
     seed : int
+        Seed of the waves; the same seed gives the same acceleration.
     """
 
     def __init__(self, dim: int, strength: float, seed: int) -> None:
@@ -102,10 +111,10 @@ class RandomForce:
         self._wave = 2 * np.pi * directions() / wavelength
         self._frequency = 2 * np.pi * rng.uniform(_SLOWEST, _FASTEST, size=_MODES)
         self._phase = rng.uniform(0, 2 * np.pi, size=_MODES)
-        # The square of a cosine is 1/2 in the mean.
+        # The mean of a cosine's square is 1/2.
         self._push = directions() * strength * np.sqrt(2 / _MODES)
 
     def at(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
-        """Acceleration [m/s^2] of points (N, D) [m] at a time [s]; shape (N, D)."""
+        """Return the accelerations (N, D) [m/s^2] at points (N, D) [m] and a time [s]."""
         waves = np.cos(x @ self._wave.T + self._frequency * time + self._phase)
         return np.asarray(waves @ self._push, dtype=np.float32)
