@@ -1,16 +1,16 @@
-"""Errors between states of a scene, bounds to read them by, and tables over many scenes.
+"""Errors between states of a scene, bounds to judge errors by, and tables over many scenes.
 
-A state is the positions x (N, D) [m] of its particles, where needed with their mass (N,) [kg] and velocities
-v (N, D) [m/s]. Every measure also takes a whole trajectory, with the frames first: x (F, N, D); its result
-then has the shape (F,). Two states may differ in the number of particles.
+A state is the positions x (N, D) [m] of its particles, where needed with their masses (N,) [kg] and
+velocities v (N, D) [m/s]. Every measure also takes a whole trajectory x (F, N, D), the frames first; its
+result then has the shape (F,). Two states may differ in the number of particles.
 
-- `grid_rmse`, `grid_nrmse`, `grid_node_error`: of the mass on a grid from `grid_mass`. `grid_rmse` is the
-  default error of this library.
-- `sinkhorn_distance`, `centroid_error`, `neighbour_histogram_distance`, `energy_error`: of the particles.
-- `kinetic_energy`, `potential_energy`, `density_extremes`, `penetration_count`: of one state alone.
-- `compare` takes most of them between two recordings at once.
-- `other_jitter`, `held_still` and `merged_states` give the floor and the ceiling of an error.
-- `ErrorTable` has mean and standard error over scenes, and paired differences between methods.
+- `grid_rmse`, `grid_nrmse` and `grid_node_error` compare the masses that `grid_mass` puts on a grid.
+  `grid_rmse` is the default error of this library.
+- `sinkhorn_distance`, `centroid_error`, `neighbour_histogram_distance` and `energy_error` compare particles.
+- `kinetic_energy`, `potential_energy`, `density_extremes` and `penetration_count` measure one state.
+- `compare` gives most of these errors between two recordings.
+- `other_jitter`, `held_still` and `merged_states` give recordings for the floor and the ceiling of an error.
+- `ErrorTable` collects means and standard errors over scenes, and paired differences between methods.
 """
 
 from hybridmpm.metrics.bounds import held_still, merged_states, other_jitter

@@ -1,7 +1,8 @@
-"""What errors are read against: the floors that no method should be asked to beat, and the ceiling.
+"""Bounds of errors: floors that no method can be expected to beat, and a ceiling.
 
-The floor of a chaotic flow is the truth against itself with other jitter, that of a method with fewer
-particles also the truth merged into as many. The ceiling is the initial state held still.
+In a chaotic flow a floor is the error of the truth against the truth with other jitter. For a method with
+fewer particles, another floor is the error of the truth merged into as many particles. The ceiling is the
+error of the initial state held still.
 """
 
 import dataclasses
@@ -28,10 +29,10 @@ def held_still(recording: Recording) -> Recording:
 
 
 def merged_states(recording: Recording, r_p: float, *, seed: int = 0) -> Recording:
-    """Merge each state of a recording on its own, as `downsampling.merge` does.
+    """Return a recording with each state merged on its own, as `downsampling.merge` does.
 
-    This is the best that a method with so many particles could answer. Only particles of one type and mass
-    are merged with each other. Particles of different states do not correspond.
+    No method with so few particles can do better. Only particles of the same type and mass are merged with
+    each other. A particle of one state does not correspond to the particle of this index in another state.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def merged_states(recording: Recording, r_p: float, *, seed: int = 0) -> Recordi
         merge(
             Particles(
                 x=x, v=v, material=recording.types, types=recording.types, body=group, mass=recording.mass,
-                # Nobody reads it: volumes are merged as masses are.
+                # `merge` needs volumes; the merged volumes are not used.
                 volume=recording.mass,
             ),
             r_p,
@@ -54,7 +55,7 @@ def merged_states(recording: Recording, r_p: float, *, seed: int = 0) -> Recordi
     ]  # fmt: skip
     return dataclasses.replace(
         recording,
-        # Sizes of clusters follow from their number alone, so that every state has these.
+        # Cluster sizes depend on the number of clusters alone, so all states have the same types and masses.
         types=states[0].types,
         mass=states[0].mass,
         positions=np.stack([state.x for state in states]),

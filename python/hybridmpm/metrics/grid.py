@@ -1,9 +1,9 @@
-"""Errors between two states of a scene, read off the mass that their particles leave on a grid.
+"""Errors between two states of a scene, from the masses that their particles put on the nodes of a grid.
 
-All three normalise the node masses to m~ = m / sum(m), so that states with different numbers of particles
-compare. They are three readings of one published formula, "the mean over nodes of |m~_pred - m~_true| /
-m~_true"; `grid_rmse` is the default. The `predicted` and `true` arrays come from `grid_mass` with the same
-resolution.
+All three errors normalise the node masses to m~ = m / sum(m), so that states with different numbers of
+particles can be compared. They are three readings of one published formula, "the mean over nodes of
+|m~_pred - m~_true| / m~_true"; `grid_rmse` is the default. The arrays `predicted` and `true` come from
+`grid_mass` with the same resolution.
 """
 
 from typing import overload
@@ -16,32 +16,32 @@ from hybridmpm._support.arguments import float32, whole
 from hybridmpm.errors import ConfigError
 
 EMPTY_BELOW = 1e-3
-"""`grid_node_error` counts nodes below this share of the largest true mass as empty."""
+"""Fraction of the largest true mass below which `grid_node_error` counts a node as empty."""
 
 _Floats = npt.NDArray[np.float64]
 
 
 def grid_mass(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> npt.NDArray[np.float32]:
-    """Mass of the nodes of a grid over [0, 1]^D, by quadratic B-splines.
+    """Return the masses of the nodes of a grid over [0, 1]^D, by quadratic B-splines.
 
     Parameters
     ----------
     x : (N, D) or (F, N, D), in [0, 1]
-        Positions [m], of one state or of F frames.
+        Positions [m] of one state or of F frames.
     mass : (N,)
-        [kg].
+        Masses of the particles [kg].
     resolution : int in [8, 1024]
-        Cells along each axis.
+        Number of cells along each axis.
 
     Returns
     -------
-    float32, (resolution + 1,) * D, of F frames (F, ...)
-        [kg]; the sum of a grid is that of `mass`.
+    float32, (resolution + 1,) * D, or (F, ...) of F frames
+        Masses of the nodes [kg]; the sum over a grid is that of `mass`.
 
     Raises
     ------
     ConfigError
-        Wrong shapes or values out of range.
+        A shape is wrong, or a value is out of range.
 
     References
     ----------
@@ -63,24 +63,25 @@ def grid_rmse(predicted: npt.ArrayLike, true: npt.ArrayLike) -> float: ...
 @overload
 def grid_rmse(predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int) -> _Floats: ...
 def grid_rmse(predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int | None = None) -> float | _Floats:
-    """||m~_pred - m~_true|| / ||m~_true||, the default error.
+    """Return ||m~_pred - m~_true|| / ||m~_true||, the default error.
 
     Parameters
     ----------
     predicted, true : (n,) * D, or (F, n, ...) with `dim`
         Node masses [kg], as from `grid_mass`.
     dim : int >= 1, optional
-        Axes of one grid, the last ones; those before them count frames. All axes if absent.
+        Number of axes of a grid, which are the last ones; the axes before them count frames. If absent, all
+        axes are the grid's.
 
     Returns
     -------
     float >= 0, or float64 (F,) with `dim`
-        [-]; 0 for equal states, sqrt(2) for two of the same concentration that share no node.
+        Error [-]: 0 for equal states, sqrt(2) for states of equal ||m~|| that have no node in common.
 
     Raises
     ------
     ConfigError
-        Shapes differ, or a grid holds no mass or a value that is negative or not finite.
+        Shapes differ; or a grid has no mass, or a value that is negative or not finite.
     """
     p, t = _normalised(predicted, true, dim)
     return _shaped(np.linalg.norm(p - t, axis=-1) / np.linalg.norm(t, axis=-1), dim)
@@ -91,10 +92,10 @@ def grid_nrmse(predicted: npt.ArrayLike, true: npt.ArrayLike) -> float: ...
 @overload
 def grid_nrmse(predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int) -> _Floats: ...
 def grid_nrmse(predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int | None = None) -> float | _Floats:
-    """Root mean square of m~_pred - m~_true over all nodes, divided by the largest m~_true.
+    """Return the root mean square of m~_pred - m~_true over all nodes, divided by the largest m~_true.
 
-    Parameters, range of the arguments and errors are those of `grid_rmse`; the result is >= 0 [-] and shrinks
-    with the share of nodes that hold mass.
+    Parameters and errors are those of `grid_rmse`. The result is >= 0 [-]; the fewer of the nodes have mass,
+    the smaller it is.
     """
     p, t = _normalised(predicted, true, dim)
     return _shaped(np.sqrt(np.mean((p - t) ** 2, axis=-1)) / t.max(axis=-1), dim)
@@ -107,10 +108,10 @@ def grid_node_error(predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int) 
 def grid_node_error(
     predicted: npt.ArrayLike, true: npt.ArrayLike, *, dim: int | None = None
 ) -> float | _Floats:
-    """Mean over all nodes of |m~_pred - m~_true| / m~_true.
+    """Return the mean over all nodes of |m~_pred - m~_true| / m~_true.
 
-    Nodes whose true mass is below `EMPTY_BELOW` of the largest are counted as empty and contribute 0, but
-    they count in the mean. Parameters and errors are those of `grid_rmse`; the result is >= 0 [-].
+    A node whose true mass is below `EMPTY_BELOW` of the largest counts as empty: it enters the mean as 0.
+    Parameters and errors are those of `grid_rmse`. The result is >= 0 [-].
     """
     p, t = _normalised(predicted, true, dim)
     filled = t >= EMPTY_BELOW * t.max(axis=-1, keepdims=True)
@@ -119,7 +120,7 @@ def grid_node_error(
 
 
 def _normalised(predicted: npt.ArrayLike, true: npt.ArrayLike, dim: int | None) -> tuple[_Floats, _Floats]:
-    """Return m~ of both, one flat row a grid."""
+    """Return m~ of `predicted` and of `true`, (nodes,) or (F, nodes)."""
     p, t = np.asarray(predicted, dtype=np.float64), np.asarray(true, dtype=np.float64)
     if p.shape != t.shape:
         raise ConfigError(f"predicted and true must have the same shape, got {p.shape} and {t.shape}")
@@ -129,7 +130,7 @@ def _normalised(predicted: npt.ArrayLike, true: npt.ArrayLike, dim: int | None) 
         flat = grid.reshape(*grid.shape[:before], -1)
         sums = flat.sum(axis=-1, keepdims=True)
         if not (np.isfinite(flat).all() and (flat >= 0).all() and (sums > 0).all()):
-            raise ConfigError(f"{name} must hold finite masses >= 0 kg, and some above 0")
+            raise ConfigError(f"{name} must have finite masses >= 0 kg, and some above 0")
         rows.append(flat / sums)
     return rows[0], rows[1]
 

@@ -1,4 +1,4 @@
-"""Measures of particles: energies, centroid, density, spacing and penetration."""
+"""Measures of particles: energies, centre of mass, density, neighbours and penetration."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,50 +15,50 @@ _Floats = npt.NDArray[np.float64]
 
 
 def kinetic_energy(v: npt.ArrayLike, mass: npt.ArrayLike) -> _Floats:
-    """Sum of m |v|^2 / 2.
+    """Return the kinetic energy, the sum of m |v|^2 / 2.
 
     Parameters
     ----------
     v : (N, D) or (F, N, D)
         Velocities [m/s].
     mass : (N,)
-        [kg].
+        Masses [kg].
 
     Returns
     -------
     float64 () or (F,), >= 0
-        [J]; in 2D of a slice one metre deep.
+        Energy [J]; in 2D that of a slice one metre deep.
 
     Raises
     ------
     ConfigError
-        Wrong shapes.
+        A shape is wrong, a velocity is not finite, or a mass is not above 0.
     """
     velocity, masses = checked_particles("v", v, mass)
     return np.asarray(0.5 * ((velocity**2).sum(axis=-1) * masses).sum(axis=-1))
 
 
 def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: Sequence[float]) -> _Floats:
-    """-Sum of m g . x, zero at the origin, as in `Diagnostics`.
+    """Return the potential energy, minus the sum of m g . x, which is zero at the origin as in `Diagnostics`.
 
     Parameters
     ----------
     x : (N, D) or (F, N, D)
         Positions [m].
     mass : (N,)
-        [kg].
+        Masses [kg].
     gravity : D floats
-        [m/s^2].
+        Gravity g [m/s^2].
 
     Returns
     -------
     float64 () or (F,)
-        [J].
+        Energy [J]; in 2D that of a slice one metre deep.
 
     Raises
     ------
     ConfigError
-        Wrong shapes.
+        A shape is wrong, a position is not finite, or a mass is not above 0.
     """
     positions, masses = checked_particles("x", x, mass)
     if len(gravity) != positions.shape[-1]:
@@ -67,18 +67,20 @@ def potential_energy(x: npt.ArrayLike, mass: npt.ArrayLike, gravity: Sequence[fl
 
 
 def energy_error(predicted: npt.ArrayLike, true: npt.ArrayLike) -> _Floats:
-    """|E_pred - E_true| / max E_true, of kinetic, total or any energy that is zero at rest.
+    """Return |E_pred - E_true| / max E_true of kinetic, total or any other energy that is zero at rest.
+
+    The error is divided by the largest true energy of all frames, because the energy of a frame at rest
+    is 0.
 
     Parameters
     ----------
     predicted, true : (F,)
-        Energies over F frames [J], e.g. from `kinetic_energy` or `Diagnostics`.
+        Energies of F frames [J], e.g. from `kinetic_energy` or `Diagnostics`.
 
     Returns
     -------
     float64 (F,), >= 0
-        [-], in parts of the largest true energy of all frames: a fluid at rest has none of its own to divide
-        by.
+        Error of each frame [-].
 
     Raises
     ------
@@ -96,24 +98,24 @@ def energy_error(predicted: npt.ArrayLike, true: npt.ArrayLike) -> _Floats:
 def centroid_error(
     predicted: npt.ArrayLike, predicted_mass: npt.ArrayLike, true: npt.ArrayLike, true_mass: npt.ArrayLike
 ) -> _Floats:
-    """Distance of the centres of mass.
+    """Return the distance between the centres of mass.
 
     Parameters
     ----------
     predicted, true : (N, D) or (F, N, D)
         Positions [m]; N may differ.
     predicted_mass, true_mass : (N,)
-        [kg].
+        Masses [kg].
 
     Returns
     -------
     float64 () or (F,), >= 0
-        [m].
+        Distance [m].
 
     Raises
     ------
     ConfigError
-        Wrong shapes.
+        A shape is wrong, a position is not finite, or a mass is not above 0.
     """
     centres = []
     for name, x, mass in (("predicted", predicted, predicted_mass), ("true", true, true_mass)):
@@ -125,29 +127,30 @@ def centroid_error(
 
 
 def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> _Floats:
-    """Smallest and largest density that a particle sees around it.
+    """Return the smallest and the largest density at a particle.
 
-    The density is that of the grid, mass per cell, interpolated to the particles by quadratic B-splines. At a
-    free surface or a wall it is about half of that inside.
+    The density is the mass of a grid node over the volume of a cell, interpolated to the particles by
+    quadratic B-splines. At a free surface or a wall it is about half of the density inside.
 
     Parameters
     ----------
     x : (N, D) or (F, N, D), in [0, 1]
         Positions [m].
     mass : (N,)
-        [kg].
+        Masses [kg].
     resolution : int in [8, 1024]
-        Cells along each axis; with less than one particle a cell the density shows the gaps.
+        Number of cells along each axis. With less than one particle in a cell the density shows the gaps
+        between particles.
 
     Returns
     -------
     float64 (2,) or (F, 2), > 0
-        Smallest, largest [kg/m^3].
+        Smallest and largest density [kg/m^3].
 
     Raises
     ------
     ConfigError
-        Wrong shapes or values out of range.
+        A shape is wrong, or a value is out of range.
     """
     positions, masses = checked_particles("x", x, mass)
     resolution = whole("resolution", resolution, 8, 1024)
@@ -165,26 +168,27 @@ def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> 
 def neighbour_histogram_distance(
     predicted: npt.ArrayLike, true: npt.ArrayLike, radius: float, *, predicted_radius: float | None = None
 ) -> _Floats:
-    """Earth mover's distance between the histograms of the particles' numbers of neighbours.
+    """Return the earth mover's distance between the histograms of the particles' numbers of neighbours.
 
     Parameters
     ----------
     predicted, true : (N, D) or (F, N, D)
         Positions [m]; N may differ.
     radius : float > 0
-        Neighbours are at most so far away [m].
+        Largest distance of neighbours [m].
     predicted_radius : float > 0, optional
-        Another radius for the predicted particles, where their spacing is another.
+        Largest distance of neighbours among the predicted particles [m]; `radius` if absent. It differs where
+        the spacing of the predicted particles differs.
 
     Returns
     -------
     float64 () or (F,), >= 0
-        [neighbours]: by how many the numbers differ in the mean, once both are sorted.
+        Distance [neighbours]: the mean difference of the numbers of neighbours, once both are sorted.
 
     Raises
     ------
     ConfigError
-        Wrong shapes, or a radius that is not above 0.
+        A shape is wrong, or a radius is not above 0.
 
     References
     ----------
@@ -196,12 +200,12 @@ def neighbour_histogram_distance(
         raise ConfigError(f"predicted and true must have as many frames, got {p.shape} and {t.shape}")
     pairs = [(p, t)] if p.ndim == 2 else list(zip(p, t, strict=True))
     reach = radius if predicted_radius is None else predicted_radius
-    distances = [_earth_movers(_shares(one, reach), _shares(two, radius)) for one, two in pairs]
+    distances = [_earth_movers(_histogram(one, reach), _histogram(two, radius)) for one, two in pairs]
     return np.array(distances).reshape(p.shape[:-2])
 
 
-def _shares(x: npt.NDArray[np.float32], radius: float) -> _Floats:
-    """Share of the particles that have 0, 1, 2, ... neighbours."""
+def _histogram(x: npt.NDArray[np.float32], radius: float) -> _Floats:
+    """Return the fraction of the particles that have 0, 1, 2, ... neighbours."""
     receivers = _native.radius_graph(x, radius).receivers
     return np.asarray(np.bincount(np.bincount(receivers, minlength=len(x))) / len(x))
 
@@ -220,21 +224,24 @@ def penetration_count(
     Parameters
     ----------
     scene : Scene
+        Scene with the walls and obstacles.
     x : (N, D) or (F, N, D)
         Positions [m].
     first_frame, every : int
-        Number of the first frame, and frames from one to the next: obstacles may move.
+        Frame number of the first state, and number of frames from one state to the next; they place moving
+        obstacles.
     tolerance : float >= 0
-        Depth that is let pass [m]; by default the rounding of particles that lie on a surface.
+        Depth up to which a particle does not count [m]; by default the rounding of particles on a surface.
 
     Returns
     -------
     int64 () or (F,), in [0, N]
+        Number of particles.
 
     Raises
     ------
     ConfigError
-        Wrong shapes.
+        `x` has a wrong shape.
     """
     positions = float32("x", x, "(N, D)", "(F, N, D)")
     if positions.shape[-1] != scene.dim:
@@ -251,7 +258,13 @@ def penetration_count(
 
 
 def checked_particles(name: str, x: npt.ArrayLike, mass: npt.ArrayLike) -> tuple[_Floats, _Floats]:
-    """Return values (N, D) or (F, N, D) of particles and their mass (N,), or raise `ConfigError`."""
+    """Return values (N, D) or (F, N, D) of particles and their masses (N,) as float64.
+
+    Raises
+    ------
+    ConfigError
+        A shape is wrong, a value is not finite, or a mass is not above 0.
+    """
     values = float32(name, x, "(N, D)", "(F, N, D)").astype(np.float64)
     masses = float32("mass", mass, "(N,)").astype(np.float64)
     if not np.isfinite(values).all():

@@ -1,4 +1,4 @@
-"""Most errors at once, between two recordings of one scene."""
+"""`compare`: most errors at once, between two recordings of one scene."""
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +17,13 @@ from hybridmpm.metrics.particles import (
 from hybridmpm.recording import Recording
 
 RADIUS = 2.0
-"""Neighbours are counted within so many mean spacings of the particles."""
+"""Radius within which neighbours are counted, in mean spacings of the particles."""
 
 
 def compare(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.float64]]:
-    """Errors of each state of a recording, taken on the grid of the true one's scene.
+    """Return the errors of each state of a recording.
+
+    Grids have the resolution of the true recording's scene.
 
     Parameters
     ----------
@@ -32,11 +34,15 @@ def compare(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.f
     Returns
     -------
     dict of float64 (F,)
-        `grid_rmse`, `grid_nrmse`, `grid_node_error` [-]; `kinetic_energy` and `mechanical_energy`:
-        `energy_error` [-], the latter of kinetic and potential energy above the lowest corner of the walls,
-        without the elastic, which recordings do not hold; `centroid` [m]; `max_density`: largest density of
-        predicted particles over that of true ones [-]; `neighbours` [neighbours], each within two of its own
-        mean spacings; `penetrations`: predicted particles inside obstacles or past walls.
+        - `grid_rmse`, `grid_nrmse`, `grid_node_error` [-];
+        - `kinetic_energy`: `energy_error` of the kinetic energy [-];
+        - `mechanical_energy`: `energy_error` of kinetic plus potential energy, the latter above the lowest
+          corner of the walls [-]; elastic energy is left out, because recordings do not have it;
+        - `centroid`: `centroid_error` [m];
+        - `max_density`: largest density at a predicted particle over that at a true particle [-];
+        - `neighbours`: `neighbour_histogram_distance` [neighbours], within `RADIUS` mean spacings of the
+          recording's own particles;
+        - `penetrations`: number of predicted particles inside obstacles or past walls.
 
     Raises
     ------
@@ -45,7 +51,7 @@ def compare(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.f
     """
     scene = true.scene
     if not np.array_equal(predicted.frames, true.frames) or predicted.scene.dim != scene.dim:
-        raise ConfigError("predicted and true must hold the same frames of scenes of one dimension")
+        raise ConfigError("predicted and true must have the same frames and scenes of the same dimension")
     both = (predicted, true)
     radius = RADIUS * scene.spacing
     wider = radius * (true.positions.shape[1] / predicted.positions.shape[1]) ** (1 / scene.dim)
@@ -66,7 +72,7 @@ def compare(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.f
 
 
 def _grid_errors(predicted: Recording, true: Recording) -> dict[str, npt.NDArray[np.float64]]:
-    """Compare one state at a time: the grids of all would take gigabytes in 3D."""
+    """Return the grid errors, one state at a time: the grids of all states would take gigabytes in 3D."""
     measures = {"grid_rmse": grid_rmse, "grid_nrmse": grid_nrmse, "grid_node_error": grid_node_error}
     errors = {name: np.empty(len(true.frames)) for name in measures}
     for row, (x, t) in enumerate(zip(predicted.positions, true.positions, strict=True)):
@@ -85,7 +91,7 @@ def _penetrations(recording: Recording) -> npt.NDArray[np.float64]:
 
 
 def _height_energy(recording: Recording) -> npt.NDArray[np.float64]:
-    """Potential energy above the lowest corner of the walls, along gravity [J]."""
+    """Return the potential energy (F,) [J] above the corner of the walls that is lowest under gravity."""
     scene = recording.scene
     gravity = np.array(scene.gravity)
     lowest = np.maximum(gravity * scene.walls.lower, gravity * scene.walls.upper).sum()

@@ -1,4 +1,4 @@
-"""Mean and standard error over scenes, and paired differences where methods share them."""
+"""Means and standard errors over scenes, and paired differences over scenes that two methods share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,16 +11,17 @@ from hybridmpm.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A mean over `count` samples and its standard error, in the unit of the samples."""
+    """A mean over samples and its standard error, in the unit of the samples."""
 
     mean: float
     standard_error: float | None
-    """Sample standard deviation over sqrt(count); None of a single sample, which has none."""
+    """Sample standard deviation over sqrt(count); None for a single sample."""
     count: int
+    """Number of samples."""
 
     @classmethod
     def of(cls, samples: Sequence[float]) -> "Estimate":
-        """Estimate from samples; raises `ConfigError` where there are none or one is not finite."""
+        """Estimate the mean of samples; raises `ConfigError` where there are none or one is not finite."""
         values = np.asarray(samples, dtype=np.float64)
         if values.ndim != 1 or len(values) == 0 or not np.isfinite(values).all():
             raise ConfigError("samples must be one or more finite numbers")
@@ -36,20 +37,20 @@ class Estimate:
 class ErrorTable:
     """Errors of several methods on scenes that they may share.
 
-    A row is a method, a column a measure. `add` the errors of one scene after the other, then take `rows` for
-    files or `text` for a screen.
+    A row is a method, a column is a measure. `add` the errors of one scene after the other; then `rows` gives
+    the table for a file, `text` for a screen.
     """
 
     _samples: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict, repr=False)
-    """By method, measure and scene."""
+    """Errors by method, measure and scene."""
 
     def add(self, method: str, scene: str, errors: Mapping[str, float]) -> None:
-        """Enter the errors of a method in a scene, by measure.
+        """Add the errors of a method in a scene, by measure.
 
         Raises
         ------
         ConfigError
-            The table has this scene of this method and measure, or an error is not finite.
+            The table already has the error of this method, measure and scene, or an error is not finite.
         """
         columns = self._samples.setdefault(method, {})
         for measure, error in errors.items():
@@ -61,25 +62,25 @@ class ErrorTable:
 
     @property
     def methods(self) -> list[str]:
-        """In the order of their first entry."""
+        """Methods in the order of their first entry."""
         return list(self._samples)
 
     @property
     def measures(self) -> list[str]:
-        """In the order of their first entry."""
+        """Measures in the order of their first entry."""
         return list(dict.fromkeys(measure for columns in self._samples.values() for measure in columns))
 
     def estimate(self, method: str, measure: str) -> Estimate:
-        """Mean over the method's scenes; raises `ConfigError` where it has no such entry."""
+        """Return the mean error of a method over its scenes; raises `ConfigError` where there is no entry."""
         return Estimate.of(list(self._entry(method, measure).values()))
 
     def difference(self, method: str, reference: str, measure: str) -> Estimate:
-        """Mean over the scenes that both have, of the method's error minus the reference's.
+        """Return the mean of the method's error minus the reference's, over the scenes that both have.
 
         Raises
         ------
         ConfigError
-            They share no scene, or have no such measure.
+            The methods share no scene, or one of them has no such measure.
         """
         mine, theirs = self._entry(method, measure), self._entry(reference, measure)
         shared = [scene for scene in mine if scene in theirs]
@@ -88,10 +89,11 @@ class ErrorTable:
         return Estimate.of([mine[scene] - theirs[scene] for scene in shared])
 
     def rows(self, reference: str | None = None) -> list[dict[str, Any]]:
-        """One flat object a method.
+        """Return a flat dictionary for each method.
 
-        Each measure fills the fields `MEASURE`, `MEASURE_se` and `MEASURE_n`; with a `reference` also
-        `MEASURE_difference` and `MEASURE_difference_se`, None for the reference itself.
+        Each measure fills the keys `MEASURE` (mean), `MEASURE_se` (standard error) and `MEASURE_n` (number of
+        scenes). With a `reference` it also fills `MEASURE_difference` and `MEASURE_difference_se`, which are
+        None for the reference itself.
         """
         rows = []
         for method, columns in self._samples.items():
@@ -107,7 +109,7 @@ class ErrorTable:
         return rows
 
     def text(self) -> str:
-        """Lay out the means and standard errors, one method a line."""
+        """Return the means and standard errors as text, one line for each method."""
         head = ["method", *self.measures]
         lines = [
             [method, *(str(self.estimate(method, m)) if m in columns else "-" for m in self.measures)]

@@ -1,4 +1,4 @@
-"""Optimal transport between particles, by the library POT."""
+"""Distance between particles by optimal transport, computed by the library POT."""
 
 from types import ModuleType
 
@@ -10,15 +10,19 @@ from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.metrics.particles import checked_particles
 
 MAX_POINTS = 500
-"""More particles are merged into so many clusters first: the cost grows with their square."""
+"""Largest number of points; more particles are first merged into so many clusters.
+
+The cost grows with the square of the number of points.
+"""
 BLUR = 0.05
 """Default length of the entropic smoothing [m]."""
 
 _ITERATIONS = 10_000
+"""Largest number of rounds of the iteration."""
 _MARGINAL_ERROR = 1e-5
-"""Norm of what the marginals miss at which the iteration stops; the dual value is off by about its square."""
+"""Norm of the marginals' error at which the iteration stops; the dual value's error is about its square."""
 _LARGEST_MARGINAL_ERROR = 1e-4
-"""Still taken after the last round: a few drops far from all else settle slowly and count for little."""
+"""Largest such norm that is accepted after the last round: a few drops far away settle slowly."""
 
 _Floats = npt.NDArray[np.float64]
 
@@ -31,30 +35,31 @@ def sinkhorn_distance(
     *,
     blur: float = BLUR,
 ) -> _Floats:
-    """Square root of the Sinkhorn divergence, a smoothed root mean square distance that mass has to move.
+    """Return the square root of the Sinkhorn divergence, a smoothed distance that the mass has to move.
 
-    With the cost |x - y|^2, entropic regularisation eps = blur^2, and the optimal value OT_eps that includes
-    the relative entropy to the product of both measures, the divergence is
-    OT_eps(p, t) - OT_eps(p, p) / 2 - OT_eps(t, t) / 2. Masses are divided by their sums.
+    The divergence is OT_eps(p, t) - OT_eps(p, p) / 2 - OT_eps(t, t) / 2. Here p and t are the masses over
+    their sums, and OT_eps is the optimal value for the cost |x - y|^2 with the entropic regularisation
+    eps = blur^2, the relative entropy to the product of both measures included. Without smoothing, its root
+    would be the root mean square distance that the mass has to move.
 
     Parameters
     ----------
     predicted, true : (N, D) or (F, N, D)
-        Positions [m]; N may differ. More than 500 are merged into 500 balanced clusters.
+        Positions [m]; N may differ. More than 500 particles are merged into 500 balanced clusters.
     predicted_mass, true_mass : (N,)
-        [kg], > 0.
+        Masses [kg], > 0.
     blur : float in [0.01, 1]
-        [m]; smaller is sharper and slower.
+        Length of the smoothing [m]; smaller is sharper and slower.
 
     Returns
     -------
     float64 () or (F,), >= 0
-        [m]; 0 for equal states, and the length of the shift for one state shifted as a whole.
+        Distance [m]: 0 for equal states, and the length of the shift for a state that is shifted as a whole.
 
     Raises
     ------
     ConfigError
-        POT is not installed, wrong shapes, or a value out of range.
+        POT is not installed, a shape is wrong, or a value is out of range.
     SimulationError
         The iteration did not converge.
 
@@ -86,12 +91,16 @@ def _pot() -> ModuleType:
 def _divergence(
     solver: ModuleType, one: tuple[_Floats, _Floats], two: tuple[_Floats, _Floats], eps: float
 ) -> float:
-    """Add that of the centres of mass to that of the centred rest: with squares the split is exact."""
+    """Return the Sinkhorn divergence of two weighted sets of points.
+
+    It is the squared distance of the centres of mass plus the divergence of the centred sets, which is exact
+    for a squared cost.
+    """
     (x, a), shift_one = _centred(*_few(*one))
     (y, b), shift_two = _centred(*_few(*two))
     apart = float(((shift_one - shift_two) ** 2).sum())
     itself = _transport(solver, (x, a), (x, a), eps) + _transport(solver, (y, b), (y, b), eps)
-    # What iteration leaves of zero may be below it.
+    # The iteration is not exact, so a divergence of zero may come out negative.
     return apart + max(0.0, _transport(solver, (x, a), (y, b), eps) - itself / 2)
 
 
@@ -113,7 +122,7 @@ def _centred(x: _Floats, mass: _Floats) -> tuple[tuple[_Floats, _Floats], _Float
 def _transport(
     solver: ModuleType, one: tuple[_Floats, _Floats], two: tuple[_Floats, _Floats], eps: float
 ) -> float:
-    """OT_eps by its dual: the potentials f = eps log(u / a), g = eps log(v / b) of POT's scalings u, v."""
+    """Return OT_eps by its dual: the potentials are eps log(u / a), eps log(v / b), u and v POT's scalings."""
     (x, a), (y, b) = one, two
     squares = (x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2 * x @ y.T
     _, log = solver.sinkhorn(

@@ -76,9 +76,9 @@ def test_grid_mass_of_frames() -> None:
     ("predicted", "message"),
     [
         (np.ones((2, 3)), r"same shape, got \(2, 3\) and \(2, 2\)"),
-        (np.zeros((2, 2)), "predicted must hold finite masses"),
-        (np.full((2, 2), np.nan), "predicted must hold finite masses"),
-        (np.array([[1.0, -1.0], [1.0, 1.0]]), "predicted must hold finite masses >= 0"),
+        (np.zeros((2, 2)), "predicted must have finite masses"),
+        (np.full((2, 2), np.nan), "predicted must have finite masses"),
+        (np.array([[1.0, -1.0], [1.0, 1.0]]), "predicted must have finite masses >= 0"),
     ],
 )
 def test_bad_grids(
