@@ -1,14 +1,14 @@
-"""Writing a recording to a file; the suffix of its name decides the form.
+"""Writing a recording to a file; the suffix of the file's name decides the format.
 
 | suffix | content |
 |---|---|
 | .npz | every recorded state as arrays |
 | .gif, .mp4 | a film; .mp4 needs the extra `video` |
-| .png | a picture of the last state, or several side by side (`strip`) |
+| .png | a picture of the last state, or of several states side by side (`strip`) |
 | .ply, .vtp | the last state as a cloud of points with velocity and type |
 
-A .png, .ply or .vtp name that holds `%d` or e.g. `%04d` gives a numbered series instead, one file for each
-recorded state, numbered by frame. Files appear under their name only once they are complete.
+A .png, .ply or .vtp name with `%d` or e.g. `%04d` in it gives a numbered series instead: one file for each
+recorded state, numbered by frame. A file appears under its name only once it is complete.
 """
 
 import re
@@ -28,19 +28,25 @@ _SINGLE = {".png": pictures.write_png, ".ply": clouds.write_ply, ".vtp": clouds.
 _NUMBER = re.compile(r"%(0\d{1,2})?d")
 
 Progress = Callable[[int, int], object]
-"""Called with the parts done and their total."""
+"""Called with the number of parts done and the number of all parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How pictures and films look."""
+    """How pictures and films look.
+
+    Raises
+    ------
+    ExportError
+        `speed` or `strip` is out of range.
+    """
 
     width: int = 640
-    """Of one picture [pixels], 64 to 4096."""
+    """Width of a picture [pixels], 64 to 4096."""
     speed: float = 1.0
-    """Simulated seconds per second of film, 0.01 to 10."""
+    """Simulated seconds in a second of film, 0.01 to 10."""
     strip: int = 1
-    """States side by side in a .png, 1 to 12, evenly spread over the recording."""
+    """Number of states side by side in a .png, 1 to 12, evenly spread over the recording."""
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.speed <= 10.0:
@@ -50,12 +56,13 @@ class Style:
 
 
 def check_target(path: Path) -> None:
-    """Refuse a file that `save` could not write, before time is spent on the simulation.
+    """Refuse a file that `save` could not write, before time is spent on a simulation.
 
     Raises
     ------
     ExportError
-        Unknown suffix, no such folder, a series where none is possible, or no MP4 encoder installed.
+        The suffix is unknown, the folder does not exist, the format allows no numbered series, or no MP4
+        encoder is installed.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -69,7 +76,7 @@ def check_target(path: Path) -> None:
 
 
 def needs_history(path: Path, style: Style) -> bool:
-    """Whether more than the last state goes into the file."""
+    """Whether `save` needs more states than the last for this file."""
     strip = path.suffix.lower() == ".png" and style.strip > 1
     return strip or path.suffix.lower() in {".gif", ".mp4", ".npz"} or bool(_NUMBER.search(path.name))
 
@@ -77,12 +84,22 @@ def needs_history(path: Path, style: Style) -> bool:
 def save(
     path: str | Path, recording: Recording, style: Style | None = None, *, on_progress: Progress | None = None
 ) -> list[Path]:
-    """Write `recording` to `path` and return the files made.
+    """Write a recording to a file, or to a numbered series of files, and return their paths.
+
+    Parameters
+    ----------
+    path : path
+        File, whose suffix decides the format.
+    recording : Recording
+    style : Style, optional
+        Look of pictures and films.
+    on_progress : callable, optional
+        Called with the number of parts done and the number of all parts.
 
     Raises
     ------
     ExportError
-        As in `check_target`, or writing failed. A file of that name is then as it was before.
+        `check_target` refuses the path, or writing failed. An older file of that name then stays.
     """
     path, style = Path(path), style or Style()
     check_target(path)
@@ -101,7 +118,7 @@ def save(
 
 
 def _save_states(path: Path, recording: Recording, style: Style, tell: Progress) -> list[Path]:
-    """Write the last state, or each under its number."""
+    """Write the last state, several states side by side, or each state to a file of its own."""
     suffix = path.suffix.lower()
     if not _NUMBER.search(path.name):
         with replacing(path) as part:
@@ -121,5 +138,5 @@ def _save_states(path: Path, recording: Recording, style: Style, tell: Progress)
 
 
 def _numbered(name: str, frame: int) -> str:
-    """Put the frame in the place of `%d` or `%04d`; any other percent sign stays as it is."""
+    """Return the name with the frame in place of `%d` or `%04d`; other percent signs stay."""
     return _NUMBER.sub(lambda match: match.group() % frame, name)

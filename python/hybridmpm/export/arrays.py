@@ -8,12 +8,12 @@ from hybridmpm.recording import Recording
 
 
 def write_npz(path: Path, recording: Recording) -> None:
-    """Write all states.
+    """Write all states of a recording as arrays.
 
-    Arrays: `positions`, `velocities` float32 (F, N, D) in m and m/s, `types` uint8 (N,) of DeepMind,
-    `mass` float32 (N,) in kg, `ids` uint64 (N,), `frames` int64 (F,), `frame_dt` [s], and
-    `scene`, the scene's JSON. A particle is NaN in states before an emitter made it or after a sink
-    removed it.
+    The arrays are `positions` [m] and `velocities` [m/s], float32 (F, N, D); DeepMind's particle types
+    `types`, uint8 (N,); `mass` [kg], float32 (N,); `ids`, uint64 (N,); the frame numbers `frames`, int64
+    (F,); `frame_dt` [s]; and `scene`, the scene's JSON. Positions and velocities of a particle are NaN in
+    states before an emitter made it and after a sink removed it.
     """
     with path.open("wb") as file:
         np.savez(

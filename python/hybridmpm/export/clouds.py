@@ -10,7 +10,7 @@ from hybridmpm.recording import Recording
 
 
 def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
-    """Write state `row` as binary PLY: x y z vx vy vz (float) and type (uchar) of each vertex."""
+    """Write state `row` as binary PLY; each vertex has x y z vx vy vz (float) and type (uchar)."""
     fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
     there = recording.present(row)
     vertices = np.zeros(int(there.sum()), dtype=fields)
@@ -31,7 +31,7 @@ def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
 
 
 def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
-    """Write state `row` as VTK PolyData with point arrays `velocity` and `type`, and field `TimeValue`."""
+    """Write state `row` as VTK PolyData, with point arrays `velocity` and `type` and field `TimeValue`."""
     there = recording.present(row)
     x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])
     count = len(x)
@@ -56,7 +56,7 @@ def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
 
 
 def _array(name: str, values: npt.NDArray[np.generic], *, tuples: bool = False) -> str:
-    """Write an array inline: base64 of its size in bytes, as UInt64, and its little-endian bytes."""
+    """Return an array as inline XML: the base64 of its size in bytes (UInt64) and its little-endian bytes."""
     kinds = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
     kind = kinds[values.dtype.str[1:]]
     data = values.astype(values.dtype.newbyteorder("<")).tobytes()

@@ -1,4 +1,4 @@
-"""Pictures through Pillow, films as GIF through Pillow and as MP4 through imageio-ffmpeg."""
+"""Pictures and GIF films, written by Pillow, and MP4 films, written by imageio-ffmpeg."""
 
 import importlib
 from collections.abc import Callable, Iterator
@@ -14,19 +14,19 @@ from hybridmpm.recording import Recording
 from hybridmpm.render import View, side_by_side, view_of
 
 FILM_FPS = 50
-"""A GIF's delays are whole hundredths of a second, and browsers slow down those below two."""
+"""Pictures in a second of film. GIF delays are whole hundredths of a second; browsers slow down below two."""
 
 Tell = Callable[[int, int], object]
 
 
 def write_png(path: Path, recording: Recording, row: int, width: int) -> None:
-    """Write a picture of state `row`."""
+    """Write a picture of state `row`, `width` pixels wide."""
     view = view_of(recording.scene, recording.types, width)
     Image.fromarray(_draw(view, recording, row)).save(path, optimize=True)
 
 
 def write_strip(path: Path, recording: Recording, width: int, count: int) -> None:
-    """Write `count` states side by side, evenly spread from the first to the last, `width` pixels each."""
+    """Write `count` states side by side, evenly spread from first to last, each `width` pixels wide."""
     view = view_of(recording.scene, recording.types, width)
     rows = np.linspace(0, len(recording.frames) - 1, count).round().astype(int)
     pictures = [_draw(view, recording, row) for row in rows]
@@ -34,7 +34,7 @@ def write_strip(path: Path, recording: Recording, width: int, count: int) -> Non
 
 
 def write_gif(path: Path, recording: Recording, width: int, speed: float, tell: Tell) -> None:
-    """Write an endless film, 50 pictures a second."""
+    """Write a film that repeats without end, 50 pictures a second."""
     pictures = (
         Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
         for picture in _film(recording, width, speed, tell)
@@ -49,7 +49,7 @@ def write_mp4(path: Path, recording: Recording, width: int, speed: float, tell: 
     pictures = _film(recording, width, speed, tell)
     first = next(pictures)
     size = (first.shape[1], first.shape[0])
-    # The view's sizes are even, so no block size has to scale the picture.
+    # Views have even sizes, so blocks of 2 pixels fit without scaling the picture.
     sink = encoder.write_frames(
         str(path), size, fps=FILM_FPS, quality=8, macro_block_size=2, ffmpeg_log_level="error"
     )
@@ -65,7 +65,7 @@ def write_mp4(path: Path, recording: Recording, width: int, speed: float, tell: 
 
 
 def require_encoder() -> ModuleType:
-    """Return imageio-ffmpeg, or raise `ExportError` saying how to install it."""
+    """Return the module imageio-ffmpeg, or raise `ExportError`, whose message says how to install it."""
     try:
         return importlib.import_module("imageio_ffmpeg")
     except ImportError:
@@ -75,7 +75,7 @@ def require_encoder() -> ModuleType:
 
 
 def _film(recording: Recording, width: int, speed: float, tell: Tell) -> Iterator[npt.NDArray[np.uint8]]:
-    """Draw the state nearest to each picture's time."""
+    """Yield the pictures of a film; each shows the state nearest to its time."""
     view = view_of(recording.scene, recording.types, width)
     frames = recording.frames - recording.frames[0]
     frames_per_picture = speed / (FILM_FPS * recording.scene.frame_dt)

@@ -122,7 +122,7 @@ def _centred(x: _Floats, mass: _Floats) -> tuple[tuple[_Floats, _Floats], _Float
 def _transport(
     solver: ModuleType, one: tuple[_Floats, _Floats], two: tuple[_Floats, _Floats], eps: float
 ) -> float:
-    """Return OT_eps by its dual: the potentials are eps log(u / a), eps log(v / b), u and v POT's scalings."""
+    """Return OT_eps by its dual; POT's scalings u, v give the potentials eps log(u / a), eps log(v / b)."""
     (x, a), (y, b) = one, two
     squares = (x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2 * x @ y.T
     _, log = solver.sinkhorn(

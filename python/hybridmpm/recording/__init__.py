@@ -1,4 +1,4 @@
-"""Recordings: the states of a simulation at some of its frames, also where particles come and go."""
+"""Recordings: the states of a simulation at some of its frames, even if particles come and go."""
 
 from hybridmpm.recording.recording import Recording, record
 from hybridmpm.recording.tracks import Tracks

@@ -1,4 +1,4 @@
-"""Running a solver while keeping what files and pictures are made from."""
+"""`Recording`, the states that files and pictures are made from, and `record`, which makes one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,35 +13,35 @@ from hybridmpm.scene import Scene
 from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Simulator
 
 MAX_BYTES = 4 * 2**30
-"""A recording is held in memory; one larger than this is refused before it starts."""
+"""Largest size of a recording [bytes], which is kept in memory."""
 _AT_ONCE = 25
-"""Frames between two chances to report progress and to notice Ctrl-C."""
+"""Number of frames after which progress is reported and Ctrl-C is noticed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """States of a simulation at F instants.
+    """States of a simulation at F frames.
 
-    N counts the particles that were there at one of them at least. Where emitters or sinks change their
-    number, a particle is NaN while it is not there.
+    N is the number of particles that were in the scene at one of these frames or more. Emitters and sinks
+    change the number of particles; positions and velocities of a particle that is not in the scene are NaN.
     """
 
     scene: Scene
     ids: npt.NDArray[np.uint64]
-    """Numbers of the particles (N,), ascending; those of `MpmSolver.ids`."""
+    """Ids (N,) of the particles, ascending; those of `Simulator.ids`."""
     types: npt.NDArray[np.uint8]
     """DeepMind's particle types (N,)."""
     mass: npt.NDArray[np.float32]
-    """(N,) [kg]."""
+    """Masses (N,) [kg]."""
     frames: npt.NDArray[np.int64]
     """Frame numbers (F,), increasing."""
     positions: npt.NDArray[np.float32]
-    """(F, N, D) [m]."""
+    """Positions (F, N, D) [m]."""
     velocities: npt.NDArray[np.float32]
-    """(F, N, D) [m/s]."""
+    """Velocities (F, N, D) [m/s]."""
 
     def present(self, row: int) -> npt.NDArray[np.bool_]:
-        """Whether each particle (N,) is there in a state."""
+        """Return whether each particle (N,) is in the scene at a state."""
         return np.asarray(np.isfinite(self.positions[row, :, 0]))
 
     def time(self, row: int) -> float:
@@ -52,25 +52,26 @@ class Recording:
 def record(
     solver: Simulator, frames: int, *, every: int = 1, on_progress: Callable[[int], object] | None = None
 ) -> Recording:
-    """Advance `solver` and keep its state now, after each `every` frames, and at the end.
+    """Advance a simulator and record its state now, after every `every` frames, and at the end.
 
     Parameters
     ----------
     solver : Simulator
-        Left at the last frame.
+        Simulator to advance; it stays at the last frame.
     frames : int in [0, 1000000]
+        Number of frames to advance.
     every : int in [1, 1000000]
-        Frames between two states kept; the last step may be shorter.
+        Number of frames from one recorded state to the next; the last state may follow sooner.
     on_progress : callable, optional
         Called with the number of frames done since its last call.
 
     Raises
     ------
     ConfigError
-        A number is out of range, or the recording would exceed `MAX_BYTES`; where emitters are at work,
-        this may turn out on the way.
+        A number is out of range, or the recording would exceed `MAX_BYTES`. In a scene with emitters this is
+        found only when the particles have come.
     SimulationError
-        A frame failed; see `MpmSolver.advance`.
+        A frame failed; see `Simulator.advance`.
     """
     frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
     every = whole("every", every, 1, MAX_FRAMES_AT_ONCE)

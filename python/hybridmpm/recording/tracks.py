@@ -1,4 +1,4 @@
-"""States of a solver side by side, although particles may come and go."""
+"""`Tracks`: states of a simulator in one array each, although particles may come and go."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,31 +7,36 @@ from hybridmpm.simulator import Simulator
 
 
 class Tracks:
-    """Arrays (rows, N, D) with one column for each particle that was there at some time, else NaN.
+    """Arrays (rows, N, D) with a column for each particle that was in the scene at one of the rows.
+
+    Where a particle was not in the scene, its entries are NaN.
 
     Parameters
     ----------
     solver : Simulator
+        Simulator whose states are taken.
     rows : int
-        States to be taken.
+        Number of states to take.
     names : str
-        Properties of the solver of shape (N, D).
+        Names of properties of the simulator that have the shape (N, D).
     """
 
     def __init__(self, solver: Simulator, rows: int, *names: str) -> None:
         self._solver = solver
         self._tables = {name: self._absent(rows, solver.particle_count) for name in names}
         self.ids = np.empty(0, dtype=np.uint64)
-        """Of the columns, ascending."""
+        """Ids (N,) of the columns' particles, ascending."""
         self.types = np.empty(0, dtype=np.uint8)
+        """DeepMind's particle types (N,) of the columns."""
         self.mass = np.empty(0, dtype=np.float32)
+        """Masses (N,) of the columns' particles [kg]."""
 
     def __getitem__(self, name: str) -> npt.NDArray[np.float32]:
-        """Return the array of a property, (rows, N, D)."""
+        """Return the array (rows, N, D) of a property."""
         return self._tables[name][:, : len(self.ids)]
 
     def take(self, row: int) -> None:
-        """Put the present state into a row; rows come in the order of time."""
+        """Write the present state into a row; rows must be taken in the order of time."""
         ids = self._solver.ids
         fresh = ids > self.ids[-1] if len(self.ids) else np.ones(len(ids), dtype=bool)
         self.ids = np.append(self.ids, ids[fresh])

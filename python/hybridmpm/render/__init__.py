@@ -1,4 +1,4 @@
-"""Pictures of particles by plain numpy: `view_of(scene, types, width).draw(x, v, time)` gives RGB bytes."""
+"""Pictures of particles, by numpy alone: `view_of(scene, types, width).draw(x, v, time)` gives RGB bytes."""
 
 from typing import Protocol
 
@@ -14,32 +14,32 @@ __all__ = ["MAX_WIDTH", "MIN_WIDTH", "View", "side_by_side", "view_of"]
 
 MIN_WIDTH, MAX_WIDTH = 64, 4096
 _GAP = 6
-"""Between pictures side by side [pixels]."""
+"""Distance between pictures side by side [pixels]."""
 
 
 class View(Protocol):
-    """Draws frames of one scene, all of one size with even height and width."""
+    """Draws states of one scene as pictures of one size, whose height and width are even."""
 
     def draw(
         self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
     ) -> npt.NDArray[np.uint8]:
-        """Picture uint8 (H, W, 3) of particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s].
+        """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s] as a picture, uint8 (H, W, 3).
 
-        Particles at NaN are left out. Moving obstacles are where they are at `time` [s].
+        Particles whose position is NaN are left out. Moving obstacles are drawn where they are at `time` [s].
         """
 
 
 def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> View:
-    """Prepare to draw `scene`.
+    """Return a view that draws states of a scene.
 
     Parameters
     ----------
     scene : Scene
-        Walls and obstacles are drawn from it.
+        Scene with the walls and obstacles to draw.
     types : uint8 (N,)
         DeepMind's particle types, which choose the colours.
     width : int in [64, 4096]
-        Of the pictures [pixels], rounded up to an even number.
+        Width of the pictures [pixels], rounded up to an even number.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> Vie
 
 
 def side_by_side(pictures: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
-    """Join pictures (H, W, 3) of one height into one, left to right with a narrow white gap."""
+    """Join pictures (H, W, 3) of equal height into one, from left to right with narrow white gaps."""
     gap = np.full((pictures[0].shape[0], _GAP, 3), 255, dtype=np.uint8)
     parts = [part for picture in pictures for part in (gap, picture)][1:]
     return np.concatenate(parts, axis=1)

@@ -1,4 +1,4 @@
-"""Pictures of 2D scenes: each material as a smooth surface, drawn from the density of its particles."""
+"""Pictures of 2D scenes: each material is a smooth surface, drawn from the density of its particles."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,15 +9,16 @@ from hybridmpm.render.palette import Colors
 from hybridmpm.scene import Scene
 
 MARGIN = 0.03
-"""Shown around the walls, as a share of their longer side."""
+"""Margin around the walls, as a fraction of their longer side."""
 _SUPERSAMPLING = 3
+"""Number of samples of the background along each side of a pixel."""
 _EDGE = 2.0
 """Width of the lines around walls and obstacles [pixels]."""
 Field = npt.NDArray[np.float32]
 
 
 class FlatView:
-    """Draws frames of one 2D scene.
+    """Draws states of one 2D scene.
 
     Parameters
     ----------
@@ -25,8 +26,8 @@ class FlatView:
     types : uint8 (N,)
         DeepMind's particle types.
     width : int
-        Of the pictures [pixels]; the height follows from the walls. Both are rounded up to even numbers,
-        which video encoders ask for.
+        Width of the pictures [pixels]; the height follows from the walls. Both are rounded up to even
+        numbers, because video encoders need them.
     """
 
     def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
@@ -39,7 +40,7 @@ class FlatView:
         self._height = 2 * int(np.ceil(self._scale * float(size[1]) / 2))
         self._origin = lower - margin
         self._groups = {int(kind): np.flatnonzero(types == kind) for kind in np.unique(types)}
-        # Grains differ in brightness; drawn once, so that they do not flicker.
+        # The brightness of each grain is drawn once, so that grains do not flicker.
         self._grain = np.random.default_rng(0).uniform(-1.0, 1.0, len(types)).astype(np.float32)
         still = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
         self._moving = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is not None]
@@ -48,7 +49,7 @@ class FlatView:
     def draw(
         self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
     ) -> npt.NDArray[np.uint8]:
-        """Picture of particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]: uint8 (H, W, 3)."""
+        """Draw particles at `x` (N, 2) [m] with velocities `v` (N, 2) [m/s]; see `View.draw`."""
         image = self._background
         speed = np.linalg.norm(v, axis=1)
         there = np.isfinite(x[:, 0])
@@ -60,7 +61,7 @@ class FlatView:
         return palette.to_bytes(palette.mix(image, self._background, self._solid))
 
     def _draw_moving(self, image: Colors, solid: Obstacle, time: float) -> Colors:
-        """Paint a solid where it is; its distance from a pixel's centre tells how far it covers the pixel."""
+        """Draw a moving obstacle; its distance from a pixel's centre gives how far it covers the pixel."""
         columns, rows = np.arange(self._width) + 0.5, np.arange(self._height)[::-1] + 0.5
         x = self._origin + np.stack(np.meshgrid(columns, rows), axis=-1) / self._scale
         depth = -solid.signed_distance(x.reshape(-1, 2).astype(np.float32), time) * self._scale
@@ -81,33 +82,33 @@ class FlatView:
             spots = _blur(self._deposit(place, grain), 0.4 * pitch) / full
             color = color * (1.0 + 0.22 * np.clip(spots, -1.5, 1.5)[..., None])
         else:
-            # A bright rim where the surface is, a darker body below it.
+            # The surface gets a bright rim.
             rim = 1.0 - palette.smoothstep(0.35, 0.95, density)
             color = palette.mix(color, color * 0.45 + 0.55, 0.55 * rim)
         return palette.mix(image, color, palette.smoothstep(0.16, 0.34, density))
 
     def _pixels(self, x: Field) -> Field:
-        """Column and row of points, in pixels with centres at whole numbers; rows count downwards."""
+        """Return column and row (N, 2) of points; pixel centres are whole numbers, rows count downwards."""
         place = (x - self._origin) * self._scale - 0.5
         place[:, 1] = self._height - 1 - place[:, 1]
         return place.astype(np.float32)
 
     def _deposit(self, place: Field, values: Field) -> Field:
-        """Spread each value over the four pixels around its place; what is out of sight is lost."""
+        """Spread each value over the four pixels around its place, as far as these are in the picture."""
         corner = np.floor(place).astype(np.int64)
-        share = place - corner
+        offset = place - corner
         total = np.zeros(self._height * self._width)
         for right in (0, 1):
             for down in (0, 1):
                 column, row = corner[:, 0] + right, corner[:, 1] + down
-                weight = np.abs(1 - right - share[:, 0]) * np.abs(1 - down - share[:, 1])
+                weight = np.abs(1 - right - offset[:, 0]) * np.abs(1 - down - offset[:, 1])
                 seen = (column >= 0) & (column < self._width) & (row >= 0) & (row < self._height)
                 flat = row[seen] * self._width + column[seen]
                 total += np.bincount(flat, (weight * values)[seen], len(total))
         return total.reshape(self._height, self._width).astype(np.float32)
 
     def _draw_background(self, solids: list[Obstacle]) -> tuple[Colors, Field]:
-        """Sky, walls and obstacles at rest, and the coverage (H, W) of what hides the particles."""
+        """Return the picture of sky, walls and obstacles at rest, and how far (H, W) solids cover it."""
         fine = self._scale * _SUPERSAMPLING
         columns = (np.arange(self._width * _SUPERSAMPLING) + 0.5) / fine
         rows = (np.arange(self._height * _SUPERSAMPLING)[::-1] + 0.5) / fine
@@ -139,7 +140,7 @@ class FlatView:
 
 
 def _blur(field: Field, sigma: float) -> Field:
-    """Convolve (H, W) with a Gaussian of `sigma` pixels."""
+    """Convolve a field (H, W) with a Gaussian of `sigma` pixels."""
     reach = max(1, int(np.ceil(3.0 * sigma)))
     taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 0.3)) ** 2).astype(np.float32)
     taps /= taps.sum()

@@ -1,4 +1,4 @@
-"""Pictures of 3D scenes: shaded spheres in perspective over a floor with their shadow."""
+"""Pictures of 3D scenes: particles are shaded spheres in perspective, above a floor with their shadow."""
 
 import math
 
@@ -13,20 +13,22 @@ from hybridmpm.scene import Scene
 _SUPERSAMPLING = 2
 _YAW, _PITCH = math.radians(32.0), math.radians(20.0)
 _DISTANCE = 2.6
-"""From the eye to the centre of the walls, in their diagonals over sqrt(3)."""
+"""Distance of the eye from the centre of the walls, in units of the walls' diagonal over sqrt(3)."""
 _FIELD_OF_VIEW = math.radians(35.0)
 _LIGHT = np.array([-0.45, 0.80, 0.40], dtype=np.float32) / np.float32(math.sqrt(1.0025))
-"""Towards the light, in view coordinates: right, up, to the viewer."""
+"""Unit vector towards the light in view coordinates: right, up, to the viewer."""
 _SHADOW_CELLS = 96
+"""Number of cells of the floor's shadow along each side."""
 _AT_ONCE = 20_000
+"""Number of spheres painted at once, which bounds the memory."""
 _EDGE_RADIUS = 0.0016
-"""Of the spheres along the edges of the walls [m]."""
+"""Radius of the spheres along the edges of the walls [m]."""
 
 Field = npt.NDArray[np.float32]
 
 
 class PerspectiveView:
-    """Draws frames of one 3D scene; arguments as for `FlatView`, the height is 3/4 of the width."""
+    """Draws states of one 3D scene. Parameters are those of `FlatView`; the height is 3/4 of the width."""
 
     def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
         self._lower, self._upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
@@ -34,7 +36,7 @@ class PerspectiveView:
         self._height = _SUPERSAMPLING * 2 * math.ceil(3 * width / 8)
         self._axes = _view_axes()
         span = float(np.linalg.norm(self._upper - self._lower)) / math.sqrt(3.0)
-        # The target lies below the centre: fluids are heavy, and rest on the floor.
+        # The eye looks below the centre of the walls, because fluids rest on the floor.
         self._target = (self._lower + self._upper) / 2 - np.array([0.0, 0.08 * span, 0.0])
         self._eye_distance = _DISTANCE * span
         self._focal = 0.5 * self._height / math.tan(_FIELD_OF_VIEW / 2)
@@ -52,7 +54,7 @@ class PerspectiveView:
     def draw(
         self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
     ) -> npt.NDArray[np.uint8]:
-        """Picture of particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]: uint8 (H, W, 3)."""
+        """Draw particles at `x` (N, 3) [m] with velocities `v` (N, 3) [m/s]; see `View.draw`."""
         there = np.isfinite(x[:, 0])
         x, v, types = x[there], v[there], self._kinds[there]
         speed = np.linalg.norm(v, axis=1)
@@ -77,7 +79,7 @@ class PerspectiveView:
         return palette.to_bytes(palette.shrink(full, _SUPERSAMPLING))
 
     def _draw_spheres(self, image: Colors, x: Field, radius: Field, color: Colors) -> Colors:
-        """Paint spheres from far to near, so that a later assignment covers an earlier one."""
+        """Paint spheres from far to near, so that near ones cover far ones."""
         view = self._to_view(x)
         for some in np.array_split(np.argsort(-view[:, 2]), len(x) // _AT_ONCE + 1):
             self._paint(image, view[some], radius[some], color[some])
@@ -99,7 +101,7 @@ class PerspectiveView:
         normal_z = np.sqrt(np.maximum(1.0 - flat, 0.0))
         facing = (_LIGHT[0] * normal_x + _LIGHT[1] * normal_y + _LIGHT[2] * normal_z)[seen]
         owner = np.nonzero(seen)[0]
-        # Far spheres fade a little into the air.
+        # Far spheres fade a little into the colour of the sky.
         haze = np.clip((view[:, 2] / self._eye_distance - 0.75) * 0.5, 0.0, 0.45)
         lit = color[owner] * (0.50 + 0.50 * np.clip(facing, 0.0, 1.0))[:, None]
         lit = lit + (0.35 * np.clip(facing, 0.0, 1.0) ** 12)[:, None]
@@ -107,23 +109,23 @@ class PerspectiveView:
         image[i[seen] * self._width + j[seen]] = lit
 
     def _to_view(self, x: npt.NDArray[np.floating]) -> Field:
-        """Right, up, and depth from the eye [m]."""
+        """Return points (N, 3) in view coordinates: right, up, and depth from the eye [m]."""
         view = (x - self._target) @ self._axes.T
         view[:, 2] = self._eye_distance - view[:, 2]
         return np.asarray(view, dtype=np.float32)
 
     def _lattice(self, step: float) -> Field:
-        """Points (N, 3) that fill the box between the walls."""
+        """Return points (N, 3) that fill the box between the walls, `step` apart [m]."""
         axes = [np.arange(a + step / 2, b, step) for a, b in zip(self._lower, self._upper, strict=True)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
 
     def _moved_shells(self, time: float) -> list[Field]:
-        """Surfaces of moving obstacles, as far as they are between the walls."""
+        """Return the surface points of each moving obstacle at a time [s] that lie between the walls."""
         moved = [solid.carry(shell, time) for solid, shell in self._moving]
         return [x[((x >= self._lower) & (x <= self._upper)).all(axis=1)] for x in moved]
 
     def _draw_background(self) -> tuple[Colors, npt.NDArray[np.int64]]:
-        """Sky and floor, and the shadow cell of the floor behind each pixel, -1 where there is none."""
+        """Return the picture of sky and floor, and the shadow cell of each pixel, -1 beside the floor."""
         i, j = np.mgrid[0 : self._height, 0 : self._width]
         fall = i / self._height
         image = palette.mix(
@@ -140,10 +142,10 @@ class PerspectiveView:
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (self._lower[1] - eye[1]) / ray[..., 1]
             hit = eye + reach[..., None] * ray
-            share = (hit - self._lower) / (self._upper - self._lower)
-            on_floor = (reach > 0) & ((share >= 0) & (share < 1))[..., [0, 2]].all(axis=-1)
+            place = (hit - self._lower) / (self._upper - self._lower)
+            on_floor = (reach > 0) & ((place >= 0) & (place < 1))[..., [0, 2]].all(axis=-1)
         cell = np.full(i.shape, -1, dtype=np.int64)
-        inside = share[on_floor]
+        inside = place[on_floor]
         where = (inside[:, [0, 2]] * _SHADOW_CELLS).astype(np.int64)
         cell[on_floor] = where[:, 0] * _SHADOW_CELLS + where[:, 1]
         tiles = np.floor(inside[:, 0] * 8) + np.floor(inside[:, 2] * 8)
@@ -151,9 +153,9 @@ class PerspectiveView:
         return image.astype(np.float32), cell
 
     def _shade_of(self, x: npt.NDArray[np.float32]) -> Field:
-        """Brightness (H, W) that the particles leave to the floor under them."""
-        share = (x - self._lower)[:, [0, 2]] / (self._upper - self._lower)[[0, 2]]
-        cell = np.clip((share * _SHADOW_CELLS).astype(np.int64), 0, _SHADOW_CELLS - 1)
+        """Return the brightness (H, W) of the floor in the shadow of particles at `x` (N, 3) [m]."""
+        place = (x - self._lower)[:, [0, 2]] / (self._upper - self._lower)[[0, 2]]
+        cell = np.clip((place * _SHADOW_CELLS).astype(np.int64), 0, _SHADOW_CELLS - 1)
         count = np.bincount(cell[:, 0] * _SHADOW_CELLS + cell[:, 1], minlength=_SHADOW_CELLS**2)
         area = np.prod((self._upper - self._lower)[[0, 2]]) / _SHADOW_CELLS**2
         cover = (count * (2 * self._radius) ** 2 / area).reshape(_SHADOW_CELLS, _SHADOW_CELLS)
@@ -165,13 +167,13 @@ class PerspectiveView:
 
 
 def _shell(solid: Obstacle, lattice: Field, step: float) -> Field:
-    """Points of the lattice just under the surface of a solid at time 0."""
+    """Return the points of a lattice just under the surface of a solid at time 0."""
     distance = solid.signed_distance(lattice)
     return lattice[(distance <= 0) & (distance > -1.5 * step)]
 
 
 def _view_axes() -> npt.NDArray[np.float64]:
-    """Rows: right, up and towards the viewer, in world coordinates."""
+    """Return three unit vectors (3, 3) in world coordinates: right, up and towards the viewer."""
     toward = np.array(
         [math.cos(_PITCH) * math.sin(_YAW), math.sin(_PITCH), math.cos(_PITCH) * math.cos(_YAW)]
     )
@@ -181,14 +183,14 @@ def _view_axes() -> npt.NDArray[np.float64]:
 
 
 def _box_edges(lower: npt.NDArray[np.float64], upper: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Points along the twelve edges of a box."""
+    """Return points (K, 3) along the twelve edges of a box."""
     along = np.linspace(0.0, 1.0, 400)
     edges = []
     for axis in range(3):
         for corner in range(4):
-            share = np.empty((len(along), 3))
-            share[:, axis] = along
-            share[:, (axis + 1) % 3] = corner % 2
-            share[:, (axis + 2) % 3] = corner // 2
-            edges.append(lower + share * (upper - lower))
+            place = np.empty((len(along), 3))
+            place[:, axis] = along
+            place[:, (axis + 1) % 3] = corner % 2
+            place[:, (axis + 2) % 3] = corner // 2
+            edges.append(lower + place * (upper - lower))
     return np.concatenate(edges)
