@@ -1,6 +1,6 @@
-"""Fewer particles and fewer frames: merging at a ratio r_p, striding at r_t, and the way back.
+"""Fewer particles and frames: merging particles at a ratio r_p, striding frames at r_t, and the way back.
 
-r_p is the number of particles kept over those there were, r_t the number of frames that one step spans.
+r_p is the number of particles after merging over the number before; r_t is the number of frames in a step.
 """
 
 from hybridmpm.downsampling.carry import strided, upsample

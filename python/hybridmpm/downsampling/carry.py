@@ -1,4 +1,4 @@
-"""The way back from fewer particles and frames: fine particles carried by coarse ones, and fewer states."""
+"""Recordings with fewer states, and fine particles that are carried by the motion of coarse ones."""
 
 import dataclasses
 
@@ -12,19 +12,20 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.recording import Recording
 
 _SUPPORT = 1e-3
-"""Share of a point's weights that must lie on nodes with mass for the grid to carry it."""
+"""Sum of a point's weights on nodes with mass that it must have for the grid to carry it [-]."""
 
 _Floats = npt.NDArray[np.float64]
 
 
 def strided(recording: Recording, r_t: int) -> Recording:
-    """Keep each `r_t`-th state of a recording, the first included.
+    """Return a recording with every `r_t`-th state of another, beginning with the first.
 
     Parameters
     ----------
     recording : Recording
-        F states.
+        Recording of F states.
     r_t : int in [1, F]
+        Number of states from one that is kept to the next.
 
     Raises
     ------
@@ -43,29 +44,30 @@ def strided(recording: Recording, r_t: int) -> Recording:
 def upsample(coarse: Recording, x: npt.ArrayLike, *, resolution: int) -> npt.NDArray[np.float32]:
     """Carry fine particles with the motion of a coarse recording.
 
-    Between two states the displacements of the coarse particles go to the nodes of a grid as momentum does in
-    P2G, and from there to the fine particles as velocity does in G2P. Particles that no massive node is near
-    fly on under gravity. Walls hold all of them; obstacles do not.
+    From one state to the next, the displacements of the coarse particles are put on the nodes of a grid, as
+    P2G does with momentum, and interpolated to the fine particles, as G2P does with velocity. A fine particle
+    without a node with mass nearby flies on under gravity. Fine particles stay within the walls, but may
+    enter obstacles.
 
     Parameters
     ----------
     coarse : Recording
-        F states of few particles; best of each frame, since a particle should move less than a few cells
-        between two of them.
+        F states of few particles. A particle should move by less than a few cells from one state to the next,
+        so a recording of every frame is best.
     x : (N, D)
         Positions of the fine particles at the first state [m].
     resolution : int in [8, 1024]
-        Cells per metre of the grid, best those of the coarse run.
+        Cells per metre of the grid; the resolution of the coarse run is best.
 
     Returns
     -------
     float32 (F, N, D)
-        Positions of the fine particles at the states [m]; the first are `x`.
+        Positions of the fine particles at each state [m]; the first are `x`.
 
     Raises
     ------
     ConfigError
-        `x` has another dimension than the recording, or `resolution` is out of range.
+        `x` has a wrong shape, or `resolution` is out of range.
 
     References
     ----------
@@ -96,7 +98,7 @@ def upsample(coarse: Recording, x: npt.ArrayLike, *, resolution: int) -> npt.NDA
 def _carried(
     x: _Floats, displacement: _Floats, mass: _Floats, at: npt.NDArray[np.float32], resolution: int
 ) -> tuple[_Floats, _Floats]:
-    """Displacement (N, D) of the points `at`, and the share (N,) of their weights on nodes with mass."""
+    """Return displacements (N, D) [m] of the points `at`, and sums (N,) of weights on nodes with mass."""
     coarse, fine = Stencils.at(x, resolution), Stencils.at(at, resolution)
     grid_mass = coarse.scatter(mass)
     filled = grid_mass > 0

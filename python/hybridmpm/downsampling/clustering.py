@@ -1,4 +1,4 @@
-"""Clusters of nearby points that differ by at most one in size: k-means whose sizes are held."""
+"""Clusters of nearby points whose sizes differ by at most one: k-means with fixed sizes."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,29 +7,31 @@ from hybridmpm import _native
 from hybridmpm._support.arguments import whole
 
 _ROUNDS = 24
-"""Of exchanges between neighbours; twice as many shrink the radii of clusters by less than 1 % more."""
+"""Rounds of exchanges between neighbours; twice as many shrink the clusters' radii by less than 1 % more."""
 _REACH = 3.5
-"""Neighbouring centres are looked for within so many root mean square radii of a cluster."""
+"""Largest distance of neighbouring centres, in root mean square radii of a cluster."""
 
 _Points = npt.NDArray[np.float64]
 _Labels = npt.NDArray[np.int64]
 
 
 def balanced_clusters(x: npt.NDArray[np.floating], count: int, *, seed: int = 0) -> _Labels:
-    """Group points into clusters of floor(N / count) or one more point each.
+    """Group points into clusters of floor(N / count) points or one more.
 
-    The points are halved along the longest side of their box, in proportion to the clusters still to be made,
-    until each cluster is alone. Then neighbouring clusters exchange points: the points of both are shared out
-    anew, as many as before to each, by the side of the plane between the centres that they lie on. That never
-    raises the sum of squared distances to the centres, which k-means lowers too but with sizes left free.
+    First the points are divided along the longest side of their box, in proportion to the clusters to be made
+    on either side, and so on until each part is one cluster. Then pairs of neighbouring clusters exchange
+    points: all points of a pair are ordered along the line between the two centres and divided again, each
+    cluster keeping its size. No exchange raises the sum of squared distances to the centres, which k-means
+    lowers, too, but with free sizes.
 
     Parameters
     ----------
     x : (N, D)
         Points, D = 2 or 3.
     count : int in [1, N]
+        Number of clusters.
     seed : int >= 0
-        Of the order in which neighbours exchange; the same seed gives the same clusters.
+        Seed of the order in which neighbours exchange; the same seed gives the same clusters.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def balanced_clusters(x: npt.NDArray[np.floating], count: int, *, seed: int = 0)
 
 
 def _bisected(x: _Points, count: int) -> _Labels:
-    """Halve all segments of `order` at once, until each is a cluster."""
+    """Return clusters (N,) from dividing all parts at once, until each part is one cluster."""
     order = np.arange(len(x))
     sizes, clusters = np.array([len(x)]), np.array([count])
     while (clusters > 1).any():
@@ -62,7 +64,7 @@ def _bisected(x: _Points, count: int) -> _Labels:
         along = x[order, sides.argmax(axis=1)[segment]]
         order = order[np.lexsort((along, segment))]
         halves = np.stack([clusters // 2, clusters - clusters // 2], axis=1)
-        # Rounding keeps the number of points between floor and ceil of those per cluster.
+        # Rounding keeps the number of points in a cluster at the floor or the ceiling of their mean number.
         first = np.rint(sizes * (halves[:, 0] / clusters)).astype(np.int64)
         sizes, clusters = np.stack([first, sizes - first], axis=1).ravel(), halves.ravel()
         sizes, clusters = sizes[clusters > 0], clusters[clusters > 0]
@@ -72,7 +74,7 @@ def _bisected(x: _Points, count: int) -> _Labels:
 
 
 def _exchanged(x: _Points, labels: _Labels, count: int, rng: np.random.Generator) -> _Labels:
-    """Share out anew the points of disjoint pairs of neighbouring clusters, drawn at random."""
+    """Return clusters (N,) after an exchange in disjoint pairs of neighbours, which are drawn at random."""
     sizes = np.bincount(labels, minlength=count)
     centers = np.stack([np.bincount(labels, axis, count) for axis in x.T], axis=1) / sizes[:, None]
     partner = _partners(centers, _reach(x - centers[labels]), rng)
@@ -86,9 +88,9 @@ def _exchanged(x: _Points, labels: _Labels, count: int, rng: np.random.Generator
     order = np.lexsort((along, pair))
     moving, pair, other = moving[order], pair[order], other[order]
     rank = np.arange(len(pair)) - np.searchsorted(pair, pair)
-    shared = labels.copy()
-    shared[moving] = np.where(rank < sizes[pair], pair, other)
-    return shared
+    exchanged = labels.copy()
+    exchanged[moving] = np.where(rank < sizes[pair], pair, other)
+    return exchanged
 
 
 def _reach(offsets: _Points) -> float:
@@ -97,7 +99,10 @@ def _reach(offsets: _Points) -> float:
 
 
 def _partners(centers: _Points, reach: float, rng: np.random.Generator) -> _Labels | None:
-    """Match neighbours at random: the partner of each cluster, or itself; None where none has a neighbour."""
+    """Return a random partner (count,) of each cluster among its neighbours; None without neighbours.
+
+    A cluster that is left over is its own partner.
+    """
     if reach == 0.0:
         return None
     graph = _native.radius_graph(centers.astype(np.float32), reach)
@@ -109,7 +114,7 @@ def _partners(centers: _Points, reach: float, rng: np.random.Generator) -> _Labe
     best = np.full(len(centers), len(one))
     np.minimum.at(best, one, draw)
     np.minimum.at(best, two, draw)
-    # An edge that is the best of both its ends shares neither with another such edge.
+    # Edges that are the best of both their ends have no end in common.
     chosen = (best[one] == draw) & (best[two] == draw)
     partner = np.arange(len(centers))
     partner[one[chosen]], partner[two[chosen]] = two[chosen], one[chosen]

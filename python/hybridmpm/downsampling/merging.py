@@ -1,4 +1,4 @@
-"""Fewer particles: merging at a ratio r_p, and the grid that fits them."""
+"""Merging particles at a ratio r_p, and the grid that fits the merged particles."""
 
 import math
 
@@ -11,34 +11,35 @@ from hybridmpm.scene import Particles, Scene
 from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS
 
 FEWEST_PER_CELL = 2
-"""Particles per cell that a coarse grid keeps: with fewer, bodies come apart between their particles."""
+"""Smallest number of particles per cell of a coarse grid; with fewer, bodies come apart."""
 
 MIN_RESOLUTION = 8
-"""Cells per metre of the coarsest grid."""
+"""Resolution of the coarsest grid [cells/m]."""
 
 _Floats = npt.NDArray[np.float64]
 
 
 def merge(particles: Particles, r_p: float, *, seed: int = 0) -> Particles:
-    """Replace particles by fewer and larger ones, in balanced clusters within each body.
+    """Replace particles by fewer and larger ones, one for each of the balanced clusters within a body.
 
-    Bodies are of one material, so no cluster mixes two. Each cluster becomes one particle with its mass, rest
-    volume, momentum and centre of mass; the sums are formed in float64. Cluster sizes within a body differ by
-    at most one.
+    A merged particle has the mass, rest volume, momentum and centre of mass of its cluster; the sums are
+    formed in float64. Cluster sizes within a body differ by at most one. A body has one material, so no
+    cluster mixes materials.
 
     Parameters
     ----------
     particles : Particles
         N_h particles, as from `Scene.sample`.
     r_p : float in (0, 1]
+        Number of particles after merging over the number before.
     seed : int >= 0
         Seed of the clusters; the same seed gives the same particles.
 
     Returns
     -------
     Particles
-        N_l = round(r_p N_h) of them, or one a body where that is more; body by body. The very argument for
-        r_p = 1.
+        N_l = round(r_p N_h) particles, body by body; every body has at least one, so there may be more. For
+        r_p = 1 this is the object `particles` itself.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def merge(particles: Particles, r_p: float, *, seed: int = 0) -> Particles:
     bodies, sizes = np.unique(particles.body, return_counts=True)
     labels = np.empty(len(particles.x), dtype=np.int64)
     made = 0
-    for body, count in zip(bodies, _shares(sizes, round(r_p * len(particles.x))), strict=True):
+    for body, count in zip(bodies, _apportioned(sizes, round(r_p * len(particles.x))), strict=True):
         members = np.flatnonzero(particles.body == body)
         labels[members] = made + balanced_clusters(particles.x[members], count, seed=seed)
         made += count
@@ -65,17 +66,23 @@ def checked_ratio(r_p: float) -> float:
 
 
 def spacing_at(scene: Scene, r_p: float) -> float:
-    """Return the mean distance [m] of a scene's particles once they are merged at a ratio `r_p` in (0, 1]."""
+    """Return the mean distance [m] of a scene's particles merged at a ratio `r_p` in (0, 1].
+
+    Raises
+    ------
+    ConfigError
+        `r_p` is out of range.
+    """
     return float(scene.spacing * checked_ratio(r_p) ** (-1 / scene.dim))
 
 
-def _shares(sizes: npt.NDArray[np.int64], total: int) -> list[int]:
+def _apportioned(sizes: npt.NDArray[np.int64], total: int) -> list[int]:
     """Divide `total` among groups in proportion to their sizes, at least one each, by largest remainder."""
     exact = sizes * (total / sizes.sum())
-    shares = np.maximum(np.floor(exact), 1)
-    missing = max(0, total - int(shares.sum()))
-    shares[np.argsort(shares - exact, kind="stable")[:missing]] += 1
-    return [int(share) for share in shares]
+    counts = np.maximum(np.floor(exact), 1)
+    missing = max(0, total - int(counts.sum()))
+    counts[np.argsort(counts - exact, kind="stable")[:missing]] += 1
+    return [int(count) for count in counts]
 
 
 def _combined(particles: Particles, labels: npt.NDArray[np.int64]) -> Particles:
@@ -97,14 +104,15 @@ def _combined(particles: Particles, labels: npt.NDArray[np.int64]) -> Particles:
 
 
 def coarse_resolution(scene: Scene, r_p: float) -> int:
-    """Cells per metre of the finest grid for particles merged at `r_p`, no finer than the scene's own.
+    """Return the cells per metre of the finest grid that fits particles merged at a ratio `r_p`.
 
-    It keeps `FEWEST_PER_CELL` particles per cell, or as many as the scene has where those are fewer.
+    The grid has at least `FEWEST_PER_CELL` particles per cell, or as many as the scene has if these are
+    fewer. It is no finer than the scene's own grid.
 
     Raises
     ------
     ConfigError
-        `r_p` is out of range, or so small that the grid would be coarser than 8 cells per metre, or than 4
+        `r_p` is out of range, or so small that the grid would have less than 8 cells per metre or less than 4
         between walls.
     """
     sparse = FEWEST_PER_CELL / scene.particles_per_cell

@@ -1,4 +1,4 @@
-"""Quadratic B-splines on the nodes of a grid over [0, 1]^D, for work outside the compiled core."""
+"""Quadratic B-splines on the nodes of a grid over [0, 1]^D, for computations outside the compiled core."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ _Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stencils:
-    """The 3^D nodes around each of N points (Jiang et al. 2016, Eq. 123).
+    """The 3^D nodes around each of N points, with their weights (Jiang et al. 2016, Eq. 123).
 
-    As in the core's `grid_mass`, nodes outside the box are replaced by the nearest inside.
+    As in the core's `grid_mass`, a node outside the box is replaced by the nearest node inside.
     """
 
     nodes: npt.NDArray[np.int64]
-    """Numbers of the nodes, (N, 3^D), in the order of a raveled grid."""
+    """Indices (N, 3^D) of the nodes in a raveled grid."""
     weights: _Floats
-    """(N, 3^D) [-]; those of a point sum to 1."""
+    """Weights (N, 3^D) of the nodes [-]; the weights of a point sum to 1."""
     shape: tuple[int, ...]
-    """Of the grid: (resolution + 1,) * D."""
+    """Shape of the grid, (resolution + 1,) * D."""
 
     @classmethod
     def at(cls, x: npt.NDArray[np.floating], resolution: int) -> "Stencils":
@@ -40,11 +40,11 @@ class Stencils:
         return cls(nodes, weights, (resolution + 1,) * dim)
 
     def scatter(self, values: _Floats) -> _Floats:
-        """Sum values (N,) of the points onto the nodes; returns the grid."""
+        """Return a grid with the values (N,) of the points, each distributed to its nodes by weight."""
         size = int(np.prod(self.shape))
         sums = np.bincount(self.nodes.ravel(), (self.weights * values[:, None]).ravel(), size)
         return sums.astype(np.float64).reshape(self.shape)
 
     def gather(self, grid: _Floats) -> _Floats:
-        """Interpolate a grid to the points; returns (N,)."""
+        """Return the values (N,) of a grid, interpolated to the points."""
         return np.asarray((self.weights * grid.ravel()[self.nodes]).sum(axis=1))
