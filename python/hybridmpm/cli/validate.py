@@ -11,7 +11,7 @@ from hybridmpm.cli.progress import progress
 from hybridmpm.validation import page
 
 if TYPE_CHECKING:
-    from hybridmpm.validation.case import Case, Result
+    from hybridmpm.validation.case import Case, CaseResult
 
 
 @click.command()
@@ -33,13 +33,13 @@ def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> No
             raise click.UsageError(f"--out: the folder {out} does not exist.")
         charts.panels()  # a missing matplotlib shows now, not after the runs
     chosen = [case for name, case in validation.CASES.items() if name in cases or not cases]
-    results: list[tuple[Case, Result]] = []
+    results: list[tuple[Case, CaseResult]] = []
     with progress("Validating", len(chosen)) as bar:
         for case in chosen:
             results.append((case, case.run()))
             bar.update(1)
     for case, result in results:
-        click.echo(f"{case.title}\n{page.rows(result.checks)}\n")
+        click.echo(f"{case.title}\n{page.text_table(result.checks)}\n")
     if out is not None:
         page.write(out, results)
         click.echo(f"wrote {out / 'README.md'} and its charts")

@@ -1,7 +1,7 @@
-"""The solver against data that others made and against closed forms; `hybridmpm validate` runs it all.
+"""The solver compared with data of others and with closed forms; `hybridmpm validate` runs all cases.
 
-Each module holds one case: its data with their source, `run` returning curves and error figures as a frozen
-dataclass, and a chart.
+Each module has one case: its data with their source, `run`, which returns curves and error figures as a
+frozen dataclass, and `draw`, which draws them.
 """
 
 from hybridmpm.validation import (
@@ -29,4 +29,4 @@ CASES: dict[str, Case] = {
         free_fall,
     )
 }
-"""By name, in the order of the page."""
+"""Cases by name, in the order of the page."""

@@ -1,4 +1,4 @@
-"""What every validation case is made of: a run, its judged figures, and a chart."""
+"""What every validation case consists of: a run, its judged figures, and a chart."""
 
 import math
 from collections.abc import Callable
@@ -16,23 +16,25 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A measured figure beside what it is held against."""
+    """A measured figure with the values that are accepted."""
 
     quantity: str
+    """Name of the figure, with its unit."""
     measured: float
     target: str
-    """What it should be, for a reader."""
+    """Value that the figure should have, for a reader."""
     tolerance: str
-    """What is still accepted, for a reader; "none" where the figure is only reported."""
+    """Values that are accepted, for a reader; "none" if the figure is only reported."""
     low: float = -math.inf
+    """Lower end of the accepted range; infinite if the figure is only reported."""
     high: float = math.inf
-    """The accepted range, ends included; both infinite where the figure is only reported."""
+    """Upper end of the accepted range; infinite if the figure is only reported."""
     outside: bool = False
-    """Of a negative control, which has to lie outside the range."""
+    """Whether the figure is a negative control, which must lie outside the range."""
 
     @property
     def verdict(self) -> str:
-        """Whether it is accepted: "pass", "FAIL", or "reported" where nothing is demanded."""
+        """Whether the figure is accepted: "pass" or "FAIL", or "reported" if every value is accepted."""
         if math.isinf(self.low) and math.isinf(self.high):
             return "reported"
         if math.isnan(self.measured):
@@ -41,7 +43,7 @@ class Check:
 
     @classmethod
     def at_most(cls, quantity: str, measured: float, limit: float) -> Self:
-        """Demand of an error that its size is at most `limit`."""
+        """Return a check of an error, which must be at most `limit` in size."""
         text = f"<= {limit:g}"
         return cls(quantity=quantity, measured=measured, target="0", tolerance=text, low=-limit, high=limit)
 
@@ -49,7 +51,7 @@ class Check:
     def between(
         cls, quantity: str, measured: float, low: float, high: float, *, outside: bool = False
     ) -> Self:
-        """Demand of a figure that it lies in a band, or outside it for a negative control."""
+        """Return a check of a figure, which must lie in a band, or outside it as a negative control."""
         return cls(
             quantity=quantity,
             measured=measured,
@@ -62,27 +64,29 @@ class Check:
 
     @classmethod
     def reported(cls, quantity: str, measured: float, target: str = "") -> Self:
-        """Tell a figure without judging it."""
+        """Return a check that reports a figure and accepts every value."""
         return cls(quantity=quantity, measured=measured, target=target, tolerance="none")
 
 
-class Result(Protocol):
-    """Curves of a run with their error figures."""
+class CaseResult(Protocol):
+    """Curves and error figures of a run."""
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Every figure that the page lists."""
+        """All figures that the page lists."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A validation case as the command and the page see it."""
+    """A validation case, as the command and the page need it."""
 
     name: str
+    """Name of the case on the command line and in file names."""
     title: str
+    """Title of the case on the page."""
     text: str
-    """How it is measured and what it shows, as one paragraph of Markdown."""
-    run: Callable[[], Result]
-    """Runs it in full."""
+    """What is measured, how, and what it shows, as one paragraph of Markdown."""
+    run: Callable[[], CaseResult]
+    """Runs the case at full length."""
     draw: "Callable[[Any], Figure]"
     """Draws the result of `run`."""

@@ -1,11 +1,11 @@
 """Two elastic discs that meet head-on (Sulsky, Chen and Schreyer 1994): momentum, energy, early contact.
 
 Discs of radius 0.2 m in a unit square start at (0.2, 0.2) and (0.8, 0.8) with velocities +-(0.1, 0.1) m/s;
-E = 1000 Pa, nu = 0.3, density 1000 kg/m^3, no gravity. Their surfaces meet at
+E = 1000 Pa, nu = 0.3, density 1000 kg/m^3, no gravity. The surfaces of the discs meet at
 
     t = (0.6 sqrt(2) - 0.4) / (0.2 sqrt(2)) = 1.586 s.
 
-Bodies in one velocity field feel each other as soon as they share grid nodes, at most three cells apart.
+Bodies in one velocity field act on each other as soon as they share grid nodes, at most three cells apart.
 """
 
 from dataclasses import dataclass
@@ -23,58 +23,59 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CONTACT_TIME = (0.6 * np.sqrt(2) - 0.4) / (0.2 * np.sqrt(2))
+"""Time at which the surfaces of the discs meet [s]."""
 MAX_MOMENTUM = 1e-5
-"""Of both discs together, in that of one."""
+"""Largest momentum of both discs together, over that of one disc [-]."""
 MAX_GAIN = 1e-3
-"""Of the total energy above its start."""
+"""Largest rise of the total energy above its start, over its start [-]."""
 MAX_GAP = 3.0
-"""Cells between the surfaces at first contact: the support of a quadratic spline."""
+"""Largest gap between the surfaces at first contact [cells], the support of a quadratic spline."""
 
 _RADIUS = 0.2
 _SECONDS = 3.2
 _FELT = 1e-3
-"""Relative change of a disc's momentum that counts as contact."""
+"""Relative change of a disc's momentum from which on the discs are in contact [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collision:
-    """One collision, a row a frame."""
+    """One collision; arrays (F,) have an entry for each frame."""
 
     resolution: int
     time: Floats
-    """[s]"""
+    """Time [s]."""
     kinetic_energy: Floats
-    """[J], with the affine part."""
+    """Kinetic energy [J], that of the affine velocities included."""
     elastic_energy: Floats
-    """[J]"""
+    """Elastic energy [J]."""
     first_momentum: Floats
-    """Of the first disc, along its way [kg m/s]."""
+    """Momentum of the first disc along its path [kg m/s]."""
     momentum: Floats
-    """Largest component of both together [kg m/s]."""
+    """Largest component of the momentum of both discs together [kg m/s]."""
     gap: Floats
-    """Distance of the centres less two radii [m]; the gap while the discs are round."""
+    """Distance of the centres minus two radii [m], which is the gap while the discs are round."""
 
     @property
     def total_energy(self) -> Floats:
-        """Kinetic and elastic [J]."""
+        """Sum of kinetic and elastic energy [J]."""
         return self.kinetic_energy + self.elastic_energy
 
     @property
     def contact(self) -> int:
-        """Frame at which the first disc feels the second."""
+        """First frame at which the momentum of the first disc has changed."""
         changed = np.abs(self.first_momentum / self.first_momentum[0] - 1) > _FELT
         return int(np.flatnonzero(changed)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class CollidingDiscsResult:
     """The same collision at several resolutions."""
 
     collisions: tuple[Collision, ...]
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Conservation, and how early the discs feel each other."""
+        """Conservation of momentum and energy, and the gap at first contact."""
         return tuple(check for run in self.collisions for check in _checks(run))
 
 
@@ -93,9 +94,9 @@ def _checks(run: Collision) -> tuple[Check, ...]:
     )
 
 
-def run(resolutions: tuple[int, ...] = (32, 64, 128)) -> Result:
-    """Let the discs collide once a resolution (cells per metre)."""
-    return Result(collisions=tuple(_collide(resolution) for resolution in resolutions))
+def run(resolutions: tuple[int, ...] = (32, 64, 128)) -> CollidingDiscsResult:
+    """Let the discs collide at each resolution [cells/m]."""
+    return CollidingDiscsResult(collisions=tuple(_collide(resolution) for resolution in resolutions))
 
 
 def _collide(resolution: int) -> Collision:
@@ -109,11 +110,11 @@ def _collide(resolution: int) -> Collision:
     solver = MpmSolver(scene)
     first = scene.sample().body == 0
     frames = int(_SECONDS / scene.frame_dt)
-    looks = [_look(solver, first)]
+    measured = [_measure(solver, first)]
     for _ in range(frames):
         solver.advance()
-        looks.append(_look(solver, first))
-    kinetic, elastic, first_momentum, momentum, gap = np.array(looks).T
+        measured.append(_measure(solver, first))
+    kinetic, elastic, first_momentum, momentum, gap = np.array(measured).T
     return Collision(
         resolution=resolution,
         time=np.arange(frames + 1, dtype=np.float64) * scene.frame_dt,
@@ -125,24 +126,25 @@ def _collide(resolution: int) -> Collision:
     )
 
 
-def _look(solver: MpmSolver, first: npt.NDArray[np.bool_]) -> tuple[float, ...]:
-    seen = solver.diagnostics()
+def _measure(solver: MpmSolver, first: npt.NDArray[np.bool_]) -> tuple[float, ...]:
+    """Return the present kinetic energy, elastic energy, first momentum, momentum and gap of a collision."""
+    totals = solver.diagnostics()
     x = solver.positions.astype(np.float64)
     mass = solver.mass.astype(np.float64)
     affine = (mass * (solver.affine.astype(np.float64) ** 2).sum(axis=(1, 2))).sum()
     along = solver.velocities.astype(np.float64)[first].sum(axis=1) / np.sqrt(2)
     apart = np.linalg.norm(x[~first].mean(axis=0) - x[first].mean(axis=0))
     return (
-        seen.kinetic_energy + float(affine) * solver.scene.dx**2 / 8,
-        seen.elastic_energy,
+        totals.kinetic_energy + float(affine) * solver.scene.dx**2 / 8,
+        totals.elastic_energy,
         float((mass[first] * along).sum()),
-        float(np.abs(seen.momentum).max()),
+        float(np.abs(totals.momentum).max()),
         float(apart - 2 * _RADIUS),
     )
 
 
-def draw(result: Result) -> "Figure":
-    """Energies over time, with the time of exact contact."""
+def draw(result: CollidingDiscsResult) -> "Figure":
+    """Draw energies and momentum over time, with the time of exact contact."""
     figure, ((left, right),) = panels(2)
     for k, run_ in enumerate(result.collisions):
         start = run_.total_energy[0]

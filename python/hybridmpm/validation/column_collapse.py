@@ -1,8 +1,8 @@
-"""Collapse of a planar column of sand, against the run-out and height that experiments found.
+"""Collapse of a planar column of sand, compared with the run-out and height that experiments found.
 
-A column of half-width L0 and height H0 = a L0 is released on a rough plane; L and H are those of the pile
-it leaves. By experiment (L - L0) / L0 grows with a first linearly, then as a^(2/3), with prefactors that
-differ between laboratories and grains:
+A column of half-width L0 and height H0 = a L0 is released on a rough plane and leaves a pile of half-width L
+and height H. In experiments the run-out (L - L0) / L0 grows linearly with small a and as a^(2/3) with large
+a; the prefactors differ between laboratories and grains:
 
     Lube et al. (2005), sand, rice, sugar:      1.2 a,  1.9 a^(2/3) above a = 1.8 to 2.8
     Lajeunesse et al. (2005), glass beads:      1.8 a,  2.3 a^(2/3) above a = 3
@@ -11,9 +11,9 @@ G. Lube, H. E. Huppert, R. S. J. Sparks, A. Freundt, Phys. Rev. E 72 (2005) 0413
 Monnier, G. M. Homsy, Phys. Fluids 17 (2005) 103302; both as given by P.-Y. Lagree, L. Staron, S. Popinet,
 J. Fluid Mech. 686 (2011) 378, equations 3.1 and 3.2.
 
-The solver makes its cone ||dev tau|| = alpha d p from an angle by the formula of 3D; in 2D the plane-strain
-friction angle of that cone is asin(sqrt(2) alpha). The angle handed over is therefore the one whose cone has
-the angle wanted.
+From a friction angle the solver makes its cone ||dev tau|| = alpha d p by the formula of 3D. In 2D the
+plane-strain friction angle of this cone is asin(sqrt(2) alpha), another angle. So the solver is given the
+angle whose cone has the wanted plane-strain angle (`angle_for_sand`).
 """
 
 from dataclasses import dataclass
@@ -32,31 +32,33 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HALF_WIDTHS = {0.5: 0.375, 1.0: 0.3125, 2.0: 0.1875, 4.0: 0.125}
-"""L0 [m] for each aspect ratio: the widest, on grid lines, whose pile stays clear of the far wall."""
+"""L0 [m] by aspect ratio: the largest on grid lines with which the pile does not reach the far wall."""
 FRICTION_ANGLE = 30.0
-"""Of dry sand, in plane strain [degrees]."""
+"""Friction angle of dry sand in plane strain [degrees]."""
 CONTROL_ANGLE = float(np.degrees(np.arctan(2.0)))
-"""Of the negative control: mu_s = 2."""
+"""Friction angle of the negative control in plane strain [degrees]: mu_s = 2."""
 CONTROL_ASPECT = 2.0
+"""Aspect ratio of the negative control."""
 
 _LOW = 0.03125
+"""Position of the lower walls [m]."""
 _MIDDLE = 0.0625
-"""The plane of symmetry; only the right half is simulated."""
+"""Position x of the plane of symmetry [m]; only the right half is simulated."""
 _G = 9.81
 _STRAIN = 1e-3
-"""rho g H0 / E, the same for all columns. Sand that is softer still bounces, and spreads farther."""
+"""rho g H0 / E [-], the same for all columns. Softer sand bounces and spreads farther."""
 
 
 def runout_band(aspect: float) -> tuple[float, float]:
-    """(L - L0) / L0 between Lube's experiments and Lajeunesse's."""
+    """Return the accepted (L - L0) / L0: from the fit of Lube's experiments to that of Lajeunesse's."""
     return float(_lube_runout(aspect)), float(_lajeunesse_runout(aspect))
 
 
 def height_band(aspect: float) -> tuple[float, float]:
-    """H / L0: a quarter around a for low columns, 0.65 a^0.35 to 1.3 a^0.4 for high ones.
+    """Return the accepted H / L0: 0.75 a to 1.25 a for low columns, 0.65 a^0.35 to 1.3 a^0.4 for high ones.
 
-    These are the bounds of the public suite dev_soil_sph (github.com/SueHeir/dev_soil_sph): the continuum's
-    branch of Lagree et al. below, Lube's a^0.4 and 30 % above.
+    These are the bounds of the public suite dev_soil_sph (github.com/SueHeir/dev_soil_sph). The lower bound
+    for high columns is the continuum's branch of Lagree et al., the upper one is 30 % above Lube's a^0.4.
     """
     if aspect < CONTROL_ASPECT:
         return 0.75 * aspect, 1.25 * aspect
@@ -73,8 +75,8 @@ def _lajeunesse_runout(aspect: npt.ArrayLike) -> Floats:
     return np.where(a < 3.0, 1.8 * a, 2.3 * a ** (2 / 3))
 
 
-def handed_angle(angle: float) -> float:
-    """Angle [degrees] to hand to `Sand` for a plane-strain friction angle in 2D [degrees]."""
+def angle_for_sand(angle: float) -> float:
+    """Return the `friction_angle` of `Sand` [degrees] that gives a plane-strain angle in 2D [degrees]."""
     alpha = np.sin(np.radians(angle)) / np.sqrt(2)
     scale = 2 * np.sqrt(2 / 3)
     return float(np.degrees(np.arcsin(3 * alpha / (scale + alpha))))
@@ -82,35 +84,35 @@ def handed_angle(angle: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Pile:
-    """What one column left."""
+    """The pile that a column left."""
 
     aspect: float
     angle: float
     """Plane-strain friction angle [degrees]."""
     resolution: int
     distance: Floats
-    """From the plane of symmetry to the middle of each column of cells, in L0."""
+    """Distance from the plane of symmetry to the middle of each column of cells, over L0 [-]."""
     depth: Floats
-    """Of the sand there, up to the top of the highest cell that is at least half full, in L0."""
+    """Height of the top of the highest cell at least half full in each column of cells, over L0 [-]."""
     runout: float
-    """(L - L0) / L0, L being where the last slab one cell wide ends that is at least half a cell deep."""
+    """Run-out (L - L0) / L0 [-]; L is the end of the last slab one cell wide at least half a cell deep."""
 
     @property
     def height(self) -> float:
-        """H / L0: the mean depth of the two columns of cells in the middle."""
+        """Height H / L0 [-], the mean depth of the first two columns of cells."""
         return float(self.depth[:2].mean())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """Piles of sand, and one of the negative control."""
+class ColumnCollapseResult:
+    """Piles of sand, and the pile of the negative control."""
 
     piles: tuple[Pile, ...]
     control: Pile
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Run-out and height of each pile against the experiments' bands."""
+        """Run-out and height of each pile with the bands of the experiments."""
         control = f"mu_s = 2, a = {self.control.aspect:g}: run-out (control)"
         return (
             *(
@@ -125,9 +127,9 @@ class Result:
         )
 
 
-def run(aspects: tuple[float, ...] = tuple(HALF_WIDTHS), *, resolution: int = 128) -> Result:
-    """Let columns of these aspect ratios (keys of `HALF_WIDTHS`) collapse, and the control."""
-    return Result(
+def run(aspects: tuple[float, ...] = tuple(HALF_WIDTHS), *, resolution: int = 128) -> ColumnCollapseResult:
+    """Let columns of these aspect ratios (keys of `HALF_WIDTHS`) and the negative control collapse."""
+    return ColumnCollapseResult(
         piles=tuple(_collapse(aspect, FRICTION_ANGLE, resolution) for aspect in aspects),
         control=_collapse(CONTROL_ASPECT, CONTROL_ANGLE, resolution),
     )
@@ -157,20 +159,20 @@ def _scene(aspect: float, angle: float, resolution: int) -> Scene:
     half_width = HALF_WIDTHS[aspect]
     height = aspect * half_width
     stiffness = Sand().density * _G * height / _STRAIN
-    sand = Sand(youngs_modulus=stiffness, friction_angle=handed_angle(angle))
+    sand = Sand(youngs_modulus=stiffness, friction_angle=angle_for_sand(angle))
     upper = (_MIDDLE + half_width, _LOW + height)
     return Scene(
         dim=2,
         resolution=resolution,
-        # A plane of glued grains.
+        # A rough plane, like one of glued grains.
         walls=Walls(lower=(_LOW, _LOW), upper=(1 - _LOW, 1 - _LOW), contact="sticky"),
         bodies=(Box(material=sand, lower=(_MIDDLE, _LOW), upper=upper),),
         obstacles=(HalfSpaceObstacle(point=(_MIDDLE, 0.5), normal=(1.0, 0.0), contact="slip"),),
     )
 
 
-def draw(result: Result) -> "Figure":
-    """Run-out and height over the aspect ratio with the bands, and the shapes of the piles."""
+def draw(result: ColumnCollapseResult) -> "Figure":
+    """Draw run-out and height over the aspect ratio with the bands, and the shapes of the piles."""
     figure, ((runout, height, shape),) = panels(3, width=3.9)
     a = np.geomspace(0.4, 5, 80)
     heights = np.array([height_band(float(aspect)) for aspect in a]).T

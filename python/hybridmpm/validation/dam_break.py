@@ -1,12 +1,13 @@
-"""Collapse of a column of water, against the experiment of Martin and Moyce (1952).
+"""Collapse of a column of water, compared with the experiment of Martin and Moyce (1952).
 
 A column `a` wide and `2 a` high stands against a wall and is released at once. With n^2 = 2,
 
     Z = x_front / a,   T = n t sqrt(g / a),   H = h_wall / (n^2 a),   tau = t sqrt(g / a).
 
-The front is the leading edge of the farthest slab, one cell wide and as high as the box, that holds at least
-half as many particles as a full cell: a layer half a cell deep, so the bulk and not single drops. The height
-at the wall is the upper edge of the highest cell beside the wall that is at least half full.
+For the front, the water is cut into slabs one cell wide and as high as the box. The front is the leading edge
+of the farthest slab with at least half as many particles as a full cell, a layer half a cell deep; so single
+drops do not count. The height at the wall is the upper edge of the highest cell beside the wall that is at
+least half full.
 """
 
 from dataclasses import dataclass
@@ -24,92 +25,100 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # J. C. Martin and W. J. Moyce, "An experimental study of the collapse of liquid columns on a rigid
-# horizontal plane", Phil. Trans. R. Soc. A 244 (1952) 312-324, n^2 = 2, a = 2.25 in. Front: table 2, height:
-# table 6, both as the plot script of Ocellaris' dam break (bitbucket.org/trlandet/ocellaris) gives them.
+# horizontal plane", Phil. Trans. R. Soc. A 244 (1952) 312-324, n^2 = 2, a = 2.25 in. The front is from
+# table 2, the height from table 6, both as in the plot script of Ocellaris' dam break
+# (bitbucket.org/trlandet/ocellaris).
 FRONT = np.array([
     (0.41, 1.11), (0.84, 1.22), (1.19, 1.44), (1.43, 1.67), (1.63, 1.89), (1.83, 2.11), (1.98, 2.33),
     (2.20, 2.56), (2.32, 2.78), (2.51, 3.00), (2.65, 3.22), (2.83, 3.44), (2.98, 3.67), (3.11, 3.89),
     (3.33, 4.11),
 ])  # fmt: skip
-"""(T, Z)."""
+"""Times T and positions Z of the front in the experiment, table 2."""
 HEIGHT = np.array([
     (0.56, 0.94), (0.77, 0.89), (0.93, 0.83), (1.08, 0.78), (1.28, 0.72), (1.46, 0.67), (1.66, 0.61),
     (1.84, 0.56), (2.00, 0.50), (2.21, 0.44), (2.45, 0.39), (2.70, 0.33), (3.06, 0.28), (3.44, 0.22),
     (4.20, 0.17), (5.25, 0.11), (7.40, 0.06),
 ])  # fmt: skip
-"""(tau, H)."""
+"""Times tau and heights H at the wall in the experiment, table 6."""
 FRONT_FIGURE = np.array([
     (0.832, 1.217), (1.219, 1.474), (1.997, 2.292), (2.547, 2.995), (3.345, 4.134), (4.034, 4.944),
     (4.418, 5.881), (5.091, 6.980), (5.685, 7.945), (6.306, 8.966), (6.822, 9.986), (7.439, 10.963),
     (8.031, 11.977), (8.633, 13.005), (9.237, 13.970),
 ])  # fmt: skip
-"""(T, Z) of the same case read off figure 3, from pysph (examples/db_exp_data.py, mm_data_2)."""
+"""Times T and positions Z of the front, read off figure 3 by pysph (examples/db_exp_data.py, mm_data_2)."""
 
 FIRST_T, LAST_T = 0.84, 3.33
-"""Range of the front that is judged; earlier points lie within the release of the column."""
+"""First and last time T at which the front is judged; before, the column is still being released."""
 LAST_TAU = 2.45
+"""Last time tau at which the height is judged."""
 MAX_FRONT_ERROR = 0.10
+"""Largest root mean square of the relative error of the front [-]."""
 MAX_HEIGHT_ERROR = 0.05
+"""Largest error of H [-]."""
 
 _WIDTH = 0.1875
-"""a [m]: 12, 24 and 48 cells."""
+"""Width a of the column [m]: 12, 24 and 48 cells."""
 _LOW = 0.03125
-"""Walls on grid lines of all resolutions; the front has room until Z = 5."""
+"""Position of the lower walls [m], on grid lines of all resolutions; the front has room until Z = 5."""
 _G = 9.81
 _N = np.sqrt(2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collapse:
-    """One simulated collapse, a row a frame."""
+    """One simulated collapse; arrays (F,) have an entry for each frame."""
 
     resolution: int
     tau: Floats
+    """Time tau."""
     height: Floats
-    """H."""
+    """Height H at the wall."""
     front: Floats
-    """Z of a layer half a cell deep."""
+    """Position Z of the front, where the water is half a cell deep."""
     deep_front: Floats
-    """Z of a layer 0.2 a deep, a tenth of the column's height."""
+    """Position Z up to which the water is 0.2 a deep, a tenth of the column's height."""
 
     @property
     def T(self) -> Floats:
-        """Time in the unit of the front, n tau."""
+        """Time T = n tau."""
         return np.asarray(_N * self.tau)
 
     def front_error(self, *, shift: float = 0.0, deep: bool = False) -> float:
-        """Root mean square of the relative error in Z; `shift` adds to the experiment's T."""
+        """Return the root mean square of the relative error of Z.
+
+        `shift` is added to the experiment's T; `deep` takes `deep_front` for the front.
+        """
         T, Z = FRONT[(FRONT[:, 0] >= FIRST_T) & (FRONT[:, 0] <= LAST_T)].T
         found = np.interp(T + shift, self.T, self.deep_front if deep else self.front)
         return float(np.sqrt(np.mean((found / Z - 1.0) ** 2)))
 
     @property
     def best_shift(self) -> float:
-        """Shift of T with the smallest front error, to 0.01."""
+        """Shift of T with the smallest error of the front, in steps of 0.01."""
         return float(min(np.linspace(-0.5, 0.5, 101), key=lambda shift: self.front_error(shift=shift)))
 
     @property
     def front_speed(self) -> float:
-        """dZ/dT fitted over T in [1.43, 3.33]; the experiment's is 1.319."""
+        """Speed dZ/dT of the front, fitted over T in [1.43, 3.33]; that of the experiment is 1.319."""
         judged = (FRONT[3, 0] <= self.T) & (self.T <= LAST_T)
         return float(np.polyfit(self.T[judged], self.front[judged], 1)[0])
 
     @property
     def height_error(self) -> float:
-        """Largest |H - experiment|."""
+        """Largest difference between H and that of the experiment."""
         tau, H = HEIGHT[HEIGHT[:, 0] <= LAST_TAU].T
         return float(np.abs(np.interp(tau, self.tau, self.height) - H).max())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class DamBreakResult:
     """The same collapse at several resolutions."""
 
     runs: tuple[Collapse, ...]
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Front and height at every resolution, and how the front's error comes about."""
+        """Front and height at every resolution, and figures that explain the error of the front."""
         speed = float(np.polyfit(FRONT[3:, 0], FRONT[3:, 1], 1)[0])
         judged = [
             check
@@ -130,9 +139,9 @@ class Result:
         )
 
 
-def run(resolutions: tuple[int, ...] = (64, 128, 256)) -> Result:
-    """Run the collapse once a resolution (cells per metre)."""
-    return Result(runs=tuple(_collapse(resolution) for resolution in resolutions))
+def run(resolutions: tuple[int, ...] = (64, 128, 256)) -> DamBreakResult:
+    """Run the collapse at each resolution [cells/m]."""
+    return DamBreakResult(runs=tuple(_collapse(resolution) for resolution in resolutions))
 
 
 def _collapse(resolution: int) -> Collapse:
@@ -154,8 +163,8 @@ def _collapse(resolution: int) -> Collapse:
     )
 
 
-def draw(result: Result) -> "Figure":
-    """Front and height over time, simulations as lines and experiments as points."""
+def draw(result: DamBreakResult) -> "Figure":
+    """Draw front and height over time, simulations as lines and experiments as points."""
     figure, ((left, right),) = panels(2)
     for k, run_ in enumerate(result.runs):
         left.plot(run_.T, run_.front, color=COLOURS[k], label=f"{run_.resolution}²")

@@ -1,6 +1,7 @@
-"""Free fall: every particle follows the closed form to the rounding of float32.
+"""Free fall: every particle follows the closed form up to the rounding of float32.
 
-With equal substeps dt, gravity acting before each one moves (symplectic Euler), the n-th position is exactly
+With equal substeps dt, in each of which gravity acts before particles move (symplectic Euler), the position
+after n substeps is exactly
 
     x_n = x_0 + v_0 t + g (t^2 + t dt) / 2,   t = n dt.
 """
@@ -23,41 +24,43 @@ _FRAMES = 100
 _G = 9.81
 _SPEED = 0.5
 _ULP = 2.0**-24
-"""Largest rounding error of a number in [0.5, 1]; a position takes one a substep, its velocity another."""
+"""Largest rounding error of a number in [0.5, 1]. A substep adds two: of the position, and of the velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fall:
-    """One falling ball."""
+    """One falling ball; arrays (F,) have an entry for each frame."""
 
     dim: int
     material: str
     time: Floats
-    """Of each frame [s]."""
+    """Time [s]."""
     error: Floats
-    """Largest distance of a particle from the closed form, along an axis, per frame [m]."""
+    """Largest distance of a particle from the closed form along an axis [m]."""
     bound: float
-    """What rounding alone may add up to [m]."""
+    """Largest distance that can come from rounding alone [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """All materials in 2D and 3D."""
+class FreeFallResult:
+    """Falls of all materials in 2D and 3D."""
 
     falls: tuple[Fall, ...]
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Largest deviation of each fall [m]."""
+        """Largest distance from the closed form in each fall [m]."""
         return tuple(
             Check.at_most(f"{fall.material}, {fall.dim}D [m]", float(fall.error.max()), fall.bound)
             for fall in self.falls
         )
 
 
-def run(frames: int = _FRAMES) -> Result:
+def run(frames: int = _FRAMES) -> FreeFallResult:
     """Let balls of all materials fall for `frames` frames."""
-    return Result(falls=tuple(_fall(dim, material, frames) for dim in (2, 3) for material in MATERIALS))
+    return FreeFallResult(
+        falls=tuple(_fall(dim, material, frames) for dim in (2, 3) for material in MATERIALS)
+    )
 
 
 def _fall(dim: int, material: Material, frames: int) -> Fall:
@@ -82,8 +85,8 @@ def _fall(dim: int, material: Material, frames: int) -> Fall:
     )
 
 
-def draw(result: Result) -> "Figure":
-    """Deviation over time, with the bound of rounding."""
+def draw(result: FreeFallResult) -> "Figure":
+    """Draw the distance from the closed form over time, with the bound of rounding."""
     figure, ((axes,),) = panels(1, width=5.5)
     for k, fall in enumerate(result.falls):
         label = f"{fall.material}, {fall.dim}D"

@@ -1,14 +1,14 @@
-"""Water at rest under its own weight, against the closed form of its equation of state.
+"""Water at rest under its own weight, compared with the closed form of its equation of state.
 
-Kirchhoff stress tau = lambda J (J - 1) is Cauchy stress sigma = tau / J = lambda (J - 1), so the pressure is
-p = lambda (1 - J); the density is rho_0 / J. At depth s below the surface dp/ds = rho g gives
--lambda J dJ/ds = rho_0 g, hence
+The Kirchhoff stress tau = lambda J (J - 1) is a Cauchy stress sigma = tau / J = lambda (J - 1), so the
+pressure is p = lambda (1 - J). The density is rho = rho_0 / J. At depth s below the surface dp/ds = rho g
+gives -lambda J dJ/ds = rho_0 g, hence
 
     J(s) = sqrt(1 - 2 rho_0 g s / lambda).
 
-A column of rest depth h carries rho_0 g h on its floor, where J = 1 - rho_0 g h / lambda; in terms of mass J
-is linear, its mean over particles 1 - rho_0 g h / (2 lambda), and the surface settles at
-h (1 - rho_0 g h / (2 lambda)).
+A column of rest depth h has the pressure rho_0 g h on its floor, where J = 1 - rho_0 g h / lambda. J is
+linear in the mass above, so its mean over the particles is 1 - rho_0 g h / (2 lambda), and the surface settles
+at the height h (1 - rho_0 g h / (2 lambda)).
 """
 
 from dataclasses import dataclass
@@ -26,36 +26,44 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_ERROR = 0.1
-"""Of the compression 1 - J on the floor."""
+"""Largest error of J, over the compression 1 - J on the floor [-]."""
 
 _DEPTH = 0.4
+"""Rest depth h of the column [m]."""
 _LOW = 0.125
+"""Position of the lower walls [m]."""
 _SIDE = 0.25
+"""Width of the column [m]."""
 _LAYERS = 8
+"""Number of layers over which J is averaged."""
 _SETTLING = 1200
-"""Frames before the average: the column falls into its compression and rings."""
+"""Number of frames before the average, in which the column compresses and oscillates."""
 _AVERAGED = 400
+"""Number of frames in the average."""
 _G = 9.81
 _LOAD = Water().density * _G / REFERENCE_BULK_MODULUS
 """rho_0 g / lambda [1/m]."""
 FLOOR_COMPRESSION = _LOAD * _DEPTH
+"""Compression 1 - J on the floor in the closed form [-]."""
 MEAN_COMPRESSION = FLOOR_COMPRESSION / 2
+"""Mean compression 1 - J of the particles in the closed form [-]."""
 _SURFACE = _DEPTH * (1 - MEAN_COMPRESSION)
+"""Height of the settled surface above the floor in the closed form [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """Means over a second of the settled column."""
+class HydrostaticResult:
+    """Means of each of N particles over a second of the settled column."""
 
     resolution: int
     depth: Floats
-    """Of each particle below the settled surface [m]."""
+    """Depth (N,) below the settled surface [m]."""
     volume_ratio: Floats
-    """J of each particle."""
+    """J (N,) [-]."""
 
     @property
     def layers(self) -> tuple[Floats, Floats, Floats]:
-        """Mean depth, J and closed-form J of the particles in layers of equal height."""
+        """Mean depth [m], mean J and mean closed-form J of the particles in each layer of equal height."""
         layer = np.clip(self.depth / _SURFACE * _LAYERS, 0, _LAYERS - 1).astype(int)
         counts = np.bincount(layer, minlength=_LAYERS)
         depth, J, exact = (
@@ -66,7 +74,7 @@ class Result:
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Errors of J in units of the compression on the floor, and of the mean compression."""
+        """Error of J relative to the compression on the floor, and error of the mean compression."""
         _, J, exact = self.layers
         error = np.abs(J - exact) / FLOOR_COMPRESSION
         mean = float(1 - self.volume_ratio.mean())
@@ -78,11 +86,11 @@ class Result:
 
 
 def closed_form(depth: Floats) -> Floats:
-    """J at a depth [m] below the surface."""
+    """Return J at depths [m] below the surface."""
     return np.sqrt(1 - 2 * _LOAD * np.clip(depth, 0, None))
 
 
-def run(resolution: int = 128) -> Result:
+def run(resolution: int = 128) -> HydrostaticResult:
     """Let a column of water settle on a grid of `resolution` cells per metre."""
     column = Box(material=Water(), lower=(_LOW, _LOW), upper=(_LOW + _SIDE, _LOW + _DEPTH))
     walls = Walls(lower=(_LOW, _LOW), upper=(_LOW + _SIDE, 1 - _LOW))
@@ -94,15 +102,15 @@ def run(resolution: int = 128) -> Result:
         solver.advance()
         height += solver.positions[:, 1]
         J += solver.volume_ratio
-    return Result(
+    return HydrostaticResult(
         resolution=resolution,
         depth=_LOW + _SURFACE - height / _AVERAGED,
         volume_ratio=J / _AVERAGED,
     )
 
 
-def draw(result: Result) -> "Figure":
-    """J over depth: particles, layers and the closed form."""
+def draw(result: HydrostaticResult) -> "Figure":
+    """Draw J over depth: particles, layers and the closed form."""
     figure, ((axes,),) = panels(1, width=5.5)
     depth, J, _ = result.layers
     some = slice(None, None, 8)

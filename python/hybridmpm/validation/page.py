@@ -1,16 +1,16 @@
-"""The page of validation: a chart a case, and README.md. The same build writes the same bytes."""
+"""The page of validation: README.md and a chart for each case. The same build writes the same bytes."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from hybridmpm._support import charts
 from hybridmpm._support.files import replacing
-from hybridmpm.validation.case import Case, Check, Result
+from hybridmpm.validation.case import Case, CaseResult, Check
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"
 
 
-def write(folder: Path, results: Sequence[tuple[Case, Result]]) -> None:
+def write(folder: Path, results: Sequence[tuple[Case, CaseResult]]) -> None:
     """Write NAME.svg and NAME.png for each case, and README.md, into an existing folder.
 
     Raises
@@ -26,7 +26,7 @@ def write(folder: Path, results: Sequence[tuple[Case, Result]]) -> None:
         part.write_text(markdown(results), encoding="utf-8")
 
 
-def markdown(results: Sequence[tuple[Case, Result]]) -> str:
+def markdown(results: Sequence[tuple[Case, CaseResult]]) -> str:
     """Return the text of the page."""
     verdicts = [check.verdict for _, result in results for check in result.checks]
     summary = f"{verdicts.count('pass')} of {len(verdicts) - verdicts.count('reported')} judged figures pass"
@@ -47,7 +47,7 @@ def markdown(results: Sequence[tuple[Case, Result]]) -> str:
     return intro + "".join(_section(case, result) for case, result in results)
 
 
-def _section(case: Case, result: Result) -> str:
+def _section(case: Case, result: CaseResult) -> str:
     table = "".join(f"| {' | '.join(_cells(check))} |\n" for check in result.checks)
     return f"\n## {case.title}\n\n{case.text}\n\n![{case.title}]({case.name}.svg)\n\n{_HEADER}{table}"
 
@@ -57,12 +57,12 @@ def _cells(check: Check) -> tuple[str, ...]:
 
 
 def figure(value: float) -> str:
-    """Three digits, without the noise of a sign of zero."""
+    """Return a figure with three digits; a zero has no sign."""
     return f"{value + 0.0:.3g}"
 
 
-def rows(checks: Sequence[Check]) -> str:
-    """Lay the figures out for a terminal."""
+def text_table(checks: Sequence[Check]) -> str:
+    """Return the figures as a table for a terminal."""
     cells = [_cells(check) for check in checks]
     widths = [max(len(row[k]) for row in cells) for k in range(5)]
     return "\n".join(

@@ -1,8 +1,9 @@
 """An elastic disc and an elastic ball that spin freely: kinetic energy and angular momentum stay.
 
-Both are spun up from rest by an external acceleration across the radius, then left alone without gravity,
-away from all walls. The kinetic energy is that of the particles' velocities; the angular momentum includes
-the affine part, m dx^2 / 4 (C_yx - C_xy) a particle (Jiang et al. 2015, The affine particle-in-cell method).
+Both bodies are spun up from rest by an external acceleration across the radius. Then they spin without
+gravity, away from all walls. The kinetic energy is that of the particles' velocities. The angular momentum
+includes the affine part, m dx^2 / 4 (C_yx - C_xy) for each particle (Jiang et al. 2015, The affine
+particle-in-cell method).
 """
 
 from dataclasses import dataclass
@@ -19,38 +20,39 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_LOSS = 1e-3
-"""Of the kinetic energy over the run; bound of matter's energy test (github.com/larsblatny/matter)."""
+"""Largest relative loss of kinetic energy over the run, as in matter's energy test
+(github.com/larsblatny/matter)."""
 MAX_GAIN = 1e-5
-"""Of the total energy at any time: rounding of float32."""
+"""Largest rise of the total energy, over the kinetic energy: that of the rounding of float32."""
 MAX_TURN = 1e-4
-"""Of the angular momentum: rounding of float32."""
+"""Largest relative change of the angular momentum: that of the rounding of float32."""
 
 _STUFF = Elastic(density=1550.0, youngs_modulus=1e6, poisson_ratio=0.3)
 _RATE = 2 * np.pi
-"""One turn a second [rad/s]."""
+"""Angular velocity [rad/s], one turn a second."""
 _SPIN_UP = 40
-"""Frames; slow, so that the body hardly rings."""
+"""Number of frames over which a body is spun up, slowly, so that it hardly oscillates."""
 _EVERY = 20
-"""Frames between two looks."""
+"""Number of frames from one measurement to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spin:
-    """One body, a row a look."""
+    """One spinning body; arrays (M,) have an entry for each measurement."""
 
     label: str
     time: Floats
-    """Since the spin-up ended [s]."""
+    """Time since the end of the spin-up [s]."""
     kinetic_energy: Floats
-    """[J]"""
+    """Kinetic energy of the particles' velocities [J]."""
     total_energy: Floats
-    """Kinetic, its affine part and elastic [J]."""
+    """Kinetic energy, that of the affine velocities included, plus elastic energy [J]."""
     angular_momentum: Floats
-    """About the centroid, around the last axis [kg m^2/s]."""
+    """Angular momentum about the centroid, around the last axis [kg m^2/s]."""
 
     @property
     def loss(self) -> float:
-        """Share of the kinetic energy lost at the end."""
+        """Fraction of the kinetic energy that is lost at the end."""
         return float(1 - self.kinetic_energy[-1] / self.kinetic_energy[0])
 
     @property
@@ -65,7 +67,7 @@ class Spin:
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Of one body."""
+        """Loss and gain of energy and change of angular momentum of this body."""
         lost = f"energy of the {self.label}, kinetic lost in {self.time[-1]:.0f} s"
         return (
             Check.between(lost, self.loss, 0, MAX_LOSS),
@@ -75,20 +77,20 @@ class Spin:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """A disc and a ball."""
+class RotationResult:
+    """A spinning disc and a spinning ball."""
 
     spins: tuple[Spin, ...]
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Loss and gain of energy, change of angular momentum."""
+        """Loss and gain of energy and change of angular momentum of both bodies."""
         return tuple(check for spin in self.spins for check in spin.checks)
 
 
-def run(*, disc_seconds: float = 20.0, ball_seconds: float = 10.0) -> Result:
-    """Spin a disc (radius 0.2 m) and a ball (0.15 m) for so long."""
-    return Result(spins=(_spin(2, 0.2, disc_seconds), _spin(3, 0.15, ball_seconds)))
+def run(*, disc_seconds: float = 20.0, ball_seconds: float = 10.0) -> RotationResult:
+    """Spin a disc of radius 0.2 m and a ball of radius 0.15 m, each for its number of seconds."""
+    return RotationResult(spins=(_spin(2, 0.2, disc_seconds), _spin(3, 0.15, ball_seconds)))
 
 
 def _spin(dim: int, radius: float, seconds: float) -> Spin:
@@ -97,14 +99,14 @@ def _spin(dim: int, radius: float, seconds: float) -> Spin:
     frame_dt = solver.scene.frame_dt
     for _ in range(_SPIN_UP):
         solver.advance(force=_across(solver) * (_RATE / (_SPIN_UP * frame_dt)))
-    looks = [_look(solver)]
+    measured = [_measure(solver)]
     for _ in range(int(seconds / frame_dt) // _EVERY):
         solver.advance(_EVERY)
-        looks.append(_look(solver))
-    kinetic, total, angular = np.array(looks).T
+        measured.append(_measure(solver))
+    kinetic, total, angular = np.array(measured).T
     return Spin(
         label="disc" if dim == 2 else "ball",
-        time=np.arange(len(looks), dtype=np.float64) * _EVERY * frame_dt,
+        time=np.arange(len(measured), dtype=np.float64) * _EVERY * frame_dt,
         kinetic_energy=kinetic,
         total_energy=total,
         angular_momentum=angular,
@@ -112,7 +114,7 @@ def _spin(dim: int, radius: float, seconds: float) -> Spin:
 
 
 def _across(solver: MpmSolver) -> Floats:
-    """Velocity field of the rotation by 1 rad/s about the last axis, through the centroid."""
+    """Return velocities (N, D) [m/s] of a rotation by 1 rad/s around the last axis, through the centroid."""
     arm = _arm(solver)
     across = np.zeros_like(arm)
     across[:, 0], across[:, 1] = -arm[:, 1], arm[:, 0]
@@ -124,21 +126,21 @@ def _arm(solver: MpmSolver) -> Floats:
     return np.asarray(x - x.mean(axis=0))
 
 
-def _look(solver: MpmSolver) -> tuple[float, float, float]:
-    """Kinetic energy, total energy, angular momentum."""
+def _measure(solver: MpmSolver) -> tuple[float, float, float]:
+    """Return the present kinetic energy [J], total energy [J] and angular momentum [kg m^2/s]."""
     mass = solver.mass.astype(np.float64)
     C = solver.affine.astype(np.float64)
     inertia = mass * solver.scene.dx**2 / 4
-    seen = solver.diagnostics()
+    totals = solver.diagnostics()
     affine_energy = float((inertia * (C**2).sum(axis=(1, 2))).sum()) / 2
     orbital = (mass * (_across(solver) * solver.velocities).sum(axis=1)).sum()
     affine = (inertia * (C[:, 1, 0] - C[:, 0, 1])).sum()
-    total = seen.kinetic_energy + affine_energy + seen.elastic_energy
-    return seen.kinetic_energy, total, float(orbital + affine)
+    total = totals.kinetic_energy + affine_energy + totals.elastic_energy
+    return totals.kinetic_energy, total, float(orbital + affine)
 
 
-def draw(result: Result) -> "Figure":
-    """Energy and angular momentum over time, relative to the start."""
+def draw(result: RotationResult) -> "Figure":
+    """Draw energy and angular momentum over time, relative to the start."""
     figure, ((left, right),) = panels(2)
     for k, spin in enumerate(result.spins):
         label = spin.label

@@ -4,8 +4,8 @@ On a plane inclined by theta, with Coulomb's coefficient mu, a block that starts
 
     x = g t^2 / 2 (sin(theta) - mu cos(theta))    if tan(theta) > mu, else not at all.
 
-The plane is once a wall of the box, with gravity tilted, and once a half-space obstacle across the grid, with
-gravity upright: these are different code.
+Walls and obstacles are different code, so the plane is once a wall of the box, with tilted gravity, and once
+a half-space obstacle across the grid, with upright gravity.
 """
 
 from dataclasses import dataclass
@@ -23,23 +23,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_ERROR = {"wall": 1e-3, "obstacle": 1e-2}
-"""Of the path, in that of a block without friction where the block has to stay: its path would be zero."""
+"""Largest relative error of the path, by kind of plane [-].
+
+Where the block has to stay, the error is divided by the path of a block without friction.
+"""
 
 
 @dataclass(frozen=True)
-class Setting:
-    """One kind of contact."""
+class ContactSetting:
+    """One kind of contact, with the angles of plane and friction."""
 
     label: str
     contact: Contact
     angle: float
-    """theta [degrees]."""
+    """Angle theta of the plane [degrees]."""
     friction_angle: float = 0.0
-    """atan(mu) [degrees]; of separating contact."""
+    """Friction angle atan(mu) of separating contact [degrees]."""
 
     @property
     def acceleration(self) -> float:
-        """Of a rigid block, down the plane [m/s^2]."""
+        """Acceleration of a rigid block down the plane [m/s^2]."""
         if self.contact == "sticky":
             return 0.0
         mu, theta = np.tan(np.radians(self.friction_angle)), np.radians(self.angle)
@@ -47,67 +50,69 @@ class Setting:
 
     @property
     def free_acceleration(self) -> float:
-        """The same without friction [m/s^2]."""
+        """Acceleration of a rigid block without friction down the plane [m/s^2]."""
         return float(_G * np.sin(np.radians(self.angle)))
 
 
 SETTINGS = (
-    Setting("separating, sliding", "separating", 24.0, 15.0),
-    Setting("separating, held", "separating", 10.0, 15.0),
-    Setting("separating, no friction", "separating", 24.0),
-    Setting("slip", "slip", 24.0),
-    Setting("sticky", "sticky", 24.0),
+    ContactSetting("separating, sliding", "separating", 24.0, 15.0),
+    ContactSetting("separating, held", "separating", 10.0, 15.0),
+    ContactSetting("separating, no friction", "separating", 24.0),
+    ContactSetting("slip", "slip", 24.0),
+    ContactSetting("sticky", "sticky", 24.0),
 )
 
 _G = 9.81
 _SIDE = 0.125
 _ROOM = 0.7
-"""A block stops being watched when it should have gone this far [m], or after `_LONGEST`."""
+"""Length of path [m] at which a run ends, by the closed form."""
 _LONGEST = 1.0
+"""Time at which a run ends at the latest [s]."""
 _STIFF = Elastic(youngs_modulus=1e8)
-"""An elastic block that is let go sticks until waves have told its bottom to slide; a stiff one less long."""
+"""Material of the block. A block sticks at first, until elastic waves have reached its bottom; in a stiff
+block this takes less time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slide:
-    """The path of one block."""
+    """The path of one block; arrays (F,) have an entry for each frame."""
 
     plane: str
-    """A key of `MAX_ERROR`."""
+    """Kind of plane, a key of `MAX_ERROR`."""
     resolution: int
-    setting: Setting
+    setting: ContactSetting
     time: Floats
-    """[s]"""
+    """Time [s]."""
     path: Floats
-    """Of the centroid, down the plane [m]."""
+    """Path of the centroid down the plane [m]."""
 
     @property
     def exact(self) -> Floats:
-        """Path of a rigid block [m]."""
+        """Path of a rigid block down the plane [m]."""
         return np.asarray(self.setting.acceleration * self.time**2 / 2)
 
     @property
     def acceleration(self) -> float:
-        """Of the centroid [m/s^2], by a parabola through the second half of the run."""
+        """Acceleration of the centroid [m/s^2], fitted by a parabola to the second half of the run."""
         late = self.time >= self.time[-1] / 2
         return float(2 * np.polyfit(self.time[late], self.path[late], 2)[0])
 
     @property
     def error(self) -> float:
-        """Error of the path at the end, relative to it or to that of a free block."""
+        """Error of the path at the end, relative to the exact path or, if that is 0, to a free block's."""
         scale = self.setting.acceleration or self.setting.free_acceleration
         return float((self.path[-1] - self.exact[-1]) / (scale * self.time[-1] ** 2 / 2))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """All settings on both kinds of plane."""
+class SlidingBlockResult:
+    """Paths in all settings on both kinds of plane."""
 
     slides: tuple[Slide, ...]
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Relative error of each path, and of the acceleration on sliding planes with friction."""
+        """Relative error of each path, and of the acceleration where a block slides with friction."""
         paths = (
             Check.at_most(
                 f"{slide.plane}, {slide.setting.label}, {slide.resolution}^2",
@@ -128,8 +133,8 @@ class Result:
         return (*paths, *accelerations)
 
 
-def run(resolutions: tuple[int, ...] = (32, 64)) -> Result:
-    """Let a block slide, or not, in every setting, once a resolution (cells per metre)."""
+def run(resolutions: tuple[int, ...] = (32, 64)) -> SlidingBlockResult:
+    """Let go a block in every setting and on both kinds of plane, at each resolution [cells/m]."""
     slides = []
     for resolution in resolutions:
         for setting in SETTINGS:
@@ -137,10 +142,10 @@ def run(resolutions: tuple[int, ...] = (32, 64)) -> Result:
             theta = np.radians(setting.angle)
             down = np.array([np.cos(theta), -np.sin(theta)])
             slides.append(_slide("obstacle", setting, _on_obstacle(setting, down, resolution), down))
-    return Result(slides=tuple(slides))
+    return SlidingBlockResult(slides=tuple(slides))
 
 
-def _slide(plane: str, setting: Setting, scene: Scene, down: Floats) -> Slide:
+def _slide(plane: str, setting: ContactSetting, scene: Scene, down: Floats) -> Slide:
     longest = np.sqrt(2 * _ROOM / setting.acceleration) if setting.acceleration else np.inf
     frames = int(min(longest, _LONGEST) / scene.frame_dt)
     centroid = MpmSolver(scene).rollout(frames).mean(axis=1, dtype=np.float64)
@@ -153,18 +158,18 @@ def _slide(plane: str, setting: Setting, scene: Scene, down: Floats) -> Slide:
     )
 
 
-def _on_wall(setting: Setting, resolution: int) -> Scene:
+def _on_wall(setting: ContactSetting, resolution: int) -> Scene:
     low, theta = 0.03125, np.radians(setting.angle)
     walls = Walls(
         lower=(low, low), upper=(1 - low, 1 - low), contact=setting.contact, friction=_friction(setting)
     )
-    # Away from the left wall, since with slip or sticky contact that one would hold the block too.
+    # The block stands away from the left wall, since with slip or sticky contact this would hold it, too.
     block = Box(material=_STIFF, lower=(0.125, low), upper=(0.125 + _SIDE, low + _SIDE))
     gravity = (float(_G * np.sin(theta)), float(-_G * np.cos(theta)))
     return Scene(dim=2, resolution=resolution, gravity=gravity, walls=walls, bodies=(block,))
 
 
-def _on_obstacle(setting: Setting, down: Floats, resolution: int) -> Scene:
+def _on_obstacle(setting: ContactSetting, down: Floats, resolution: int) -> Scene:
     up = np.array([-down[1], down[0]])
     foot = np.array([0.1, 0.75])
     corners = [foot, foot + _SIDE * down, foot + _SIDE * (down + up), foot + _SIDE * up]
@@ -179,13 +184,13 @@ def _on_obstacle(setting: Setting, down: Floats, resolution: int) -> Scene:
     return Scene(dim=2, resolution=resolution, walls=walls, bodies=(block,), obstacles=(plane,))
 
 
-def _friction(setting: Setting) -> float | None:
+def _friction(setting: ContactSetting) -> float | None:
     separating = setting.contact == "separating"
     return float(np.tan(np.radians(setting.friction_angle))) if separating else None
 
 
-def draw(result: Result) -> "Figure":
-    """Paths as points on the closed form's lines, one panel a kind of plane."""
+def draw(result: SlidingBlockResult) -> "Figure":
+    """Draw paths as points on the lines of the closed form, in a panel for each kind of plane."""
     figure, (row,) = panels(2)
     for axes, plane in zip(row, MAX_ERROR, strict=True):
         coarse = result.slides[0].resolution

@@ -1,11 +1,11 @@
-"""Period of a standing wave of small amplitude in a box, against linear theory.
+"""Period of a standing wave of small amplitude in a box, compared with linear theory.
 
 The lowest sideways mode of water of depth h between frictionless walls a distance L apart has k = pi / L and
 
     omega^2 = g k tanh(k h)    (Lamb, Hydrodynamics, article 228).
 
-The surface starts as a cosine, the water at rest. The horizontal centroid then swings about the middle of the
-box, and half a period passes between its crossings.
+The water starts at rest, with the surface a cosine. The centroid then swings horizontally about the middle of
+the box, and crosses it twice in a period.
 """
 
 from dataclasses import dataclass
@@ -22,33 +22,37 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_ERROR = 0.05
+"""Largest relative error of the period [-]."""
 
 _LOW = 0.125
+"""Position of the lower walls [m]."""
 _LENGTH = 0.75
+"""Distance L between the walls [m]."""
 _AMPLITUDE = 0.02
+"""Amplitude of the surface at the start [m]."""
 _G = 9.81
 _WAVE_NUMBER = np.pi / _LENGTH
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wave:
-    """One wave, a row a frame."""
+    """One wave; arrays (F,) have an entry for each frame."""
 
     depth: float
-    """h [m]."""
+    """Depth h of the water [m]."""
     time: Floats
-    """[s]"""
+    """Time [s]."""
     centroid: Floats
-    """Horizontal, from the middle of the box [m]."""
+    """Horizontal distance of the centroid from the middle of the box [m]."""
 
     @property
     def exact_period(self) -> float:
-        """By linear theory [s]."""
+        """Period by linear theory [s]."""
         return exact_period(self.depth)
 
     @property
     def period(self) -> float:
-        """Twice the mean time between crossings of the middle [s], by a straight line through them."""
+        """Period [s], twice the mean time between crossings of the middle, by a line through their times."""
         x, t = self.centroid, self.time
         before = np.flatnonzero(np.sign(x[:-1]) != np.sign(x[1:]))
         crossings = t[before] + (t[1] - t[0]) * x[before] / (x[before] - x[before + 1])
@@ -56,7 +60,7 @@ class Wave:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class StandingWaveResult:
     """Waves on water of several depths."""
 
     waves: tuple[Wave, ...]
@@ -75,13 +79,15 @@ class Result:
 
 
 def exact_period(depth: float) -> float:
-    """2 pi / omega [s] of the lowest mode."""
+    """Return the period 2 pi / omega [s] of the lowest mode on water of a depth [m]."""
     return float(2 * np.pi / np.sqrt(_G * _WAVE_NUMBER * np.tanh(_WAVE_NUMBER * depth)))
 
 
-def run(depths: tuple[float, ...] = (0.2, 0.4), *, resolution: int = 64, periods: float = 3.0) -> Result:
-    """Watch waves on water of these depths [m] for some periods."""
-    return Result(waves=tuple(_wave(depth, resolution, periods) for depth in depths))
+def run(
+    depths: tuple[float, ...] = (0.2, 0.4), *, resolution: int = 64, periods: float = 3.0
+) -> StandingWaveResult:
+    """Simulate waves on water of these depths [m] for a number of periods."""
+    return StandingWaveResult(waves=tuple(_wave(depth, resolution, periods) for depth in depths))
 
 
 def _wave(depth: float, resolution: int, periods: float) -> Wave:
@@ -101,8 +107,8 @@ def _wave(depth: float, resolution: int, periods: float) -> Wave:
     )
 
 
-def draw(result: Result) -> "Figure":
-    """Centroid over time, with the undamped wave of linear theory."""
+def draw(result: StandingWaveResult) -> "Figure":
+    """Draw the centroid over time, with the undamped wave of linear theory."""
     figure, (row,) = panels(len(result.waves))
     for axes, wave in zip(row, result.waves, strict=True):
         axes.plot(wave.time, wave.centroid * 1e3, color=COLOURS[0], label="centroid")

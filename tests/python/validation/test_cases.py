@@ -13,9 +13,9 @@ from hybridmpm.validation import (
     rotation,
     sliding_block,
 )
-from hybridmpm.validation.case import Check, Result
+from hybridmpm.validation.case import Check, CaseResult
 
-SHORTER: dict[str, Callable[[], Result]] = {
+SHORTER: dict[str, Callable[[], CaseResult]] = {
     "dam_break": lambda: dam_break.run((64, 128)),
     "column_collapse": lambda: column_collapse.run((0.5, 2.0)),
     "sliding_block": lambda: sliding_block.run((32,)),
@@ -24,7 +24,7 @@ SHORTER: dict[str, Callable[[], Result]] = {
 }
 """Cases without their finest grids or longest runs, to save time; the command runs them in full."""
 
-LONGER: dict[str, Callable[[], Result]] = {
+LONGER: dict[str, Callable[[], CaseResult]] = {
     "column_collapse": column_collapse.run,
     "rotation": lambda: rotation.run(disc_seconds=10.0, ball_seconds=6.0),
 }

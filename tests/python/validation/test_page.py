@@ -46,8 +46,8 @@ def test_bands_at_an_aspect_of_two() -> None:
 
 def test_friction_angle_in_plane_strain() -> None:
     # With alpha = sqrt(2/3) 2 sin(phi) / (3 - sin(phi)), 45 degrees are 45.4 in plane strain.
-    assert column_collapse.handed_angle(45.4) == pytest.approx(45.0, abs=0.1)
-    assert column_collapse.handed_angle(27.5) == pytest.approx(30.0, abs=0.1)
+    assert column_collapse.angle_for_sand(45.4) == pytest.approx(45.0, abs=0.1)
+    assert column_collapse.angle_for_sand(27.5) == pytest.approx(30.0, abs=0.1)
 
 
 def test_the_command_prints_every_figure() -> None:
