@@ -1,7 +1,7 @@
-"""The `hybridmpm` command. Each module holds related subcommands; here they are put together.
+"""The `hybridmpm` command. Each module has related subcommands; this one puts them together.
 
-A user's error ends in one line on stderr without a traceback: exit status 2 for bad input, 1 for a run that
-failed, 130 after Ctrl-C.
+An error ends the command with one line on stderr, without a traceback. The exit status is 2 for bad input,
+1 for a run that failed and 130 after Ctrl-C.
 """
 
 import warnings
@@ -28,7 +28,7 @@ class _BadInput(click.ClickException):
 
 
 class _Commands(click.Group):
-    """Turns every foreseen exception into one line and an exit status."""
+    """Turns every error of the library or the user into one line and an exit status."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -54,7 +54,7 @@ def _one_line(error: Exception) -> str:
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hybridmpm")
 def cli() -> None:
-    """Real-time, interactive particle fluids."""
+    """Simulate particle fluids, make data sets, train networks, measure, and serve interactive sessions."""
 
 
 for command in (simulate, dataset, train, export, scenarios, schema, serve, bench, validate, doctor):

@@ -1,4 +1,4 @@
-"""`hybridmpm dataset ...`: make, describe, draw and convert sets of trajectories."""
+"""`hybridmpm dataset ...`: make, describe, draw and convert data sets of trajectories."""
 
 import json
 from collections.abc import Callable
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _FORMAT = click.Choice(list(data.FORMATS))
 _SHEET_ROWS = 6
+"""Number of trajectories on a sheet where --index names none."""
 
 
 @click.group()
@@ -35,26 +36,85 @@ def dataset() -> None:
     "--scene",
     "scene_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Draw scenes from this .yaml with ranges instead of a scenario.",
+    help="Scene file with ranges, .yaml or .json, to draw scenes from instead of a scenario.",
 )
-@click.option("--out", type=_FOLDER, required=True, metavar="DIR", help="Where it goes, or goes on.")
-@click.option("--trajectories", type=click.IntRange(min=0), required=True, help="For training.")
-@click.option("--valid", type=click.IntRange(min=0), help="For validation. Default: a tenth, at least one.")
-@click.option("--test", type=click.IntRange(min=0), help="For tests. Default: a tenth, at least one.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the first trajectory of each split.")
-@click.option("--frames", type=click.IntRange(min=1), help="To simulate. Default: what the scenes suggest.")
 @click.option(
-    "--stride", type=click.IntRange(min=1), default=1, show_default=True, help="Frames between states kept."
+    "--out", type=_FOLDER, required=True, metavar="DIR", help="Folder of the data set, a new or a begun one."
 )
-@click.option("--r-p", type=RatioType(), default=1.0, show_default=True, help="Ratio of particles kept.")
-@click.option("--max-compression", type=float, help="Of all water at rest, e.g. 0.01: its stiffness.")
 @click.option(
-    "--substeps", type=SubstepsType(), help="As in simulate. Default: reference; cfl with --max-compression."
+    "--trajectories", type=click.IntRange(min=0), required=True, help="Number of trajectories for training."
 )
-@click.option("--force", type=float, default=0.0, help="Stir by a random acceleration [m/s^2], stored too.")
-@click.option("--executor", type=click.Choice(["threads", "ray"]), default="threads", show_default=True)
-@click.option("--threads", type=click.IntRange(1, 1024), help="Trajectories at a time. Default: all cores.")
-@click.option("--ray-address", default="auto", show_default=True, help="Of the cluster of --executor ray.")
+@click.option(
+    "--valid",
+    type=click.IntRange(min=0),
+    help="Number of trajectories for validation. Default: a tenth of --trajectories, at least one.",
+)
+@click.option(
+    "--test",
+    type=click.IntRange(min=0),
+    help="Number of trajectories for tests. Default: a tenth of --trajectories, at least one.",
+)
+@click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="First seed of each split, counted from the start of the split's seeds.",
+)
+@click.option(
+    "--frames",
+    type=click.IntRange(min=1),
+    help="Number of frames to simulate. Default: the number that the scenes suggest.",
+)
+@click.option(
+    "--stride",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Number of frames from one stored state to the next.",
+)
+@click.option(
+    "--r-p",
+    type=RatioType(),
+    default=1.0,
+    show_default=True,
+    help="Number of particles over that of the scene, e.g. 1/1.75.",
+)
+@click.option(
+    "--max-compression",
+    type=float,
+    help="Largest compression of water at rest, e.g. 0.01; it sets the stiffness of all water. Default: the "
+    "stiffness of the scenes.",
+)
+@click.option(
+    "--substeps",
+    type=SubstepsType(),
+    help="Substeps in a frame: as few as the CFL bound allows (cfl), by the ground truth's rule (reference), "
+    "or a fixed number. Default: reference, but cfl with --max-compression.",
+)
+@click.option(
+    "--force",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Root mean square of a random acceleration that stirs the particles [m/s^2]; it is stored, too.",
+)
+@click.option(
+    "--executor",
+    type=click.Choice(["threads", "ray"]),
+    default="threads",
+    show_default=True,
+    help="Simulate on threads of this process, or as tasks of a Ray cluster.",
+)
+@click.option(
+    "--threads", type=click.IntRange(1, 1024), help="Number of threads. Default: the number of usable cores."
+)
+@click.option(
+    "--ray-address",
+    default="auto",
+    show_default=True,
+    help="Address of the Ray cluster; auto finds the one of this machine.",
+)
 @click.pass_context
 def generate(
     ctx: click.Context,
@@ -78,8 +138,9 @@ def generate(
 ) -> None:
     """Make a data set of SCENARIO (see `hybridmpm scenarios`) or of a scene file with ranges.
 
-    The same command goes on with what was interrupted, and with a larger number adds to what is there. Exit
-    status 1 if a simulation failed; all others are then in the data set.
+    After an interruption the same command makes the missing trajectories. With a larger number of
+    trajectories it adds to the data set. The exit status is 1 if a simulation failed; all other trajectories
+    are then in the data set.
     """
     if (scenario is None) == (scene_file is None):
         raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}) or --scene FILE.")
@@ -116,8 +177,9 @@ def _announce(planned: data.Plan) -> None:
         click.echo(f"{message}; it is made anew", err=True)
     counts = ", ".join(f"{count} {split}" for split, count in planned.seeds.counts().items())
     click.echo(
-        f"{counts}; {planned.done} are there. The others take up to {_size(planned.bytes_needed)}, "
-        f"{_size(planned.bytes_between)} while they are put together; {_size(planned.bytes_free)} are free.",
+        f"{counts}; {planned.done} of them are there. The others take up to {_size(planned.bytes_needed)}, "
+        f"{_size(planned.bytes_between)} while their files are put together; "
+        f"{_size(planned.bytes_free)} are free.",
         err=True,
     )
 
@@ -130,7 +192,7 @@ def _format_option(name: str, text: str) -> Callable[..., Any]:
     return click.option(name, f"{name.strip('-')}_format", type=_FORMAT, help=text)
 
 
-_from_option = _format_option("--from", "Format of DIR, where its files do not tell.")
+_from_option = _format_option("--from", "Format of DIR. Default: the format that its files show.")
 
 
 def _opened(folder: Path, name: str | None) -> data.Format:
@@ -140,10 +202,10 @@ def _opened(folder: Path, name: str | None) -> data.Format:
 @dataset.command()
 @click.argument("folder", type=_FOLDER, metavar="DIR")
 @_from_option
-@click.option("--split", help="Only this one.")
+@click.option("--split", help="Split to read. Default: all splits.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def stats(*, folder: Path, from_format: str | None, split: str | None, as_json: bool) -> None:
-    """Read a data set once, check it, and print its statistics."""
+    """Read the data set in DIR, check it, and print its statistics."""
     form = _opened(folder, from_format)
     found = {}
     for name in [split] if split else form.splits(folder):
@@ -179,14 +241,41 @@ def _summary(total: data.Statistics, digests: list[str]) -> dict[str, Any]:
 @dataset.command()
 @click.argument("folder", type=_FOLDER, metavar="DIR")
 @_from_option
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE")
-@click.option("--split", help="Default: the first there is, train if possible.")
-@click.option("--index", type=click.IntRange(min=0), multiple=True, help="Of a trajectory; may be repeated.")
 @click.option(
-    "--moments", type=click.IntRange(1, 12), default=4, show_default=True, help="In a row of a .png."
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="File to write: .png, .gif or .mp4.",
 )
-@click.option("--width", type=click.IntRange(64, 4096), default=320, show_default=True, help="Of a picture.")
-@click.option("--speed", type=click.FloatRange(0.01, 10), default=1.0, show_default=True, help="Of a film.")
+@click.option("--split", help="Split of the trajectories. Default: train, or the first that exists.")
+@click.option(
+    "--index",
+    type=click.IntRange(min=0),
+    multiple=True,
+    help="Number of a trajectory in its split, from 0 on; may be repeated for a .png.",
+)
+@click.option(
+    "--moments",
+    type=click.IntRange(1, 12),
+    default=4,
+    show_default=True,
+    help="Number of pictures in a row of a .png.",
+)
+@click.option(
+    "--width",
+    type=click.IntRange(64, 4096),
+    default=320,
+    show_default=True,
+    help="Width of a picture [pixels].",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.01, 10),
+    default=1.0,
+    show_default=True,
+    help="Simulated seconds in a second of film.",
+)
 def view(
     *,
     folder: Path,
@@ -198,7 +287,7 @@ def view(
     width: int,
     speed: float,
 ) -> None:
-    """Draw trajectories: a .png is a sheet with one row each, a .gif or .mp4 a film of one."""
+    """Draw trajectories of DIR: a .png is a sheet with a row for each, a .gif or .mp4 is a film of one."""
     film = out.suffix.lower() in {".gif", ".mp4"}
     if out.suffix.lower() != ".png" and not film:
         raise click.UsageError(f"--out: files end in .png, .gif or .mp4; got {out.name!r}.")
@@ -229,14 +318,14 @@ def view(
 @click.argument("folder", type=_FOLDER, metavar="DIR")
 @_from_option
 @click.option("--to", "to_format", type=_FORMAT, required=True, help="Format to write.")
-@click.option("--out", type=_FOLDER, required=True, metavar="DIR", help="A new folder.")
+@click.option("--out", type=_FOLDER, required=True, metavar="DIR", help="New folder to write.")
 def convert(*, folder: Path, from_format: str | None, to_format: str, out: Path) -> None:
-    """Write a data set in another format; positions keep their bits, particle types are translated."""
+    """Write the data set in DIR in another format: positions keep their bits, types are translated."""
     form = _opened(folder, from_format)
     total = sum(form.count(folder, split) for split in form.splits(folder))
     with progress(f"Converting {total} trajectories", total) as bar:
         done = data.convert(folder, form, out, data.FORMATS[to_format], on_progress=bar.update)
     if done.lost:
-        click.echo(f"{to_format} cannot hold {', '.join(done.lost)}; left out", err=True)
+        click.echo(f"the format {to_format} cannot store {', '.join(done.lost)}; left out", err=True)
     counts = ", ".join(f"{count} {split}" for split, count in done.trajectories.items())
     click.echo(f"wrote {counts} to {out} as {to_format}")

@@ -1,4 +1,4 @@
-"""What commands that train need: torch, and the device that was asked for."""
+"""Torch and its device, for commands that train."""
 
 import importlib
 from typing import TYPE_CHECKING, Any, cast
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def require_torch() -> Any:
-    """Return the module, or raise `ConfigError` saying what to install."""
+    """Return the module torch, or raise `ConfigError`, whose message says what to install."""
     try:
         return importlib.import_module("torch")
     except ImportError:
@@ -18,7 +18,13 @@ def require_torch() -> Any:
 
 
 def torch_device(library: Any, name: str) -> "torch.device":
-    """Return the device of a name, "auto" among them; raises `ConfigError` where it cannot be used."""
+    """Return the device of a name; "auto" is cuda where there is one, else cpu.
+
+    Raises
+    ------
+    ConfigError
+        The device cannot be used.
+    """
     best = "cuda" if library.cuda.is_available() else "cpu"
     try:
         device = library.device(best if name == "auto" else name)

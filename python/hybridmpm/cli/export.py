@@ -1,4 +1,4 @@
-"""`hybridmpm export`: from a checkpoint to a model that needs no torch."""
+"""`hybridmpm export`: turn a checkpoint into a model that needs no torch."""
 
 import json
 from pathlib import Path
@@ -16,23 +16,26 @@ from hybridmpm.errors import ConfigError, DataError
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.onnx",
-    help="Where to write the model.",
+    help="File of the model to write.",
 )
 @click.option(
     "--errors",
     "error_file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.json",
-    help="What `hybridmpm bench models --json` wrote; the rows of this model are kept in it.",
+    help="Errors that `hybridmpm bench models --json` wrote; those of this model are stored with it.",
 )
 @click.option(
     "--publish",
     "name",
     metavar="NAME",
-    help="Put it among the models that come with the library, with a card and an entry in the manifest.",
+    help="Name under which the model is added to those of the library, with a card and a manifest entry.",
 )
 def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: str | None) -> None:
-    """Write the network of CHECKPOINT as one ONNX file; needs torch: pip install 'hybridmpm[train]'."""
+    """Write the network of CHECKPOINT as one ONNX file.
+
+    This needs torch: pip install 'hybridmpm[train]'.
+    """
     if out is None and name is None:
         raise click.UsageError("Give --out FILE.onnx, --publish NAME or both.")
     if out is not None and out.suffix != ".onnx":
@@ -62,5 +65,5 @@ def _rows(path: Path) -> list[dict[str, Any]]:
     except (OSError, ValueError) as error:
         raise DataError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise DataError(f"{path} must be a JSON list of objects, one a row of errors")
+        raise DataError(f"{path} must be a JSON list of objects, each a row of errors")
     return rows

@@ -1,4 +1,4 @@
-"""What this installation can do: versions, processor, and what is missing with how to get it."""
+"""State of this installation: versions, processor, and how to get what is missing."""
 
 import importlib.metadata
 import importlib.util
@@ -15,7 +15,7 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scenarios import water_2d
 
 _LIBRARIES = ("numpy", "pydantic", "pillow", "click", "pyyaml")
-"""What the package imports, by the names of their distributions."""
+"""Distributions that the package needs."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -25,12 +25,13 @@ class Finding:
 
     subject: str
     state: str
-    """"ok", "missing" (optional, absent) or "broken" (needed, does not work)."""
+    """"ok", "missing" (optional and absent) or "broken" (needed and not working)."""
     detail: str
+    """Version or location; for what is missing or broken, the remedy or the error."""
 
 
 def examine() -> list[Finding]:
-    """Look at everything; takes well below a second and raises nothing."""
+    """Return the findings on all parts of the installation, within a second; a fault is a finding, too."""
     return [
         Finding("hybridmpm", "ok", _native.__version__),
         Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),

@@ -1,4 +1,4 @@
-"""Progress bars with an ETA, on stderr, so that stdout can be piped."""
+"""Progress bars with the remaining time; they are on stderr, so that stdout can be piped."""
 
 import sys
 
@@ -6,12 +6,12 @@ import click
 
 
 def progress(label: str, length: int) -> "click._termui_impl.ProgressBar[int]":
-    """Return a bar to use in a `with`; its `update(n)` moves it on by n steps of `length`."""
+    """Return a progress bar for a `with` statement; `update(n)` advances it by n of `length` steps."""
     return click.progressbar(length=length, label=label, file=sys.stderr)
 
 
 class CountedProgress:
-    """Lets a bar of 1000 steps follow calls that tell the parts done and their total."""
+    """Advances a bar of `STEPS` steps, when called with the number of parts done and of all parts."""
 
     STEPS = 1000
 
@@ -19,5 +19,5 @@ class CountedProgress:
         self._bar = bar
 
     def __call__(self, done: int, total: int) -> None:
-        """Move the bar to `done` of `total`."""
+        """Advance the bar to the fraction `done` / `total`."""
         self._bar.update(self.STEPS * done // total - self._bar.pos)

@@ -1,4 +1,4 @@
-"""`hybridmpm scenarios`, `schema` and `doctor`: what there is, and whether it works."""
+"""`hybridmpm scenarios`, `schema` and `doctor`: reports on the library and its installation."""
 
 import json
 
@@ -11,9 +11,9 @@ from hybridmpm.scene import Scene
 
 
 @click.command()
-@click.option("--ranges", is_flag=True, help="Print the ranges they draw from, as a Markdown table.")
+@click.option("--ranges", is_flag=True, help="Print the ranges of the scenarios as a Markdown table.")
 def scenarios(*, ranges: bool) -> None:
-    """List the scenarios."""
+    """List the scenarios, kinds of random scenes."""
     if ranges:
         click.echo(markdown_table(), nl=False)
         return
@@ -32,7 +32,10 @@ def schema() -> None:
 @click.command()
 @click.pass_context
 def doctor(ctx: click.Context) -> None:
-    """Report versions, processor and what is missing; exit status 1 if something needed is broken."""
+    """Report versions, processor and missing parts of this installation.
+
+    The exit status is 1 if a part that is needed does not work.
+    """
     findings = examine()
     for finding in findings:
         click.echo(f"{finding.subject:13s} {finding.state:8s} {finding.detail}")

@@ -1,4 +1,4 @@
-"""`hybridmpm serve`: a launcher only, since the library does not depend on its service."""
+"""`hybridmpm serve`: start the service, looked up by name because the library does not depend on it."""
 
 import importlib
 
@@ -6,11 +6,15 @@ import click
 
 
 @click.command()
-@click.option("--host", help="Address to listen on; default: the service's setting, 127.0.0.1.")
-@click.option("--port", type=click.IntRange(0, 65535), help="Default: the service's setting, 8000.")
+@click.option("--host", help="Address to listen on. Default: the service's setting, 127.0.0.1 if unset.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    help="Port to listen on, 0 for any free one. Default: the service's setting, 8000 if unset.",
+)
 @click.pass_context
 def serve(ctx: click.Context, *, host: str | None, port: int | None) -> None:
-    """Start the HTTP service with its page."""
+    """Start the HTTP service and its page."""
     try:
         service = importlib.import_module("hybridmpm_service")
     except ModuleNotFoundError as error:
@@ -21,5 +25,5 @@ def serve(ctx: click.Context, *, host: str | None, port: int | None) -> None:
     try:
         service.serve(host=host, port=port)
     except KeyboardInterrupt:
-        # The usual way to end it, so there is nothing to tell.
+        # Ctrl-C is the usual way to end the service, so no message is due.
         ctx.exit(130)

@@ -1,4 +1,4 @@
-"""`hybridmpm simulate`."""
+"""`hybridmpm simulate`: run a scene and write recordings, pictures, films and snapshots."""
 
 import time
 from pathlib import Path
@@ -19,7 +19,7 @@ from hybridmpm.simulator import Kind, Simulator
 
 
 class SubstepsType(click.ParamType[Substeps, object]):
-    """A rule for substeps, or their number."""
+    """A rule for the number of substeps in a frame, or this number."""
 
     name = "cfl|reference|INT"
 
@@ -41,27 +41,29 @@ class SubstepsType(click.ParamType[Substeps, object]):
     "--scene",
     "scene_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Simulate this .json or .yaml scene instead of a scenario.",
+    help="Scene file, .json or .yaml, to simulate instead of a scenario.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the scenario.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the scenario.")
 @click.option(
     "--resume",
     "resume_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Go on from what --save wrote, with its scene and substeps.",
+    help="Snapshot that --save wrote, to go on from with its scene and settings.",
 )
 @click.option(
     "--frames",
     type=click.IntRange(0, 1_000_000),
-    help="To simulate now. Default: what the scene suggests, less what is done.",
+    help="Number of frames to simulate. Default: the number that the scene suggests, less those done "
+    "before --resume.",
 )
 @click.option(
     "--substeps",
     type=SubstepsType(),
     default="cfl",
     show_default=True,
-    help="Substeps a frame: by the CFL bound, the ground truth's rule, or a fixed number.",
+    help="Substeps in a frame: as few as the CFL bound allows (cfl), by the ground truth's rule (reference), "
+    "or a fixed number.",
 )
 @click.option(
     "--solver",
@@ -69,40 +71,42 @@ class SubstepsType(click.ParamType[Substeps, object]):
     type=click.Choice(list(simulators.SIMULATORS)),
     default="mpm",
     show_default=True,
-    help="hybrid: a network that MPM takes over from at an alarm; neural: the network alone.",
+    help="Simulator: the MPM solver (mpm), a network alone (neural), or a network from which MPM takes over "
+    "at an alarm (hybrid).",
 )
 @click.option(
     "--model",
     metavar="NAME",
-    help="Of the network, or its .onnx file; zero is free fall. Default: the first that serves the scenario.",
+    help="Name of the network or its .onnx file, for neural and hybrid; zero is free fall. Default: the "
+    "first network that serves the scenario.",
 )
 @click.option(
     "--r-c",
     type=click.FloatRange(-1, 1),
     default=0.8,
     show_default=True,
-    help="Of hybrid: mean cosine of accelerations below which MPM takes over.",
+    help="Mean cosine between successive accelerations below which MPM takes over, for hybrid.",
 )
 @click.option(
     "--safeguard",
     type=click.Choice(get_args(Safeguard)),
     default="ours",
     show_default=True,
-    help="Of hybrid: the mean without calm particles, or the paper's plain one.",
+    help="Mean that --r-c is compared with, for hybrid: without calm particles (ours), or plain (paper).",
 )
 @click.option(
     "--threads",
     type=click.IntRange(1, 1024),
     default=1,
     show_default=True,
-    help="The result does not depend on it.",
+    help="Number of threads; the result does not depend on it.",
 )
 @click.option(
     "--every",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Frames between recorded states.",
+    help="Number of frames from one recorded state to the next.",
 )
 @click.option(
     "--out",
@@ -110,31 +114,35 @@ class SubstepsType(click.ParamType[Substeps, object]):
     type=click.Path(dir_okay=False, path_type=Path),
     multiple=True,
     metavar="FILE",
-    help="May be repeated; see above.",
+    help="File to write; its suffix decides the content, see above. May be repeated.",
 )
 @click.option(
     "--save",
     "save_file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Keep the last state for --resume, also after Ctrl-C or a frame that fails.",
+    help="File for a snapshot of the last state, for --resume; written also after Ctrl-C or a failed frame.",
 )
 @click.option(
-    "--width", type=click.IntRange(64, 4096), default=640, show_default=True, help="Of a picture [pixels]."
+    "--width",
+    type=click.IntRange(64, 4096),
+    default=640,
+    show_default=True,
+    help="Width of a picture [pixels].",
 )
 @click.option(
     "--speed",
     type=click.FloatRange(0.01, 10),
     default=1.0,
     show_default=True,
-    help="Of films: simulated seconds per second.",
+    help="Simulated seconds in a second of film.",
 )
 @click.option(
     "--strip",
     type=click.IntRange(1, 12),
     default=1,
     show_default=True,
-    help="States side by side in a .png, evenly spread over the run.",
+    help="Number of states side by side in a .png, evenly spread over the run.",
 )
 @click.pass_context
 def simulate(
@@ -160,9 +168,9 @@ def simulate(
 ) -> None:
     """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or go on with --resume.
 
-    The suffix of each --out FILE decides what is written: .npz all recorded states, .gif or .mp4 a film, .png
-    a picture, .ply or .vtp the points of the last state. A .png, .ply or .vtp name with %04d in it gives one
-    numbered file for each recorded state.
+    The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
+    a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
+    %04d in it stands for a series of numbered files, one for each recorded state.
     """
     style = export.Style(width=width, speed=speed, strip=strip)
     for target in targets:
@@ -182,7 +190,7 @@ def simulate(
         taken = simulators.settings_of(kind)
         if "model" in taken:
             if model is None and scenario is None:
-                raise click.UsageError("With --scene, a network has to be chosen by --model NAME.")
+                raise click.UsageError("With --scene, choose a network by --model NAME.")
             settings["model"] = model_for(model, scenario)
         given = {name: value for name, value in settings.items() if name in taken}
         solver = simulators.make(kind, scene, threads=threads, **given)
@@ -195,7 +203,7 @@ def simulate(
         with progress(f"Simulating {frames} frames", frames) as bar:
             recording = record(solver, frames, every=every, on_progress=bar.update)
     finally:
-        # An interrupt comes between frames, and a frame that fails leaves the state before it.
+        # Ctrl-C is noticed between frames, and a failed frame leaves the state before it.
         if save_file is not None:
             solver.save(save_file)
             click.echo(f"saved frame {solver.frame} to {save_file}")
@@ -206,7 +214,7 @@ def simulate(
 
 
 def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
-    """Refuse options that mean nothing to the chosen simulator."""
+    """Refuse options that the chosen simulator does not have."""
     taken = simulators.settings_of(kind)
     for param in ctx.command.params:
         name = param.name or ""
@@ -218,7 +226,7 @@ def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
 
 
 def _refuse_beside_resume(ctx: click.Context) -> None:
-    """Refuse options that choose what the file already holds."""
+    """Refuse options for scene and settings, which the snapshot already has."""
     given = [
         param.get_error_hint(ctx)
         for param in ctx.command.params

@@ -1,4 +1,4 @@
-"""`hybridmpm train ...`: networks from data that their seeds make."""
+"""`hybridmpm train ...`: train networks on data sets, which are made from seeds where missing."""
 
 import dataclasses
 import json
@@ -26,12 +26,13 @@ if TYPE_CHECKING:
     from hybridmpm.training.physics.trainer import Trainer
 
 _SPACINGS = {2: 2.5, 3: 1.8}
-"""Default connectivity radius in spacings: fewer neighbours than the paper's, which are what costs."""
+"""Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
+radius is smaller than the paper's."""
 
 
 @click.group()
 def train() -> None:
-    """Train networks; needs torch: pip install 'hybridmpm[train]'."""
+    """Train networks. This needs torch: pip install 'hybridmpm[train]'."""
 
 
 @train.command()
@@ -40,9 +41,15 @@ def train() -> None:
     "names",
     type=click.Choice(scenarios.NAMES),
     multiple=True,
-    help="What to learn; repeat it for one network that serves several.",
+    help="Scenario to train on; may be repeated for a network that serves several.",
 )
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="FOLDER")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    metavar="FOLDER",
+    help="Folder of the checkpoint and the logs, a new or a begun one.",
+)
 @click.option(
     "--data",
     "root",
@@ -50,71 +57,144 @@ def train() -> None:
     default=Path("data"),
     show_default=True,
     metavar="FOLDER",
-    help="Data sets; made there from their seeds if missing.",
+    help="Folder of the data sets; a missing data set is made from its seeds.",
 )
-@click.option("--latent", type=click.IntRange(1, 1024), default=48, show_default=True)
-@click.option("--layers", type=click.IntRange(1, 64), default=3, show_default=True, help="Message passings.")
-@click.option("--hidden-layers", type=click.IntRange(1, 8), default=1, show_default=True, help="Of each MLP.")
-@click.option("--radius", type=float, help="Of neighbours [m]. Default: 2.5 spacings in 2D, 1.8 in 3D.")
-@click.option("--r-p", type=RatioType(), default=1 / 8, show_default="1/8", help="Ratio of particles kept.")
-@click.option("--r-t", type=click.IntRange(1, 64), default=4, show_default=True, help="Frames a step.")
+@click.option(
+    "--latent",
+    type=click.IntRange(1, 1024),
+    default=48,
+    show_default=True,
+    help="Width of the network's latent vectors.",
+)
+@click.option(
+    "--layers",
+    type=click.IntRange(1, 64),
+    default=3,
+    show_default=True,
+    help="Number of message-passing layers.",
+)
+@click.option(
+    "--hidden-layers",
+    type=click.IntRange(1, 8),
+    default=1,
+    show_default=True,
+    help="Number of hidden layers of each perceptron.",
+)
+@click.option(
+    "--radius",
+    type=float,
+    help="Largest distance of neighbours [m]. Default: 2.5 spacings in 2D, 1.8 in 3D.",
+)
+@click.option(
+    "--r-p",
+    type=RatioType(),
+    default=1 / 8,
+    show_default="1/8",
+    help="Number of particles over that of the scene.",
+)
+@click.option(
+    "--r-t",
+    type=click.IntRange(1, 64),
+    default=4,
+    show_default=True,
+    help="Number of frames in a step of the network.",
+)
 @click.option(
     "--relaxations",
     type=click.IntRange(0, 16),
     default=3,
     show_default=True,
-    help="Of density, after each step; the paper's network has none.",
+    help="Number of relaxations of density after each step of the network; the paper's network has none.",
 )
-@click.option("--steps", type=click.IntRange(min=1), default=100_000, show_default=True)
+@click.option(
+    "--steps",
+    type=click.IntRange(min=1),
+    default=100_000,
+    show_default=True,
+    help="Number of training steps.",
+)
 @click.option(
     "--until",
     type=click.IntRange(min=1),
-    help="Stop after this step, with the schedule of --steps; a later run goes on.",
+    help="Training step after which this run stops; a later run goes on with the schedule of --steps.",
 )
-@click.option("--batch", type=click.IntRange(1, 4096), default=2, show_default=True, help="Windows a step.")
+@click.option(
+    "--batch",
+    type=click.IntRange(1, 4096),
+    default=2,
+    show_default=True,
+    help="Number of samples in a training step.",
+)
 @click.option(
     "--unroll",
     type=click.IntRange(1, 32),
     default=3,
     show_default=True,
-    help="Network steps that the loss follows in the end.",
+    help="Number of successive network steps in the loss at the end of training; it grows from 1.",
 )
 @click.option(
     "--noise",
     type=click.FloatRange(0, 1),
     default=0.1,
     show_default=True,
-    help="On the inputs, over the velocity's standard deviation.",
+    help="Standard deviation of the noise on the inputs, over that of the velocity.",
 )
-@click.option("--learning-rate", type=float, default=1e-3, show_default=True)
-@click.option("--final-rate", type=float, default=3e-5, show_default=True, help="It decays exponentially.")
+@click.option(
+    "--learning-rate", type=float, default=1e-3, show_default=True, help="Learning rate at the start."
+)
+@click.option(
+    "--final-rate",
+    type=float,
+    default=3e-5,
+    show_default=True,
+    help="Learning rate at the end; the learning rate decays exponentially.",
+)
 @click.option(
     "--trajectories",
     type=click.IntRange(1, 100_000),
     default=200,
     show_default=True,
-    help="Of each scenario.",
+    help="Number of trajectories of each scenario for training.",
 )
-@click.option("--frames", type=click.IntRange(min=1), default=400, show_default=True, help="Of a trajectory.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option(
-    "--device", default="auto", show_default=True, help="cpu, cuda, or auto: cuda where there is one."
+    "--frames",
+    type=click.IntRange(min=1),
+    default=400,
+    show_default=True,
+    help="Number of frames of a trajectory.",
 )
-@click.option("--threads", type=click.IntRange(1, 1024), help="Of torch on the CPU. Default: torch's choice.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the initial weights and of all draws in training.",
+)
+@click.option(
+    "--device",
+    default="auto",
+    show_default=True,
+    help="Device of torch: cpu, cuda, or auto, which is cuda where there is one.",
+)
+@click.option(
+    "--threads",
+    type=click.IntRange(1, 1024),
+    help="Number of torch's threads on the CPU. Default: torch's choice.",
+)
 @click.option(
     "--finetune",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="CHECKPOINT",
-    help="Begin with these weights, whose network it takes over.",
+    help="Checkpoint whose weights, network and scales this training begins with.",
 )
 @click.pass_context
 def physics(
     ctx: click.Context, /, *, names: tuple[str, ...], out: Path, threads: int | None, **options: Any
 ) -> None:
-    """Train a learned simulator on SCENARIO.
+    """Train a learned simulator on one or more scenarios.
 
-    The same command goes on from the last checkpoint in the folder, and gives the weights that an
-    uninterrupted run does. Losses and rollouts on held-out scenes are logged there.
+    After an interruption the same command goes on from the last checkpoint in the folder --out, and gives the
+    weights of an uninterrupted run. The folder also gets the losses, and rollouts on held-out scenes.
     """
     torch = require_torch()
     from hybridmpm.training import checkpoint, run  # noqa: PLC0415 - needs torch
@@ -166,7 +246,7 @@ def physics(
 
 
 def _origin(finetuned: Path | None) -> dict[str, str]:
-    """Return what makes these weights: this command, after that of the weights it begins with."""
+    """Return the command that makes the weights, and what came before it with a checkpoint to finetune."""
     this = shlex.join(["hybridmpm", *sys.argv[1:]])
     if finetuned is None:
         return {"command": this}
@@ -182,7 +262,7 @@ def _origin(finetuned: Path | None) -> dict[str, str]:
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
-    """Build the network's description; a network to finetune gives its own, but for the scenarios."""
+    """Return the description of the network: that of the checkpoint to finetune, else by the options."""
     if options["finetune"] is not None:
         from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
 
@@ -200,7 +280,7 @@ def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
 
 
 def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> "Trainer":
-    """Begin a training; a network to finetune keeps its scales, which its weights were made for."""
+    """Return a new trainer; with a checkpoint to finetune, one that has its weights and their scales."""
     from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.scales import normalization  # noqa: PLC0415
@@ -236,7 +316,7 @@ def _described(spec: NetworkSpec, amount: "Amount") -> str:
 def _refuse_other_options(
     ctx: click.Context, trainer: "Trainer", names: tuple[str, ...], options: dict[str, Any], file: Path
 ) -> None:
-    """Refuse an option that differs from what the run began with."""
+    """Refuse an option whose value differs from the one that the run began with."""
     there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings), "scenarios": names}
     if names and set(names) != set(trainer.spec.scenarios):
         known = ", ".join(trainer.spec.scenarios)

@@ -1,15 +1,15 @@
-"""Types of options that several commands share."""
+"""Types of command-line options that several commands share."""
 
 import click
 
 
 class RatioType(click.ParamType[float, object]):
-    """A number, or one over another: 0.25 or 1/1.75."""
+    """A number, or the ratio of two numbers: 0.25 or 1/1.75."""
 
     name = "number or a/b"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the quotient."""
+        """Return the number; fails for other text and for a ratio with 0 below."""
         above, slash, below = str(value).partition("/")
         try:
             return float(above) / float(below) if slash else float(above)

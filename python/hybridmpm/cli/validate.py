@@ -1,4 +1,4 @@
-"""`hybridmpm validate`: the solver against experiments and closed forms."""
+"""`hybridmpm validate`: compare the solver with experiments and closed forms."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Also write there a page of these cases: charts and README.md.",
+    help="Folder to write a page of these cases to: README.md and charts.",
 )
 @click.pass_context
 def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> None:
-    """Run validation cases, all if none is named, and print each figure beside its target.
+    """Compare the solver with experiments and closed forms, and print each figure with its target.
 
-    Exit status 1 if a figure is outside its tolerance.
+    All cases are run if none is named. The exit status is 1 if a figure is outside its tolerance.
     """
     if out is not None:
         if not out.is_dir():
             raise click.UsageError(f"--out: the folder {out} does not exist.")
-        charts.panels()  # a missing matplotlib shows now, not after the runs
+        charts.panels()  # so that a missing matplotlib is reported before the runs
     chosen = [case for name, case in validation.CASES.items() if name in cases or not cases]
     results: list[tuple[Case, CaseResult]] = []
     with progress("Validating", len(chosen)) as bar:

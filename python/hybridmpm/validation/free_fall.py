@@ -24,7 +24,7 @@ _FRAMES = 100
 _G = 9.81
 _SPEED = 0.5
 _ULP = 2.0**-24
-"""Largest rounding error of a number in [0.5, 1]. A substep adds two: of the position, and of the velocity."""
+"""Largest rounding error of a number in [0.5, 1]. A substep adds two, of the position and of the velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)

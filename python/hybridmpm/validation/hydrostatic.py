@@ -7,8 +7,8 @@ gives -lambda J dJ/ds = rho_0 g, hence
     J(s) = sqrt(1 - 2 rho_0 g s / lambda).
 
 A column of rest depth h has the pressure rho_0 g h on its floor, where J = 1 - rho_0 g h / lambda. J is
-linear in the mass above, so its mean over the particles is 1 - rho_0 g h / (2 lambda), and the surface settles
-at the height h (1 - rho_0 g h / (2 lambda)).
+linear in the mass above, so its mean over the particles is 1 - rho_0 g h / (2 lambda), and the surface
+settles at the height h (1 - rho_0 g h / (2 lambda)).
 """
 
 from dataclasses import dataclass

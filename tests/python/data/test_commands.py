@@ -34,7 +34,7 @@ def test_generate_a_scenario(tmp_path: Path) -> None:
     arguments = ["generate", "sand_2d", "--trajectories", 2, "--seed", 5, "--frames", 4, "--stride", 2]
     result = run(*arguments, "--out", tmp_path / "sand")
     assert result.exit_code == 0, result.output
-    assert "2 train, 1 valid, 1 test; 0 are there. The others take up to " in result.stderr
+    assert "2 train, 1 valid, 1 test; 0 of them are there. The others take up to " in result.stderr
     assert result.stdout.endswith("sand: 4 trajectories, 4 of them new\n")
     assert [one.seed for one in trajectories(tmp_path / "sand")] == [5, 6]
     assert [one.seed for one in trajectories(tmp_path / "sand", "test")] == [1_100_005]
@@ -130,7 +130,7 @@ def test_a_sheet_of_foreign_data_shows_its_obstacles(tmp_path: Path, bounds: lis
 def test_convert(made: Path, tmp_path: Path) -> None:
     result = run("convert", made, "--to", "gns", "--out", tmp_path / "gns")
     assert result.exit_code == 0, result.output
-    assert "gns cannot hold force, mass, scene; left out" in result.stderr
+    assert "gns cannot store force, mass, scene; left out" in result.stderr
     assert result.stdout.startswith("wrote 4 train, 1 valid, 1 test to ")
     back = run("convert", tmp_path / "gns", "--to", "lagrangebench", "--out", tmp_path / "lb")
     assert back.exit_code == 0, back.output

@@ -303,7 +303,7 @@ def test_a_split_that_cannot_be_written_keeps_the_shards(tmp_path: Path, scene_f
     assert sorted(path.name for path in folder.iterdir()) == ["shards"]
     assert len(list((folder / "shards").glob("[0-9]*.h5"))) == 11
     again = subprocess.run(arguments, capture_output=True, text=True, check=True)
-    assert "11 are there" in again.stderr
+    assert "11 of them are there" in again.stderr
     assert len(trajectories(folder)) == 10
 
 

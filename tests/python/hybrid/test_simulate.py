@@ -43,7 +43,7 @@ def test_a_network_simulates_alone(scene_file: Path) -> None:
         (["--solver", "mpm", "--model", "zero"], "'--model' is for --solver neural or hybrid, not for mpm"),
         (["--solver", "hybrid", "--substeps", "3"], "'--substeps' is for --solver mpm, not for hybrid"),
         (["--solver", "neural", "--r-c", "0.5"], "'--r-c' is for --solver hybrid, not for neural"),
-        (["--solver", "hybrid"], "a network has to be chosen by --model NAME"),
+        (["--solver", "hybrid"], "choose a network by --model NAME"),
         (["--solver", "hybrid", "--model", "zero", "--r-c", "1.5"], "1.5 is not in the range"),
         (["--solver", "hybrid", "--model", "none such"], "there is no model 'none such'"),
     ],
