@@ -85,7 +85,8 @@ class SubstepsType(click.ParamType[Substeps, object]):
     type=click.FloatRange(-1, 1),
     default=0.8,
     show_default=True,
-    help="Mean cosine between successive accelerations below which MPM takes over, for hybrid.",
+    help="Mean cosine between the accelerations of two successive time windows below which MPM takes over, "
+    "for hybrid.",
 )
 @click.option(
     "--safeguard",

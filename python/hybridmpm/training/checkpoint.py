@@ -15,18 +15,24 @@ _FORMAT = 1
 
 
 def save(path: Path, trainer: Trainer, about: dict[str, str]) -> None:
-    """Write a trainer's state, and texts about its origin; raises `ExportError`."""
+    """Write a trainer's state and texts about its origin.
+
+    Raises
+    ------
+    ExportError
+        The file cannot be written.
+    """
     with replacing(path) as part:
         torch.save({"format": _FORMAT, "about": about, **trainer.state()}, part)
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Read a file that `save` wrote, as tensors and plain data; nothing in it is run.
+    """Read a checkpoint as tensors and plain data; no code in the file is run.
 
     Raises
     ------
     DataError
-        The file is missing, damaged or no checkpoint of this version; the message names it.
+        The file is missing, damaged or no checkpoint of this format; the message names the file.
     """
     if not path.is_file():
         raise DataError(f"{path} does not exist")
@@ -41,7 +47,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def spent(state: Mapping[str, Any]) -> tuple[int, float]:
-    """Return steps and seconds of training, those of the weights that it began with among them."""
+    """Return steps and seconds of a checkpoint's training, including those of the weights it began with."""
     about = state["about"]
     return (
         int(about.get("steps_before", 0)) + state["step"],
@@ -50,14 +56,14 @@ def spent(state: Mapping[str, Any]) -> tuple[int, float]:
 
 
 def load(path: Path, device: torch.device) -> Trainer:
-    """Take up training from a file.
+    """Return the trainer of a checkpoint, to go on with the training.
 
     Raises
     ------
     DataError
-        As `read`, or its contents do not fit together.
+        `read` refuses the file, or its contents do not fit together.
     ConfigError
-        It is of other features; the message names both versions.
+        The network has other features than those of this library; the message names both versions.
     """
     state = read(path)
     try:

@@ -1,4 +1,4 @@
-"""A trained simulator as one ONNX file, features and integrator included: serving it needs no torch."""
+"""Exporting a trained simulator as one ONNX file, with features and integrator; serving it needs no torch."""
 
 import contextlib
 import copy
@@ -28,7 +28,7 @@ OUTPUTS = ("positions",)
 
 
 class _Served(nn.Module):
-    """The simulator with its graph as plain inputs."""
+    """The simulator with its graph as separate inputs, which are named as in model files."""
 
     def __init__(self, simulator: LearnedSimulator) -> None:
         super().__init__()
@@ -48,17 +48,18 @@ class _Served(nn.Module):
     ) -> Tensor:
         graph = SortedEdges(senders, receivers, arrivals, mask)
         answer = self.simulator.answer(history, types, walls, graph)
-        share = share.unsqueeze(-1)
-        return self.simulator.moved(history, types, acceleration, walls, answer=answer, weight=share)
+        weight = share.unsqueeze(-1)
+        return self.simulator.moved(history, types, acceleration, walls, answer=answer, weight=weight)
 
 
 def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     """Return a simulator as an ONNX model with its description.
 
-    Its inputs are those of `LearnedSimulator.forward`, the edges as `hybridmpm.physics.model.edge_inputs`
-    gives them, and as `share` the weight (N,) of the answer; its output is that of `LearnedSimulator.moved`.
-    N, E and K are free, E and K from 1 on. Neither this weight nor the relaxation of density is in it: their
-    many small operations take onnxruntime almost as long as a small network does, so they are compiled.
+    The model's inputs are those of `LearnedSimulator.forward`, with the edges as
+    `hybridmpm.physics.model.edge_inputs` gives them, and the weight (N,) of the network's answer, which is
+    named `share`. The output is that of `LearnedSimulator.moved`. N, E and K are free, E and K from 1 on. The
+    model computes neither the weight nor the relaxation of density: their many small operations take
+    onnxruntime almost as long as a small network, so they are compiled.
     """
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
         warnings.simplefilter("ignore")
@@ -66,7 +67,7 @@ def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
             _Served(copy.deepcopy(simulator)).eval().cpu(),
             _example(simulator.spec),
             dynamo=True,
-            # The optimizer takes 1e-12 for zero, and drops it where it keeps a root apart from zero.
+            # The optimizer takes 1e-12 for zero and drops it, though it keeps a root's argument positive.
             optimize=False,
             opset_version=OPSET,
             input_names=INPUTS,
@@ -93,7 +94,7 @@ def described(data: bytes, info: ModelInfo) -> bytes:
 
 
 _KEPT = ("scenario", "method", "label", "ms_per_frame", "error_40", "error_100", "error_200", "as_good")
-"""Of a row of `hybridmpm bench models`."""
+"""Keys of a row of `hybridmpm bench models` that are stored in a model."""
 
 
 def export_checkpoint(
@@ -104,19 +105,19 @@ def export_checkpoint(
     Parameters
     ----------
     path : Path
-        What `hybridmpm train` wrote.
+        Checkpoint that `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of `hybridmpm bench models`. Those of its scenarios and warm-up are kept in the file: its own,
-        the bounds, and MPM at its r_p.
+        Rows of `hybridmpm bench models`. The model stores the rows of its own scenarios and warm-up that are
+        of this network, of the bounds, or of MPM at its r_p.
     name : str, optional
-        Under which it was measured; the rows of all networks count as its own if absent.
+        Name of this network in the rows; if absent, the rows of all networks count as its own.
 
     Raises
     ------
     DataError
-        As `checkpoint.read`, or weights are not those of its network.
+        `checkpoint.read` refuses the file, or the weights do not fit its network.
     ConfigError
-        It is of other features; the message names both versions.
+        The network has other features than those of this library; the message names both versions.
     """
     state = checkpoint.read(path)
     steps, seconds = checkpoint.spent(state)
@@ -161,7 +162,7 @@ def _simulator(state: Mapping[str, Any], path: Path) -> LearnedSimulator:
 
 
 def _example(spec: NetworkSpec) -> tuple[Tensor, ...]:
-    """Return inputs of three particles, two of which are neighbours."""
+    """Return example inputs: three particles, two of which are neighbours."""
     count, dim = 3, spec.dim
     return (
         torch.rand(HISTORY, count, dim),
@@ -192,7 +193,7 @@ def _free_sizes() -> dict[str, dict[int, Any]]:
 
 
 def _forget_origin(model: onnx.ModelProto) -> None:
-    """Drop what the exporter notes about each node: traces with paths of this machine."""
+    """Remove the exporter's notes about each node, which are traces with paths of this machine."""
     for node in model.graph.node:
         node.ClearField("metadata_props")
         node.ClearField("doc_string")

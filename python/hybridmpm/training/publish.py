@@ -1,4 +1,4 @@
-"""Putting a model among those that come with the library: its file, its manifest entry and its card."""
+"""Adding a model to those that come with the library: its file, its manifest entry and its card."""
 
 import hashlib
 import re
@@ -12,32 +12,33 @@ from hybridmpm.physics.manifest import WEIGHTS, Entry, write_entry
 from hybridmpm.physics.model_info import ModelInfo
 
 MAX_BYTES = 8_000_000
-"""Of a model that comes with the library."""
+"""Largest size of a model that comes with the library [bytes]."""
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,62}")
 
 
 def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> list[Path]:
-    """Write a model, its card and its entry in the manifest; returns the files.
+    """Write a model, its card and its entry in the manifest, and return the paths of these files.
 
-    A model of this name is replaced. A new one comes last in the manifest, where the order is that of
-    preference.
+    A model of the same name is replaced. A new model comes last in the manifest, which lists models in order
+    of preference.
 
     Raises
     ------
     ConfigError
-        The name is not lower-case letters, digits, "-" and "_", or the model exceeds `MAX_BYTES`.
+        The name has other characters than lower-case letters, digits, "-" and "_", or the model is larger
+        than `MAX_BYTES`.
     ExportError
-        The folder refuses the files.
+        A file cannot be written.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(
-            'a model is named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
+            'a model must be named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
             f"{name!r}"
         )
     if len(data) > MAX_BYTES:
         raise ConfigError(
-            f"a model of the library has at most {MAX_BYTES} bytes, this one has {len(data)}; lower latent "
-            "or layers"
+            f"a model of the library must have at most {MAX_BYTES} bytes, got {len(data)}; lower latent or "
+            "layers"
         )
     model, card = folder / f"{name}.onnx", folder / f"{name}.md"
     with replacing(model) as part:
@@ -61,7 +62,7 @@ def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> 
 
 
 def model_card(name: str, info: ModelInfo) -> str:
-    """Describe a model in Markdown, from what its file says."""
+    """Return the card of a model in Markdown, from the description in its file."""
     spec, training = info.spec, info.training
     rows = {
         "serves": ", ".join(spec.scenarios),

@@ -1,4 +1,4 @@
-"""A training run in a folder: checkpoints, logs and early rollouts, to be interrupted and resumed."""
+"""A training run in a folder, with checkpoints, logs and rollouts; it can be interrupted and resumed."""
 
 import csv
 import time
@@ -20,15 +20,17 @@ CHECKPOINT = "checkpoint.pt"
 LOSSES, ROLLOUTS = "losses.csv", "rollouts.csv"
 
 _LOGGED_STEPS = 100
-"""Steps whose mean loss makes a row of the log."""
+"""Number of steps whose mean loss is a row of the log."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rhythm:
-    """How often a run writes. Nothing of it changes the training."""
+    """How often a run writes to its folder. The training does not depend on it."""
 
     checkpoint_seconds: float = 120.0
+    """Time from one checkpoint to the next [s]."""
     rollout_seconds: float = 240.0
+    """Time from one rollout on held-out trajectories to the next [s]."""
 
 
 def train(
@@ -48,22 +50,27 @@ def train(
     ----------
     trainer : Trainer
     folder : Path
-        Gets `checkpoint.pt`, `losses.csv`, `rollouts.csv` and `rollout.png`.
-    training, held_out : sequences of Trajectory
+        Folder for `checkpoint.pt`, `losses.csv`, `rollouts.csv` and `rollout.png`.
+    training : sequence of Trajectory
+        Trajectories to train on.
+    held_out : sequence of Trajectory
+        Trajectories for rollouts.
     about : mapping
-        Texts kept in the checkpoint.
+        Texts about the training, which are stored in the checkpoint.
     rhythm : Rhythm
     on_step : callable
-        Called with the trainer and the latest loss.
+        Called after each step with the trainer and the loss.
     until : int, optional
-        Stop after this step already.
+        Step after which to stop before the last step of the settings.
 
     Raises
     ------
     ConfigError
-        The loss is no longer finite; the last checkpoint is from before.
-    DataError, ExportError
-        As `Windows` and `checkpoint.save`.
+        The loss is not finite; the last checkpoint, written before, stays.
+    DataError
+        `Windows` refuses the trajectories.
+    ExportError
+        A file cannot be written.
     """
     windows = Windows(training, trainer.settings.unroll)
     began = time.monotonic() - trainer.seconds
@@ -84,7 +91,7 @@ def train(
                 checkpoint.save(folder / CHECKPOINT, trainer, dict(about))
                 saved = now
             if now - shown > rhythm.rollout_seconds:
-                look(trainer, folder, held_out)
+                log_rollouts(trainer, folder, held_out)
                 began += time.monotonic() - now
                 shown = time.monotonic()
             on_step(trainer, latest)
@@ -94,11 +101,11 @@ def train(
     finally:
         if healthy:
             checkpoint.save(folder / CHECKPOINT, trainer, dict(about))
-    look(trainer, folder, held_out)
+    log_rollouts(trainer, folder, held_out)
 
 
-def look(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None:
-    """Roll out on held-out trajectories; adds their mean errors to `rollouts.csv`, draws `rollout.png`."""
+def log_rollouts(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None:
+    """Roll out on held-out trajectories; add their errors to `rollouts.csv`, and draw `rollout.png`."""
     paths = [rollouts.rollout(trainer.simulator, trajectory) for trajectory in held_out]
     for trajectory, path in zip(held_out, paths, strict=True):
         errors = rollouts.errors(path, trajectory)[HISTORY:]

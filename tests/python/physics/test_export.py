@@ -222,7 +222,7 @@ def test_publishing_adds_model_entry_and_card(tmp_path: Path, model_file: Path, 
         assert text in card
     with pytest.raises(ConfigError, match="a letter first; got 'Water'"):
         publish("Water", data, model.info, tmp_path)
-    with pytest.raises(ConfigError, match="at most 8000000 bytes, this one has 8000001"):
+    with pytest.raises(ConfigError, match="at most 8000000 bytes, got 8000001"):
         publish("large", bytes(8_000_001), model.info, tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""Which particles anything happens to: those of an undisturbed body fall freely, and need no network."""
+"""Where a network's answer counts: particles of an undisturbed body fall freely and need no network."""
 
 import torch
 from torch import Tensor
@@ -7,7 +7,7 @@ from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
 from hybridmpm.training.physics.graph_network import Edges
 
 
-def answer_weights(
+def disturbance(
     history: Tensor,
     known_step: Tensor,
     walls: Tensor,
@@ -17,11 +17,12 @@ def answer_weights(
     scale: Tensor,
     hops: int,
 ) -> Tensor:
-    """Return the weight (N, 1) in [0, 1] of the network's answer at each particle.
+    """Return the weight (N, 1) in [0, 1] with which the network's answer counts beside free fall.
 
-    It is 0 where no particle within `hops` edges is near a wall, has lately accelerated otherwise than the
-    known acceleration says, or moves against a neighbour. With as many hops as the network has layers these
-    are all that its answer depends on, so nothing that it could know is lost.
+    A particle is disturbed where it is near a wall, has lately accelerated otherwise than by the known
+    acceleration, or moves relative to a neighbour. The weight is 0 where no particle within `hops` edges is
+    disturbed. The network's answer depends only on particles within as many edges as it has layers, so with
+    `hops` equal to the number of layers no disturbance that it could use is lost.
 
     Parameters
     ----------
@@ -30,13 +31,15 @@ def answer_weights(
     known_step : (N, D)
         Known acceleration [m per step^2].
     walls : (2, D) or (2, N, D)
-        Lower and upper corner [m].
+        Lower and upper corner of the walls [m].
     graph : Edges
+        Pairs of neighbours at the latest positions.
     radius : float
-        R [m].
+        Connectivity radius R [m].
     scale : (D,)
         Standard deviation of the acceleration [m per step^2].
     hops : int
+        Number of edges that a disturbance spreads over.
     """
     velocity = history[1:] - history[:-1]
     ahead = history[-1] + velocity[-1] + known_step
@@ -50,6 +53,6 @@ def answer_weights(
 
 
 def _near(x: Tensor, walls: Tensor, radius: float) -> Tensor:
-    """Sum over walls of how far within the radius they are, (N,)."""
+    """Return the sum (N,) over the walls of 1 - distance / radius, as far as this is positive."""
     distance = torch.cat([x - walls[0], walls[1] - x], dim=-1) / radius
     return torch.relu(1.0 - distance).sum(dim=-1)

@@ -1,4 +1,4 @@
-"""The data that a network is trained on: made from seeds where missing, checked where there."""
+"""Data sets that a network is trained on: made from their seeds where missing, checked where they exist."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,28 +16,30 @@ from hybridmpm.physics.spec import NetworkSpec
 
 @dataclass(frozen=True, kw_only=True)
 class Amount:
-    """How many trajectories of each scenario, and how long."""
+    """Number and length of the trajectories of each scenario."""
 
     train: int = 200
+    """Number of trajectories for training."""
     valid: int = 4
+    """Number of trajectories for validation."""
     frames: int = 400
-    """Of a trajectory; rounded down to a multiple of r_t."""
+    """Number of frames of a trajectory, rounded down to a multiple of r_t."""
 
 
 def folder_of(root: Path, scenario: str, spec: NetworkSpec) -> Path:
-    """Return where the data of a scenario lie, at the spec's ratios."""
+    """Return the folder of a scenario's data set at the network's r_p and r_t."""
     return root / f"{scenario}-rp{spec.r_p:.4g}-rt{spec.r_t}"
 
 
 def missing(root: Path, spec: NetworkSpec, amount: Amount) -> int:
-    """Count the trajectories that `prepare` would make; raises as `hybridmpm.data.plan`."""
+    """Return the number of trajectories that `prepare` would make; raises what `hybridmpm.data.plan` does."""
     return sum(len(_planned(root, scenario, spec, amount).todo) for scenario in spec.scenarios)
 
 
 def prepare(
     root: Path, spec: NetworkSpec, amount: Amount, on_progress: Callable[[int], object] = lambda _count: None
 ) -> None:
-    """Make what is missing of the spec's data sets; the work of seeds, to be interrupted and resumed.
+    """Make the missing trajectories of a network's data sets; an interrupted call can be repeated.
 
     Parameters
     ----------
@@ -46,12 +48,12 @@ def prepare(
     spec : NetworkSpec
     amount : Amount
     on_progress : callable
-        Called with the trajectories done since the last call.
+        Called with the number of trajectories done since its last call.
 
     Raises
     ------
     ConfigError, DataError, ExportError
-        As `hybridmpm.data.plan` and `hybridmpm.data.generation.generate`.
+        For the reasons of `hybridmpm.data.plan` and `hybridmpm.data.generate`.
     """
     for scenario in spec.scenarios:
         planned = _planned(root, scenario, spec, amount)
@@ -68,7 +70,13 @@ def _planned(root: Path, scenario: str, spec: NetworkSpec, amount: Amount) -> da
 
 
 def trajectories(root: Path, spec: NetworkSpec, split: str) -> list[data.Trajectory]:
-    """Read a split of all scenarios into memory; raises `DataError` where one does not fit the spec."""
+    """Return the trajectories of a split of all scenarios.
+
+    Raises
+    ------
+    DataError
+        A data set is damaged, or `check` refuses it.
+    """
     found: list[data.Trajectory] = []
     for scenario in spec.scenarios:
         folder = folder_of(root, scenario, spec)
@@ -83,7 +91,7 @@ def check(folder: Path, spec: NetworkSpec) -> None:
     Raises
     ------
     DataError
-        Time step, dimension, r_p or bounds are others; the message names both values.
+        Its time step, dimension, r_p or bounds are not the network's; the message names both values.
     """
     about = metadata.read(folder)
     ours = about.get("hybridmpm", {})

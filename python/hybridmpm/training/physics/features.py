@@ -1,4 +1,4 @@
-"""What the network sees of particles. The one place for it: the exported graph holds these operations."""
+"""Features of particles and edges, the inputs of the network; exported models contain these operations."""
 
 import torch
 from torch import Tensor
@@ -6,29 +6,29 @@ from torch import Tensor
 from hybridmpm.training.physics.graph_network import Edges
 
 _SMALLEST = 1e-12
-"""Added under the root, so that coincident particles have a gradient."""
+"""Number added to a squared length, so that its root has a gradient also for coincident particles."""
 
 
 def step_velocities(history: Tensor) -> Tensor:
-    """Displacements (5, N, D) [m per step] of positions (6, N, D) [m], oldest first."""
+    """Return the velocities (5, N, D) [m per step] of positions (6, N, D) [m], oldest first."""
     return history[1:] - history[:-1]
 
 
 def node_features(
     history: Tensor, walls: Tensor, radius: float, velocity_mean: Tensor, velocity_std: Tensor
 ) -> Tensor:
-    """Normalised velocities, and distances to the walls over the radius, clipped to [-1, 1].
+    """Return normalised velocities, and distances to the walls over the radius, clipped to [-1, 1].
 
     Parameters
     ----------
     history : (6, N, D)
         Positions [m], oldest first.
     walls : (2, D) or (2, N, D)
-        Lower and upper corner [m].
+        Lower and upper corner of the walls [m].
     radius : float
-        R [m].
+        Connectivity radius R [m].
     velocity_mean, velocity_std : (D,)
-        [m per step].
+        Mean and standard deviation of the velocity [m per step].
 
     Returns
     -------
@@ -42,15 +42,16 @@ def node_features(
 
 
 def edge_features(x: Tensor, graph: Edges, radius: float) -> Tensor:
-    """Displacement from receiver to sender and its length, both over the radius: (..., D + 1).
+    """Return the displacement from receiver to sender and its length, both over the radius, (..., D + 1).
 
     Parameters
     ----------
     x : (N, D)
         Positions [m].
     graph : Edges
+        Pairs of neighbours.
     radius : float
-        R [m].
+        Connectivity radius R [m].
     """
     offset = (graph.from_senders(x) - graph.from_receivers(x)) / radius
     length = ((offset * offset).sum(dim=-1, keepdim=True) + _SMALLEST).sqrt()

@@ -9,57 +9,59 @@ from hybridmpm.physics.spec import TYPE_EMBEDDING, TYPES, NetworkSpec
 
 
 class Edges(Protocol):
-    """How nodes are joined: N nodes, E edges."""
+    """The E edges between N nodes."""
 
     def from_senders(self, nodes: Tensor) -> Tensor:
-        """Node rows (N, H) at the sending end of each edge."""
+        """Return the rows (E, H) of `nodes` (N, H) at the sending ends of the edges."""
 
     def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Node rows (N, H) at the receiving end of each edge."""
+        """Return the rows (E, H) of `nodes` (N, H) at the receiving ends of the edges."""
 
     def sum(self, edges: Tensor) -> Tensor:
-        """Sum (N, H) of the edges that arrive at each node."""
+        """Return, for each node, the sum of the rows of `edges` (E, H) that arrive at it, (N, H)."""
 
 
 class EdgeList:
-    """E edges as two lists of indices: for training, where graphs of a batch differ in size.
+    """E edges as two lists of indices, for training, where the graphs of a batch differ in size.
 
     Parameters
     ----------
     senders, receivers : int64 (E,)
+        Indices of the nodes at both ends of each edge.
     count : int
-        N.
+        Number N of nodes.
     """
 
     def __init__(self, senders: Tensor, receivers: Tensor, count: int) -> None:
         self._senders, self._receivers, self._count = senders, receivers, count
 
     def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return (E, H)."""
+        """Return the rows (E, H) of nodes; see `Edges`."""
         return nodes.index_select(0, self._senders)
 
     def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return (E, H)."""
+        """Return the rows (E, H) of nodes; see `Edges`."""
         return nodes.index_select(0, self._receivers)
 
     def sum(self, edges: Tensor) -> Tensor:
-        """Return (N, H)."""
+        """Return the sums (N, H) of edges; see `Edges`."""
         return edges.new_zeros(self._count, edges.shape[-1]).index_add(0, self._receivers, edges)
 
 
 class SortedEdges:
-    """E edges ordered by receiver, and where each node finds its own: for inference.
+    """E edges ordered by receiver, with a table of the edges that arrive at each node, for inference.
 
-    Nodes gather the messages that arrive, at most K, instead of edges scattering them, which onnxruntime does
-    one by one. Only this table is padded: the perceptrons see each edge once.
+    Each node gathers the messages of up to K edges. If edges scattered their messages instead, onnxruntime
+    would take them one by one. Only the table is padded; the perceptrons compute each edge once.
 
     Parameters
     ----------
     senders, receivers : integer (E,)
+        Indices of the nodes at both ends of each edge.
     arrivals : integer (N, K)
-        Edges into each node; surplus entries may name any.
+        Indices of the edges that arrive at each node; surplus entries may be any index.
     mask : bool (N, K)
-        Which entries count.
+        Whether an entry of `arrivals` is an edge and not surplus.
     """
 
     def __init__(self, senders: Tensor, receivers: Tensor, arrivals: Tensor, mask: Tensor) -> None:
@@ -67,20 +69,23 @@ class SortedEdges:
         self._weights = mask.to(torch.float32).unsqueeze(1)
 
     def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return (E, H)."""
+        """Return the rows (E, H) of nodes; see `Edges`."""
         return nn.functional.embedding(self._senders, nodes)
 
     def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return (E, H)."""
+        """Return the rows (E, H) of nodes; see `Edges`."""
         return nn.functional.embedding(self._receivers, nodes)
 
     def sum(self, edges: Tensor) -> Tensor:
-        """Return (N, H)."""
+        """Return the sums (N, H) of edges; see `Edges`."""
         return torch.matmul(self._weights, nn.functional.embedding(self._arrivals, edges)).squeeze(1)
 
 
 class Perceptron(nn.Module):
-    """ReLU layers of one width and a linear one; takes the sum of its first maps' outputs as input."""
+    """Hidden ReLU layers of one width and a linear output layer.
+
+    The first linear map is outside, because its output may be a sum of several maps. This sum is the input.
+    """
 
     def __init__(self, width: int, outputs: int, hidden_layers: int, *, norm: bool) -> None:
         super().__init__()
@@ -93,12 +98,12 @@ class Perceptron(nn.Module):
         self.layers = nn.Sequential(*layers)
 
     def forward(self, first: Tensor) -> Tensor:
-        """Go on from the first linear map's output (..., width) to (..., outputs)."""
+        """Return the outputs (..., outputs) for the output (..., width) of the first linear map."""
         return self.layers(first)  # type: ignore[no-any-return]
 
 
 class Encoder(nn.Module):
-    """Features of nodes and edges to latents."""
+    """Turns features of nodes and edges into latent vectors."""
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
@@ -109,16 +114,19 @@ class Encoder(nn.Module):
         self.edge_rest = Perceptron(spec.latent, spec.latent, spec.hidden_layers, norm=True)
 
     def forward(self, nodes: Tensor, types: Tensor, edges: Tensor) -> tuple[Tensor, Tensor]:
-        """Node features (N, F), types (N,) and edge features (..., D + 1) to latents of width H."""
-        known = torch.cat([nodes, self.types(types)], dim=-1)
-        return self.node_rest(self.node(known)), self.edge_rest(self.edge(edges))
+        """Return latents (N, H), (..., H) of node features (N, F) with types (N,) and of edge features."""
+        features = torch.cat([nodes, self.types(types)], dim=-1)
+        return self.node_rest(self.node(features)), self.edge_rest(self.edge(edges))
 
 
 class Layer(nn.Module):
-    """One message passing: edges from both their ends, nodes from the sum of their edges, both as residuals.
+    """One step of message passing.
 
-    The first map of the edges is W_e e + W_s v_s + W_r v_r: one map of the concatenation [e, v_s, v_r], with
-    the node parts multiplied once a node instead of once an edge.
+    An edge is updated from itself and both its ends, then a node from itself and the sum of its edges. Both
+    updates are added to the old values.
+
+    The first map of an edge is W_e e + W_s v_s + W_r v_r, which is one map of the concatenation
+    [e, v_s, v_r]. In this form the parts of a node are computed once, not once for each of its edges.
     """
 
     def __init__(self, spec: NetworkSpec) -> None:
@@ -132,7 +140,7 @@ class Layer(nn.Module):
         self.node_rest = Perceptron(width, width, spec.hidden_layers, norm=True)
 
     def forward(self, nodes: Tensor, edges: Tensor, graph: Edges) -> tuple[Tensor, Tensor]:
-        """Latents of nodes (N, H) and edges (..., H) to new ones."""
+        """Return the new latents of nodes (N, H) and edges (..., H)."""
         ends = graph.from_senders(self.sender(nodes)) + graph.from_receivers(self.receiver(nodes))
         message = self.edge_rest(self.edge(edges) + ends)
         update = self.node_rest(self.node(torch.cat([nodes, graph.sum(message)], dim=-1)))
@@ -140,21 +148,21 @@ class Layer(nn.Module):
 
 
 class Processor(nn.Module):
-    """L layers with weights of their own."""
+    """L layers of message passing, each with its own weights."""
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
         self.layers = nn.ModuleList(Layer(spec) for _ in range(spec.layers))
 
     def forward(self, nodes: Tensor, edges: Tensor, graph: Edges) -> Tensor:
-        """Latents of nodes (N, H) after the last layer."""
+        """Return the latents (N, H) of the nodes after the last layer."""
         for layer in self.layers:
             nodes, edges = layer(nodes, edges, graph)
         return nodes
 
 
 class Decoder(nn.Module):
-    """Node latents to numbers, without LayerNorm: a normalised acceleration would lose its size."""
+    """Turns latents of nodes into accelerations; a LayerNorm at the end would take away their size."""
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
@@ -162,12 +170,12 @@ class Decoder(nn.Module):
         self.node_rest = Perceptron(spec.latent, spec.dim, spec.hidden_layers, norm=False)
 
     def forward(self, nodes: Tensor) -> Tensor:
-        """(N, H) to (N, D)."""
+        """Return normalised accelerations (N, D) of latents (N, H)."""
         return self.node_rest(self.node(nodes))  # type: ignore[no-any-return]
 
 
 class GraphNetwork(nn.Module):
-    """Encoder, processor, decoder: features of a graph to normalised accelerations."""
+    """Encoder, processor and decoder, which turn features of a graph into normalised accelerations."""
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
@@ -176,5 +184,8 @@ class GraphNetwork(nn.Module):
         self.decoder = Decoder(spec)
 
     def forward(self, nodes: Tensor, types: Tensor, edges: Tensor, graph: Edges) -> Tensor:
-        """Node features (N, F), types (N,), edge features (..., D + 1) to accelerations (N, D)."""
+        """Return normalised accelerations (N, D).
+
+        Inputs are node features (N, F), types (N,) and edge features (..., D + 1).
+        """
         return self.decoder(self.processor(*self.encoder(nodes, types, edges), graph))  # type: ignore[no-any-return]

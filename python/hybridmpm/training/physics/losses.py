@@ -1,16 +1,16 @@
-"""Losses of predicted positions, in units of the acceleration that would mend them."""
+"""The loss of predicted positions, in units of the acceleration that would correct them."""
 
 import torch
 from torch import Tensor
 
 
 def huber_loss(predicted: Tensor, true: Tensor, scale: Tensor, steps: int) -> Tensor:
-    """Mean over particles of the Huber function of a position error, summed over axes.
+    """Return the mean over particles of the Huber function of a position error, summed over axes.
 
-    The error of a position after k unrolled steps of one wrong acceleration grows as k (k + 1) / 2 times that
-    acceleration, and is divided by it; for k = 1 it is the error of the acceleration. Quadratic below one
-    standard deviation, linear beyond: a collision that cannot be predicted does not outweigh everything
-    else, and particles at rest, whose errors are small, do not blow up.
+    A constant error of the acceleration gives, after k steps, k (k + 1) / 2 times this error in the position;
+    so the position error is divided by k (k + 1) / 2 and by the scale. The Huber function is quadratic below
+    one and linear above. So collisions that cannot be predicted do not outweigh everything else, and the
+    small errors of particles at rest do not count too much, as relative errors would.
 
     Parameters
     ----------
@@ -19,24 +19,7 @@ def huber_loss(predicted: Tensor, true: Tensor, scale: Tensor, steps: int) -> Te
     scale : (D,)
         Standard deviation of the acceleration [m per step^2].
     steps : int
-        k.
+        Number k of network steps from the last given position to these.
     """
     error = (predicted - true) / (scale * (steps * (steps + 1) / 2))
     return torch.nn.functional.huber_loss(error, torch.zeros_like(error), reduction="none").sum(-1).mean()
-
-
-def relative_loss(predicted: Tensor, true: Tensor, floor: float = 0.0) -> Tensor:
-    """Mean over particles of |a - b| / |b|: the loss of the paper (arXiv:2505.18926), for comparison.
-
-    It grows without bound as a true acceleration b vanishes, as at rest; `floor`, added to |b|, bounds it.
-
-    Parameters
-    ----------
-    predicted, true : (N, D)
-        Accelerations a, b in any unit.
-    floor : float >= 0
-        In the same unit.
-    """
-    length = torch.linalg.vector_norm(true, dim=-1)
-    error = torch.linalg.vector_norm(predicted - true, dim=-1) / (length + floor)
-    return torch.as_tensor(error.mean())

@@ -1,8 +1,8 @@
 """Relaxation of density after a network step, as in Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
 
-Particles that a step has crowded together push each other apart, along the edges that the network used.
-This is the form with gradients, for training; models are served with the compiled
-`hybridmpm._native.relaxed`, which a test holds against it.
+Particles that a step has crowded together push each other apart, along the edges that the network used. This
+is the form with gradients, for training. Models are served with the compiled `hybridmpm._native.relaxed`; a
+test compares both.
 """
 
 import torch
@@ -15,21 +15,22 @@ _SMALLEST = 1e-12
 
 
 def relaxation(x: Tensor, graph: Edges, radius: float, rest: float) -> Tensor:
-    """Displacement (N, D) [m] that lowers densities above that of rest; none where they are below it.
+    """Return displacements (N, D) [m] that lower densities above the density at rest, and no others.
 
-    The kernel is (1 - d/R)^2. Each pair moves apart by equal and opposite displacements, in proportion to the
-    sum of their excess densities and to the kernel's slope: momentum is kept, but at kinematic particles.
+    The kernel of the density at a distance d is (1 - d/R)^2. The particles of a pair move apart by equal and
+    opposite displacements, in proportion to the sum of their excess densities and to the kernel's slope. This
+    keeps momentum, except at kinematic particles.
 
     Parameters
     ----------
     x : (N, D)
         Positions [m].
     graph : Edges
-        Pairs that may be near each other; those beyond the radius do not act.
+        Pairs of particles that may be near each other; pairs beyond the radius do not act.
     radius : float
-        R [m].
+        Connectivity radius R [m].
     rest : float
-        `rest_density`.
+        Density at rest, `hybridmpm.physics.relaxation.rest_density`.
     """
     offset = (graph.from_senders(x) - graph.from_receivers(x)) / radius
     length = ((offset * offset).sum(dim=-1, keepdim=True) + _SMALLEST).sqrt()

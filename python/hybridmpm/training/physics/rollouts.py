@@ -1,4 +1,4 @@
-"""Rollouts of a network in training on held-out trajectories: errors and pictures."""
+"""Rollouts of a network on held-out trajectories during training: errors and pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,28 +23,31 @@ _WIDTH = 240
 
 @torch.no_grad()
 def rollout(simulator: LearnedSimulator, trajectory: Trajectory) -> npt.NDArray[np.float32]:
-    """Follow a trajectory from its first six states on, over its whole length.
+    """Predict a trajectory from its first six states on, over its whole length.
 
     Returns
     -------
     float32 (F, N, D)
-        Positions [m]; the first six are the trajectory's.
+        Positions [m]; the first six states are the trajectory's.
     """
     device = next(simulator.parameters()).device
     types = torch.from_numpy(trajectory.types).to(device)
-    push, corners = known_acceleration(trajectory, 0, len(trajectory.positions) - 1)
+    acceleration, corners = known_acceleration(trajectory, 0, len(trajectory.positions) - 1)
     walls = torch.from_numpy(corners).to(device).unsqueeze(1)
     path = trajectory.positions.copy()
     for state in range(HISTORY, len(path)):
         history = torch.from_numpy(path[state - HISTORY : state]).to(device)
         graph = edges_of(history[-1], types, (len(types),), simulator.spec.radius)
-        known = torch.from_numpy(push[state - 1]).to(device)
+        known = torch.from_numpy(acceleration[state - 1]).to(device)
         path[state] = simulator(history, types, known, walls, graph).cpu().numpy()
     return path
 
 
 def errors(path: npt.NDArray[np.float32], trajectory: Trajectory) -> npt.NDArray[np.float64]:
-    """`grid_rmse` of each state (F,) against the trajectory itself, on a grid as fine as its particles."""
+    """Return the `grid_rmse` (F,) of each state of a path (F, N, D) [m] against the trajectory.
+
+    The grid has as many particles per cell as the scene.
+    """
     scene = trajectory.scene
     moving = trajectory.types != KINEMATIC
     mass = np.ones(int(moving.sum()), np.float32) if trajectory.mass is None else trajectory.mass[moving]
@@ -67,7 +70,7 @@ def errors(path: npt.NDArray[np.float32], trajectory: Trajectory) -> npt.NDArray
 def write_picture(
     file: Path, trajectories: Sequence[Trajectory], paths: Sequence[npt.NDArray[np.float32]]
 ) -> None:
-    """Write a .png with two rows a trajectory, truth above rollout; raises `ExportError`."""
+    """Write a .png with two rows for each trajectory, truth above rollout; may raise `ExportError`."""
     rows = [
         _row(trajectory, states)
         for trajectory, path in zip(trajectories, paths, strict=True)

@@ -1,4 +1,4 @@
-"""`Normalization` from trajectories, in one pass."""
+"""Computing `Normalization` from trajectories, in one pass."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,9 @@ from hybridmpm.training.physics.windows import known_acceleration
 
 
 def normalization(trajectories: Iterable[Trajectory], spec: NetworkSpec, noise: float) -> Normalization:
-    """Take in each trajectory in turn, kinematic particles left out.
+    """Return the scales of a network from the trajectories it is trained on, without kinematic particles.
+
+    Means along y are those of the data. Means along other axes are 0, because samples are mirrored at random.
 
     Parameters
     ----------
@@ -20,10 +22,6 @@ def normalization(trajectories: Iterable[Trajectory], spec: NetworkSpec, noise: 
     spec : NetworkSpec
     noise : float >= 0
         Standard deviation of the training noise over that of the velocity, root mean square over the axes.
-
-    Notes
-    -----
-    Means across are zero: windows are mirrored at random. Along gravity they are those of the data.
     """
     velocities, accelerations = Moments(), Moments()
     for trajectory in trajectories:

@@ -1,4 +1,4 @@
-"""`LearnedSimulator`: one step of r_t frames, from six positions to the next one."""
+"""`LearnedSimulator`: one step of r_t frames, from the last six positions to the next ones."""
 
 import torch
 from torch import Tensor, nn
@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.answer_gate import answer_weights
+from hybridmpm.training.physics.answer_gate import disturbance
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges, GraphNetwork
 from hybridmpm.training.physics.relaxation import relaxation
@@ -15,8 +15,8 @@ from hybridmpm.training.physics.relaxation import relaxation
 class LearnedSimulator(nn.Module):
     """A graph network with its features, scales and integrator.
 
-    The network predicts the acceleration that is left once the known one, gravity and external, is taken out.
-    A network that answers zero therefore is free fall between walls.
+    The network predicts the residual acceleration: the acceleration without the known one, which is gravity
+    and the external acceleration. So a network that answers zero is free fall between walls.
     """
 
     velocity_mean: Tensor
@@ -33,7 +33,7 @@ class LearnedSimulator(nn.Module):
             self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
 
     def answer(self, history: Tensor, types: Tensor, walls: Tensor, graph: Edges) -> Tensor:
-        """Normalised acceleration (N, D) that the network predicts; arguments as in `forward`."""
+        """Return the network's answer, normalised residual accelerations (N, D); inputs as in `forward`."""
         radius = self.spec.radius
         nodes = node_features(history, walls, radius, self.velocity_mean, self.velocity_std)
         prediction: Tensor = self.network(nodes, types, edge_features(history[-1], graph, radius), graph)
@@ -42,7 +42,7 @@ class LearnedSimulator(nn.Module):
     def forward(
         self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
     ) -> Tensor:
-        """Positions (N, D) [m] one step later, within the walls; kinematic particles stay.
+        """Return positions (N, D) [m] one step later, within the walls; kinematic particles stay.
 
         Parameters
         ----------
@@ -51,11 +51,11 @@ class LearnedSimulator(nn.Module):
         types : int64 (N,)
             DeepMind's particle types.
         acceleration : (N, D)
-            Known acceleration [m/s^2], gravity among it, held over the step.
+            Known acceleration [m/s^2], gravity included, constant over the step.
         walls : (2, D) or (2, N, D)
-            Lower and upper corner [m].
+            Lower and upper corner of the walls [m].
         graph : Edges
-            Of the latest positions.
+            Pairs of neighbours at the latest positions.
         """
         answer = self.answer(history, types, walls, graph)
         return self.integrate(history, types, acceleration, walls, graph, answer=answer)
@@ -70,8 +70,8 @@ class LearnedSimulator(nn.Module):
         *,
         answer: Tensor,
     ) -> Tensor:
-        """Take the Euler step of a network's answer (N, D), and relax densities."""
-        weight = self.answer_weights(history, types, acceleration, walls, graph)
+        """Return positions (N, D) [m] after the Euler step of an answer (N, D) and relaxations of density."""
+        weight = self.answer_weight(history, types, acceleration, walls, graph)
         x = self.moved(history, types, acceleration, walls, answer=answer, weight=weight)
         for _ in range(self.spec.relaxations):
             relaxed = within(x + weight * relaxation(x, graph, self.spec.radius, self._rest), walls)
@@ -88,21 +88,21 @@ class LearnedSimulator(nn.Module):
         answer: Tensor,
         weight: Tensor,
     ) -> Tensor:
-        """Take the Euler step of the answer (N, D) with its weight (N, 1); returns positions (N, D) [m]."""
+        """Return positions (N, D) [m] after the Euler step of an answer (N, D) with its weight (N, 1)."""
         start = history[-1]
         residual = answer * self.acceleration_std + self.acceleration_mean
         x = start + (start - history[-2]) + acceleration * self.spec.step_dt**2 + weight * residual
         return torch.where(_still(types), start, within(x, walls))
 
-    def answer_weights(
+    def answer_weight(
         self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
     ) -> Tensor:
-        """Return the weight (N, 1) of the answer and of relaxation, 0 for kinematic particles.
+        """Return the weight (N, 1) in [0, 1] of answer and relaxation; parameters as in `forward`.
 
-        They count only where something happens to a body: an undisturbed one falls freely. Served models
-        have it from `hybridmpm.physics.answer_gate`.
+        The weight is 0 for kinematic particles and where `disturbance` finds none, since an undisturbed body
+        falls freely. Served models get it from `hybridmpm.physics.answer_gate`.
         """
-        found = answer_weights(
+        found = disturbance(
             history,
             acceleration * self.spec.step_dt**2,
             walls,
@@ -119,5 +119,5 @@ def _still(types: Tensor) -> Tensor:
 
 
 def within(x: Tensor, walls: Tensor) -> Tensor:
-    """Move what is outside the walls (2, D) or (2, N, D) onto them."""
+    """Return positions x (N, D), those outside the walls (2, D) or (2, N, D) moved onto them."""
     return torch.maximum(torch.minimum(x, walls[1]), walls[0])

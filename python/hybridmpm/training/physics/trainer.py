@@ -1,4 +1,4 @@
-"""`Trainer`: a learned simulator, its optimizer and the random numbers it draws, one step at a time."""
+"""`Trainer`: a learned simulator with its optimizer and random generator, which takes training steps."""
 
 import json
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ _LONGEST = 100_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings:
-    """How long and how to train.
+    """Settings of a training.
 
     Raises
     ------
@@ -31,18 +31,19 @@ class TrainingSettings:
     """
 
     steps: int
-    """Optimizer steps in all."""
+    """Number of training steps."""
     batch: int = 4
-    """Windows a step."""
+    """Number of windows in a training step."""
     unroll: int = 3
-    """Network steps that the loss follows at the end of training; it begins with one and grows evenly."""
+    """Number of successive network steps in the loss at the end of training; it grows evenly from 1."""
     noise: float = 0.1
-    """Standard deviation of the noise over that of the velocity."""
+    """Standard deviation of the noise on the inputs over that of the velocity."""
     learning_rate: float = 1e-3
+    """Learning rate at the start."""
     final_rate: float = 1e-5
-    """Learning rate at the end; it decays exponentially."""
+    """Learning rate at the end; the learning rate decays exponentially."""
     seed: int = 0
-    """Of the initial weights and of all draws."""
+    """Seed of the initial weights and of all draws."""
 
     def __post_init__(self) -> None:
         whole("steps", self.steps, 1, _LONGEST)
@@ -58,16 +59,16 @@ class TrainingSettings:
             )
 
     def unroll_at(self, step: int) -> int:
-        """Network steps that the loss follows at a step of training."""
+        """Return the number of network steps in the loss at a training step."""
         return min(self.unroll, 1 + self.unroll * step // self.steps)
 
     def rate_at(self, step: int) -> float:
-        """Learning rate at a step of training."""
+        """Return the learning rate at a training step."""
         return float(self.learning_rate * (self.final_rate / self.learning_rate) ** (step / self.steps))
 
 
 class Trainer:
-    """Training as a sequence of steps that any number of interruptions do not change, on one kind of device.
+    """Training as a sequence of steps, which on one kind of device do not depend on interruptions.
 
     Parameters
     ----------
@@ -75,7 +76,8 @@ class Trainer:
     scales : Normalization
     settings : TrainingSettings
     device : torch.device
-        On CUDA the network runs in bfloat16 where that is safe, its sums and the integrator in float32.
+        Device of the network. On CUDA the network runs in bfloat16 where torch considers this safe; its sums
+        and the integrator run in float32.
     """
 
     def __init__(
@@ -87,16 +89,16 @@ class Trainer:
         self.optimizer = torch.optim.Adam(self.simulator.parameters(), lr=settings.learning_rate)
         self.step_count = 0
         self.seconds = 0.0
-        """Spent on training so far, over all runs."""
+        """Time of training so far, over all runs [s]."""
         self._rng = np.random.default_rng(settings.seed)
 
     def step(self, windows: Windows) -> float:
-        """Take one optimizer step; returns its loss before it.
+        """Take one training step, and return the loss before it.
 
         Raises
         ------
         FloatingPointError
-            The loss is not finite; the weights are those before the step.
+            The loss is not finite; the weights have not changed.
         """
         with _flushed_denormals():
             return self._step(windows)
@@ -126,22 +128,22 @@ class Trainer:
         return value
 
     def loss(self, batch: Batch) -> Tensor:
-        """Mean over the unrolled steps of `huber_loss`; gradients flow through the positions."""
+        """Return the mean of `huber_loss` over successive network steps; gradients pass through all steps."""
         history, moving = batch.history, batch.moving
         losses = []
-        for k, (target, push) in enumerate(zip(batch.targets, batch.acceleration, strict=True), start=1):
+        for k, (target, known) in enumerate(zip(batch.targets, batch.acceleration, strict=True), start=1):
             graph = edges_of(history[-1], batch.types, batch.counts, self.spec.radius)
             with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
                 answer = self.simulator.answer(history, batch.types, batch.walls, graph)
-            known = (history, batch.types, push, batch.walls, graph)
-            x = self.simulator.integrate(*known, answer=answer.float())
+            inputs = (history, batch.types, known, batch.walls, graph)
+            x = self.simulator.integrate(*inputs, answer=answer.float())
             scale = self.simulator.acceleration_std
             losses.append(huber_loss(x[moving], target[moving], scale, k))
             history = torch.cat([history[1:], x.unsqueeze(0)])
         return torch.stack(losses).mean()
 
     def state(self) -> dict[str, Any]:
-        """Everything that `restore` needs: tensors and plain data."""
+        """Return the state that `restore` needs, as tensors and plain data."""
         return {
             "spec": json.dumps(self.spec.to_dict()),
             "scales": json.dumps(self.simulator.scales.to_dict()),
@@ -155,12 +157,12 @@ class Trainer:
 
     @classmethod
     def restore(cls, state: dict[str, Any], device: torch.device, *, where: str) -> Self:
-        """Take up training where `state` was taken.
+        """Return a trainer in a state that `state()` returned.
 
         Raises
         ------
         ConfigError
-            It is of other features; the message begins with `where`.
+            The network has other features than those of this library; the message begins with `where`.
         """
         spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=where)
         scales = Normalization(**json.loads(state["scales"]))
@@ -174,7 +176,7 @@ class Trainer:
 
 @contextmanager
 def _flushed_denormals() -> Iterator[None]:
-    """Take numbers too small to matter for zero, which else take a hundred times as long; then no longer."""
+    """Within the block, round denormal numbers to zero; computing with them takes a hundred times as long."""
     torch.set_flush_denormal(True)
     try:
         yield

@@ -1,4 +1,4 @@
-"""Training samples: windows of successive states, drawn at random, mirrored at random, disturbed by noise."""
+"""Training samples: windows of successive states, drawn and mirrored at random, with noise added."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ _Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """B windows of `HISTORY` states and the K that follow, their N particles one behind the other."""
+    """B windows, each of `HISTORY` states and the K states after these; N particles, window by window."""
 
     history: Tensor
-    """(6, N, D) [m], oldest first."""
+    """Positions (6, N, D) [m] that the network is given, oldest first."""
     targets: Tensor
-    """(K, N, D) [m]."""
+    """Positions (K, N, D) [m] after these."""
     acceleration: Tensor
-    """Known acceleration (K, N, D) [m/s^2]: gravity, and what the data set's force adds."""
+    """Known acceleration (K, N, D) [m/s^2]: gravity plus the force of the data set."""
     types: Tensor
-    """int64 (N,)."""
+    """DeepMind's particle types, int64 (N,)."""
     walls: Tensor
-    """(2, N, D) [m]: lower and upper corner, for each particle those of its scene."""
+    """Lower and upper corner (2, N, D) [m] of the walls of each particle's scene."""
     counts: tuple[int, ...]
-    """Particles of each window."""
+    """Number of particles of each window."""
 
     def to(self, device: torch.device) -> "Batch":
-        """Return the same on a device."""
+        """Return the batch on a device."""
         return Batch(
             history=self.history.to(device),
             targets=self.targets.to(device),
@@ -48,12 +48,12 @@ class Batch:
 
     @property
     def moving(self) -> Tensor:
-        """Which particles are not kinematic, bool (N,)."""
+        """Whether a particle is not kinematic, bool (N,)."""
         return self.types != KINEMATIC
 
 
 def edges_of(x: Tensor, types: Tensor, counts: Sequence[int], radius: float) -> EdgeList:
-    """Join the particles of each window, (N, D) in all, that are within the radius [m]."""
+    """Return the edges between particles at x (N, D) [m] that are of one window and within the radius [m]."""
     points, kinds = x.detach().cpu().numpy(), types.cpu().numpy()
     senders, receivers, first = [], [], 0
     for count in counts:
@@ -70,19 +70,19 @@ def edges_of(x: Tensor, types: Tensor, counts: Sequence[int], radius: float) -> 
 
 
 class Windows:
-    """Every window of some trajectories, which are held in memory.
+    """All windows of trajectories, which are in memory.
 
     Parameters
     ----------
     trajectories : sequence of Trajectory
-        With their scenes, which know walls and gravity.
+        Trajectories with their scenes, which give walls and gravity.
     unroll : int
-        Largest K that is asked for.
+        Largest number K of targets that `draw` is asked for.
 
     Raises
     ------
     DataError
-        A trajectory lacks its scene, or none is long enough.
+        A trajectory has no scene, or no trajectory is long enough.
     """
 
     def __init__(self, trajectories: Sequence[Trajectory], unroll: int) -> None:
@@ -90,7 +90,7 @@ class Windows:
             if trajectory.scene is None:
                 raise DataError(
                     f"{trajectory.place.file}: {trajectory.place.position} comes without its scene, which "
-                    "knows walls and gravity; train on a data set that hybridmpm made"
+                    "gives walls and gravity; train on a data set that hybridmpm made"
                 )
         length = HISTORY + unroll
         self._trajectories = [t for t in trajectories if len(t.positions) >= length]
@@ -104,13 +104,14 @@ class Windows:
         ----------
         rng : Generator
         size : int
-            B.
+            Number B of windows.
         unroll : int
-            K.
+            Number K of targets.
         noise_std : float
-            Of the last velocity [m per step]; a random walk over the window, as in the reference
-            implementation of Sanchez-Gonzalez et al. (2020). The targets are moved by the noise of the last
-            position: the network is asked to mend velocities, not positions.
+            Standard deviation of the noise on the last velocity [m per step]. The noise is a random walk over
+            the window, as in the reference implementation of Sanchez-Gonzalez et al. (2020). Targets are
+            moved by the noise of the last position, so that the network learns to correct velocities, not
+            positions.
         """
         parts = [self._window(rng, unroll, noise_std) for _ in range(size)]
         columns = list(zip(*parts, strict=True))
@@ -130,32 +131,41 @@ class Windows:
         trajectory = self._trajectories[int(rng.integers(len(self._trajectories)))]
         first = int(rng.integers(len(trajectory.positions) - HISTORY - unroll + 1))
         states = trajectory.positions[first : first + HISTORY + unroll].copy()
-        push, corners = known_acceleration(trajectory, first + HISTORY - 1, unroll)
-        _turn(rng, states, push, corners)
+        acceleration, corners = known_acceleration(trajectory, first + HISTORY - 1, unroll)
+        _mirror(rng, states, acceleration, corners)
         noise = _random_walk(rng, states[:HISTORY].shape, noise_std)
         noise[:, trajectory.types == KINEMATIC] = 0.0
         walls = np.broadcast_to(corners[:, None], (2, *states.shape[1:]))
-        return states[:HISTORY] + noise, states[HISTORY:] + noise[-1], push, walls, trajectory.types
+        return states[:HISTORY] + noise, states[HISTORY:] + noise[-1], acceleration, walls, trajectory.types
 
 
 def known_acceleration(trajectory: Trajectory, first: int, count: int) -> tuple[_Floats, _Floats]:
-    """Return gravity and force (count, N, D) [m/s^2] from a state on, and the walls (2, D) [m]."""
+    """Return gravity plus force (count, N, D) [m/s^2] from the state `first` on, and the walls (2, D) [m].
+
+    Raises
+    ------
+    DataError
+        The trajectory has no scene.
+    """
     scene = trajectory.scene
     if scene is None:
         raise DataError(f"{trajectory.place.file}: {trajectory.place.position} comes without its scene")
-    push = np.empty((count, *trajectory.positions.shape[1:]), dtype=np.float32)
-    push[:] = np.array(scene.gravity, dtype=np.float32)
+    acceleration = np.empty((count, *trajectory.positions.shape[1:]), dtype=np.float32)
+    acceleration[:] = np.array(scene.gravity, dtype=np.float32)
     if trajectory.force is not None:
-        push += trajectory.force[first : first + count]
-    return push, np.array([scene.walls.lower, scene.walls.upper], dtype=np.float32)
+        acceleration += trajectory.force[first : first + count]
+    return acceleration, np.array([scene.walls.lower, scene.walls.upper], dtype=np.float32)
 
 
-def _turn(rng: np.random.Generator, states: _Floats, push: _Floats, corners: _Floats) -> None:
-    """Mirror each axis but the vertical one at random: physics does not tell left from right."""
+def _mirror(rng: np.random.Generator, states: _Floats, acceleration: _Floats, corners: _Floats) -> None:
+    """Mirror states and acceleration in place along each horizontal axis with probability 1/2.
+
+    The physics is the same to the left and to the right.
+    """
     for axis in (0, 2)[: states.shape[-1] - 1]:
         if rng.random() < 0.5:
             states[..., axis] = corners[0, axis] + corners[1, axis] - states[..., axis]
-            push[..., axis] *= -1.0
+            acceleration[..., axis] *= -1.0
 
 
 def _random_walk(rng: np.random.Generator, shape: tuple[int, ...], noise_std: float) -> _Floats:
