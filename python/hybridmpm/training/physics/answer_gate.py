@@ -7,7 +7,7 @@ from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
 from hybridmpm.training.physics.graph_network import Edges
 
 
-def disturbance(
+def answer_weights(
     history: Tensor,
     known_step: Tensor,
     walls: Tensor,

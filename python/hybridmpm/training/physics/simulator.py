@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.answer_gate import disturbance
+from hybridmpm.training.physics.answer_gate import answer_weights
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges, GraphNetwork
 from hybridmpm.training.physics.relaxation import relaxation
@@ -71,7 +71,7 @@ class LearnedSimulator(nn.Module):
         answer: Tensor,
     ) -> Tensor:
         """Return positions (N, D) [m] after the Euler step of an answer (N, D) and relaxations of density."""
-        weight = self.answer_weight(history, types, acceleration, walls, graph)
+        weight = self.answer_weights(history, types, acceleration, walls, graph)
         x = self.moved(history, types, acceleration, walls, answer=answer, weight=weight)
         for _ in range(self.spec.relaxations):
             relaxed = within(x + weight * relaxation(x, graph, self.spec.radius, self._rest), walls)
@@ -94,15 +94,15 @@ class LearnedSimulator(nn.Module):
         x = start + (start - history[-2]) + acceleration * self.spec.step_dt**2 + weight * residual
         return torch.where(_still(types), start, within(x, walls))
 
-    def answer_weight(
+    def answer_weights(
         self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
     ) -> Tensor:
         """Return the weight (N, 1) in [0, 1] of answer and relaxation; parameters as in `forward`.
 
-        The weight is 0 for kinematic particles and where `disturbance` finds none, since an undisturbed body
+        The weight is 0 for kinematic particles and where nothing happens to a body, since an undisturbed one
         falls freely. Served models get it from `hybridmpm.physics.answer_gate`.
         """
-        found = disturbance(
+        found = answer_weights(
             history,
             acceleration * self.spec.step_dt**2,
             walls,
