@@ -13,7 +13,7 @@ from hybridmpm.validation import (
     rotation,
     sliding_block,
 )
-from hybridmpm.validation.case import Check, CaseResult
+from hybridmpm.validation.case import CaseResult, Check
 
 SHORTER: dict[str, Callable[[], CaseResult]] = {
     "dam_break": lambda: dam_break.run((64, 128)),
