@@ -160,7 +160,7 @@ def _checked(force: Any, simulator: Forced, frames: int, name: str, *, one_frame
     array = _numbers(force, name)
     dim, count = simulator.scene.dim, simulator.particle_count
     allowed: list[tuple[int, ...]] = [(dim,)]
-    if not simulator.scene.is_open or frames == 1:
+    if not simulator.scene.is_open or frames <= 1:
         allowed.append((count, dim))
     if not (simulator.scene.is_open or one_frame):
         allowed.append((frames, count, dim))
@@ -177,14 +177,15 @@ def _is_pair(force: Any) -> bool:
         return False
     try:
         return np.ndim(force[0]) == 1 and np.ndim(force[1]) in (2, 3)
-    except ValueError:  # rows of different lengths
+    except Exception:  # noqa: BLE001 - rows of different lengths, or foreign code; `_numbers` tells what is wrong
         return False
 
 
 def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_frame: bool) -> _ForceOfIds:
     ids = np.asarray(pair[0])
-    if not np.issubdtype(ids.dtype, np.integer) and len(ids):
+    if ids.dtype.kind not in "iu" and len(ids):
         raise ForceError(f"the ids of {name} must be whole numbers, got {ids.dtype}")
+    ids = ids if len(ids) else np.empty(0, dtype=np.uint64)
     if (ids < 0).any():
         raise ForceError(f"the ids of {name} must be at least 0, got {ids.min()}")
     ids = ids.astype(np.uint64)
@@ -207,12 +208,20 @@ def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_f
 
 
 def _numbers(value: Any, name: str) -> _Floats:
+    """Convert to float32; whatever foreign code raises on the way becomes a `ForceError`."""
     try:
+        given = np.asarray(value)
         # What float32 cannot hold becomes infinite, and is refused as that.
         with np.errstate(over="ignore"):
-            return np.asarray(value, dtype=np.float32, order="C")
-    except (TypeError, ValueError) as error:
-        raise ForceError(f"{name} must be numbers [m/s^2]: {error}") from None
+            array = np.asarray(given.real, dtype=np.float32, order="C")
+    except Exception as error:
+        hint = ""
+        if isinstance(value, list | tuple) and len(value) == 2:
+            hint = "; ids and accelerations are given as a tuple (ids (K,), accelerations (K, D))"
+        raise ForceError(f"{name} must be numbers [m/s^2]: {error}{hint}") from error
+    if given.dtype.kind not in "fiuO":
+        raise ForceError(f"{name} must be real numbers [m/s^2], got {given.dtype}")
+    return array
 
 
 def _finite(array: _Floats, name: str) -> _Floats:
@@ -227,9 +236,10 @@ def _finite(array: _Floats, name: str) -> _Floats:
 def _refusal(
     name: str, allowed: list[tuple[int, ...]], shape: tuple[int, ...], *, is_open: bool, one_frame: bool
 ) -> str:
-    forms = [f"of shape {one}" for one in allowed]
-    forms += ["a pair (ids, accelerations)"] if one_frame else ["a function", "a pair (ids, accelerations)"]
-    text = f"{name} must be {', '.join(forms[:-1])} or {forms[-1]}; got shape {shape}"
+    shapes = [str(one) for one in allowed]
+    listed = " or ".join([", ".join(shapes[:-1]), shapes[-1]]) if len(shapes) > 1 else shapes[0]
+    others = "a tuple (ids, accelerations)" if one_frame else "a function or a tuple (ids, accelerations)"
+    text = f"{name} must have shape {listed}, or be {others}; got shape {shape}"
     if is_open:
         text += ". Particles come and go in this scene, so rows without ids are for one frame only"
     return text

@@ -1,6 +1,7 @@
 """`Simulator`: what all simulators have in common, whatever moves the particles."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
@@ -106,7 +107,7 @@ class Simulator(ABC):
     @property
     @abstractmethod
     def log(self) -> tuple[Decision, ...]:
-        """All decisions so far about who simulates, in the order in which they were made."""
+        """All decisions so far about who simulates, in order; those undone later stay among them."""
 
     @property
     def mpm_share(self) -> float:
@@ -130,7 +131,7 @@ class Simulator(ABC):
         frames : int in [0, 1000000]
             Number T of frames.
         force : optional
-            External acceleration [m/s^2] besides gravity, taken as float32; see `hybridmpm.force`:
+            External acceleration [m/s^2] besides gravity, taken as float32:
 
             - (D,): the same for all particles, over the whole call;
             - (N, D): one for each particle, held over the call;
@@ -240,12 +241,26 @@ class Simulator(ABC):
         """Return the settings that `load` makes an equal simulator from, as plain data for JSON."""
 
     @classmethod
-    def _saved(cls, path: str | Path) -> SavedState:
-        """Read a file, and refuse one of another kind of simulator."""
+    def _restored(cls, path: str | Path, make: Callable[[SavedState], Self]) -> Self:
+        """Read a file, make its simulator, and put that into the saved state.
+
+        Raises
+        ------
+        SnapshotError
+            Whatever is wrong with the file, its settings, its network or its state; the message names the
+            file.
+        OSError
+            The file cannot be read.
+        """
         saved = read_state(Path(path))
         if saved.kind != cls.kind:
             raise SnapshotError(
                 f"{path} holds the state of a simulator of kind {saved.kind!r}, and {cls.__name__} is of "
                 f"kind {cls.kind!r}: use hybridmpm.load, which reads all kinds"
             )
-        return saved
+        try:
+            simulator = make(saved)
+            simulator.restore(saved.state)
+        except Exception as error:
+            raise SnapshotError(f"{path} cannot be restored: {error}") from error
+        return simulator

@@ -12,6 +12,7 @@ from typing import Any
 
 from hybridmpm import _native
 from hybridmpm._support.files import replacing
+from hybridmpm._support.packing import number
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.scene import Scene
 
@@ -48,7 +49,8 @@ def write_state(path: Path, saved: SavedState) -> None:
             "frame": saved.frame,
             "settings": saved.settings,
             "scene": saved.scene.model_dump(mode="json", exclude_none=True),
-        }
+        },
+        default=number,
     ).encode()
     body = _PREFIX.pack(MAGIC, VERSION, len(header)) + header + saved.state
     with replacing(path) as part:

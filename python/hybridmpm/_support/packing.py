@@ -1,8 +1,10 @@
 """Snapshots as bytes: a tree of plain data, arrays and bytes in one block, followed by a checksum."""
 
+import contextlib
 import hashlib
 import io
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -37,18 +39,32 @@ def pack(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
             return {"list": [plain(value) for value in node]}
         return node
 
-    text = json.dumps({"version": version, "tree": plain(tree)}, default=_number).encode()
+    text = json.dumps({"version": version, "tree": plain(tree)}, default=number).encode()
     block = io.BytesIO()
     np.savez(block, allow_pickle=False, header=np.frombuffer(text, dtype=np.uint8), **arrays)
     body = magic + block.getvalue()
     return body + hashlib.sha256(body).digest()
 
 
-def _number(value: Any) -> Any:
+def number(value: Any) -> Any:
     """Return NumPy's numbers as Python's own, which JSON knows."""
     if isinstance(value, np.generic):
         return value.item()
     raise SnapshotError(f"a snapshot holds numbers, texts, arrays and bytes, but not {type(value).__name__}")
+
+
+@contextlib.contextmanager
+def unfitting(what: str) -> Iterator[None]:
+    """Turn whatever goes wrong while a state is read into a `SnapshotError`.
+
+    A checksum that is right does not tell that the content makes sense.
+    """
+    try:
+        yield
+    except SnapshotError:
+        raise
+    except Exception as error:
+        raise SnapshotError(f"the {what} does not fit: {type(error).__name__}: {error}") from error
 
 
 def unpack(magic: bytes, version: int, data: bytes) -> dict[str, Any]:

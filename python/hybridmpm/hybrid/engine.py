@@ -1,6 +1,8 @@
 """The frame loop of the hybrid simulator: who simulates next, and how one hands over to the other."""
 
+import contextlib
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,7 +15,7 @@ from hybridmpm.errors import GraphSizeError, NonFiniteError, SimulationError
 from hybridmpm.hybrid import handoff
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.hybrid.state import Backoff, HybridState, Moment
+from hybridmpm.hybrid.state import Backoff, Checkpoint, HybridState, Moment
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import Track
@@ -27,7 +29,7 @@ _Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
-class HybridSettings:
+class EngineSettings:
     """Settings that stay the same over a run."""
 
     window: int
@@ -49,19 +51,24 @@ class Engine:
         The network.
     guards : tuple of Guard
         Guards that watch the network, in the order of their stages.
-    settings : HybridSettings
+    settings : EngineSettings
     """
 
     def __init__(
-        self, mpm: MpmSolver, stepper: Stepper, guards: tuple[Guard, ...], settings: HybridSettings
+        self, mpm: MpmSolver, stepper: Stepper, guards: tuple[Guard, ...], settings: EngineSettings
     ) -> None:
-        self._settings = settings
+        self._stepper, self._fresh_guards, self._settings = stepper, guards, settings
         self._fresh = mpm.snapshot()
-        track = Track(stepper, mpm.scene, mpm.materials)
+        self.state = self._first_state(mpm)
+        self.script: list[Decision] | None = None
+        """Decisions of a log that is replayed, to follow in place of the guards'."""
+
+    def _first_state(self, mpm: MpmSolver) -> HybridState:
+        track = Track(self._stepper, mpm.scene, mpm.materials)
         history = _native.AccelerationHistory(
             mpm.particle_count,
             mpm.dim,
-            window=settings.window,
+            window=self._settings.window,
             dt=track.step_dt,
             calm_acceleration=NOISE_FLOOR,
             min_active_share=MIN_ACTIVE_SHARE,
@@ -69,10 +76,13 @@ class Engine:
         x = mpm.positions
         track.observe(x)
         history.push(x)
-        moment = Moment(track, history, tuple(guard.copy() for guard in guards))
-        self.state = HybridState(mpm, moment, Backoff(settings.window))
-        self.script: list[Decision] | None = None
-        """Decisions of a log that is replayed, to follow in place of the guards'."""
+        moment = Moment(track, history, tuple(guard.copy() for guard in self._fresh_guards))
+        return HybridState(mpm, moment, Backoff(self._settings.window))
+
+    def reset(self) -> None:
+        """Go back to frame 0."""
+        self.state.mpm.restore(self._fresh)
+        self.state = self._first_state(self.state.mpm)
 
     def copy(self) -> Self:
         """Return an independent engine in the same state, with the same network."""
@@ -115,9 +125,12 @@ class Engine:
     def advance_frame(self, force: _Floats | None) -> None:
         """Advance by one frame, under a force (D,) or (N, D) [m/s^2] that is not zero everywhere, or None."""
         if force is not None and self.state.mode == "neural":
-            self._interrupt()
-        if self.state.mode == "neural" and not self._now.track.is_under_way:
-            self._begin_step()
+            with self._all_or_nothing():
+                self._interrupt()
+                self._advance_mpm(force)
+            return
+        if self.state.mode == "neural" and not self._now.track.is_under_way and not self._is_begun():
+            return
         if self.state.mode == "mpm":
             self._advance_mpm(force)
             return
@@ -136,9 +149,10 @@ class Engine:
             # A state that MPM cannot go on from, shortly after it took over, is the network's doing.
             if not self.state.checkpoints or force is not None:
                 raise
-            self.state.backoff.restart(is_fault=True)
-            self._roll_back("unsound", None)
-            self.state.mpm.advance(1)
+            with self._all_or_nothing():
+                self.state.backoff.restart(is_fault=True)
+                self._roll_back("unsound", None)
+                self.state.mpm.advance(1)
         self._after_mpm(is_forced=force is not None)
         if self._may_enter(is_forced=force is not None):
             self._enter()
@@ -185,8 +199,9 @@ class Engine:
         decision = self._scripted()
         if decision is None or decision.mode == "neural":
             return False
-        self.state.backoff.restart()
-        self._leave(decision.reason, decision.value, noticed=decision.noticed)
+        with self._all_or_nothing():
+            self.state.backoff.restart()
+            self._leave(decision.reason, decision.value, noticed=decision.noticed)
         return True
 
     def _enter(self) -> None:
@@ -201,21 +216,28 @@ class Engine:
 
     # The network simulates.
 
-    def _begin_step(self) -> None:
-        """Ask the network for a step, or leave it to MPM."""
+    def _is_begun(self) -> bool:
+        """Ask the network for a step; False where MPM has taken over and made the frame instead."""
         if self.left_by_script():
-            return
+            self._advance_mpm(None)
+            return False
         now = self._now
         try:
             x = now.track.answer()
         except GraphSizeError:
             if not self._guards:
                 raise
-            self.state.backoff.restart(is_fault=True)
-            self._roll_back("unsound", None)
-            return
-        if self._is_alarmed(Stage.RAW, x):
-            return
+            with self._all_or_nothing():
+                self.state.backoff.restart(is_fault=True)
+                self._roll_back("unsound", None)
+                self._advance_mpm(None)
+            return False
+        alarm = self._alarm(Stage.RAW, x)
+        if alarm is not None:
+            with self._all_or_nothing():
+                self._take_over(*alarm)
+                self._advance_mpm(None)
+            return False
         if not np.isfinite(x).all():
             worst = int(np.argmin(np.isfinite(x).all(axis=1)))
             raise NonFiniteError(
@@ -224,18 +246,29 @@ class Engine:
             )
         x = np.clip(x, *now.track.walls)
         signal = now.history.push(x)
-        if self._is_alarmed(Stage.MOTION, x, signal=signal):
-            return
+        try:
+            alarm = self._alarm(Stage.MOTION, x, signal=signal)
+        except BaseException:
+            now.history.undo()
+            raise
+        if alarm is not None:
+            now.history.undo()
+            with self._all_or_nothing():
+                self._take_over(*alarm)
+                self._advance_mpm(None)
+            return False
         now.value = self._read(signal)
         latest = now.track.states
         end = handoff.velocity([latest[-2], latest[-1], x], -1, now.track.step_dt)
         now.velocities = (self.state.mpm.velocities, end)
         now.track.begin(x)
+        return True
 
     def _end_step(self) -> None:
         """Arrive where the network's step leads, and look whether that state is sound."""
         now, mpm = self._now, self.state.mpm
         assert now.velocities is not None  # noqa: S101 - a step ends where one began
+        before = Checkpoint(now.copy(), mpm.snapshot())
         now.frame += 1
         try:
             report = mpm.prescribe(
@@ -245,48 +278,65 @@ class Engine:
             if not self._guards:
                 now.frame -= 1
                 raise
-            self.state.backoff.restart(is_fault=True)
-            self._roll_back("unsound", None)
+            with self._all_or_nothing(before):
+                self.state.backoff.restart(is_fault=True)
+                self._roll_back("unsound", None)
             return
         x = mpm.positions
         now.track.observe(x)
         now.steps += 1
-        if self._is_alarmed(Stage.STATE, x, report=report):
+        alarm = self._alarm(Stage.STATE, x, report=report)
+        if alarm is not None:
+            with self._all_or_nothing(before):
+                self._take_over(*alarm)
             return
         if now.steps % self._settings.window == 0:
             self.state.keep()
 
-    def _is_alarmed(
+    def _alarm(
         self,
         stage: Stage,
         x: _Floats,
         *,
         signal: _native.AccelerationSignal | None = None,
         report: _native.MotionReport | None = None,
-    ) -> bool:
-        """Ask the guards of a stage; at the first alarm let MPM take over."""
+    ) -> tuple[Guard, float] | None:
+        """Ask the guards of a stage; return the first that alarms, with its value."""
         if self.script is not None:
-            return False
+            return None
         now = self._now
         steps = now.steps + (stage is not Stage.STATE)
         view = View(x=x, mpm=self.state.mpm, r_t=self._r_t, steps=steps, signal=signal, report=report)
         for guard in self._guards:
-            if guard.stage is not stage:
-                continue
-            value = guard.value(view)
-            if value is None or not guard.alarms(value):
-                continue
-            if stage is Stage.MOTION:
-                now.history.undo()
-            self.state.backoff.restart(steps=now.steps, is_fault=guard.is_fault)
-            if guard.late:
-                self._roll_back(guard.name, value)
-            else:
-                self._leave(guard.name, value)
-            return True
-        return False
+            value = guard.value(view) if guard.stage is stage else None
+            if value is not None and guard.alarms(value):
+                return guard, value
+        return None
 
     # From one to the other.
+
+    @contextlib.contextmanager
+    def _all_or_nothing(self, before: Checkpoint | None = None) -> Iterator[None]:
+        """Put everything back as it was before the frame if MPM cannot take over.
+
+        `before` is the state before the frame, where that is no longer the present one.
+        """
+        kept = self.state.copy()
+        try:
+            yield
+        except BaseException:
+            self.state = kept
+            if before is not None:
+                kept.take_back(before)
+            raise
+
+    def _take_over(self, guard: Guard, value: float) -> None:
+        """Let MPM take over because of an alarm."""
+        self.state.backoff.restart(steps=self._now.steps, is_fault=guard.is_fault)
+        if guard.late:
+            self._roll_back(guard.name, value)
+        else:
+            self._leave(guard.name, value)
 
     def _leave(self, reason: str, value: float | None, *, noticed: int | None = None) -> bool:
         """Let MPM go on from the present state; False where it had to go on from an earlier one."""
@@ -303,7 +353,7 @@ class Engine:
     def _roll_back(self, reason: str, value: float | None) -> None:
         """Go back to a state before the failure, and let MPM redo the frames since.
 
-        Where MPM cannot go on from there, an earlier state is tried; the oldest one is MPM's own.
+        Where MPM cannot go on from there, an earlier state is tried, as long as one is kept.
         """
         state, noticed = self.state, self._now.frame
         while True:

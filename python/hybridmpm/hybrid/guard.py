@@ -15,11 +15,14 @@ from hybridmpm.mpm import MpmSolver
 
 
 class Stage(enum.Enum):
-    """When a guard is asked."""
+    """When a guard is asked, once a step of the network."""
 
     RAW = 1
+    """About the network's answer as it is."""
     MOTION = 2
+    """About the motion that the answer would make."""
     STATE = 3
+    """About the state that the step has made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +38,9 @@ class View:
     steps: int
     """Steps of the network since it took over; 0 while MPM simulates."""
     signal: _native.AccelerationSignal | None = None
-    """From `MOTION` on."""
+    """Cosines and accelerations of the step; None at `RAW`."""
     report: _native.MotionReport | None = None
-    """Only for `STATE`."""
+    """What MPM measured when it took over the positions; None before `STATE`."""
 
 
 @dataclass(eq=False)
@@ -84,7 +87,8 @@ class Guard(ABC):
         Raises
         ------
         SnapshotError
-            The guard keeps something in an attribute that is no field of its dataclass.
+            The guard keeps something in an attribute that is no field of its dataclass, or keeps anything but
+            numbers, texts, None and tuples of them.
         """
         known = {field.name for field in fields(self)}
         unknown = sorted(set(vars(self)) - known)
@@ -93,7 +97,15 @@ class Guard(ABC):
                 f"the guard {self.name!r} keeps {', '.join(unknown)}, which a snapshot would lose: make its "
                 "class a dataclass and declare them as fields with init=False"
             )
-        return {field.name: getattr(self, field.name) for field in fields(self) if not field.init}
+        memory = {field.name: getattr(self, field.name) for field in fields(self) if not field.init}
+        for name, value in memory.items():
+            parts = value if isinstance(value, tuple) else (value,)
+            if not all(isinstance(part, int | float | str | np.generic | None) for part in parts):
+                raise SnapshotError(
+                    f"the guard {self.name!r} keeps {name} as {type(value).__name__}: a snapshot holds "
+                    "numbers, texts, None and tuples of them"
+                )
+        return memory
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Take what `remember` returned.

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.mpm import MpmSolver
@@ -83,6 +84,8 @@ class Impact(Guard):
 
     def __post_init__(self) -> None:
         self.threshold = _within("threshold", self.threshold, 1, 1e6)
+        self.memory = whole("memory", self.memory, 1, 10_000)
+        self.floor = _within("floor", self.floor, 1e-6, 1e6)
 
     def value(self, view: View) -> float | None:
         if view.signal is None or view.signal.largest == 0:
@@ -262,6 +265,8 @@ class Audit(Guard):
 
     def __post_init__(self) -> None:
         self.threshold = _within("threshold", self.threshold, 0, 1e6)
+        self.period = whole("period", self.period, 1, 1_000_000)
+        self.floor = _within("floor", self.floor, 1e-6, 1e6)
 
     def value(self, view: View) -> float | None:
         if view.steps == 0 or (view.steps - 1) % self.period:
@@ -288,7 +293,7 @@ class Audit(Guard):
 GUARDS: dict[str, type[Guard]] = {
     guard.name: guard for guard in (Cosine, Impact, NonFinite, Outside, Density, Energy, Divergence, Audit)
 }
-"""By name."""
+"""Classes of the guards by name."""
 
 DEFAULT: tuple[str, ...] = ("cosine", "impact", "non-finite", "outside", "density", "energy", "audit")
 

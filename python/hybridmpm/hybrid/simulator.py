@@ -11,20 +11,22 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
-from hybridmpm._support.packing import pack, unpack
+from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError, SnapshotError
-from hybridmpm.force import Force
-from hybridmpm.hybrid.engine import Engine, HybridSettings
+from hybridmpm.force import Force, checked_force
+from hybridmpm.hybrid.engine import Engine, EngineSettings
 from hybridmpm.hybrid.guard import Guard
 from hybridmpm.hybrid.guards import DEFAULT, GUARDS, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import warmup_frames
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind, Simulator
+from hybridmpm.snapshots import SavedState
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
@@ -104,11 +106,13 @@ class HybridSimulator(Simulator):
             raise ConfigError(f"handoff must be among {', '.join(KINDS)}; got {handoff!r}")
         self._cosine = Cosine(r_c, hysteresis, safeguard)
         self._guards = build(guards, self._cosine)
-        self._settings = HybridSettings(
+        for guard in self._guards:
+            if isinstance(guard, Cosine):
+                self._cosine = guard
+        self._settings = EngineSettings(
             window=whole("window", window, 1, MAX_WINDOW), safeguard=safeguard, handoff=handoff
         )
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
-        self._fresh = mpm.snapshot()
         self._engine = Engine(mpm, self._model, self._guards, self._settings)
 
     @property
@@ -231,12 +235,15 @@ class HybridSimulator(Simulator):
             The log lets the network begin where it cannot; otherwise as `advance`.
         """
         script = without_undone(log)
+        first = warmup_frames(self.r_t)
         for decision in script:
-            if decision.mode == "neural" and decision.frame % self.r_t:
+            if decision.mode == "neural" and (decision.frame % self.r_t or decision.frame < first):
                 raise ConfigError(
                     f"the log lets the network begin at frame {decision.frame}, which must be a multiple of "
-                    f"its r_t = {self.r_t}"
+                    f"its r_t = {self.r_t} and at least {first}"
                 )
+        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
+        checked_force(force, self, frames)
         self.reset()
         self._engine.script = script
         try:
@@ -247,8 +254,7 @@ class HybridSimulator(Simulator):
 
     def reset(self) -> None:
         """Go back to frame 0."""
-        self._mpm.restore(self._fresh)
-        self._engine = Engine(self._mpm, self._model, self._guards, self._settings)
+        self._engine.reset()
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state, with the same network."""
@@ -275,7 +281,8 @@ class HybridSimulator(Simulator):
             The bytes are damaged or belong to another scene or other guards; the present state is then
             untouched.
         """
-        self._engine.state = self._engine.state.recalled(unpack(_MAGIC, _VERSION, data))
+        with unfitting("snapshot"):
+            self._engine.state = self._engine.state.recalled(unpack(_MAGIC, _VERSION, data))
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
@@ -320,18 +327,16 @@ class HybridSimulator(Simulator):
         OSError
             The file cannot be read.
         """
-        saved = cls._saved(path)
         threads = whole("threads", threads, 1, 1024)
-        try:
+
+        def make(saved: SavedState) -> Any:
             settings = dict(saved.settings)
             stepper = recalled(settings.pop("model"), model, saved.scene, threads=threads)
-            described_guards = settings.pop("guards")
-            watching = _recalled_guards(described_guards) if guards is None else guards
-            simulator = cls(saved.scene, stepper, guards=watching, threads=threads, **settings)
-            simulator.restore(saved.state)
-        except (ConfigError, SnapshotError, KeyError, TypeError) as error:
-            raise SnapshotError(f"{path} cannot be taken up: {error}") from error
-        return simulator
+            named = settings.pop("guards")
+            watching = _recalled_guards(named) if guards is None else guards
+            return cls(saved.scene, stepper, guards=watching, threads=threads, **settings)
+
+        return cls._restored(path, make)
 
 
 def _recalled_guards(descriptions: Iterable[dict[str, Any] | None]) -> list[Guard]:

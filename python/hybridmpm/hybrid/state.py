@@ -4,7 +4,7 @@ import copy
 import dataclasses
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -65,7 +65,7 @@ class Backoff:
 
 @dataclass
 class Moment:
-    """The part of the state that a rollback takes back, beside MPM's own."""
+    """State of network, history and guards at one instant; a rollback takes it back together with MPM's."""
 
     track: Track
     """The states that the network looks back on, and its step under way."""
@@ -95,7 +95,7 @@ class Moment:
         return {
             "track": self.track.remember(),
             "history": self.history.snapshot(),
-            "guards": [guard.remember() for guard in self.guards],
+            "guards": [{"name": guard.name, "memory": guard.remember()} for guard in self.guards],
             "frame": self.frame,
             "steps": self.steps,
             "value": self.value,
@@ -105,10 +105,13 @@ class Moment:
     def recalled(self, memory: dict[str, Any]) -> "Moment":
         """Return the moment that `remember` returned, with the network and the guards of this one."""
         twin = self.copy()
+        names = [kept["name"] for kept in memory["guards"]]
+        if names != [guard.name for guard in self.guards]:
+            raise SnapshotError(f"the snapshot was made with other guards: {', '.join(names) or 'none'}")
         twin.track.recall(memory["track"])
         twin.history.restore(memory["history"])
-        for guard, remembered in zip(twin.guards, memory["guards"], strict=True):
-            guard.recall(remembered)
+        for guard, kept in zip(twin.guards, memory["guards"], strict=True):
+            guard.recall(kept["memory"])
         ends = memory["velocities"]
         return dataclasses.replace(
             twin,
@@ -140,7 +143,8 @@ class HybridState:
     """Who simulates the next frame."""
     log: list[Decision] = field(default_factory=list)
     checkpoints: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=_CHECKPOINTS))
-    """States to go back to, the oldest first. The oldest of all is MPM's own, where the network took over."""
+    """The latest states to go back to, the oldest first. The first that is kept is MPM's own, where the
+    network took over."""
 
     def copy(self) -> "HybridState":
         """Return an independent state with the same network."""
@@ -183,8 +187,8 @@ class HybridState:
         """
         mpm = self.mpm.copy()
         mpm.restore(memory["mpm"])
-        if len(memory["moment"]["guards"]) != len(self.moment.guards):
-            raise SnapshotError("the snapshot was made with other guards")
+        if memory["mode"] not in get_args(Mode):
+            raise SnapshotError(f"the snapshot holds an unknown mode {memory['mode']!r}")
         return dataclasses.replace(
             self,
             mpm=mpm,

@@ -88,8 +88,9 @@ class MpmBatch(Sequence[MpmSolver]):
             `frames` is out of range, or `force` has not one entry for each member; nothing has moved.
         """
         frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        if force is not None and len(force) != len(self):
-            raise ConfigError(f"force must have one entry a scene, {len(self)}, got {len(force)}")
+        if force is not None and not (isinstance(force, Sequence) and len(force) == len(self)):
+            got = len(force) if isinstance(force, Sequence) else type(force).__name__
+            raise ConfigError(f"force must be a list, one entry for each of {len(self)} scenes, got {got}")
         given = force if force is not None else [None] * len(self)
         checked = [
             checked_force(one, member, frames, f"force[{index}]")

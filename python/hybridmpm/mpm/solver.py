@@ -12,13 +12,14 @@ from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.downsampling.merging import checked_ratio, coarse_resolution, merge
-from hybridmpm.errors import ConfigError, SnapshotError, ThinObstacleWarning
+from hybridmpm.errors import ConfigError, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.scene.openings import EmitterStatus
 from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.snapshots import SavedState
 
 Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
@@ -316,21 +317,15 @@ class MpmSolver(Simulator):
         OSError
             The file cannot be read.
         """
-        saved = cls._saved(path)
         threads = whole("threads", threads, 1, 1024)
-        try:
+
+        def make(saved: SavedState) -> Any:
             settings = dict(saved.settings)
             sleep = settings.pop("sleep")
-            solver = cls(
-                saved.scene,
-                **settings,
-                sleep=None if sleep is None else Sleep.model_validate(sleep),
-                threads=threads,
-            )
-            solver.restore(saved.state)
-        except (ConfigError, ValueError, KeyError, TypeError) as error:
-            raise SnapshotError(f"{path} cannot be taken up by this version: {error}") from error
-        return solver
+            sleeping = None if sleep is None else Sleep.model_validate(sleep)
+            return cls(saved.scene, **settings, sleep=sleeping, threads=threads)
+
+        return cls._restored(path, make)
 
     def copy(self) -> Self:
         """Return an independent solver in the same state."""

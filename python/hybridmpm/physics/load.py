@@ -40,7 +40,7 @@ def as_stepper(model: Model, scene: Scene, *, threads: int = 1) -> Stepper:
         return FreeFall(scene.frame_dt, r_p=_ZERO_R_P, r_t=_ZERO_R_T)
     if isinstance(model, str | Path):
         return NeuralModel.load(model, threads=threads)
-    if not hasattr(model, "step"):
+    if isinstance(model, type) or not hasattr(model, "step"):
         raise ConfigError(
             f"model must be a name, a path of an .onnx file or a Stepper, got {type(model).__name__}"
         )
@@ -62,7 +62,7 @@ def model_for(name: str | None, scenario: str | None) -> str:
 
 def described(stepper: Stepper) -> dict[str, Any] | None:
     """Describe a network for a snapshot file; None for one that cannot be loaded again by name."""
-    if isinstance(stepper, NeuralModel):
+    if isinstance(stepper, NeuralModel) and stepper.name is not None:
         return {"name": stepper.name, "sha256": stepper.sha256}
     if type(stepper) is FreeFall:
         return {"name": ZERO, "r_p": stepper.r_p, "r_t": stepper.r_t}

@@ -9,15 +9,16 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
-from hybridmpm._support.packing import pack, unpack
+from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.errors import ConfigError, DomainError, NonFiniteError, SnapshotError
+from hybridmpm.errors import DomainError, NonFiniteError, SnapshotError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import Track, warmup_frames
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.snapshots import SavedState
 
 _MAGIC, _VERSION = b"HMPMNEUR", 1
 
@@ -178,7 +179,8 @@ class NeuralPhysics(Simulator):
         track.tick()
         if track.phase == track.r_t:
             track.arrive()
-        self._track, self._force = track, force
+        # A copy: the caller's array may hold another force at the next frame.
+        self._track, self._force = track, force.copy()
 
     def _check(self, track: Track) -> None:
         """Refuse a step that leads nowhere that a particle may be."""
@@ -232,11 +234,14 @@ class NeuralPhysics(Simulator):
         SnapshotError
             The bytes are damaged or belong to another scene; the present state is then untouched.
         """
-        state = unpack(_MAGIC, _VERSION, data)
-        track = self._track.copy()
-        track.recall(state["track"])
-        self._solver.restore(state["solver"])
-        self._track, self._force, self._frame = track, state["force"], state["frame"]
+        with unfitting("snapshot"):
+            state = unpack(_MAGIC, _VERSION, data)
+            track, force, frame = self._track.copy(), state["force"], state["frame"]
+            track.recall(state["track"])
+            if force.shape != self._force.shape or not 0 <= frame <= 2**53:
+                raise SnapshotError("the snapshot holds a force or a frame that do not fit")
+            self._solver.restore(state["solver"])
+        self._track, self._force, self._frame = track, force, frame
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {"model": described(self._model)}
@@ -261,12 +266,10 @@ class NeuralPhysics(Simulator):
         OSError
             The file cannot be read.
         """
-        saved = cls._saved(path)
         threads = whole("threads", threads, 1, 1024)
-        try:
+
+        def make(saved: SavedState) -> Any:
             stepper = recalled(saved.settings["model"], model, saved.scene, threads=threads)
-            simulator = cls(saved.scene, stepper, threads=threads)
-            simulator.restore(saved.state)
-        except (ConfigError, SnapshotError, KeyError, TypeError) as error:
-            raise SnapshotError(f"{path} cannot be taken up: {error}") from error
-        return simulator
+            return cls(saved.scene, stepper, threads=threads)
+
+        return cls._restored(path, make)

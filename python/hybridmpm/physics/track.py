@@ -241,6 +241,7 @@ class Track:
         """Return the state, for a snapshot."""
         path = self._path
         return {
+            "r_t": self.r_t,
             "states": list(self._states),
             "phase": self._phase,
             "path": None if path is None else {f.name: getattr(path, f.name) for f in fields(path)},
@@ -252,14 +253,20 @@ class Track:
         Raises
         ------
         SnapshotError
-            It is of other particles.
+            The state belongs to other particles, or to a network of another r_t.
         """
+        if memory["r_t"] != self.r_t:
+            raise SnapshotError(
+                f"the snapshot was made with a network of r_t = {memory['r_t']}, this one has {self.r_t}"
+            )
         shape = (self._fluid, self._scene.dim)
         for state in memory["states"]:
             if state.shape != shape:
                 raise SnapshotError(f"the snapshot has states of shape {state.shape}, this scene {shape}")
         self._states = deque(memory["states"], maxlen=HISTORY)
         self._path = None if memory["path"] is None else StepPath(**memory["path"])
+        if not 0 <= memory["phase"] <= self.r_t:
+            raise SnapshotError("the snapshot holds a step of the network that does not fit")
         self._phase = memory["phase"]
 
     def _under_way(self) -> StepPath:

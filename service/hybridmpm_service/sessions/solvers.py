@@ -166,7 +166,7 @@ class SolverFactory:
     def _load(self, name: str) -> NeuralModel:
         try:
             data = read_model(name, self._folder)
-            return NeuralModel(data, where=f"model {name}", threads=self._threads)
+            return NeuralModel(data, where=f"model {name}", name=name, threads=self._threads)
         except (DataError, ConfigError) as err:
             _log.exception("model %s cannot be loaded", name)
             raise ModelDamagedError(

@@ -317,7 +317,7 @@ def test_bad_calls_are_refused_and_move_nothing(fall: Scene, fake: Make) -> None
     sim = HybridSimulator(fall, fake("fall", r_t=2))
     with pytest.raises(ConfigError, match="frames must be in"):
         sim.advance(-1)
-    with pytest.raises(ForceError, match=r"of shape \(256, 2\), of shape \(3, 256, 2\), a function"):
+    with pytest.raises(ForceError, match=r"have shape \(2,\), \(256, 2\) or \(3, 256, 2\), or be a function"):
         sim.advance(3, np.zeros((5, 2)))
     with pytest.raises(ForceError, match="force must be finite"):
         sim.advance(1, np.full((256, 2), np.nan))

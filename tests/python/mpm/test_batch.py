@@ -168,9 +168,10 @@ def test_failing_scenes_are_named_and_the_others_advance(drop: Scene) -> None:
     ("frames", "force", "message"),
     [
         (-1, None, r"frames must be in \[0, 1000000\], got -1"),
-        (1, [None], "force must have one entry a scene, 2, got 1"),
-        (1, [None, [1.0]], r"force\[1\] must be of shape \(2,\), of shape \(184, 2\)"),
-        (1, [None, [[1.0, 2.0]]], r"force\[1\] must be of shape"),
+        (1, [None], "one entry for each of 2 scenes, got 1"),
+        (1, [None, [1.0]], r"force\[1\] must have shape \(2,\), \(184, 2\) or"),
+        (1, [None, [[1.0, 2.0]]], r"force\[1\] must have shape"),
+        (1, lambda _: None, "one entry for each of 2 scenes, got function"),
     ],
 )
 def test_bad_calls_move_no_member(drop: Scene, frames: int, force: object, message: str) -> None:

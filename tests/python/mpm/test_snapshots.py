@@ -141,7 +141,7 @@ def test_each_refusal_names_the_file_and_what_is_wrong(saved: Path, tmp_path: Pa
         (rewritten(content, scene=...), "has a header that this version does not understand: 'scene'"),
         (rewritten(content, scene={"dim": 4}), "does not understand: dim: Input should be 2 or 3"),
         (rewritten(content, settings={"substeps": "many", "sleep": None}), 'substeps must be "cfl"'),
-        (rewritten(content, settings={}), "cannot be taken up by this version: 'sleep'"),
+        (rewritten(content, settings={}), "cannot be restored: 'sleep'"),
         (rewritten(content, simulator="hybrid"), "MpmSolver is of kind 'mpm': use hybridmpm.load"),
         (rewritten(content, scene=scenarios.water_2d(0).model_dump(mode="json", exclude_none=True)), "other"),
     ):

@@ -64,7 +64,7 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "DataError": (lambda: data.detect(Path("nowhere")), "nowhere is no folder"),
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
-    "ForceError": (lambda: MpmSolver(DROP).advance(1, [1.0]), r"of shape \(2,\), .*got shape \(1,\)"),
+    "ForceError": (lambda: MpmSolver(DROP).advance(1, [1.0]), r"have shape \(2,\), .*got shape \(1,\)"),
     "GraphSizeError": (
         lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0, max_edges=7),
         "raise max_edges",

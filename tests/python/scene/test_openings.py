@@ -280,7 +280,7 @@ def test_forces_belong_to_the_particles_of_one_frame() -> None:
     solver.advance(1, lift)
     gained = solver.diagnostics().momentum[0] - before.momentum[0]
     assert gained == pytest.approx(2.0 * 0.0025 * before.mass, rel=1e-3)
-    with pytest.raises(ForceError, match="force must be of shape"):
+    with pytest.raises(ForceError, match="force must have shape"):
         solver.advance(1, lift[:5])
 
 

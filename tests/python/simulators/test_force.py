@@ -106,6 +106,27 @@ def test_a_function_sees_the_state_of_each_frame(make: Make) -> None:
     assert np.linalg.norm(simulator.velocities, axis=1).mean() < 0.6 * fast
 
 
+def test_a_function_may_reuse_its_array(make: Make) -> None:
+    buffer = np.zeros(2, dtype=np.float32)
+
+    def reused(now: Simulator) -> npt.NDArray[np.float32]:
+        buffer[:] = [now.frame, 10]
+        return buffer
+
+    simulator, expected = started(make), started(make)
+    simulator.advance(T, reused)
+    expected.advance(T, lambda now: [now.frame, 10])
+    assert_same(simulator, expected)
+
+
+def test_no_frames_need_no_force(make: Make) -> None:
+    simulator = started(make)
+    n = simulator.particle_count
+    for force in (PUSH, np.zeros((n, 2)), np.zeros((0, n, 2)), lambda _: 1 / 0, ([0], np.zeros((0, 1, 2)))):
+        simulator.advance(0, force)
+    assert simulator.frame == 22
+
+
 def test_ids_not_named_get_none_and_ids_of_nobody_are_ignored(make: Make) -> None:
     start = started(make)
     some = start.ids[10:20]
@@ -129,14 +150,26 @@ def bad_rows(n: int) -> npt.NDArray[np.float64]:
     return rows
 
 
+class Foreign:
+    """An array of another library that refuses to be converted."""
+
+    def __array__(self, *_: object, **__: object) -> npt.NDArray[np.float32]:
+        raise RuntimeError("it needs gradients")
+
+
 WRONG: dict[str, tuple[Callable[[int], Any], str]] = {
-    "three numbers": (lambda _: np.zeros(3), r"of shape \(2,\), .*got shape \(3,\)"),
-    "a row too many": (lambda n: np.zeros((n + 1, 2)), r"a pair \(ids, accelerations\); got shape"),
+    "three numbers": (lambda _: np.zeros(3), r"have shape \(2,\), .*got shape \(3,\)"),
+    "a row too many": (lambda n: np.zeros((n + 1, 2)), r"a tuple \(ids, accelerations\); got shape"),
     "three axes": (lambda n: np.zeros((n, 3)), r"got shape \(\d+, 3\)"),
-    "a frame too many": (lambda n: np.zeros((4, n, 2)), r"of shape \(3, \d+, 2\).*got shape \(4, "),
+    "a frame too many": (lambda n: np.zeros((4, n, 2)), r"or \(3, \d+, 2\), or be.*got shape \(4, "),
     "text": (lambda _: "up", "force must be numbers"),
     "rows of two lengths": (lambda _: ([0.0, 1.0], [1.0]), "force must be numbers"),
     "NaN": (bad_rows, r"force must be finite, got nan at \[7, 1\]"),
+    "complex": (lambda _: [1j, 0], "force must be real numbers"),
+    "too large for a float": (lambda _: [10**400, 0], "force must be numbers"),
+    "foreign": (lambda _: Foreign(), "force must be numbers .* it needs gradients"),
+    "a list for a pair": (lambda _: [[0, 1, 2], np.zeros((3, 2))], "are given as a tuple"),
+    "ids of text": (lambda _: (["a"], np.zeros((1, 2))), "ids of force must be whole numbers"),
     "infinite": (lambda _: [np.inf, 0.0], r"force must be finite, got inf at \[0\]"),
     "too large for float32": (lambda _: [0.0, 1e300], r"force must be finite, got inf at \[1\]"),
     "NaN in the last frame": (
@@ -177,7 +210,7 @@ def test_a_function_that_fails_stops_before_its_frame(make: Make) -> None:
 
     failures: list[tuple[Callable[[], Any], str]] = [
         (fail, "the force function raised ZeroDivisionError before frame 28: no more"),
-        (lambda: np.zeros(3), r"the force function's answer before frame 28 must be of shape \(2,\)"),
+        (lambda: np.zeros(3), r"the force function's answer before frame 28 must have shape \(2,\)"),
         (lambda: [np.nan, 0.0], "the force function's answer before frame 28 must be finite"),
         (lambda: late, "must be an acceleration, not another function"),
         (lambda: ([1, 1], np.zeros((2, 2))), "must differ, got 1 twice"),
@@ -233,7 +266,7 @@ def test_forces_on_a_batch(falling_block: Scene, spring: Scene) -> None:
     for solver, force, member in zip(alone, forces, batch, strict=True):
         solver.advance(12, force)
         assert_same(member, solver)
-    with pytest.raises(ForceError, match=r"force\[2\] must be of shape"):
+    with pytest.raises(ForceError, match=r"force\[2\] must have shape"):
         batch.advance(2, [None, None, [1.0]])
     assert [member.frame for member in batch] == [12, 12, 12]
 

@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,16 @@ from hybridmpm import (
     MpmSolver,
     NeuralPhysics,
     Scene,
+    SimulationError,
     Simulator,
     SnapshotError,
     load,
     scenarios,
     simulators,
 )
-from hybridmpm.hybrid import Guard, Impact, Stage, View
+from hybridmpm._support.packing import pack, unpack
+from hybridmpm.decisions import Decision
+from hybridmpm.hybrid import Audit, Cosine, Guard, Impact, Stage, View
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 
@@ -223,3 +227,139 @@ def test_simulators_are_made_by_name(falling_block: Scene) -> None:
         simulators.make("sph", falling_block)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="needs a network: give a model"):
         simulators.make("neural", falling_block)
+
+
+@pytest.mark.parametrize("frame", [3, 26])
+def test_a_network_of_another_step_is_refused(make: Make, frame: int, tmp_path: Path) -> None:
+    simulator, file = make(), tmp_path / "state.hmpm"
+    if simulator.kind == "mpm":
+        return
+    simulator.advance(frame)
+    simulator.save(file)
+    for r_t in (2, 8):
+        other = FreeFall(simulator.scene.frame_dt, r_t=r_t)
+        with pytest.raises(SnapshotError, match=f"a network of r_t = 4, this one has {r_t}"):
+            load(file, model=other)
+        twin = type(simulator)(simulator.scene, other)
+        with pytest.raises(SnapshotError, match=r"a network of r_t = 4"):
+            twin.restore(simulator.snapshot())
+    with pytest.raises(SnapshotError, match=r"state.hmpm cannot be restored: .*absent.onnx"):
+        load(file, model=tmp_path / "absent.onnx")
+
+
+def test_a_network_without_a_name_is_given_again(tmp_path: Path) -> None:
+    scene, file = scenarios.water_2d(1), tmp_path / "state.hmpm"
+    weights = Path(inspect.getfile(NeuralModel)).parent / "weights" / "fluids_2d.onnx"
+    unnamed = NeuralModel(weights.read_bytes(), where="mine")
+    NeuralPhysics(scene, unnamed).save(file)
+    with pytest.raises(SnapshotError, match="a network of your own: give it as `model`"):
+        load(file)
+    assert load(file, model=unnamed).frame == 0
+
+
+def test_numbers_of_numpy_are_saved_as_settings(falling_block: Scene, tmp_path: Path) -> None:
+    file = tmp_path / "state.hmpm"
+    MpmSolver(falling_block, cfl=np.float32(0.3), allow_unstable=bool(np.True_)).save(file)
+    MpmSolver.load(file)
+    HybridSimulator(falling_block, "zero", guards=[Impact(2.5, memory=np.int64(5))]).save(file)
+    HybridSimulator.load(file)
+    with pytest.raises(ConfigError, match="memory must be in"):
+        Impact(memory=0)
+    with pytest.raises(ConfigError, match="period must be in"):
+        Audit(period=0)
+
+
+def test_a_snapshot_knows_its_guards(falling_block: Scene) -> None:
+    one = HybridSimulator(falling_block, "zero", guards=["cosine"])
+    other = HybridSimulator(falling_block, "zero", guards=["divergence"])
+    with pytest.raises(SnapshotError, match="made with other guards: cosine"):
+        other.restore(one.snapshot())
+
+
+def test_the_threshold_told_is_that_of_the_guard_given(falling_block: Scene) -> None:
+    assert HybridSimulator(falling_block, "zero", guards=[Cosine(0.3)]).r_c == 0.3
+
+
+@dataclass(eq=False)
+class Listing(Quiet):
+    """A guard of one's own that remembers a list, which a snapshot would not bring back."""
+
+    name = "listing"
+    seen: list[int] = field(default_factory=list, init=False)
+
+
+def test_a_guards_memory_is_plain(falling_block: Scene) -> None:
+    simulator = HybridSimulator(falling_block, "zero", guards=[Listing()])
+    with pytest.raises(SnapshotError, match="'listing' keeps seen as list"):
+        simulator.snapshot()
+
+
+def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
+    simulator = make()
+    if simulator.kind == "mpm":
+        return
+    simulator.advance(26)
+    magic = {"neural": b"HMPMNEUR", "hybrid": b"HMPMHYBR"}[simulator.kind]
+    tree = unpack(magic, 1, simulator.snapshot())
+    before = simulator.snapshot()
+    wrong: list[dict[str, Any]] = [{}, {**tree, "track": 3, "moment": 3}, {**tree, "frame": "x", "mode": "x"}]
+    for one in wrong:
+        with pytest.raises(SnapshotError):
+            simulator.restore(pack(magic, 1, one))
+        assert simulator.snapshot() == before
+
+
+class Crashing(Quiet):
+    """A guard of one's own with a fault."""
+
+    name = "crashing"
+    stage = Stage.MOTION
+
+    def value(self, view: View) -> float:
+        if view.steps == 3:
+            raise ZeroDivisionError("a fault of the guard")
+        return 0.0
+
+
+class Jumping(FreeFall):
+    """A network that lets particles change places, which no material survives."""
+
+    def step(self, history: Any, *rest: Any) -> Any:
+        return super().step(history, *rest)[::-1].copy()
+
+
+@pytest.mark.parametrize("guards", [[], ["density"], ["impact", "energy"], [Crashing()]])
+@pytest.mark.parametrize("handoff", ["warm", "cold", "shadow"])
+def test_a_frame_that_fails_leaves_the_state_before_it(
+    falling_block: Scene, guards: Any, handoff: Any
+) -> None:
+    """Whatever fails: the network, a guard, or MPM when it takes over from it or redoes frames."""
+    network = Jumping(falling_block.frame_dt, r_t=4)
+    simulator = HybridSimulator(falling_block, network, guards=guards, window=6, handoff=handoff)
+    failures = 0
+    for frame in range(80):
+        force = [300.0, 0.0] if frame % 11 == 3 else None
+        before = simulator.copy()
+        try:
+            simulator.advance(1, force)
+        except (SimulationError, ZeroDivisionError):
+            failures += 1
+            assert_same(simulator, before)
+            now, then = simulator._engine.state, before._engine.state
+            assert (now.mpm.frame, now.moment.steps) == (then.mpm.frame, then.moment.steps)
+            assert now.mpm.snapshot() == then.mpm.snapshot()
+            assert (now.backoff, len(now.checkpoints)) == (then.backoff, len(then.checkpoints))
+    if handoff == "shadow":
+        assert failures > 0 or guards in (["density"], ["impact", "energy"])
+
+
+def test_a_replay_that_cannot_be_leaves_the_state(falling_block: Scene) -> None:
+    simulator = HybridSimulator(falling_block, "zero")
+    simulator.advance(30)
+    log = simulator.log
+    early = Decision(frame=0, mode="neural", value=None, reason="warm-up", noticed=0)
+    calls: list[tuple[Any, ...]] = [(log, -1), (log, 40, np.zeros(3)), ([early], 40)]
+    for arguments in calls:
+        with pytest.raises(ConfigError):
+            simulator.replay(*arguments)
+        assert simulator.frame == 30
