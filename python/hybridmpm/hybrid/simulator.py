@@ -16,10 +16,11 @@ from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.force import Force, checked_force
-from hybridmpm.hybrid.engine import Engine, EngineSettings
+from hybridmpm.hybrid.engine import Engine
 from hybridmpm.hybrid.guard import Guard
 from hybridmpm.hybrid.guards import DEFAULT, GUARDS, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
+from hybridmpm.hybrid.switch import SwitchSettings
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
@@ -109,7 +110,7 @@ class HybridSimulator(Simulator):
         for guard in self._guards:
             if isinstance(guard, Cosine):
                 self._cosine = guard
-        self._settings = EngineSettings(
+        self._settings = SwitchSettings(
             window=whole("window", window, 1, MAX_WINDOW), safeguard=safeguard, handoff=handoff
         )
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
@@ -343,7 +344,10 @@ def _recalled_guards(descriptions: Iterable[dict[str, Any] | None]) -> list[Guar
     guards: list[Guard] = []
     for description in descriptions:
         if description is None:
-            raise SnapshotError("the file was saved with guards of your own: give all guards as `guards`")
+            raise SnapshotError(
+                "the file was saved with guards of your own: give all guards as `guards` to "
+                "HybridSimulator.load"
+            )
         guards.append(GUARDS[description["name"]](**description["settings"]))
     return guards
 

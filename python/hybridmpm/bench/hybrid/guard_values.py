@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.bench.report.timing import Clock
-from hybridmpm.hybrid.engine import MIN_ACTIVE_SHARE, NOISE_FLOOR
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Audit, Cosine, Density, Divergence, Energy, Impact, NonFinite, Outside
 from hybridmpm.hybrid.handoff import velocity
+from hybridmpm.hybrid.switch import MIN_ACTIVE_SHARE, NOISE_FLOOR
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 
