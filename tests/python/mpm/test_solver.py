@@ -1,11 +1,12 @@
 """`MpmSolver`: motion, state and its copies. The laws of the method are tested in Rust, beside it."""
 
+import re
 import threading
 
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, MpmSolver, Scene, SnapshotError
+from hybridmpm import ConfigError, ForceError, MpmSolver, Scene, SnapshotError
 
 
 def state(solver: MpmSolver) -> list[np.ndarray]:
@@ -128,13 +129,10 @@ def test_force_does_not_outlive_its_call(drop: Scene) -> None:
     assert_same_bits(solver, free)
 
 
-@pytest.mark.parametrize(
-    ("shape", "message"),
-    [((3, 2), "got"), ((5, 2, 2), "got"), ((), "got"), ((1, 1, 1, 1), "got shape"), ((2, 2, 3), "got")],
-)
-def test_force_of_a_wrong_shape(solver: MpmSolver, shape: tuple[int, ...], message: str) -> None:
+@pytest.mark.parametrize("shape", [(3, 2), (5, 2, 2), (), (1, 1, 1, 1), (2, 2, 3)])
+def test_force_of_a_wrong_shape(solver: MpmSolver, shape: tuple[int, ...]) -> None:
     before = solver.positions
-    with pytest.raises(ConfigError, match=rf"force must be .*{message}"):
+    with pytest.raises(ForceError, match=rf"force must have shape .*got shape {re.escape(str(shape))}"):
         solver.advance(2, np.zeros(shape))
     assert solver.frame == 0
     np.testing.assert_array_equal(solver.positions, before)
