@@ -55,10 +55,16 @@ def paths(simulator: Any, frames: int) -> np.ndarray:
     return np.array(states)
 
 
+# Taichi compiles each pair for seconds: by default each dimension and each material is met once.
 @pytest.mark.parametrize(
-    ("dim", "settings"), [(2, tuple(taichi_mpm.SETTINGS)), (3, ("serial",))], ids=["2D", "3D"]
+    ("dim", "settings", "material"),
+    [
+        pytest.param(2, tuple(taichi_mpm.SETTINGS), WATER, id="water-2D"),
+        pytest.param(3, ("serial",), SAND, id="sand-3D"),
+        pytest.param(2, tuple(taichi_mpm.SETTINGS), SAND, id="sand-2D", marks=pytest.mark.long),
+        pytest.param(3, ("serial",), WATER, id="water-3D", marks=pytest.mark.long),
+    ],
 )
-@pytest.mark.parametrize("material", [WATER, SAND], ids=["water", "sand"])
 def test_same_positions(dim: int, settings: tuple[str, ...], material: Material) -> None:
     scene, frames = collision(dim, material), 200 // SUBSTEPS[dim]
     solver = MpmSolver(scene, substeps=SUBSTEPS[dim])
