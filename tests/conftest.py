@@ -30,17 +30,34 @@ TOGETHER = {
     ),
 }
 """Tests that run in one process, one after the other: they share what is expensive, or they wait for time."""
+LONGEST = (*TOGETHER.values(), ("tests/python/validation/test_cases.py",))
+"""Tests that are dealt out first, so that no process is left with one of them when the others are done."""
 MAX_PROCESSES = 8
 """More would wait for the longest of `TOGETHER`, and each takes up to 1 GB."""
 
 # Processes share the cores; tests that need more threads ask for them.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# POT imports torch where it is installed, and needs it nowhere here: two seconds for each process.
+os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Return how many processes `pytest -n auto` starts: one a core, and none where there is one core."""
-    cores = min(usable_cores(), MAX_PROCESSES)
-    return cores if cores > 1 else 0
+    """Return how many processes `pytest -n auto` starts: none where there is one core.
+
+    Otherwise one more than cores, because the process that drives the browser waits for most of its time.
+    """
+    cores = usable_cores()
+    return min(cores + 1, MAX_PROCESSES) if cores > 1 else 0
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the groups of `LONGEST` first, in their order; the others keep theirs."""
+
+    def rank(item: pytest.Item) -> int:
+        ranks = (rank for rank, places in enumerate(LONGEST) if item.nodeid.startswith(places))
+        return next(ranks, len(LONGEST))
+
+    items.sort(key=rank)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling:
