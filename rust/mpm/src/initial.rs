@@ -3,7 +3,6 @@
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
 use crate::material::{Constitutive, Material, Model};
-use crate::openings::Emitter;
 use crate::particles::{Activity, Group, MaterialGroup, Particle};
 use crate::settings::SolverSettings;
 
@@ -22,28 +21,6 @@ pub struct Particles<'a> {
     pub volume: &'a [f32],
     /// Initial J; 1 where absent.
     pub volume_ratio: Option<&'a [f32]>,
-}
-
-/// One over the mass that fills a cell at rest; 0 where particles differ in density by more than 1 %,
-/// because the mass of a node then says nothing about how full it is.
-pub(crate) fn per_rest_mass<const D: usize>(
-    particles: Particles<'_>,
-    emitters: &[Emitter<D>],
-    dx: f32,
-) -> f32 {
-    let densities = || {
-        let present = particles.mass.iter().zip(particles.volume);
-        let coming = emitters.iter().map(|e| (&e.mass, &e.volume));
-        present.chain(coming).map(|(mass, volume)| mass / volume)
-    };
-    let (lightest, heaviest) = densities().fold((f32::INFINITY, 0.0f32), |(low, high), rho| {
-        (low.min(rho), high.max(rho))
-    });
-    if heaviest > 0.0 && heaviest <= 1.01 * lightest {
-        1.0 / (heaviest * dx.powi(D as i32))
-    } else {
-        0.0
-    }
 }
 
 /// Checks the particles and groups them by material.

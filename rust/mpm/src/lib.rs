@@ -1,7 +1,7 @@
 //! MLS-MPM (Hu et al. 2018) for water, sand and elastic solids in 2D and 3D, on the CPU.
 //!
 //! A substep clears the grid and goes through `p2g`, `grid_update` and `g2p`, each in the file of that name under
-//! `substep`. The dimension D, 2 or 3, is a const generic. This crate opens no file, reads no clock and knows no
+//! `substep`. Once a frame `volume` compares what particles hold for their volume with the room that they take. The dimension D, 2 or 3, is a const generic. This crate opens no file, reads no clock and knows no
 //! Python.
 
 mod boundary;
@@ -20,6 +20,7 @@ mod snapshot;
 mod solver;
 mod state;
 mod substep;
+mod volume;
 
 pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
 pub use diagnostics::Diagnostics;

@@ -3,7 +3,7 @@
 use super::wall_fill::WallFill;
 use super::walls::Walls;
 use crate::grid::{Layout, Stencils};
-use crate::linalg::{LANES, Lanes, Vector};
+use crate::linalg::{Lanes, Vector};
 
 /// Where particles may be.
 #[derive(Debug, Clone)]
@@ -13,23 +13,16 @@ pub struct Bounds<const D: usize> {
     /// Farther than this is an error.
     lowest: Vector<D>,
     highest: Vector<D>,
-    /// Between these, no wall is near.
-    inner_lowest: Vector<D>,
-    inner_highest: Vector<D>,
 }
 
 impl<const D: usize> Bounds<D> {
     pub fn new(walls: Walls<D>, layout: &Layout<D>) -> Self {
         let dx = layout.dx();
-        // A stencil and the splines of its nodes reach 3 cells; what a substep adds hardly weighs.
-        let far = 3.0 * dx;
         Self {
             walls,
             fill: WallFill::new(&walls, layout),
             lowest: walls.lower.add_scalar(-dx),
             highest: walls.upper.add_scalar(dx),
-            inner_lowest: walls.lower.add_scalar(far),
-            inner_highest: walls.upper.add_scalar(-far),
         }
     }
 
@@ -39,24 +32,10 @@ impl<const D: usize> Bounds<D> {
         (0..D).all(|axis| x[axis] >= self.lowest[axis] && x[axis] <= self.highest[axis])
     }
 
-    /// Divides by the part of each particle's stencil that lies between the walls.
+    /// The part of the stencil of each particle of a block that lies between the walls, about 1 far from them.
     #[inline(always)]
-    pub fn correct_near_walls(&self, crowding: &mut Lanes, x: &[Lanes; D], stencils: &Stencils<D>) {
-        let mut near = [0u32; LANES];
-        for axis in 0..D {
-            let (lowest, highest) = (self.inner_lowest[axis], self.inner_highest[axis]);
-            for i in 0..LANES {
-                near[i] |= u32::from((x[axis][i] < lowest) | (x[axis][i] > highest));
-            }
-        }
-        if near.iter().all(|&near| near == 0) {
-            return;
-        }
-        let fill = self.fill.at(stencils);
-        for i in 0..LANES {
-            // A particle far from walls must not notice that another of its block is near one.
-            crowding[i] /= if near[i] == 0 { 1.0 } else { fill[i] };
-        }
+    pub fn room(&self, stencils: &Stencils<D>) -> Lanes {
+        self.fill.at(stencils).0
     }
 
     /// Puts a particle back on the wall that it passed; false if it is too far past.

@@ -20,4 +20,5 @@ pub use obstacle::{Obstacle, Placed};
 pub use obstacles::Obstacles;
 pub use shape::Shape;
 pub use wall_contact::WallContact;
+pub use wall_fill::WallFill;
 pub use walls::Walls;

@@ -23,10 +23,24 @@ impl<const D: usize> WallFill<D> {
         Self { nodes }
     }
 
-    /// Part of the stencil of each particle of a block that lies between the walls; about 1 far from them.
+    /// The same for values that were smoothed with weights of 1/4, 1/2, 1/4 from node to node.
+    pub fn smoothed(mut self) -> Self {
+        for nodes in &mut self.nodes {
+            // The outermost nodes keep their value: no particle gets that far.
+            let before = nodes.clone();
+            for (node, around) in nodes[1..].iter_mut().zip(before.windows(3)) {
+                *node = 0.25 * (around[0] + around[2]) + 0.5 * around[1];
+            }
+        }
+        self
+    }
+
+    /// For each particle of a block, the part of its stencil that lies between the walls, about 1 far from them,
+    /// and the centre of that part in cells from the lowest node.
     #[inline(always)]
-    pub fn at(&self, stencils: &Stencils<D>) -> Lanes {
+    pub fn at(&self, stencils: &Stencils<D>) -> (Lanes, [Lanes; D]) {
         let mut fill = [1.0; LANES];
+        let mut centre = [[0.0; LANES]; D];
         for axis in 0..D {
             let mut nodes = [[0.0; LANES]; 3];
             for i in 0..LANES {
@@ -38,10 +52,13 @@ impl<const D: usize> WallFill<D> {
             }
             let w = &stencils.weights[axis];
             for i in 0..LANES {
-                fill[i] *= nodes[0][i] * w[0][i] + nodes[1][i] * w[1][i] + nodes[2][i] * w[2][i];
+                let (middle, end) = (nodes[1][i] * w[1][i], nodes[2][i] * w[2][i]);
+                let sum = nodes[0][i] * w[0][i] + middle + end;
+                fill[i] *= sum;
+                centre[axis][i] = (middle + 2.0 * end) / sum;
             }
         }
-        fill
+        (fill, centre)
     }
 }
 
@@ -75,7 +92,7 @@ mod tests {
         };
         let layout = Layout::<2>::new(64);
         let fill = WallFill::new(&walls, &layout);
-        let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout))[0];
+        let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout)).0[0];
         assert!((at(0.5, 0.5) - 1.0).abs() < 1e-6);
         // Not exactly: between nodes, the spline of splines is not symmetric.
         assert!((at(0.1, 0.5) - 0.5).abs() < 0.02 && (at(0.5, 0.9) - 0.5).abs() < 0.02);

@@ -194,6 +194,30 @@ impl<const D: usize> Grid<D> {
         windows
     }
 
+    /// Memory indices of the active nodes.
+    pub fn active_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        let row_length = self.layout.row_length;
+        self.active
+            .iter()
+            .map(move |span| span.row * row_length + span.lo..span.row * row_length + span.hi)
+    }
+
+    /// Changes all active nodes.
+    pub fn for_each_active(&mut self, mut change: impl FnMut(&mut f32x4)) {
+        let ranges: Vec<_> = self.active_ranges().collect();
+        for range in ranges {
+            self.nodes[range].iter_mut().for_each(&mut change);
+        }
+    }
+
+    /// Makes the next `clear` zero all active nodes, also those that no grid update has seen.
+    pub fn mark_dirty(&mut self) {
+        let ranges: Vec<_> = self.active_ranges().collect();
+        for range in ranges {
+            self.dirty[range.start / CHUNK..range.end / CHUNK].fill(true);
+        }
+    }
+
     /// Zeroes the active nodes.
     pub fn clear(&mut self) {
         let planes = 0..self.layout.extent;

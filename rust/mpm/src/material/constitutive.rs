@@ -15,23 +15,44 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     /// tau = J sigma [Pa].
     fn kirchhoff_stress(&self, states: &<Self::State as State>::Block) -> Symmetrics<D>;
     /// Deforms by the velocity gradient `affine[row][column]` [1/s] over `dt` [s], and lets plastic flow happen.
-    ///
-    /// `crowding` is the density on the grid over the rest density, 0 where unknown.
-    fn deform(
-        &self,
-        states: &mut <Self::State as State>::Block,
-        affine: &[[Lanes; D]; D],
-        crowding: &Lanes,
-        dt: f32,
-    );
-    /// Whether `deform` looks at `crowding`.
-    fn uses_crowding(&self) -> bool {
+    fn deform(&self, states: &mut <Self::State as State>::Block, affine: &[[Lanes; D]; D], dt: f32);
+    /// Whether `correct_volume` does anything.
+    fn corrects_volume(&self) -> bool {
         false
+    }
+    /// What the particles of a block hold for their volume.
+    fn volumes(&self, states: &<Self::State as State>::Block) -> Volumes;
+    /// Leads what the particles of a block hold for their volume back to the room that they take.
+    fn correct_volume(
+        &self,
+        _states: &mut <Self::State as State>::Block,
+        _correction: &Correction,
+    ) {
     }
     /// J of water, det F of solids [-].
     fn volume_ratio(&self, state: &Self::State) -> f32;
     /// Stored elastic energy per rest volume [Pa].
     fn energy_density(&self, state: &Self::State) -> f32;
+}
+
+/// What the particles of a block hold for their volume.
+#[derive(Debug, Clone, Copy)]
+pub struct Volumes {
+    /// Volume over rest volume [-], plastic gains included.
+    pub ratio: Lanes,
+    /// The pressure [Pa] that belongs to it, negative where matter is apart; 0 for materials that share none.
+    pub pressure: Lanes,
+}
+
+/// How the volumes of a block are to change.
+#[derive(Debug, Clone, Copy)]
+pub struct Correction {
+    /// Mean pressure of the matter of the same kind around each particle [Pa].
+    pub pressure: Lanes,
+    /// Part of its deviation from that pressure that a particle loses [-].
+    pub sharing: f32,
+    /// Relative change of volume that is due besides [-].
+    pub expansion: Lanes,
 }
 
 /// State of one particle, and how a block of particles holds it.

@@ -1,6 +1,6 @@
 //! Elastic solids.
 
-use super::constitutive::{Constitutive, State, increment};
+use super::constitutive::{Constitutive, State, Volumes, increment};
 use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, svd};
 
@@ -40,9 +40,16 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     #[inline(always)]
-    fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], _: &Lanes, dt: f32) {
+    fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
             (increment(affine, i, dt) * Matrix::load(states, i)).store(states, i);
+        }
+    }
+
+    fn volumes(&self, states: &GradientBlock<D>) -> Volumes {
+        Volumes {
+            ratio: std::array::from_fn(|i| determinant(&Matrix::load(states, i))),
+            pressure: [0.0; LANES],
         }
     }
 

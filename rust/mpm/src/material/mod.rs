@@ -8,7 +8,7 @@ mod model;
 mod sand;
 mod water;
 
-pub use constitutive::{Constitutive, State};
+pub use constitutive::{Constitutive, Correction, State};
 pub use elastic::Elastic;
 pub use model::{Material, Model};
 pub use sand::Sand;

@@ -1,6 +1,6 @@
 //! Dry sand.
 
-use super::constitutive::{Constitutive, State, increment};
+use super::constitutive::{Constitutive, Correction, State, Volumes, increment};
 use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Spectrum, Symmetric, Symmetrics, Vector, exp, ln};
 
@@ -14,7 +14,8 @@ pub struct Sand {
     /// Slope of the yield cone, sqrt(2/3) 2 sin(phi) / (3 - sin(phi)). In 2D the plane-strain friction
     /// angle is asin(sqrt(2) alpha): 45 degrees stay 45.4.
     pub alpha: f32,
-    /// Take volume gained in separation back before stress builds up (Tampubolon et al. 2017).
+    /// Take volume gained in separation back before stress builds up (Tampubolon et al. 2017), and lead the volume
+    /// back to the room that the particle takes.
     pub volume_correction: bool,
 }
 
@@ -32,6 +33,11 @@ impl Sand {
             alpha: ((2.0f64 / 3.0).sqrt() * 2.0 * sin / (3.0 - sin)) as f32,
             volume_correction,
         }
+    }
+
+    /// lambda + 2 mu / D [Pa].
+    fn bulk_modulus(&self, dim: usize) -> f32 {
+        self.lame.lambda + 2.0 * self.lame.mu / dim as f32
     }
 
     /// Hencky strains on or inside the yield surface, and the log of the volume gained. Without branches.
@@ -111,7 +117,7 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     #[inline(always)]
-    fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], _: &Lanes, dt: f32) {
+    fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
             let f = increment(affine, i, dt);
             let b = states.stretch_squared.get(i);
@@ -124,6 +130,38 @@ impl<const D: usize> Constitutive<D> for Sand {
             states.stretch_squared.set(i, &trial);
         }
         self.flow(states);
+    }
+
+    fn corrects_volume(&self) -> bool {
+        self.volume_correction
+    }
+
+    #[inline(always)]
+    fn volumes(&self, states: &SandBlock<D>) -> Volumes {
+        let modulus = self.bulk_modulus(D);
+        let mut volumes = Volumes {
+            ratio: [0.0; LANES],
+            pressure: [0.0; LANES],
+        };
+        for i in 0..LANES {
+            let strain = states.log_volume(i);
+            volumes.ratio[i] = exp(strain);
+            volumes.pressure[i] = -modulus * strain;
+        }
+        volumes
+    }
+
+    /// The next flow takes what is added to the volume gained as strain: more of it is less pressure.
+    #[inline(always)]
+    fn correct_volume(&self, states: &mut SandBlock<D>, correction: &Correction) {
+        if !self.volume_correction {
+            return;
+        }
+        let modulus = self.bulk_modulus(D);
+        for i in 0..LANES {
+            let deviation = -correction.pressure[i] / modulus - states.log_volume(i);
+            states.volume_gain[i] += correction.sharing * deviation + correction.expansion[i];
+        }
     }
 
     #[inline(always)]
@@ -147,7 +185,7 @@ pub struct SandState<const D: usize> {
     pub stretch_squared: Symmetric<D>,
     /// tau of that b, kept because plastic flow needs the same axes.
     pub kirchhoff_stress: Symmetric<D>,
-    /// Log of the volume gained while the grains were apart.
+    /// Log of the volume gained while the grains were apart; below 0 where they have come too close.
     pub volume_gain: f32,
 }
 
@@ -158,6 +196,15 @@ pub struct SandBlock<const D: usize> {
     stretch_squared: Symmetrics<D>,
     kirchhoff_stress: Symmetrics<D>,
     volume_gain: Lanes,
+}
+
+impl<const D: usize> SandBlock<D> {
+    /// Log of the volume over the rest volume, what was gained while apart included.
+    #[inline(always)]
+    fn log_volume(&self, lane: usize) -> f32 {
+        let square = self.stretch_squared.get(lane).determinant();
+        0.5 * ln(square.max(SMALLEST_SQUARE)) + self.volume_gain[lane]
+    }
 }
 
 impl<const D: usize> State for SandState<D> {

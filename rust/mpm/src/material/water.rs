@@ -1,29 +1,22 @@
 //! Weakly compressible water.
 
-use super::constitutive::{Constitutive, State};
+use super::constitutive::{Constitutive, Correction, State, Volumes};
 use crate::linalg::{LANES, Lanes, Symmetrics};
 
 /// Water: tau = lambda J (J - 1) I. Carries J only.
 ///
-/// J follows the divergence at the particle, which forgets what splashes do to the spacing of particles:
-/// alone it lets a double dam break lose 30 % of its volume in 30 s. Where particles crowd more than J
-/// says, J is therefore led back to what the density on the grid says.
+/// J follows the divergence at the particle, and `volume` leads it back to the room that the particle takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Water {
     /// lambda [Pa].
     pub bulk_modulus: f32,
     /// Factor on the stress where J > 1. With 1 spray clumps, with 0 J drifts at the free surface.
     pub tension: f32,
-    /// Lead J back where the grid contradicts it; without it J is what the divergence alone makes of it.
+    /// Without it J is what the divergence alone makes of it.
     pub volume_correction: bool,
 }
 
 impl Water {
-    /// How fast J follows a density that contradicts it [1/s]. 20 to 100 keep the volume equally well.
-    const CROWDING_RATE: f32 = 50.0;
-    /// Excess of density that is no contradiction [-]: particles at random places vary by about that.
-    const CROWDING_TOLERANCE: f32 = 0.1;
-
     /// tau = lambda J (J - 1) weakens where J < 1/2 and vanishes with J: what an impact has pressed so far would
     /// never come back.
     const SMALLEST_RATIO: f32 = 0.1;
@@ -59,13 +52,7 @@ impl<const D: usize> Constitutive<D> for Water {
     }
 
     #[inline(always)]
-    fn deform(
-        &self,
-        volume_ratios: &mut Lanes,
-        affine: &[[Lanes; D]; D],
-        crowding: &Lanes,
-        dt: f32,
-    ) {
+    fn deform(&self, volume_ratios: &mut Lanes, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
             let divergence: f32 = (0..D).map(|axis| affine[axis][axis][i]).sum();
             let ratio = volume_ratios[i] * (1.0 + dt * divergence);
@@ -73,19 +60,38 @@ impl<const D: usize> Constitutive<D> for Water {
             let floored = ratio > 0.0 && ratio < Self::SMALLEST_RATIO;
             volume_ratios[i] = if floored { Self::SMALLEST_RATIO } else { ratio };
         }
+    }
+
+    fn corrects_volume(&self) -> bool {
+        self.volume_correction
+    }
+
+    #[inline(always)]
+    fn volumes(&self, volume_ratios: &Lanes) -> Volumes {
+        Volumes {
+            ratio: *volume_ratios,
+            pressure: volume_ratios.map(|ratio| self.bulk_modulus * (1.0 - ratio)),
+        }
+    }
+
+    /// Room takes pressure away, but makes no tension: water does not pull at what is not there.
+    #[inline(always)]
+    fn correct_volume(&self, volume_ratios: &mut Lanes, correction: &Correction) {
         if !self.volume_correction {
             return;
         }
         for i in 0..LANES {
-            let excess = volume_ratios[i] * crowding[i] - (1.0 + Self::CROWDING_TOLERANCE);
-            // At most a halving, whatever the substep.
-            volume_ratios[i] *= 1.0 - (Self::CROWDING_RATE * dt * excess).clamp(0.0, 0.5);
+            let mean = 1.0 - correction.pressure[i] / self.bulk_modulus;
+            let shared = volume_ratios[i] + correction.sharing * (mean - volume_ratios[i]);
+            let expanded = shared * (1.0 + correction.expansion[i]);
+            let most = if shared > 1.0 { shared } else { 1.0 };
+            let ratio = if expanded > most { most } else { expanded };
+            volume_ratios[i] = if ratio < Self::SMALLEST_RATIO {
+                Self::SMALLEST_RATIO
+            } else {
+                ratio
+            };
         }
-    }
-
-    #[inline(always)]
-    fn uses_crowding(&self) -> bool {
-        self.volume_correction
     }
 
     #[inline(always)]

@@ -154,6 +154,10 @@ impl<const D: usize, M: Constitutive<D>> Group<D, M> {
     }
 
     /// Stored elastic energy [J].
+    pub fn corrects_volume(&self) -> bool {
+        self.material.corrects_volume()
+    }
+
     pub fn elastic_energy(&self, particle: &Particle<D, M::State>) -> f32 {
         self.material.energy_density(&particle.state) * particle.volume
     }

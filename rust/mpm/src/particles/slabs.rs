@@ -1,6 +1,7 @@
 //! Slabs of the grid that may be scattered to side by side.
 
-use crate::grid::{Layout, PADDING, Place};
+use crate::grid::{Grid, Layout, MARGIN, PADDING, Place, Window};
+use threads::Team;
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +50,25 @@ pub fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec
     planes
         .map(|rows| rows.iter().sum::<u32>() as usize)
         .collect()
+}
+
+/// Calls `scatter` for each slab, by its index, with the nodes that its particles touch.
+///
+/// Slabs of one colour touch different nodes and may run at once; colours follow each other, so each node
+/// sums in the same order whatever the number of threads.
+pub fn for_each_slab<const D: usize>(
+    slabs: &[Slab],
+    grid: &mut Grid<D>,
+    team: &Team,
+    scatter: impl Fn(usize, &mut Window<'_, D>) + Sync,
+) {
+    for colour in 0..2 {
+        let of_colour = slabs.iter().enumerate().skip(colour).step_by(2);
+        let reach = |slab: &Slab| slab.lo.saturating_sub(MARGIN)..slab.hi + MARGIN + 2;
+        let windows = grid.windows(of_colour.clone().map(|(_, slab)| reach(slab)));
+        let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
+        team.for_each(&mut parts, |(slab, window)| scatter(*slab, window));
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
 use crate::grid::{Grid, Place};
-use crate::initial::{Particles, group, per_rest_mass};
+use crate::initial::{Particles, group};
 use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
@@ -15,9 +15,8 @@ use crate::particles::{
 use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
-use crate::substep::{
-    Bound, FrameReport, G2pStep, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g,
-};
+use crate::substep::{Bound, FrameReport, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g};
+use crate::volume::VolumeCorrection;
 use threads::Team;
 
 /// MLS-MPM on one scene.
@@ -29,8 +28,8 @@ pub struct Solver<const D: usize> {
     pub(super) walls: WallContact,
     pub(super) obstacles: Obstacles<D>,
     pub(super) material_friction: MaterialFriction,
-    /// See `G2pStep`.
-    pub(super) per_rest_mass: f32,
+    /// None where no material asks for it.
+    pub(super) volume: Option<VolumeCorrection<D>>,
     pub(super) team: Arc<Team>,
     pub(super) grid: Grid<D>,
     pub(super) slabs: Vec<Slab>,
@@ -59,6 +58,10 @@ impl<const D: usize> Solver<D> {
         let uniform =
             frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
         let grid = Grid::new(settings.resolution, !uniform);
+        let volume = groups
+            .iter()
+            .any(|group| with_group!(group, group => group.corrects_volume()))
+            .then(|| VolumeCorrection::new(&settings.walls, &grid.layout, settings.frame_dt));
         let max_speed = particles.v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         Ok(Self {
             chooser,
@@ -70,7 +73,7 @@ impl<const D: usize> Solver<D> {
             } else {
                 MaterialFriction::Mixed
             },
-            per_rest_mass: per_rest_mass(particles, &settings.openings.emitters, dx),
+            volume,
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
@@ -186,7 +189,11 @@ impl<const D: usize> Solver<D> {
         let frame_dt = self.settings.frame_dt;
         let mut remaining = frame_dt;
         // Sorting at the start of a frame makes a frame a function of the state alone.
-        let mut travelled = f32::INFINITY;
+        self.sort();
+        let mut travelled = 0.0;
+        if let Some(elapsed) = self.volume.as_ref().and_then(|v| v.due(self.state.frame)) {
+            self.correct_volumes(elapsed);
+        }
         while remaining > 0.0 {
             // A substep is at most dx / signal speed long, so speeds gain at most this.
             let speed = self.state.max_speed + pull * dx / self.chooser.signal_speed;
@@ -228,6 +235,15 @@ impl<const D: usize> Solver<D> {
         self.walls.activate(&self.grid.active, &self.grid.layout);
     }
 
+    /// Leads the volumes of all particles back to the room that they take, after a sort; `dt` is the time since the
+    /// last correction [s].
+    pub(super) fn correct_volumes(&mut self, dt: f32) {
+        if let Some(volume) = &mut self.volume {
+            let groups = &mut self.state.groups;
+            volume.apply(groups, &self.slabs, &mut self.grid, dt, &self.team);
+        }
+    }
+
     /// Momentum to the grid, and what forces and contacts make of it there.
     pub(super) fn move_grid(&mut self, step: P2gStep<'_, D>) {
         self.grid.clear();
@@ -251,16 +267,12 @@ impl<const D: usize> Solver<D> {
     fn substep(&mut self, step: P2gStep<'_, D>) -> bool {
         self.move_grid(step);
         let (groups, grid) = (&mut self.state.groups, &self.grid);
-        let gather = G2pStep {
-            dt: step.dt,
-            per_rest_mass: self.per_rest_mass,
-        };
         let outcome = g2p(
             groups,
             grid,
             &self.bounds,
             &self.obstacles,
-            gather,
+            step.dt,
             &self.team,
         );
         self.state.max_speed = outcome.max_speed_squared.sqrt();

@@ -8,10 +8,10 @@ use crate::boundary::{Bounds, Obstacles};
 use crate::error::MpmError;
 use crate::force::FrameForce;
 use crate::grid::{Grid, Stencils};
-use crate::linalg::{Kernel, LANES, Lanes, Vector, norm, run_wide};
+use crate::linalg::{Kernel, LANES, Vector, norm, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
-use crate::substep::{G2pStep, P2gStep, gather};
+use crate::substep::{P2gStep, gather};
 
 /// What a prescribed motion does to affine matrices and materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +92,9 @@ impl<const D: usize> Solver<D> {
             self.state.max_speed = max_speed;
             return Err(error);
         }
+        if options.deform && dt > 0.0 {
+            self.correct_volumes(dt);
+        }
         self.state.max_speed = v.chunks_exact(D).map(norm).fold(0.0, f32::max);
         self.state.frame = frame;
         self.last_frame = None;
@@ -145,10 +148,7 @@ impl<const D: usize> Solver<D> {
 
     /// Deforms all particles by their affine matrices; false when one is no longer sound.
     fn deform(&mut self, dt: f32, steps: u32) -> (MotionReport, bool) {
-        let gather = G2pStep {
-            dt: dt / steps.max(1) as f32,
-            per_rest_mass: self.per_rest_mass,
-        };
+        let step_dt = dt / steps.max(1) as f32;
         let mut totals = Totals::new(self.count());
         for group in &mut self.state.groups {
             with_group!(group, group => run_wide(Deform {
@@ -157,7 +157,7 @@ impl<const D: usize> Solver<D> {
                 grid: &self.grid,
                 bounds: &self.bounds,
                 gravity: self.settings.gravity,
-                gather,
+                step_dt,
                 steps,
                 totals: &mut totals,
             }));
@@ -230,7 +230,7 @@ struct Deform<'a, const D: usize, M: Constitutive<D>> {
     grid: &'a Grid<D>,
     bounds: &'a Bounds<D>,
     gravity: Vector<D>,
-    gather: G2pStep,
+    step_dt: f32,
     steps: u32,
     totals: &'a mut Totals,
 }
@@ -251,14 +251,11 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
                 let mass = sums.values[i].to_array()[3];
                 density[i] = mass * per_cell_volume * block.volume[i] / block.mass[i];
             }
-            self.bounds
-                .correct_near_walls(&mut density, &block.x, &stencils);
-            let known = self.material.uses_crowding() && self.gather.per_rest_mass > 0.0;
-            let crowding: Lanes = if known { density } else { [0.0; LANES] };
+            let room = self.bounds.room(&stencils);
+            (0..count).for_each(|i| density[i] /= room[i]);
             for _ in 0..self.steps {
-                let dt = self.gather.dt;
                 self.material
-                    .deform(&mut block.state, &block.affine, &crowding, dt);
+                    .deform(&mut block.state, &block.affine, self.step_dt);
             }
             for i in 0..count {
                 let state = M::State::load(&block.state, i);

@@ -11,15 +11,6 @@ use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, MaterialGroup, with_group};
 use threads::Team;
 
-/// What one substep needs besides the grid.
-#[derive(Debug, Clone, Copy)]
-pub struct G2pStep {
-    /// Length of the substep [s].
-    pub dt: f32,
-    /// One over the mass of a cell at rest density [1/kg]; 0 where bodies differ in density.
-    pub per_rest_mass: f32,
-}
-
 /// What one substep did to a set of particles.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
@@ -42,13 +33,13 @@ impl Outcome {
     }
 }
 
-/// Updates all particles from the grid's velocities.
+/// Updates all particles from the grid's velocities, over a substep of `dt` [s].
 pub fn g2p<const D: usize>(
     groups: &mut [MaterialGroup<D>],
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
-    step: G2pStep,
+    dt: f32,
     team: &Team,
 ) -> Outcome {
     let mut outcome = Outcome::NOTHING;
@@ -58,7 +49,7 @@ pub fn g2p<const D: usize>(
             let share = group.awake.blocks.len().div_ceil(4 * team.size()).max(1);
             let mut parts: Vec<_> = group.awake.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
             team.for_each(&mut parts, |(blocks, outcome)| {
-                *outcome = run_wide(GatherBlocks { blocks, material, friction, grid, bounds, obstacles, step });
+                *outcome = run_wide(GatherBlocks { blocks, material, friction, grid, bounds, obstacles, dt });
             });
             // A maximum and a conjunction do not depend on how the work was cut.
             outcome = parts.iter().fold(outcome, |all, (_, part)| all.and(*part));
@@ -75,7 +66,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     grid: &'a Grid<D>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
-    step: G2pStep,
+    dt: f32,
 }
 
 /// Weighted sums over the nodes of each particle, each as velocity and mass.
@@ -95,7 +86,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
             grid,
             bounds,
             obstacles,
-            step,
+            dt,
             friction,
             ..
         } = self;
@@ -104,14 +95,9 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
             let sums = gather(grid, &stencils, block.count.min(LANES));
-            let moved = move_block(block, &stencils, &sums, grid, bounds, step.dt);
+            let moved = move_block(block, &stencils, &sums, grid, bounds, dt);
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
-            let mut crowding = [0.0; LANES];
-            if material.uses_crowding() && step.per_rest_mass > 0.0 {
-                crowding = moved.density.map(|density| density * step.per_rest_mass);
-                bounds.correct_near_walls(&mut crowding, &block.x, &stencils);
-            }
-            material.deform(&mut block.state, &block.affine, &crowding, step.dt);
+            material.deform(&mut block.state, &block.affine, dt);
             let mut broken = 0u32;
             for i in 0..LANES {
                 let state = M::State::load(&block.state, i);
@@ -197,8 +183,6 @@ fn gather_row(nodes: &[f32x4], begin: usize, weight: f32, last: &[f32x4; 3]) -> 
 /// What `move_block` found on its way.
 struct Moved {
     max_speed_squared: f32x4,
-    /// Mass that the nodes around a particle carry [kg].
-    density: Lanes,
     /// Whether a particle has left the walls.
     outside: bool,
 }
@@ -216,14 +200,12 @@ fn move_block<const D: usize, S: State>(
     let (dt, per_cell) = (f32x4::splat(dt), f32x4::splat(4.0 / grid.layout.dx()));
     let mut moved = Moved {
         max_speed_squared: f32x4::ZERO,
-        density: [0.0; LANES],
         outside: false,
     };
     let mut inside = f32x4::ZERO.simd_eq(f32x4::ZERO);
     // Four particles at a time, from one vector a particle to one vector a component.
     for four in (0..LANES).step_by(4) {
         let v = transposed(&sums.values, four);
-        store(&mut moved.density, four, v[3]);
         let mut speed_squared = f32x4::ZERO;
         for row in 0..D {
             let x = load(&block.x[row], four) + v[row] * dt;

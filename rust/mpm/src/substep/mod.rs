@@ -7,9 +7,9 @@ mod timestep;
 #[cfg(test)]
 mod transfer_tests;
 
-pub use g2p::{G2pStep, g2p, gather};
+pub use g2p::{g2p, gather};
 pub use grid_update::{GridForces, grid_update};
-pub use p2g::{P2gStep, p2g};
+pub use p2g::{P2gStep, for_each_row, p2g, scatter_row};
 pub use timestep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, StepChooser, Substeps, reference_substeps,
 };

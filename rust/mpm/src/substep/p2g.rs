@@ -5,10 +5,10 @@
 use wide::f32x4;
 
 use crate::force::FrameForce;
-use crate::grid::{Grid, Layout, MARGIN, Stencils, Window};
+use crate::grid::{Grid, Layout, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
 use crate::material::{Constitutive, State};
-use crate::particles::{Block, MaterialGroup, Slab, with_group};
+use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, with_group};
 use threads::Team;
 
 /// What one substep needs besides the state.
@@ -20,9 +20,6 @@ pub struct P2gStep<'a, const D: usize> {
 }
 
 /// Adds all particles to a cleared grid.
-///
-/// Slabs of one colour touch different nodes and may run at once; colours follow each other, so each node
-/// sums in the same order whatever the number of threads.
 pub fn p2g<const D: usize>(
     groups: &[MaterialGroup<D>],
     slabs: &[Slab],
@@ -30,31 +27,25 @@ pub fn p2g<const D: usize>(
     step: P2gStep<'_, D>,
     team: &Team,
 ) {
-    for colour in 0..2 {
-        let of_colour = slabs.iter().enumerate().skip(colour).step_by(2);
-        let reach = |slab: &Slab| slab.lo.saturating_sub(MARGIN)..slab.hi + MARGIN + 2;
-        let windows = grid.windows(of_colour.clone().map(|(_, slab)| reach(slab)));
-        let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
-        team.for_each(&mut parts, |(slab, window)| {
-            for group in groups {
-                with_group!(group, group => {
-                    for blocks in [group.awake.of_slab(*slab), group.border.of_slab(*slab)] {
-                        run_wide(Scatter {
-                            blocks,
-                            material: &group.material,
-                            layout: window.layout,
-                            step,
-                            first: window.first,
-                            nodes: window.nodes,
-                        });
-                        if !window.friction_mass.is_empty() {
-                            scatter_friction(blocks, group.wall_friction, window);
-                        }
+    for_each_slab(slabs, grid, team, |slab, window| {
+        for group in groups {
+            with_group!(group, group => {
+                for blocks in [group.awake.of_slab(slab), group.border.of_slab(slab)] {
+                    run_wide(Scatter {
+                        blocks,
+                        material: &group.material,
+                        layout: window.layout,
+                        step,
+                        first: window.first,
+                        nodes: window.nodes,
+                    });
+                    if !window.friction_mass.is_empty() {
+                        scatter_friction(blocks, group.wall_friction, window);
                     }
-                });
-            }
-        });
-    }
+                }
+            });
+        }
+    });
 }
 
 /// The blocks of one group in one slab.
@@ -182,7 +173,7 @@ impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
 
 /// Adds a particle's share to three nodes.
 #[inline(always)]
-fn scatter_row(
+pub fn scatter_row(
     nodes: &mut [f32x4],
     begin: usize,
     lowest: f32x4,
@@ -229,7 +220,7 @@ fn scatter_friction<const D: usize, S: State>(
 
 /// Calls back for each row of nodes of a stencil.
 #[inline(always)]
-fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
+pub fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
     for a in 0..3 {
         if D == 3 {
             (0..3).for_each(|b| visit(a, b));

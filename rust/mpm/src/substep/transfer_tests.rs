@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::g2p::{G2pStep, g2p};
+use super::g2p::g2p;
 use super::grid_update::{GridForces, grid_update};
 use super::p2g::{P2gStep, p2g};
 use crate::boundary::{
@@ -154,11 +154,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     };
     grid_update(&mut grid, &slabs, &forces, 0.0, &team);
     let bounds = Bounds::new(walls, &layout);
-    let gather = G2pStep {
-        dt: 0.0,
-        per_rest_mass: 0.0,
-    };
-    assert!(g2p(&mut groups, &grid, &bounds, &obstacles, gather, &team).sound);
+    assert!(g2p(&mut groups, &grid, &bounds, &obstacles, 0.0, &team).sound);
     let Some(MaterialGroup::Water(group)) = groups.pop() else {
         unreachable!()
     };

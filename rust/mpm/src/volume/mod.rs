@@ -1,0 +1,126 @@
+//! Matter keeps its volume.
+//!
+//! J of water and the volume of sand are integrals of div v along the way of a particle. After matter has parted
+//! and met again they contradict the room that it takes: particles with J = 1 stand too far apart, and their false
+//! pressure holds the voids between them open, or they stand too close, and nothing parts them.
+//!
+//! So a few hundred times a second of simulated time each particle's volume is compared with the grid:
+//! `spread` puts volumes and pressures on it, `smooth` takes the means of both, and `correct` compares. Then
+//! - neighbours share their pressure, because what single particles deviate by is noise of div v: where tension is
+//!   limited this noise would be rectified, and carry part of the weight;
+//! - matter with room around it gives its false pressure away;
+//! - crowded matter that deforms gains pressure. Matter at rest gains none, so that no energy comes from nothing.
+
+mod correct;
+mod smooth;
+mod spread;
+
+use std::mem::discriminant;
+
+use crate::boundary::{WallFill, Walls};
+use crate::grid::{Grid, Layout};
+use crate::linalg::exp;
+use crate::particles::{MaterialGroup, Slab, with_group};
+use correct::{Rates, correct};
+use smooth::Smoothing;
+use spread::spread;
+use threads::Team;
+
+/// Time between two corrections [s], unless frames are longer.
+const PERIOD: f32 = 2.5e-3;
+/// How fast neighbours share their pressure [1/s]. With 30 to 400 a tank keeps its height as well.
+const SHARING_RATE: f32 = 100.0;
+
+/// Lanes of a node: volume of all matter over that of a cell; rest volume of the matter that shares its
+/// pressure over that of a cell; that times the pressure [Pa], then the mean pressure.
+const VOLUME: usize = 0;
+const SHARING: usize = 1;
+const PRESSURE: usize = 2;
+
+/// The correction of volumes in one scene.
+#[derive(Debug, Clone)]
+pub struct VolumeCorrection<const D: usize> {
+    /// Frames between two corrections.
+    period: u64,
+    frame_dt: f32,
+    /// The room between the walls, as smooth as the volume on the nodes.
+    room: WallFill<D>,
+    smoothing: Smoothing,
+}
+
+impl<const D: usize> VolumeCorrection<D> {
+    pub fn new(walls: &Walls<D>, layout: &Layout<D>, frame_dt: f32) -> Self {
+        Self {
+            period: (PERIOD / frame_dt).round().max(1.0) as u64,
+            frame_dt,
+            room: WallFill::new(walls, layout).smoothed(),
+            smoothing: Smoothing::new(layout),
+        }
+    }
+
+    /// Time since the latest correction [s] where one is due before this frame. A function of the frame's number,
+    /// so that a snapshot needs nothing of it.
+    pub fn due(&self, frame: u64) -> Option<f32> {
+        frame
+            .is_multiple_of(self.period)
+            .then_some(self.period as f32 * self.frame_dt)
+    }
+
+    /// Corrects the volumes of all particles that are awake, after a sort. `dt` is the time since the latest
+    /// correction [s].
+    pub fn apply(
+        &mut self,
+        groups: &mut [MaterialGroup<D>],
+        slabs: &[Slab],
+        grid: &mut Grid<D>,
+        dt: f32,
+        team: &Team,
+    ) {
+        let rates = Rates {
+            sharing: 1.0 - exp((-SHARING_RATE * dt).max(-80.0)),
+            dt,
+        };
+        grid.clear();
+        let mut first = true;
+        // Water and sand side by side do not share: sand that is apart would pull the water apart as well.
+        for family in families(groups) {
+            if !first {
+                grid.for_each_active(|node| {
+                    let [volume, ..] = node.to_array();
+                    *node = [volume, 0.0, 0.0, 0.0].into();
+                });
+            }
+            let shares = |group: &MaterialGroup<D>| discriminant(group) == family;
+            spread(groups, slabs, grid, team, first, shares);
+            grid.for_each_active(|node| {
+                let [volume, sharing, pressure, _] = node.to_array();
+                if sharing > 0.0 {
+                    *node = [volume, sharing, pressure / sharing, 0.0].into();
+                }
+            });
+            if first {
+                self.smoothing.apply(grid);
+            }
+            for group in groups.iter_mut().filter(|group| shares(group)) {
+                with_group!(group, group => correct(group, grid, &self.room, rates, team));
+            }
+            first = false;
+        }
+        // What has been written here is no momentum.
+        grid.mark_dirty();
+    }
+}
+
+/// The kinds of material whose volumes are corrected, each once.
+fn families<const D: usize>(
+    groups: &[MaterialGroup<D>],
+) -> Vec<std::mem::Discriminant<MaterialGroup<D>>> {
+    let mut families = Vec::new();
+    for group in groups {
+        let family = discriminant(group);
+        if with_group!(group, group => group.corrects_volume()) && !families.contains(&family) {
+            families.push(family);
+        }
+    }
+    families
+}
