@@ -27,7 +27,7 @@ use spread::spread;
 use threads::Team;
 
 /// Time between two corrections [s], unless frames are longer.
-const PERIOD: f32 = 2.5e-3;
+const PERIOD: f32 = 5.0e-3;
 /// How fast neighbours share their pressure [1/s]. With 30 to 400 a tank keeps its height as well.
 const SHARING_RATE: f32 = 100.0;
 
