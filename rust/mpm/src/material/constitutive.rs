@@ -49,8 +49,8 @@ pub struct Volumes {
 pub struct Correction {
     /// Mean pressure of the matter of the same kind around each particle [Pa].
     pub pressure: Lanes,
-    /// Part of its deviation from that pressure that a particle loses [-].
-    pub sharing: f32,
+    /// Part of its deviation from that pressure that each particle loses [-].
+    pub sharing: Lanes,
     /// Relative change of volume that is due besides [-].
     pub expansion: Lanes,
 }

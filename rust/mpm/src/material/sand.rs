@@ -160,7 +160,7 @@ impl<const D: usize> Constitutive<D> for Sand {
         let modulus = self.bulk_modulus(D);
         for i in 0..LANES {
             let deviation = -correction.pressure[i] / modulus - states.log_volume(i);
-            states.volume_gain[i] += correction.sharing * deviation + correction.expansion[i];
+            states.volume_gain[i] += correction.sharing[i] * deviation + correction.expansion[i];
         }
     }
 

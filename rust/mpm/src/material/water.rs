@@ -82,7 +82,7 @@ impl<const D: usize> Constitutive<D> for Water {
         }
         for i in 0..LANES {
             let mean = 1.0 - correction.pressure[i] / self.bulk_modulus;
-            let shared = volume_ratios[i] + correction.sharing * (mean - volume_ratios[i]);
+            let shared = volume_ratios[i] + correction.sharing[i] * (mean - volume_ratios[i]);
             let expanded = shared * (1.0 + correction.expansion[i]);
             let most = if shared > 1.0 { shared } else { 1.0 };
             let ratio = if expanded > most { most } else { expanded };

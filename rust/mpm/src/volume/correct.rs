@@ -9,16 +9,42 @@ use crate::particles::{Block, Group};
 use crate::substep::gather;
 use threads::Team;
 
-/// How fast matter with room around it gives its false pressure away [1/s].
-const VOID_RATE: f32 = 50.0;
+/// How fast a particle takes part in something, by how fast it deforms. Matter at rest stays as it is.
+#[derive(Debug, Clone, Copy)]
+struct Rate {
+    /// At most [1/s].
+    most: f32,
+    /// Over the rate of strain [-].
+    per_strain: f32,
+}
+
+impl Rate {
+    /// The part [-] that is done in `dt` [s] under a rate of strain [1/s].
+    #[inline(always)]
+    fn part(self, strain_rate: f32, dt: f32) -> f32 {
+        (self.most.min(self.per_strain * strain_rate) * dt).min(0.5)
+    }
+}
+
+/// Neighbours share their pressure. With 30 to 400/s a tank keeps its height as well.
+const SHARING: Rate = Rate {
+    most: 80.0,
+    per_strain: 80.0,
+};
+/// Matter with room around it gives its false pressure away.
+const VOID: Rate = Rate {
+    most: 50.0,
+    per_strain: 10.0,
+};
+/// Crowded matter gains pressure. Faster corrections feed waves.
+const CROWDING: Rate = Rate {
+    most: 20.0,
+    per_strain: 100.0,
+};
 /// Room [-] that is no contradiction.
 const VOID_TOLERANCE: f32 = 0.03;
-/// How fast crowded matter that deforms gains pressure [1/s]. Faster corrections feed waves.
-const CROWDING_RATE: f32 = 20.0;
 /// Crowding [-] that is no contradiction.
 const CROWDING_TOLERANCE: f32 = 0.01;
-/// The rate of the correction over the rate of strain, for matter that hardly deforms [-].
-const PER_STRAIN: f32 = 100.0;
 
 /// At a plane free surface the volume V on the grid and the distance d to the centre of the volume around, in
 /// cells, belong together: 1 - V = SLOPE d^2 / (d + ROUNDING) within 0.007 in the mean over the places of the
@@ -26,21 +52,12 @@ const PER_STRAIN: f32 = 100.0;
 const SLOPE: f32 = 3.05;
 const ROUNDING: f32 = 0.03;
 
-/// How much of a contradiction one correction takes back.
-#[derive(Debug, Clone, Copy)]
-pub struct Rates {
-    /// Part of its deviation from the mean pressure that a particle loses [-].
-    pub sharing: f32,
-    /// Time since the latest correction [s].
-    pub dt: f32,
-}
-
-/// Corrects the particles of one group that are awake.
+/// Corrects the particles of one group that are awake; `dt` is the time since the latest correction [s].
 pub fn correct<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     grid: &Grid<D>,
     room: &WallFill<D>,
-    rates: Rates,
+    dt: f32,
     team: &Team,
 ) {
     let material = &group.material;
@@ -52,7 +69,7 @@ pub fn correct<const D: usize, M: Constitutive<D>>(
             material,
             grid,
             room,
-            rates,
+            dt,
         });
     });
 }
@@ -63,7 +80,7 @@ struct CorrectBlocks<'a, const D: usize, M: Constitutive<D>> {
     material: &'a M,
     grid: &'a Grid<D>,
     room: &'a WallFill<D>,
-    rates: Rates,
+    dt: f32,
 }
 
 impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
@@ -78,7 +95,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
             let strain_rate = strain_rate(&block.affine);
             let mut correction = Correction {
                 pressure: [0.0; LANES],
-                sharing: self.rates.sharing,
+                sharing: strain_rate.map(|rate| SHARING.part(rate, self.dt)),
                 expansion: [0.0; LANES],
             };
             for i in 0..block.count.min(LANES) {
@@ -89,27 +106,24 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
                     distance_squared += (moment / sum[VOLUME] - centre[axis][i]).powi(2);
                 }
                 correction.pressure[i] = sum[PRESSURE];
-                correction.expansion[i] = expansion(
-                    sum[VOLUME] / room[i],
-                    distance_squared,
-                    strain_rate[i],
-                    self.rates.dt,
-                );
+                let (void, crowding) = contradiction(sum[VOLUME] / room[i], distance_squared);
+                correction.expansion[i] = VOID.part(strain_rate[i], self.dt) * void
+                    - CROWDING.part(strain_rate[i], self.dt) * crowding;
             }
             self.material.correct_volume(&mut block.state, &correction);
         }
     }
 }
 
-/// Relative change of volume that a particle is due, from the volume on the grid around it [-], the squared
-/// distance to the centre of that volume [cells^2], and the rate of strain [1/s].
+/// How much too little or too much volume [-] there is around a particle, beyond what is tolerated: from that volume
+/// on the grid [-] and the squared distance to its centre [cells^2].
 #[inline(always)]
-fn expansion(volume: f32, distance_squared: f32, strain_rate: f32, dt: f32) -> f32 {
+fn contradiction(volume: f32, distance_squared: f32) -> (f32, f32) {
     let surface = SLOPE * distance_squared / (distance_squared.sqrt() + ROUNDING);
-    let void = (1.0 - volume - surface - VOID_TOLERANCE).max(0.0);
-    let crowding = (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5);
-    let rate = CROWDING_RATE.min(PER_STRAIN * strain_rate);
-    (VOID_RATE * dt).min(0.5) * void - (rate * dt).min(0.5) * crowding
+    (
+        (1.0 - volume - surface - VOID_TOLERANCE).max(0.0),
+        (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5),
+    )
 }
 
 /// Frobenius norm of the symmetric part of the velocity gradient [1/s].
@@ -132,16 +146,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn room_gives_pressure_away_and_crowding_gains_it_only_where_matter_deforms() {
-        let of = |volume, strain_rate| expansion(volume, 0.0, strain_rate, 2.5e-3);
-        assert_eq!(
-            (of(1.0, 9.0), of(0.98, 9.0), of(1.01, 9.0)),
-            (0.0, 0.0, 0.0)
-        );
-        assert!((of(0.83, 0.0) - 0.125 * 0.14).abs() < 1e-6);
-        assert_eq!(of(1.3, 0.0), 0.0);
-        assert!((of(1.11, 9.0) + 0.05 * 0.1).abs() < 1e-6);
+    fn voids_and_crowding_are_told_from_a_surface() {
+        assert_eq!(contradiction(1.0, 0.0), (0.0, 0.0));
+        assert_eq!(contradiction(0.98, 0.0), (0.0, 0.0));
+        let (void, crowding) = contradiction(0.83, 0.0);
+        assert!((void - 0.14).abs() < 1e-6 && crowding == 0.0);
+        let (void, crowding) = contradiction(1.11, 0.0);
+        assert!(void == 0.0 && (crowding - 0.1).abs() < 1e-6);
         // A particle at a surface has little volume around it, and all of it on one side.
-        assert_eq!(expansion(0.6, 0.16 * 0.16, 9.0, 2.5e-3), 0.0);
+        assert_eq!(contradiction(0.6, 0.16 * 0.16), (0.0, 0.0));
+    }
+
+    #[test]
+    fn matter_at_rest_is_not_corrected() {
+        for rate in [SHARING, VOID, CROWDING] {
+            assert_eq!(rate.part(0.0, 5.0e-3), 0.0);
+            assert!(rate.part(0.01, 5.0e-3) > 0.0);
+            assert!((rate.part(50.0, 5.0e-3) - rate.most * 5.0e-3).abs() < 1e-6);
+            assert!(rate.part(50.0, 1.0) <= 0.5);
+        }
     }
 }

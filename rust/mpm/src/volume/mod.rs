@@ -4,12 +4,15 @@
 //! and met again they contradict the room that it takes: particles with J = 1 stand too far apart, and their false
 //! pressure holds the voids between them open, or they stand too close, and nothing parts them.
 //!
-//! So a few hundred times a second of simulated time each particle's volume is compared with the grid:
-//! `spread` puts volumes and pressures on it, `smooth` takes the means of both, and `correct` compares. Then
-//! - neighbours share their pressure, because what single particles deviate by is noise of div v: where tension is
-//!   limited this noise would be rectified, and carry part of the weight;
+//! So two hundred times a second of simulated time each particle's volume is compared with the grid: `spread` puts
+//! volumes and pressures on it, `smooth` takes the means of both, and `correct` compares. Then
+//! - neighbours share their pressure: what single particles deviate by is noise of div v, and where tension is limited
+//!   that noise would be rectified and carry part of the weight;
 //! - matter with room around it gives its false pressure away;
-//! - crowded matter that deforms gains pressure. Matter at rest gains none, so that no energy comes from nothing.
+//! - crowded matter gains pressure.
+//!
+//! All that happens only while matter deforms, because only deformation makes the contradictions: matter at rest stays
+//! as it is, and no energy comes from nothing.
 
 mod correct;
 mod smooth;
@@ -19,17 +22,14 @@ use std::mem::discriminant;
 
 use crate::boundary::{WallFill, Walls};
 use crate::grid::{Grid, Layout};
-use crate::linalg::exp;
 use crate::particles::{MaterialGroup, Slab, with_group};
-use correct::{Rates, correct};
+use correct::correct;
 use smooth::Smoothing;
 use spread::spread;
 use threads::Team;
 
 /// Time between two corrections [s], unless frames are longer.
 const PERIOD: f32 = 5.0e-3;
-/// How fast neighbours share their pressure [1/s]. With 30 to 400 a tank keeps its height as well.
-const SHARING_RATE: f32 = 100.0;
 
 /// Lanes of a node: volume of all matter over that of a cell; rest volume of the matter that shares its
 /// pressure over that of a cell; that times the pressure [Pa], then the mean pressure.
@@ -76,10 +76,6 @@ impl<const D: usize> VolumeCorrection<D> {
         dt: f32,
         team: &Team,
     ) {
-        let rates = Rates {
-            sharing: 1.0 - exp((-SHARING_RATE * dt).max(-80.0)),
-            dt,
-        };
         grid.clear();
         let mut first = true;
         // Water and sand side by side do not share: sand that is apart would pull the water apart as well.
@@ -102,7 +98,7 @@ impl<const D: usize> VolumeCorrection<D> {
                 self.smoothing.apply(grid);
             }
             for group in groups.iter_mut().filter(|group| shares(group)) {
-                with_group!(group, group => correct(group, grid, &self.room, rates, team));
+                with_group!(group, group => correct(group, grid, &self.room, dt, team));
             }
             first = false;
         }
