@@ -138,7 +138,7 @@ class Scene(Record):
             faults.append((("resolution",), text))
         needed = MIN_CELLS_BETWEEN_WALLS * self.dx
         for axis, (a, b) in enumerate(zip(self.walls.lower, self.walls.upper, strict=True)):
-            if b - a < needed:
+            if b - a < needed * (1 - 1e-9):
                 text = (
                     f"must be at least {MIN_CELLS_BETWEEN_WALLS} cells, {needed:g} m, apart along axis {axis}"
                 )

@@ -23,7 +23,8 @@ impl<const D: usize> Walls<D> {
     pub fn check(&self, dx: f32) -> Result<(), MpmError> {
         for axis in 0..D {
             let (lower, upper) = (self.lower[axis], self.upper[axis]);
-            if !(lower >= 0.0 && upper <= 1.0 && upper - lower >= 4.0 * dx) {
+            // A thousandth of a cell is more than the difference of two rounded positions can lack.
+            if !(lower >= 0.0 && upper <= 1.0 && upper - lower >= 3.999 * dx) {
                 return Err(MpmError::parameter(
                     format!("walls along axis {axis}"),
                     "in [0, 1] and at least four cells apart",

@@ -2,9 +2,13 @@
 
 use super::constitutive::{Constitutive, State, Volumes, increment};
 use super::lame::Lame;
-use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, svd};
+use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, ln, svd};
 
-/// Fixed-corotated solid (Stomakhin et al. 2012). Its state is F.
+/// Fixed-corotated solid (Stomakhin et al. 2012) with a barrier against collapse. Its state is F.
+///
+/// The energy mu |F - R|^2 + lambda / 2 (J - 1)^2 stays finite as J vanishes: what has been pressed so far never
+/// comes back. Below J_b it therefore gains (lambda + 2 mu) / 4 ln^2(J / J_b), which no pressure exhausts. Its share
+/// of tau, (lambda + 2 mu) / 2 ln(J / J_b), is as stiff in ln J everywhere, so the substep need not shrink.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elastic {
     pub lame: Lame,
@@ -14,6 +18,26 @@ pub struct Elastic {
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct GradientBlock<const D: usize>([[Lanes; D]; D]);
+
+impl Elastic {
+    /// J_b: above it nothing changes.
+    const BARRIER: f32 = 0.5;
+
+    fn barrier_modulus(&self) -> f32 {
+        0.25 * (self.lame.lambda + 2.0 * self.lame.mu)
+    }
+
+    /// ln(J / J_b) below J_b, else 0. NaN and what is inverted have to stay visible: they give NaN.
+    fn collapse(j: f32) -> f32 {
+        if j >= Self::BARRIER {
+            0.0
+        } else if j > 0.0 {
+            ln(j / Self::BARRIER)
+        } else {
+            f32::NAN
+        }
+    }
+}
 
 impl<const D: usize> Constitutive<D> for Elastic {
     type State = Matrix<D>;
@@ -33,7 +57,9 @@ impl<const D: usize> Constitutive<D> for Elastic {
             let rotation = parts.u * parts.v.transpose();
             let j = determinant(&f);
             let tau = (f - rotation) * f.transpose() * (2.0 * mu)
-                + Matrix::from_diagonal_element(lambda * j * (j - 1.0));
+                + Matrix::from_diagonal_element(
+                    lambda * j * (j - 1.0) + 2.0 * self.barrier_modulus() * Self::collapse(j),
+                );
             stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
         }
         stress
@@ -60,7 +86,10 @@ impl<const D: usize> Constitutive<D> for Elastic {
 
     fn energy_density(&self, f: &Matrix<D>) -> f32 {
         let stretch = svd(f).sigma.add_scalar(-1.0).norm_squared();
-        self.lame.mu * stretch + 0.5 * self.lame.lambda * (determinant(f) - 1.0).powi(2)
+        let j = determinant(f);
+        self.lame.mu * stretch
+            + 0.5 * self.lame.lambda * (j - 1.0).powi(2)
+            + self.barrier_modulus() * Self::collapse(j).powi(2)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What particles hold for their volume, led back to the room that they take.
 
-use super::{PRESSURE, VOLUME};
+use super::lanes::{PRESSURE, VOLUME};
 use crate::boundary::WallFill;
 use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide};
@@ -43,6 +43,8 @@ const CROWDING: Rate = Rate {
 };
 /// Room [-] that is no contradiction.
 const VOID_TOLERANCE: f32 = 0.03;
+/// Matter with less volume [-] around it is spray: it is meant to be apart.
+const SPRAY: f32 = 0.5;
 /// Crowding [-] that is no contradiction.
 const CROWDING_TOLERANCE: f32 = 0.01;
 
@@ -120,8 +122,9 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
 #[inline(always)]
 fn contradiction(volume: f32, distance_squared: f32) -> (f32, f32) {
     let surface = SLOPE * distance_squared / (distance_squared.sqrt() + ROUNDING);
+    let void = (1.0 - volume - surface - VOID_TOLERANCE).max(0.0);
     (
-        (1.0 - volume - surface - VOID_TOLERANCE).max(0.0),
+        if volume < SPRAY { 0.0 } else { void },
         (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5),
     )
 }
@@ -153,6 +156,7 @@ mod tests {
         assert!((void - 0.14).abs() < 1e-6 && crowding == 0.0);
         let (void, crowding) = contradiction(1.11, 0.0);
         assert!(void == 0.0 && (crowding - 0.1).abs() < 1e-6);
+        assert_eq!(contradiction(0.2, 0.0), (0.0, 0.0));
         // A particle at a surface has little volume around it, and all of it on one side.
         assert_eq!(contradiction(0.6, 0.16 * 0.16), (0.0, 0.0));
     }

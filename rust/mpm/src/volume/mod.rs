@@ -15,6 +15,7 @@
 //! as it is, and no energy comes from nothing.
 
 mod correct;
+mod lanes;
 mod smooth;
 mod spread;
 
@@ -30,12 +31,6 @@ use threads::Team;
 
 /// Time between two corrections [s], unless frames are longer.
 const PERIOD: f32 = 5.0e-3;
-
-/// Lanes of a node: volume of all matter over that of a cell; rest volume of the matter that shares its
-/// pressure over that of a cell; that times the pressure [Pa], then the mean pressure.
-const VOLUME: usize = 0;
-const SHARING: usize = 1;
-const PRESSURE: usize = 2;
 
 /// The correction of volumes in one scene.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 //! Particles at random places fill the grid unevenly. Weights of 1/4, 1/2, 1/4 along each axis halve that noise in
 //! 2D and leave 40 % of it in 3D.
 
-use super::VOLUME;
+use super::lanes::VOLUME;
 use crate::grid::{Grid, Layout};
 
 /// Scratch of the smoothing, one number a node; zero between calls.

@@ -2,7 +2,7 @@
 
 use wide::f32x4;
 
-use super::{PRESSURE, SHARING, VOLUME};
+use super::lanes::{PRESSURE, SHARING, VOLUME};
 use crate::grid::{Grid, Stencils, Window};
 use crate::linalg::{Kernel, LANES, run_wide};
 use crate::material::Constitutive;

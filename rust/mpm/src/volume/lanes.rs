@@ -1,0 +1,8 @@
+//! What the lanes of a node hold while volumes are corrected.
+
+/// Volume of all matter over that of a cell [-].
+pub const VOLUME: usize = 0;
+/// Rest volume of the matter that shares its pressure over that of a cell [-].
+pub const SHARING: usize = 1;
+/// That times the pressure, then the mean pressure [Pa].
+pub const PRESSURE: usize = 2;
