@@ -20,10 +20,14 @@ TOLERANCE = 1e-4
 """[m] over the first 200 substeps, the project's target; both solvers compute in float32."""
 SUBSTEPS = {2: 20, 3: 10}
 """Of one frame."""
-WATER, SAND = Water(volume_correction=False), Sand()
+# The correction of volumes is ours alone.
+WATER, SAND = Water(volume_correction=False), Sand(volume_correction=False)
 NEARBY = {
     WATER: [Water(volume_correction=False, tension=0.3), Water(volume_correction=False, bulk_modulus=3e5)],
-    SAND: [Sand(volume_correction=False), Sand(friction_angle=44.0), Sand(poisson_ratio=0.22)],
+    SAND: [
+        Sand(volume_correction=False, friction_angle=44.0),
+        Sand(volume_correction=False, poisson_ratio=0.22),
+    ],
 }
 """Materials so close to these that a comparison worth its name has to tell them apart."""
 

@@ -82,7 +82,6 @@ def test_sand_takes_back_the_volume_that_it_gained(build: Build) -> None:
     assert settled > 1.15
 
 
-@pytest.mark.xfail(strict=True, reason="a drop from 0.3 m leaves a bed of sand 20 % deeper than before")
 def test_sand_keeps_its_volume_when_it_drops(build: Build) -> None:
     sand = _native.Material.sand(
         density=1000.0, youngs_modulus=1e6, poisson_ratio=0.2, friction_angle=30.0, wall_friction=0.0

@@ -22,9 +22,13 @@ impl Rate {
     /// The part [-] that is done in `dt` [s] under a rate of strain [1/s].
     #[inline(always)]
     fn part(self, strain_rate: f32, dt: f32) -> f32 {
-        (self.most.min(self.per_strain * strain_rate) * dt).min(0.5)
+        let beyond_rest = (strain_rate - REST).max(0.0);
+        (self.most.min(self.per_strain * beyond_rest) * dt).min(0.5)
     }
 }
+
+/// Matter under a lower rate of strain [1/s] is at rest.
+const REST: f32 = 0.2;
 
 /// Neighbours share their pressure. With 30 to 400/s a tank keeps its height as well.
 const SHARING: Rate = Rate {
@@ -165,7 +169,8 @@ mod tests {
     fn matter_at_rest_is_not_corrected() {
         for rate in [SHARING, VOID, CROWDING] {
             assert_eq!(rate.part(0.0, 5.0e-3), 0.0);
-            assert!(rate.part(0.01, 5.0e-3) > 0.0);
+            assert_eq!(rate.part(REST, 5.0e-3), 0.0);
+            assert!(rate.part(1.1 * REST, 5.0e-3) > 0.0);
             assert!((rate.part(50.0, 5.0e-3) - rate.most * 5.0e-3).abs() < 1e-6);
             assert!(rate.part(50.0, 1.0) <= 0.5);
         }
