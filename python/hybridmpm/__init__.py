@@ -15,6 +15,7 @@ from hybridmpm._native import (
 from hybridmpm.errors import (
     BatchError,
     ConfigError,
+    CostlyMaterialWarning,
     DataError,
     DomainError,
     ExportError,
@@ -66,6 +67,7 @@ __all__ = [
     "BoxObstacle",
     "BoxSink",
     "ConfigError",
+    "CostlyMaterialWarning",
     "DataError",
     "Diagnostics",
     "DomainError",

@@ -104,7 +104,8 @@ class Material:
         wall_friction : float >= 0
             Coulomb coefficient against box walls and obstacles that name none.
         volume_correction : bool
-            Whether J is led back; without it J is what the divergence alone makes of it.
+            Whether J is led back to the room that a particle takes; without it J is what the divergence alone
+            makes of it.
         """
 
     @staticmethod
@@ -133,7 +134,7 @@ class Material:
             Coulomb coefficient against box walls and obstacles that name none.
         volume_correction : bool
             Track the volume gained in separation and take it back when sand
-            recompacts (Tampubolon et al. 2017).
+            recompacts (Tampubolon et al. 2017); lead volumes back to the room that particles take.
         """
 
     @staticmethod

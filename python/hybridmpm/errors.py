@@ -80,6 +80,13 @@ class DataError(SimulationError, ValueError):
     """A data set is damaged, incomplete or foreign; the message names file and key."""
 
 
+class CostlyMaterialWarning(UserWarning):
+    """A body is so light or so stiff that each frame takes 200 substeps or more.
+
+    Issued when a solver is built. Not an error: the frames are right, only slow.
+    """
+
+
 class ThinObstacleWarning(UserWarning):
     """An obstacle is thinner than two grid cells, so that fast material may pass through it.
 

@@ -12,8 +12,9 @@ from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.downsampling.merging import checked_ratio, coarse_resolution, merge
-from hybridmpm.errors import ConfigError, ThinObstacleWarning
+from hybridmpm.errors import ConfigError, CostlyMaterialWarning, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
+from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import ParticleLimitWarning, Scene
@@ -58,6 +59,8 @@ class MpmSolver(Simulator):
     -----
     ThinObstacleWarning
         An obstacle is thinner than two grid cells.
+    CostlyMaterialWarning
+        A body is so light or so stiff that each frame takes 200 substeps or more.
 
     Notes
     -----
@@ -121,6 +124,9 @@ class MpmSolver(Simulator):
             allow_unstable=allow_unstable,
             threads=whole("threads", threads, 1, 1024),
         )
+        if substeps == "cfl":
+            for text in costly_materials(scene, self.resolution, cfl):
+                warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
         for text in scene.thin_obstacles():
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self._solver.snapshot()

@@ -47,7 +47,7 @@ class Water(Record):
     )
     volume_correction: bool = Field(
         default=True,
-        description="Whether a particle's J is led back to the density on the grid where the two disagree.",
+        description="Whether a particle's J is led back to the room that it takes, where the two disagree.",
     )
 
     @model_validator(mode="after")
@@ -96,7 +96,8 @@ class Sand(Record):
     )
     volume_correction: bool = Field(
         default=True,
-        description="Whether sand that is compacted again first loses the volume gained in separation.",
+        description="Whether sand that is compacted again first loses the volume gained in separation, and "
+        "what a particle holds for its volume is led back to the room that it takes.",
     )
     wall_friction: Friction = Field(
         0.5, description="Coulomb coefficient of the sand against walls and obstacles [-]."

@@ -6,7 +6,16 @@ import threading
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, ForceError, MpmSolver, Scene, SnapshotError
+from hybridmpm import (
+    Box,
+    ConfigError,
+    CostlyMaterialWarning,
+    Elastic,
+    ForceError,
+    MpmSolver,
+    Scene,
+    SnapshotError,
+)
 
 
 def state(solver: MpmSolver) -> list[np.ndarray]:
@@ -233,6 +242,27 @@ def test_reset_starts_anew(splash: Scene, solver: MpmSolver) -> None:
     solver.reset()
     assert_same_bits(solver, MpmSolver(splash))
     assert solver.time == 0
+
+
+@pytest.mark.parametrize(
+    ("material", "named"),
+    [
+        (
+            Elastic(density=1.0),
+            r"bodies\[1\]: elastic of 1 kg/m\^3 .* takes \d{3} substeps in each frame of 2.5 ms",
+        ),
+        (Elastic(youngs_modulus=1e9), r"make it denser or softer, or take a coarser grid"),
+    ],
+)
+def test_a_material_that_makes_frames_slow_is_warned_of(material: Elastic, named: str) -> None:
+    water = Box(material="water", lower=(0.2, 0.2), upper=(0.3, 0.3))
+    slow = Box(material=material, lower=(0.5, 0.2), upper=(0.6, 0.3))
+    with pytest.warns(CostlyMaterialWarning, match=named) as caught:
+        solver = MpmSolver(Scene(dim=2, bodies=(water, slow)))
+    assert caught[0].filename == __file__
+    solver.advance(1)
+    assert solver.last_frame is not None
+    assert solver.last_frame.substeps >= 200
 
 
 def test_arrays_are_copies_or_read_only(solver: MpmSolver) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hybridmpm import Ball, Box, Scene, SceneError, Water
+from hybridmpm import Ball, Box, MpmSolver, Scene, SceneError, Walls, Water
 
 NAN, INFINITY = float("nan"), float("inf")
 GOOD: dict[str, Any] = {
@@ -155,6 +155,17 @@ def test_walls_are_four_cells_apart() -> None:
     narrow = {"lower": [0.1, 0.2], "upper": [0.9, 0.23]}
     with pytest.raises(SceneError, match=r"walls: must be at least 4 cells, 0\.03125 m, apart along axis 1"):
         Scene.parse(GOOD | {"walls": narrow})
+
+
+@pytest.mark.parametrize("resolution", [40, 48, 100])
+def test_a_slot_of_exactly_four_cells_is_no_fault_of_rounding(resolution: int) -> None:
+    slots = [Walls(lower=(low, 0.1), upper=(low + 4 / resolution, 0.9)) for low in (0.1, 0.3, 0.7)]
+    for walls in slots:
+        across = (walls.lower[0], walls.upper[0])
+        body = Box(material=Water(), lower=(across[0], 0.1), upper=(across[1], 0.3))
+        solver = MpmSolver(Scene(dim=2, resolution=resolution, walls=walls, bodies=(body,)))
+        solver.advance(2)
+        assert solver.frame == 2
 
 
 def test_max_compression_needs_gravity() -> None:
