@@ -107,19 +107,15 @@ def density_inside(solver: MpmSolver) -> np.ndarray:
         weights[a][:, 0] * weights[b][:, 1] * nodes[base[:, 0] + a, base[:, 1] + b] for a, b in steps
     )
     nearest = np.rint(x).astype(int)
-    around = [nodes[tuple((nearest + (2 * a - 2, 2 * b - 2)).T)] > 0.5 for a, b in steps]
+    around = [nodes[nearest[:, 0] + 2 * a - 2, nearest[:, 1] + 2 * b - 2] > 0.5 for a, b in steps]
     off_floor = solver.positions[:, 1] > 0.1 + 3 / resolution
     return np.asarray(density)[np.logical_and.reduce(around) & off_floor]
 
 
 def test_a_tank_is_compressed_by_its_own_weight_and_no_more() -> None:
     """Mean of 1 - J is rho g h / (2 lambda), and the surface sinks by as much."""
-    tank = settled(
-        1600,
-        resolution=64,
-        walls=Walls(lower=(0.1, 0.1), upper=(0.3, 0.9)),
-        bodies=(box((0.1, 0.1), (0.3, 0.5)),),
-    )
+    walls = Walls(lower=(0.1, 0.1), upper=(0.3, 0.9))
+    tank = settled(1600, resolution=64, walls=walls, bodies=(box((0.1, 0.1), (0.3, 0.5)),))
     compressions = []
     for _ in range(40):
         tank.advance(10)
@@ -132,13 +128,8 @@ def test_a_tank_is_compressed_by_its_own_weight_and_no_more() -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_full_box_without_gravity_stays_without_energy(dim: int) -> None:
     full = box((0.1,) * dim, (0.9,) * dim)
-    still = settled(
-        100 if dim == 2 else 10,
-        dim=dim,
-        resolution=64 if dim == 2 else 32,
-        gravity=(0.0,) * dim,
-        bodies=(full,),
-    )
+    frames, resolution = (100, 64) if dim == 2 else (10, 32)
+    still = settled(frames, dim=dim, resolution=resolution, gravity=(0.0,) * dim, bodies=(full,))
     assert still.diagnostics().elastic_energy == 0
     assert still.diagnostics().kinetic_energy == 0
 
