@@ -26,7 +26,7 @@ def filled(solver: MpmSolver) -> float:
 
 
 def extra_depth(solver: MpmSolver) -> float:
-    """Depth from the centre of mass over that of all particles at rest, less 1; the mean of a quarter second."""
+    """Depth from the centre of mass over that of all particles at rest, less 1, in the mean of 0.25 s."""
     depths = []
     for _ in range(20):
         solver.advance(5)
@@ -53,7 +53,7 @@ def settled(frames: int, **scene: Any) -> MpmSolver:
 def test_water_is_as_deep_as_it_was(
     bodies: list[tuple[tuple[float, ...], ...]], frames: int, resolution: int, bound: float
 ) -> None:
-    """Half of the energy of waves that are left counts as depth: those of a drop fade in seconds, a dam's do not."""
+    """Waves that are left count as depth with half of their energy; those of a dam fade slowly."""
     boxes = tuple(box(lower, upper, seed=SEED + i) for i, (lower, upper) in enumerate(bodies))
     assert abs(extra_depth(settled(frames, resolution=resolution, bodies=boxes))) < bound
 
@@ -81,7 +81,7 @@ def test_a_bed_of_sand_that_fell_is_as_deep_as_it_was(dim: int) -> None:
 
 
 def test_sand_that_was_poured_has_no_stripes() -> None:
-    """Stripes are crowded: density two cells inside, at nine particles of ten below 1.15 times that at rest."""
+    """Stripes are crowded. Two cells inside, nine particles of ten see less than 1.15 times that at rest."""
     opening = RectangularEmitter(
         material=Sand(), lower=(0.47, 0.6), upper=(0.53, 0.6), velocity=(0.0, -1.0), stop=0.6, seed=SEED
     )
