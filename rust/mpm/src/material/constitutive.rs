@@ -20,6 +20,11 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn corrects_volume(&self) -> bool {
         false
     }
+    /// Whether crowding within a cell counts. Grains stay as crowded as they are; water spreads by itself, and takes
+    /// what single cells hold too much for noise.
+    fn crowds_within_cells(&self) -> bool {
+        false
+    }
     /// What the particles of a block hold for their volume.
     fn volumes(&self, states: &<Self::State as State>::Block) -> Volumes;
     /// Leads what the particles of a block hold for their volume back to the room that they take.

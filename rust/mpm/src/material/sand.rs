@@ -136,6 +136,10 @@ impl<const D: usize> Constitutive<D> for Sand {
         self.volume_correction
     }
 
+    fn crowds_within_cells(&self) -> bool {
+        true
+    }
+
     #[inline(always)]
     fn volumes(&self, states: &SandBlock<D>) -> Volumes {
         let modulus = self.bulk_modulus(D);

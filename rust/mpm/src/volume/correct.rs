@@ -1,8 +1,8 @@
 //! What particles hold for their volume, led back to the room that they take.
 
-use super::lanes::{PRESSURE, VOLUME};
-use crate::boundary::WallFill;
-use crate::grid::{Grid, Stencils};
+use super::lanes::{PRESSURE, SMOOTH, VOLUME};
+use crate::boundary::{WallFill, Walls};
+use crate::grid::{Grid, Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide};
 use crate::material::{Constitutive, Correction};
 use crate::particles::{Block, Group};
@@ -58,11 +58,30 @@ const CROWDING_TOLERANCE: f32 = 0.01;
 const SLOPE: f32 = 3.05;
 const ROUNDING: f32 = 0.03;
 
+/// The room between the walls.
+#[derive(Debug, Clone)]
+pub struct Rooms<const D: usize> {
+    /// As fine as the volume on the nodes.
+    fine: WallFill<D>,
+    /// As smooth as the smooth volume.
+    smooth: WallFill<D>,
+}
+
+impl<const D: usize> Rooms<D> {
+    pub fn new(walls: &Walls<D>, layout: &Layout<D>) -> Self {
+        let fine = WallFill::new(walls, layout);
+        Self {
+            smooth: fine.clone().smoothed(),
+            fine,
+        }
+    }
+}
+
 /// Corrects the particles of one group that are awake; `dt` is the time since the latest correction [s].
 pub fn correct<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     grid: &Grid<D>,
-    room: &WallFill<D>,
+    room: &Rooms<D>,
     dt: f32,
     team: &Team,
 ) {
@@ -85,7 +104,7 @@ struct CorrectBlocks<'a, const D: usize, M: Constitutive<D>> {
     blocks: &'a mut [Block<D, M::State>],
     material: &'a M,
     grid: &'a Grid<D>,
-    room: &'a WallFill<D>,
+    room: &'a Rooms<D>,
     dt: f32,
 }
 
@@ -97,7 +116,12 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let sums = gather(self.grid, &stencils, block.count.min(LANES));
-            let (room, centre) = self.room.at(&stencils);
+            let (room, centre) = self.room.smooth.at(&stencils);
+            let (crowding_lane, crowding_room) = if self.material.crowds_within_cells() {
+                (VOLUME, self.room.fine.at(&stencils).0)
+            } else {
+                (SMOOTH, room)
+            };
             let strain_rate = strain_rate(&block.affine);
             let mut correction = Correction {
                 pressure: [0.0; LANES],
@@ -108,11 +132,12 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
                 let sum = sums.values[i].to_array();
                 let mut distance_squared = 0.0;
                 for axis in 0..D {
-                    let moment = sums.moments[axis][i].to_array()[VOLUME];
-                    distance_squared += (moment / sum[VOLUME] - centre[axis][i]).powi(2);
+                    let moment = sums.moments[axis][i].to_array()[SMOOTH];
+                    distance_squared += (moment / sum[SMOOTH] - centre[axis][i]).powi(2);
                 }
                 correction.pressure[i] = sum[PRESSURE];
-                let (void, crowding) = contradiction(sum[VOLUME] / room[i], distance_squared);
+                let void = void(sum[SMOOTH] / room[i], distance_squared);
+                let crowding = crowding(sum[crowding_lane] / crowding_room[i]);
                 correction.expansion[i] = VOID.part(strain_rate[i], self.dt) * void
                     - CROWDING.part(strain_rate[i], self.dt) * crowding;
             }
@@ -121,16 +146,19 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
     }
 }
 
-/// How much too little or too much volume [-] there is around a particle, beyond what is tolerated: from that volume
-/// on the grid [-] and the squared distance to its centre [cells^2].
+/// How much volume is missing around a particle [-], beyond what is tolerated: from the volume on the grid [-] and the
+/// squared distance to its centre [cells^2].
 #[inline(always)]
-fn contradiction(volume: f32, distance_squared: f32) -> (f32, f32) {
+fn void(volume: f32, distance_squared: f32) -> f32 {
     let surface = SLOPE * distance_squared / (distance_squared.sqrt() + ROUNDING);
     let void = (1.0 - volume - surface - VOID_TOLERANCE).max(0.0);
-    (
-        if volume < SPRAY { 0.0 } else { void },
-        (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5),
-    )
+    if volume < SPRAY { 0.0 } else { void }
+}
+
+/// How much too much volume there is around a particle [-], beyond what is tolerated.
+#[inline(always)]
+fn crowding(volume: f32) -> f32 {
+    (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5)
 }
 
 /// Frobenius norm of the symmetric part of the velocity gradient [1/s].
@@ -153,16 +181,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn voids_and_crowding_are_told_from_a_surface() {
-        assert_eq!(contradiction(1.0, 0.0), (0.0, 0.0));
-        assert_eq!(contradiction(0.98, 0.0), (0.0, 0.0));
-        let (void, crowding) = contradiction(0.83, 0.0);
-        assert!((void - 0.14).abs() < 1e-6 && crowding == 0.0);
-        let (void, crowding) = contradiction(1.11, 0.0);
-        assert!(void == 0.0 && (crowding - 0.1).abs() < 1e-6);
-        assert_eq!(contradiction(0.2, 0.0), (0.0, 0.0));
+    fn voids_are_told_from_surfaces_and_spray() {
+        assert_eq!(
+            (void(1.0, 0.0), void(0.98, 0.0), void(1.2, 0.0)),
+            (0.0, 0.0, 0.0)
+        );
+        assert!((void(0.83, 0.0) - 0.14).abs() < 1e-6);
+        assert_eq!(void(0.2, 0.0), 0.0);
         // A particle at a surface has little volume around it, and all of it on one side.
-        assert_eq!(contradiction(0.6, 0.16 * 0.16), (0.0, 0.0));
+        assert_eq!(void(0.6, 0.16 * 0.16), 0.0);
+        assert!((crowding(1.11) - 0.1).abs() < 1e-6 && crowding(1.0) == 0.0);
     }
 
     #[test]

@@ -6,3 +6,5 @@ pub const VOLUME: usize = 0;
 pub const SHARING: usize = 1;
 /// That times the pressure, then the mean pressure [Pa].
 pub const PRESSURE: usize = 2;
+/// The volume, smoothed [-].
+pub const SMOOTH: usize = 3;

@@ -21,10 +21,10 @@ mod spread;
 
 use std::mem::discriminant;
 
-use crate::boundary::{WallFill, Walls};
+use crate::boundary::Walls;
 use crate::grid::{Grid, Layout};
 use crate::particles::{MaterialGroup, Slab, with_group};
-use correct::correct;
+use correct::{Rooms, correct};
 use smooth::Smoothing;
 use spread::spread;
 use threads::Team;
@@ -38,8 +38,7 @@ pub struct VolumeCorrection<const D: usize> {
     /// Frames between two corrections.
     period: u64,
     frame_dt: f32,
-    /// The room between the walls, as smooth as the volume on the nodes.
-    room: WallFill<D>,
+    room: Rooms<D>,
     smoothing: Smoothing,
 }
 
@@ -48,7 +47,7 @@ impl<const D: usize> VolumeCorrection<D> {
         Self {
             period: (PERIOD / frame_dt).round().max(1.0) as u64,
             frame_dt,
-            room: WallFill::new(walls, layout).smoothed(),
+            room: Rooms::new(walls, layout),
             smoothing: Smoothing::new(layout),
         }
     }
@@ -77,16 +76,16 @@ impl<const D: usize> VolumeCorrection<D> {
         for family in families(groups) {
             if !first {
                 grid.for_each_active(|node| {
-                    let [volume, ..] = node.to_array();
-                    *node = [volume, 0.0, 0.0, 0.0].into();
+                    let [volume, _, _, smooth] = node.to_array();
+                    *node = [volume, 0.0, 0.0, smooth].into();
                 });
             }
             let shares = |group: &MaterialGroup<D>| discriminant(group) == family;
             spread(groups, slabs, grid, team, first, shares);
             grid.for_each_active(|node| {
-                let [volume, sharing, pressure, _] = node.to_array();
+                let [volume, sharing, pressure, smooth] = node.to_array();
                 if sharing > 0.0 {
-                    *node = [volume, sharing, pressure / sharing, 0.0].into();
+                    *node = [volume, sharing, pressure / sharing, smooth].into();
                 }
             });
             if first {

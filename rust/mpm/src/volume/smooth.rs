@@ -3,7 +3,7 @@
 //! Particles at random places fill the grid unevenly. Weights of 1/4, 1/2, 1/4 along each axis halve that noise in
 //! 2D and leave 40 % of it in 3D.
 
-use super::lanes::VOLUME;
+use super::lanes::{SMOOTH, VOLUME};
 use crate::grid::{Grid, Layout};
 
 /// Scratch of the smoothing, one number a node; zero between calls.
@@ -23,7 +23,7 @@ impl Smoothing {
         }
     }
 
-    /// Smooths the volume on the active nodes. Beyond them it is 0: they reach one node beyond what particles touch
+    /// Adds the smooth volume on the active nodes. Beyond them it is 0: they reach one node beyond what particles touch
     /// just after a sort.
     pub fn apply<const D: usize>(&mut self, grid: &mut Grid<D>) {
         let layout = grid.layout;
@@ -49,7 +49,7 @@ impl Smoothing {
                     self.along[node + plane],
                 );
                 let mut value = grid.nodes[node].to_array();
-                value[VOLUME] = smooth;
+                value[SMOOTH] = smooth;
                 grid.nodes[node] = value.into();
             }
         }
