@@ -212,7 +212,7 @@ def test_where_a_row_comes_from(tmp_path: Path) -> None:
 def test_sleeping_saves_time_and_stays_below_the_floor(tmp_path: Path) -> None:
     chart = tmp_path / "sleeping.svg"
     file = tmp_path / "rows.json"
-    arguments = ["bench", "sleeping", "--particles", "600", "--frames", "360"]
+    arguments = ["bench", "sleeping", "--particles", "600", "--frames", "480"]
     result = CliRunner().invoke(cli, [*arguments, "--json", str(file), "--chart", str(chart)])
     assert result.exit_code == 0, result.output
     rows = json.loads(file.read_text())
