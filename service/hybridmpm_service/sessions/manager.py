@@ -40,6 +40,7 @@ class SessionManager:
             threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
         )
         self._sessions: dict[str, Session] = {}
+        self._ending: set[asyncio.Task[None]] = set()
         self._being_made = 0
         self._draining = False
 
@@ -92,7 +93,7 @@ class SessionManager:
         finally:
             self._being_made -= 1
         if self._draining:
-            await session.close(CLOSE_GOING_AWAY, "the server stops")
+            self._end(session, CLOSE_GOING_AWAY, "the server stops")
             raise UnavailableError("the server is shutting down")
         session.scenario, session.seed = scenario, seed
         self._sessions[session.id] = session
@@ -127,13 +128,16 @@ class SessionManager:
         SessionNotFoundError
             The session does not exist, or no longer.
         """
-        await self._end(self.get(name), CLOSE_DELETED, "the session has been deleted")
+        session = self.get(name)
+        del self._sessions[session.id]
+        self._end(session, CLOSE_DELETED, "the session has been deleted")
 
     async def expire(self) -> None:
         """End the sessions that no client has watched or called for `idle_seconds`."""
         for session in list(self._sessions.values()):
             if self._is_idle(session):
-                await self._end(session, CLOSE_DELETED, "the session has expired")
+                del self._sessions[session.id]
+                self._end(session, CLOSE_DELETED, "the session has expired")
 
     def why_full(self) -> str | None:
         """Return why no session can be created now; None if one can."""
@@ -156,17 +160,19 @@ class SessionManager:
             session.end_streams(CLOSE_GOING_AWAY, "the server stops")
 
     async def close(self) -> None:
-        """End all sessions, and wait for their threads."""
+        """End all sessions, and wait for their threads and for those of sessions that ended before."""
         self.drain()
-        sessions = list(self._sessions.values())
-        self._sessions.clear()
-        await asyncio.gather(
-            *(session.close(CLOSE_GOING_AWAY, "the server stops", wait=True) for session in sessions)
-        )
+        while self._sessions:
+            _, session = self._sessions.popitem()
+            self._end(session, CLOSE_GOING_AWAY, "the server stops")
+        await asyncio.gather(*self._ending)
 
-    async def _end(self, session: Session, code: int, reason: str) -> None:
-        del self._sessions[session.id]
-        await session.close(code, reason)
+    def _end(self, session: Session, code: int, reason: str) -> None:
+        """Close a session, and remember it until its thread has ended."""
+        session.close(code, reason)
+        ending = asyncio.get_running_loop().create_task(session.ended())
+        self._ending.add(ending)
+        ending.add_done_callback(self._ending.discard)
 
     def _is_idle(self, session: Session) -> bool:
         unused = self._clock() - session.last_used

@@ -191,20 +191,21 @@ class Session:
         for mailbox in self._mailboxes:
             mailbox.close(code, reason)
 
-    async def close(self, code: int, reason: str, *, wait: bool = False) -> None:
+    def close(self, code: int, reason: str) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        With `wait` this returns only after the thread has ended.
+        The thread ends after the frame that it is computing: see `ended`.
         """
         self._closed = True
         self._player.stop()
         for task in self._tasks:
             task.cancel()
         self.end_streams(code, reason)
-        if wait:
-            await asyncio.to_thread(self._worker.shutdown, wait=True)
-        else:
-            self._worker.shutdown(wait=False)
+        self._worker.shutdown(wait=False)
+
+    async def ended(self) -> None:
+        """Wait until the thread of a closed session has ended."""
+        await asyncio.to_thread(self._worker.shutdown, wait=True)
 
     @contextlib.contextmanager
     def _in_use(self) -> Iterator[None]:
