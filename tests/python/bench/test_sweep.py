@@ -204,13 +204,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result
     return command
 
 
-def test_a_point_measured_and_then_trained(
-    run: Callable[..., Result], tmp_path: Path, tiny_model: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
-    # An export takes seconds; that of the trained network is done.
-    training = importlib.import_module("hybridmpm.bench.sweep.training")
-    monkeypatch.setattr(training, "to_onnx", lambda _simulator, _info: tiny_model.read_bytes())
+def test_a_point_measured_without_training(run: Callable[..., Result], tmp_path: Path) -> None:
+    file = tmp_path / "rows.json"
     result = run("--points", TINY, "--json", str(file))
     assert result.exit_code == 0, result.output
     *references, untrained = json.loads(file.read_text())
@@ -222,6 +217,18 @@ def test_a_point_measured_and_then_trained(
     assert (untrained["trained"], untrained["error"], untrained["steps"]) == (False, None, 0)
     assert 0 < untrained["ms_per_frame"] <= untrained["ms_p95"]
     assert untrained["ms_mpm"] > 0
+
+
+@pytest.mark.long
+def test_a_point_measured_and_then_trained(
+    run: Callable[..., Result], tmp_path: Path, tiny_model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
+    # An export takes seconds; that of the trained network is done.
+    training = importlib.import_module("hybridmpm.bench.sweep.training")
+    monkeypatch.setattr(training, "to_onnx", lambda _simulator, _info: tiny_model.read_bytes())
+    assert run("--points", TINY, "--json", str(file)).exit_code == 0
+    *references, untrained = json.loads(file.read_text())
     longer = ("--minutes-per-point", "0.02", "--untimed")
     result = run("--points", TINY, *longer, "--json", str(file), "--chart", str(chart))
     assert result.exit_code == 0, result.output

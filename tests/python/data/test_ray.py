@@ -35,6 +35,7 @@ def generate(folder: Path, *more: str, count: int = 4) -> subprocess.CompletedPr
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 def test_a_cluster_makes_the_same_data(tmp_path: Path) -> None:
     cluster = subprocess.Popen(
         [sys.executable, "-c", CLUSTER],
