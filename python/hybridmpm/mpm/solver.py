@@ -91,6 +91,8 @@ class MpmSolver(Simulator):
             substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS)
         )
         self._cfl = cfl
+        if not isinstance(sleep, Sleep | None):
+            raise ConfigError(f"sleep must be Sleep(...), or None where nothing may sleep, got {sleep!r}")
         self._sleep = sleep
         self._allow_unstable = allow_unstable
         self._r_p = checked_ratio(r_p)

@@ -58,3 +58,8 @@ def test_files_and_batches_keep_who_sleeps(tmp_path: Path) -> None:
 def test_bad_settings(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         Sleep(**settings)
+
+
+def test_a_switch_is_no_sleep() -> None:
+    with pytest.raises(ConfigError, match=r"sleep must be Sleep\(\.\.\.\), or None .*, got True"):
+        MpmSolver(HEAP, sleep=True)  # type: ignore[arg-type]
