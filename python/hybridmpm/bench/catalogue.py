@@ -5,7 +5,14 @@ from hybridmpm.bench.staleness.results import Origin
 _WEIGHTS = "python/hybridmpm/physics/weights/*.onnx"
 
 BENCHES: dict[str, Origin] = {
-    "mpm": Origin(modules=("hybridmpm.bench.speed.mpm", "hybridmpm.bench.peers.taichi_mpm")),
+    "mpm": Origin(
+        modules=(
+            "hybridmpm.bench.speed.mpm",
+            "hybridmpm.bench.peers.worker",
+            "hybridmpm.bench.peers.taichi_mpm",
+            "hybridmpm.bench.peers.warp_mpm",
+        )
+    ),
     "scaling": Origin(modules=("hybridmpm.bench.speed.scaling",)),
     "batch": Origin(modules=("hybridmpm.bench.speed.batch",)),
     "neighbors": Origin(modules=("hybridmpm.bench.speed.neighbors", "hybridmpm.bench.peers.scipy_tree")),

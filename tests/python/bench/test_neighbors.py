@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, SimulationError, radius_graph
-from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.peers.loading import check_peer
 from hybridmpm.bench.speed import neighbors
 from hybridmpm.cli import cli
 
@@ -59,9 +59,8 @@ def test_a_peer_that_finds_other_pairs_is_refused() -> None:
 
 def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "scipy", None)
-    monkeypatch.delitem(sys.modules, "hybridmpm.bench.peers.scipy_tree", raising=False)
     result = CliRunner().invoke(cli, ["bench", "neighbors", "--peer", "scipy"])
     assert result.exit_code == 2
     assert "pip install 'hybridmpm[bench]'" in result.output
     with pytest.raises(ConfigError, match="must be scipy"):
-        peer_module("other", known=neighbors.PEER)
+        check_peer("other", known=(neighbors.PEER,))

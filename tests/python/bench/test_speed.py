@@ -1,5 +1,7 @@
 """Benchmarks: their rows are complete and true, whatever the machine's speed."""
 
+import importlib.util
+import itertools
 import json
 import math
 import sys
@@ -10,17 +12,21 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import hybridmpm
 from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError, scenarios
-from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.peers.loading import SOLVERS, check_peer
+from hybridmpm.bench.peers.process import Worker
 from hybridmpm.bench.report import provenance, timing
-from hybridmpm.bench.speed import mpm, scaling
+from hybridmpm.bench.report.calibration import Calibration
+from hybridmpm.bench.speed import blocks, mpm, scaling
 from hybridmpm.cli import cli
+from hybridmpm.cli.bench import speed
 
 SOURCE = {"machine", "date", "commit", "command"}
 FIELDS = SOURCE | {
-    "dim", "material", "particles", "resolution", "threads", "substeps", "ns_per_particle_substep",
-    "ms_per_frame", "peer", "peer_ns", "peer_threads", "peer_ns_serial", "peer_ns_serial_scatter",
-    "peer_ns_atomic", "ratio",
+    "dim", "material", "particles", "resolution", "frame", "threads", "substeps", "ns_per_particle_substep",
+    "spread", "ms_per_frame", "build_ns", "build_ratio", "peer", "peer_ns", "peer_threads", "peer_setting",
+    "ratio", "slowdown", "loaded",
 }  # fmt: skip
 
 
@@ -46,49 +52,92 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
         assert (row["substeps"], row["resolution"]) == ((17, 128) if row["dim"] == 2 else (9, 64))
         per_frame = row["ms_per_frame"] * 1e6 / (row["particles"] * row["substeps"])
         assert row["ns_per_particle_substep"] == pytest.approx(per_frame, rel=0.01)
-        assert row["command"] == " ".join(["hybridmpm bench mpm", *arguments, "--repeats 1"])
-        assert [row[name] for name in FIELDS if "peer" in name or name == "ratio"] == [None] * 7
+        assert row["command"] == " ".join(
+            ["hybridmpm bench mpm", *arguments[:4], "--frame 120", *arguments[4:], "--repeats 1"]
+        )
+        rivals = ("build_ns", "build_ratio", "peer", "peer_ns", "peer_threads", "peer_setting", "ratio")
+        assert [row[name] for name in rivals] == [None] * 7
+        assert row["spread"] == 0
+        assert row["slowdown"] >= 1
+        assert row["loaded"] == (row["slowdown"] >= mpm.LARGEST_SLOWDOWN)
 
 
-def test_the_peer_is_measured_beside_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip(
-        "hybridmpm.bench.peers.taichi_mpm", reason="needs Taichi: pip install 'hybridmpm[bench]'"
-    )
-    monkeypatch.setattr(mpm, "CASES", mpm.CASES[:2])  # in 3D Taichi compiles for a minute
+@pytest.mark.parametrize(
+    "package", ["warp", *(pytest.param(name, marks=pytest.mark.long) for name in SOLVERS[:2])]
+)
+def test_peers_are_measured_beside_ours(
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if importlib.util.find_spec(package) is None:
+        pytest.skip(f"needs {package}: pip install 'hybridmpm[bench]'")
+    monkeypatch.setattr(mpm, "CASES", ((2, "water"),))  # Taichi compiles each for seconds
     chart = tmp_path / "speed.svg"
-    printed, rows = bench(tmp_path, "mpm", "--particles", "216", "--peer", "taichi", "--chart", str(chart))
-    assert len(rows) == 4
+    printed, rows = bench(tmp_path, "mpm", "--particles", "216", "--peer", package, "--chart", str(chart))
+    assert [row["threads"] for row in rows] == [1, 2]
+    settings = {"plain": 1} if package == "warp" else {"serial": 1, "serial_scatter": 2, "atomic": 2}
     for row in rows:
-        assert set(row) == FIELDS
-        assert row["peer"].startswith("taichi 1.")
-        by_setting = [row[f"peer_ns_{name}"] for name in ("serial", "serial_scatter", "atomic")]
-        assert row["peer_ns"] == min(by_setting)
-        assert row["peer_threads"] == (1 if row["peer_ns_serial"] == row["peer_ns"] else 2)
+        by_setting = {name: row[f"{package}_{name}_ns"] for name in settings}
+        assert set(row) == FIELDS | {f"{package}_{name}_ns" for name in settings}
+        assert row["peer"].startswith(f"{package} 1.")
+        assert row["peer_ns"] == min(by_setting.values()) == by_setting[row["peer_setting"]]
+        assert row["peer_threads"] == settings[row["peer_setting"]]
         assert row["ratio"] == pytest.approx(row["peer_ns"] / row["ns_per_particle_substep"], rel=0.01)
-        assert row["command"].endswith("--repeats 1 --peer taichi")
+        assert row["command"].endswith(f"--repeats 1 --peer {package}")
     assert "ratio" in printed
-    assert "Taichi" in chart.read_text()
+    assert "fastest peer" in chart.read_text()
     assert chart.with_suffix(".png").stat().st_size > 10_000
 
 
-def test_a_peer_that_computes_something_else_is_refused() -> None:
-    class Stranger:
-        positions = np.full((512, 2), np.nan)
+def test_another_build_is_measured_beside_this_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mpm, "CASES", mpm.CASES[:1])
+    checkout = Path(hybridmpm.__file__).parents[2]
+    monkeypatch.setattr(speed, "other_commit", lambda folder: "abc1234" if folder == checkout else None)
+    _, rows = bench(tmp_path, "mpm", "--particles", "216", "--threads", "2", "--build", str(checkout))
+    for row in rows:
+        assert set(row) == FIELDS
+        assert row["build_ratio"] == pytest.approx(row["ns_per_particle_substep"] / row["build_ns"], rel=0.01)
+        assert row["command"].endswith("--build abc1234")
+    result = CliRunner().invoke(cli, ["bench", "mpm", "--build", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "holds no build of hybridmpm: python/hybridmpm/_native*.so is missing" in result.output
 
-    solver = MpmSolver(mpm.falling_block(2, "water", 512))
-    with pytest.raises(SimulationError, match="half a cell"):
-        mpm._require_agreement(solver, [Stranger()])
+
+def test_failures_in_another_process_are_told() -> None:
+    with (
+        Worker("hybridmpm") as worker,
+        pytest.raises(SimulationError, match=r"(?s)restore failed.*KeyError: 'no'"),
+    ):
+        worker.call("restore", "no")
+    with Worker("hybridmpm") as worker:
+        worker._process.kill()
+        with pytest.raises(SimulationError, match="the process of hybridmpm has ended with exit code -9"):
+            worker.call("restore", "no")
+
+
+def test_a_peer_that_computes_something_else_is_refused() -> None:
+    solver = MpmSolver(blocks.falling_block(2, "water", 512))
+    stranger = np.full((512, 2), np.nan)
+    with pytest.raises(SimulationError, match="half of the particles of some peer"):
+        mpm.require_agreement(solver.positions, stranger, solver.scene, "some peer")
 
 
 def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "taichi", None)
-    monkeypatch.delitem(sys.modules, "hybridmpm.bench.peers.taichi_mpm", raising=False)
-    monkeypatch.delattr("hybridmpm.bench.peers.taichi_mpm", raising=False)
     result = CliRunner().invoke(cli, ["bench", "mpm", "--peer", "taichi"])
     assert result.exit_code == 2
     assert "pip install 'hybridmpm[bench]'" in result.output
-    with pytest.raises(ConfigError, match="must be taichi"):
-        peer_module("other", known=mpm.PEER)
+    with pytest.raises(ConfigError, match="must be taichi or quadrants or warp, got 'other'"):
+        check_peer("other", known=SOLVERS)
+
+
+def test_a_busy_machine_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = itertools.accumulate(itertools.cycle([0.0, 1.0]))
+    monkeypatch.setattr("hybridmpm.bench.report.calibration.time.perf_counter", lambda: next(clock))
+    calibration = Calibration(2)
+    assert calibration.slowdown() == 1
+    slow = itertools.accumulate(itertools.cycle([0.0, 1.5]))
+    monkeypatch.setattr("hybridmpm.bench.report.calibration.time.perf_counter", lambda: next(slow))
+    assert calibration.slowdown() == pytest.approx(1.5)
 
 
 def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
@@ -116,12 +165,12 @@ def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("particles", [64, 997, 4000, 20_000, 100_000])
 def test_block_has_the_particles_asked_for(dim: int, particles: int) -> None:
-    scene = mpm.falling_block(dim, "water", particles)
+    scene = blocks.falling_block(dim, "water", particles)
     count = len(scene.sample().x)
     assert 0.8 * particles < count <= particles
     if particles in {64, 4000, 20_000, 100_000}:
         assert count == particles
-    counts = mpm._counts(particles, dim)
+    counts = blocks._counts(particles, dim)
     assert max(counts) <= 3.2 * min(counts)
     assert math.prod(counts) == count
     assert scene.resolution == ({100_000: 288}.get(particles, 128) if dim == 2 else 64)
@@ -130,15 +179,15 @@ def test_block_has_the_particles_asked_for(dim: int, particles: int) -> None:
 
 def test_too_large_a_block_is_refused() -> None:
     with pytest.raises(SceneError, match="resolution"):
-        mpm.falling_block(2, "water", 3_000_000)
+        blocks.falling_block(2, "water", 3_000_000)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_measured_state_is_a_splash(dim: int) -> None:
-    solver = MpmSolver(mpm.falling_block(dim, "water", 512), substeps="reference")
+    solver = MpmSolver(blocks.falling_block(dim, "water", 512), substeps="reference")
     start = solver.diagnostics()
-    solver.advance(mpm._RUN_UP)
-    mpm._require_sane(solver)
+    solver.advance(120)
+    blocks.require_sane(solver)
     now = solver.diagnostics()
     assert now.centroid[1] < start.centroid[1] - 0.05
     assert now.max_speed > 0.5
@@ -193,10 +242,18 @@ def test_simulations_are_timed_by_turns() -> None:
             frames=frames,
         )
 
-    seconds = timing.seconds_per_frame([simulation("a", 3), simulation("b", 1)], repeats=2)
-    assert log == ["restore a", "a 3", "restore b", "b 1"] * 3
-    assert len(seconds) == 2
-    assert min(seconds) > 0
+    times = timing.time_per_frame([simulation("a", 3), simulation("b", 1)], repeats=2)
+    assert log == ["restore a", "a 1", "a 3", "restore b", "b 1", "b 1"] * 3
+    assert len(times) == 2
+    assert min(time.seconds for time in times) > 0
+
+
+def test_the_lower_quartile_of_a_clock_of_its_own() -> None:
+    pieces = itertools.cycle([9.0, 0.0, 4.0, 0.0, 2.0, 0.0, 3.0, 0.0, 1.0, 0.0])
+    next(pieces)  # the first round warms up, and each piece follows an untimed frame
+    own = timing.TimedSimulation(restore=lambda: None, advance=lambda _: next(pieces), frames=2)
+    (time,) = timing.time_per_frame([own], repeats=4)
+    assert (time.seconds, time.spread) == (0.875, pytest.approx(4.5 / 1.75 - 1))
 
 
 def test_where_a_row_comes_from(tmp_path: Path) -> None:

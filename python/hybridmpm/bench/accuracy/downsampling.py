@@ -13,7 +13,7 @@ from hybridmpm import metrics, scenarios
 from hybridmpm._support import charts
 from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED, RATIOS
 from hybridmpm.bench.report.rows import Progress, Row, significant
-from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
+from hybridmpm.bench.report.timing import TimedSimulation, time_per_frame
 from hybridmpm.downsampling import strided, upsample
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
@@ -37,7 +37,7 @@ class DownsamplingSettings:
     frames: int = 200
     """Number of frames of each scene."""
     repeats: int = 5
-    """Number of timings of each method; the median counts."""
+    """Number of timings of each method; the lower quartile counts."""
 
     def seeds(self, scenario: str) -> range:
         """Return the seeds of a scenario's scenes."""
@@ -106,7 +106,8 @@ def _measured_scene(
         states[f"upsampled {label}"] = _upsampled(run, true, solver.resolution)
         carrying[label] = (time.perf_counter() - began) / settings.frames
     timed = [_timed(solver, settings) for solver in (truth, *solvers.values())]
-    seconds = dict(zip(("", *solvers), seconds_per_frame(timed, settings.repeats), strict=True))
+    times = time_per_frame(timed, settings.repeats)
+    seconds = {label: spent.seconds for label, spent in zip(("", *solvers), times, strict=True)}
     for method, recording in states.items():
         kind, _, label = method.partition(" ")
         fact = {"particles": float(len(recording.mass)), "resolution": float(scene.resolution)}

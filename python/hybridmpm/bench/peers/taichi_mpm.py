@@ -1,4 +1,4 @@
-"""MLS-MPM in plain Taichi, after its examples mpm88 and mpm3d.
+"""MLS-MPM in plain Taichi, after its examples mpm88 and mpm3d; the same kernels run on its fork quadrants.
 
 Dense grid, quadratic B-splines, APIC, float32:
 https://github.com/taichi-dev/taichi/tree/v1.7.4/python/taichi/examples/simulation
@@ -15,16 +15,17 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.errors import ConfigError
-from hybridmpm.scene import Sand, Scene, Water
+from hybridmpm.bench.peers.conventions import checked_material, sand_constants
+from hybridmpm.scene import Scene, Water
 
 # Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+os.environ.setdefault("QD_ENABLE_PYBUF", "0")
 import taichi as ti
 
-NAME = "taichi " + ".".join(str(part) for part in ti.__version__)
+NAME = f"{ti.__name__} " + ".".join(str(part) for part in ti.__version__)
 SETTINGS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
 """Threads by the way in which the loops of a solver run.
 
@@ -44,7 +45,7 @@ def start() -> None:
 
 
 @ti.data_oriented
-class TaichiMpm:
+class Solver:
     """MLS-MPM for water or sand on Taichi; call `start` once before the first.
 
     Parameters
@@ -68,12 +69,7 @@ class TaichiMpm:
     """
 
     def __init__(self, scene: Scene, *, substeps: int, setting: str) -> None:
-        material = scene.materials[0]
-        if len(scene.materials) > 1 or not isinstance(material, Water | Sand) or scene.obstacles:
-            raise ConfigError(
-                "the Taichi solver takes scenes of one material, water or sand, and without obstacles; "
-                f"got {', '.join(m.kind for m in scene.materials)} and {len(scene.obstacles)} obstacles"
-            )
+        material = checked_material(scene, "Taichi")
         self._substeps = substeps
         self._serial, self._serial_scatter = setting == "serial", setting != "atomic"
         self._dim, self._dt = scene.dim, scene.frame_dt / substeps
@@ -84,23 +80,15 @@ class TaichiMpm:
         self._highest = [math.ceil(s * scene.resolution - 1e-6) for s in scene.walls.upper]
         # Nodes that particles between the walls can touch: sweeping no others is faster.
         self._first, self._end = [i - 2 for i in self._lowest], [i + 3 for i in self._highest]
-        if min(self._first) < 0 or max(self._end) > scene.resolution:
-            raise ConfigError("the Taichi solver takes walls three cells or more inside the world box")
         self._friction = material.wall_friction if scene.walls.friction is None else scene.walls.friction
         self._water = isinstance(material, Water)
         if isinstance(material, Water):
             self._bulk_modulus = material.stiffness(scene.potential_drop)
             self._tension = material.tension
         else:
-            self._take_sand(material)
+            self._mu, self._lambda, self._alpha = sand_constants(material)
+            self._volume_correction = material.volume_correction
         self._place_fields(scene)
-
-    def _take_sand(self, sand: Sand) -> None:
-        e, nu = sand.youngs_modulus, sand.poisson_ratio
-        self._mu, self._lambda = e / (2 * (1 + nu)), e * nu / ((1 + nu) * (1 - 2 * nu))
-        sin = math.sin(math.radians(sand.friction_angle))
-        self._alpha = math.sqrt(2 / 3) * 2 * sin / (3 - sin)
-        self._volume_correction = sand.volume_correction
 
     def _place_fields(self, scene: Scene) -> None:
         particles = scene.sample()

@@ -51,6 +51,11 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         part.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
+def other_commit(folder: Path) -> str:
+    """Return the commit of another checkout; raises a ConfigError where the folder is none."""
+    return git(folder, "rev-parse", "--short", "HEAD")
+
+
 def _commit(file: Path) -> str | None:
     try:
         # An installed copy may lie in some other project's checkout, which does not track it.

@@ -18,7 +18,7 @@ class TimedCall:
     """A call whose time is measured."""
 
     call: Callable[[], object]
-    """The call; it is timed."""
+    """The call; it is timed, unless it returns a float: the time by a clock of its own [s]."""
     prepare: Callable[[], object] = _nothing
     """Called before each measurement, and not timed."""
 
@@ -30,7 +30,7 @@ class TimedSimulation:
     restore: Callable[[], object]
     """Goes back to the state; not timed."""
     advance: Callable[[int], object]
-    """Goes on by a number of frames; timed."""
+    """Goes on by a number of frames; timed, unless it returns the time by a clock of its own [s]."""
     frames: int
     """Frames of one measurement."""
 
@@ -60,15 +60,43 @@ def seconds_by_turns(
     for index in range(repeats + 1):
         for one, mine in zip(calls, times, strict=True):
             one.prepare()
-            with Clock(mine):
-                one.call()
+            began = time.perf_counter()
+            own = one.call()
+            mine.append(own if isinstance(own, float) else time.perf_counter() - began)
         if index and on_progress is not None:
             on_progress(1)
     return [mine[1:] for mine in times]
 
 
-def seconds_per_frame(simulations: Sequence[TimedSimulation], repeats: int) -> list[float]:
-    """Time simulations by turns, and return the median time of a frame of each over `repeats` rounds [s]."""
-    calls = [TimedCall(prepare=one.restore, call=partial(one.advance, one.frames)) for one in simulations]
+@dataclass(frozen=True)
+class FrameTime:
+    """Time of a frame, from many short pieces of a simulation."""
+
+    seconds: float
+    """Lower quartile over the pieces [s]: what disturbs a machine only ever adds time."""
+    spread: float
+    """Distance from the lower to the upper quartile, over the lower [-]."""
+
+
+def time_per_frame(simulations: Sequence[TimedSimulation], repeats: int) -> list[FrameTime]:
+    """Time simulations by turns, `repeats` pieces of each.
+
+    The first frame after going back is not timed: it touches the memory that the others use.
+    """
+
+    def prepare(one: TimedSimulation) -> None:
+        one.restore()
+        one.advance(1)
+
+    calls = [
+        TimedCall(prepare=partial(prepare, one), call=partial(one.advance, one.frames)) for one in simulations
+    ]
     times = seconds_by_turns(calls, repeats)
-    return [statistics.median(mine) / one.frames for one, mine in zip(simulations, times, strict=True)]
+    return [_frame_time(mine, one.frames) for one, mine in zip(simulations, times, strict=True)]
+
+
+def _frame_time(times: Sequence[float], frames: int) -> FrameTime:
+    if len(times) == 1:
+        return FrameTime(times[0] / frames, 0.0)
+    low, _, high = statistics.quantiles(times, n=4, method="inclusive")
+    return FrameTime(low / frames, high / low - 1)

@@ -1,189 +1,232 @@
-"""Speed of the solver: a block in the middle of its splash, at the ground truth's substeps."""
+"""Speed of the solver on splashing blocks, beside other builds of it and solvers of others.
 
+All simulations of a case are timed by turns in short pieces: ours in this process, each other one in its own.
+"""
+
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hybridmpm._support import charts
-from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.peers.loading import SOLVERS, check_peer
+from hybridmpm.bench.peers.process import Worker
+from hybridmpm.bench.report.calibration import Calibration
 from hybridmpm.bench.report.rows import Progress, Row
-from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
+from hybridmpm.bench.report.timing import FrameTime, TimedSimulation, time_per_frame
+from hybridmpm.bench.speed.blocks import falling_block, require_sane
 from hybridmpm.bench.speed.size_chart import draw_over_particles
-from hybridmpm.errors import SimulationError
+from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Box, Scene
+from hybridmpm.scene import Scene
 
 CASES: tuple[tuple[int, str], ...] = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
 """Dimension and material of each row."""
-MAX_PARTICLES = 1_000_000
-"""Largest number of particles that a block may be asked to have."""
-PEER = "taichi"
-"""The peer that the solver can be measured beside."""
+LARGEST_SLOWDOWN = 1.15
+"""Slowdown [-] of the machine from which on a row counts as measured under load."""
 
-_WALL_LOW, _WALL_HIGH = 0.1, 0.9
-_PEER_FIELDS = (
-    "peer", "peer_ns", "peer_threads", "peer_ns_serial", "peer_ns_serial_scatter", "peer_ns_atomic",
-)  # fmt: skip
-_RUN_UP = 120
-"""Frames before the measurement: the block has hit the floor by then and is spreading."""
-_LARGEST_SHARE = 0.5
-"""Largest part of the box that a block fills; 20 000 particles at 128^2 fill it, more get a finer grid."""
+_PIECE = 200_000
+"""Particle-frames of one timing; one of few frames would measure how memory is fetched."""
+_FEWEST_FRAMES, _MOST_FRAMES = 4, 20
 
 
 @dataclass(frozen=True, kw_only=True)
 class MpmSettings:
     """Size and length of the measurement."""
 
-    particles: tuple[int, ...] = (2300, 4000, 20_000, 100_000)
+    particles: tuple[int, ...] = (4000, 100_000)
     """Numbers of particles aimed at; a row tells how many there were."""
+    run_up: tuple[int, ...] = (120,)
+    """Frames before the measurement; after 120 the block has hit the floor and is spreading."""
     threads: tuple[int, ...] = (1, 2)
     """Numbers of threads of our solver; each has its row."""
-    repeats: int = 9
-    """Number of timings, whose median is reported."""
-    peer: str | None = None
-    """Peer to be measured by turns with ours; the best of its settings on one and two threads counts."""
+    repeats: int = 25
+    """Number of timings, whose lower quartile is reported."""
+    peers: tuple[str, ...] = ()
+    """Peers measured by turns with ours, of `SOLVERS`; the fastest of all their settings counts."""
+    build: Path | None = None
+    """Checkout of another build of this library, measured by turns with ours on as many threads."""
 
     @property
     def count(self) -> int:
         """Number of rows."""
-        return len(CASES) * len(self.particles) * len(self.threads)
+        return len(CASES) * len(self.particles) * len(self.run_up) * len(self.threads)
+
+    def check(self) -> None:
+        """Raise a ConfigError where a peer is not installed, or the other build has no extension."""
+        for peer in self.peers:
+            check_peer(peer, known=SOLVERS)
+        if self.build is not None and not list((self.build / "python" / "hybridmpm").glob("_native*.so")):
+            raise ConfigError(
+                f"{self.build} holds no build of hybridmpm: python/hybridmpm/_native*.so is missing; "
+                "make it there with `maturin develop --release --skip-install`"
+            )
+
+
+class _Rival(NamedTuple):
+    """A simulation in another process."""
+
+    worker: Worker
+    setting: str
+    label: str
+    """Field of its time in a row."""
 
 
 def measure(settings: MpmSettings, on_progress: Progress) -> Iterator[Row]:
     """Measure each of `CASES` and yield its rows, which `on_progress` counts.
 
-    The peer starts from our state in mid-splash and takes as many substeps; its sand starts from the volume
-    alone. Its water does without our correction of the volume, and its walls act on whole nodes. Fields of
-    the peer are None without a peer.
+    Peers start from our state and take as many substeps; their sand starts from the volume alone. They do
+    without our correction of volumes, and their walls act on whole nodes. Another build of ours runs up to
+    its own state. Fields of what is not measured are None.
+
+    `slowdown` is the larger slowdown of the machine before and after a case, on as many threads as the case
+    used, and `loaded` says whether it reached `LARGEST_SLOWDOWN`.
 
     Raises
     ------
     ConfigError
-        The peer is unknown or not installed.
+        See `MpmSettings.check`.
     SimulationError
-        The state before the measurement is not a splash, or the peer's state afterwards is not ours: a speed
+        The state before the measurement is not a splash, or a peer's state afterwards is not ours: a speed
         would mean nothing.
     """
-    peer = None if settings.peer is None else peer_module(settings.peer, known=PEER)
-    for particles in settings.particles:
-        for dim, material in CASES:
-            for row in _case(falling_block(dim, material, particles), settings, peer):
-                yield {"dim": dim, "material": material, **row}
-                on_progress(1)
+    settings.check()
+    calibration = Calibration(max(settings.threads))
+    with contextlib.ExitStack() as stack:
+        peers = {peer: stack.enter_context(Worker(peer)) for peer in settings.peers}
+        build = None
+        if settings.build is not None:
+            build = stack.enter_context(Worker("hybridmpm", settings.build))
+        for particles in settings.particles:
+            for run_up in settings.run_up:
+                for dim, material in CASES:
+                    case = _Case(falling_block(dim, material, particles), run_up, settings)
+                    before = calibration.slowdown()
+                    rows = case.rows(peers, build)
+                    slowdown = max(before, calibration.slowdown())
+                    for row in rows:
+                        load = {"slowdown": round(slowdown, 2), "loaded": slowdown >= LARGEST_SLOWDOWN}
+                        yield {"dim": dim, "material": material, **row, **load}
+                        on_progress(1)
 
 
-def _case(scene: Scene, settings: MpmSettings, peer: ModuleType | None) -> Iterator[Row]:
-    solvers = [MpmSolver(scene, substeps="reference", threads=threads) for threads in settings.threads]
-    first = solvers[0]
-    first.advance(_RUN_UP)
-    _require_sane(first)
-    start, count = first.snapshot(), first.particle_count
-    substeps = first.last_frame.substeps if first.last_frame else 0
-    frames = min(20, math.ceil(200_000 / count))
-    timed = [
-        TimedSimulation(restore=partial(s.restore, start), advance=s.advance, frames=frames) for s in solvers
-    ]
-    peers = [] if peer is None else _peers(peer, scene, substeps)
-    state = (first.positions, first.velocities, first.affine, first.volume_ratio)
-    timed += [
-        TimedSimulation(restore=partial(p.load, *state), advance=p.advance, frames=frames) for p in peers
-    ]
-    seconds = seconds_per_frame(timed, settings.repeats)
-    _require_agreement(first, peers)
-    ns = [s * 1e9 / (count * substeps) for s in seconds]
-    theirs = ns[len(solvers) :]
-    for threads, mine, per_frame in zip(settings.threads, ns, seconds, strict=False):
-        yield {
-            "particles": count,
-            "resolution": scene.resolution,
-            "threads": threads,
-            "substeps": substeps,
-            "ns_per_particle_substep": round(mine, 2),
-            "ms_per_frame": round(per_frame * 1e3, 4),
-            **_compared(peer, theirs),
-            "ratio": None if peer is None else round(min(theirs) / mine, 2),
+class _Case:
+    """One scene, one frame of it, and all that is timed there."""
+
+    def __init__(self, scene: Scene, run_up: int, settings: MpmSettings) -> None:
+        self._scene, self._run_up, self._settings = scene, run_up, settings
+        self._solvers = [
+            MpmSolver(scene, substeps="reference", threads=threads) for threads in settings.threads
+        ]
+        first = self._solvers[0]
+        first.advance(run_up)
+        require_sane(first)
+        self._start, self._count = first.snapshot(), first.particle_count
+        self._state = (first.positions, first.velocities, first.affine, first.volume_ratio)
+        first.advance(1)
+        self._substeps = first.last_frame.substeps if first.last_frame else 0
+        self._frames = min(_MOST_FRAMES, max(_FEWEST_FRAMES, math.ceil(_PIECE / self._count)))
+
+    def rows(self, peers: dict[str, Worker], build: Worker | None) -> list[Row]:
+        """Time all by turns."""
+        rivals = self._peers(peers)
+        builds = [] if build is None else self._builds(build)
+        timed = [
+            TimedSimulation(
+                restore=partial(solver.restore, self._start), advance=solver.advance, frames=self._frames
+            )
+            for solver in self._solvers
+        ] + [
+            TimedSimulation(
+                restore=partial(rival.worker.call, "restore", rival.setting),
+                advance=partial(rival.worker.call, "advance", rival.setting),
+                frames=self._frames,
+            )
+            for rival in (*rivals, *builds)
+        ]
+        times = time_per_frame(timed, self._settings.repeats)
+        self._require_agreement(rivals)
+        mine, theirs = times[: len(self._solvers)], times[len(self._solvers) :]
+        compared = self._compared(rivals, theirs)
+        others: Sequence[FrameTime | None] = theirs[len(rivals) :] or [None] * len(mine)
+        return [
+            {
+                "particles": self._count,
+                "resolution": self._scene.resolution,
+                "frame": self._run_up,
+                "threads": threads,
+                "substeps": self._substeps,
+                "ns_per_particle_substep": self._ns(time),
+                "spread": round(time.spread, 3),
+                "ms_per_frame": round(time.seconds * 1e3, 4),
+                "build_ns": None if other is None else self._ns(other),
+                "build_ratio": None if other is None else round(time.seconds / other.seconds, 3),
+                **compared,
+                "ratio": compared["peer_ns"] and round(compared["peer_ns"] / self._ns(time), 2),
+            }
+            for threads, time, other in zip(self._settings.threads, mine, others, strict=True)
+        ]
+
+    def _ns(self, time: FrameTime) -> float:
+        return round(time.seconds * 1e9 / (self._count * self._substeps), 2)
+
+    def _peers(self, peers: dict[str, Worker]) -> list[_Rival]:
+        rivals = []
+        scene = self._scene.model_dump(mode="json", exclude_none=True)
+        for peer, worker in peers.items():
+            worker.call("start")
+            worker.call("take", *self._state)
+            for setting in worker.call("settings"):
+                worker.call("make", setting, scene, self._substeps)
+                rivals.append(_Rival(worker, setting, f"{peer}_{setting}_ns"))
+        return rivals
+
+    def _builds(self, build: Worker) -> list[_Rival]:
+        rivals = []
+        scene = self._scene.model_dump(mode="json", exclude_none=True)
+        for threads in self._settings.threads:
+            name = str(threads)
+            build.call("make", name, scene, threads)
+            build.call("run_up", name, self._run_up)
+            rivals.append(_Rival(build, name, "build_ns"))
+        return rivals
+
+    def _compared(self, rivals: Sequence[_Rival], times: Sequence[FrameTime]) -> dict[str, Any]:
+        if not rivals:
+            return dict.fromkeys(("peer", "peer_ns", "peer_threads", "peer_setting"))
+        ns = [self._ns(time) for time, _ in zip(times, rivals, strict=False)]
+        best = rivals[ns.index(min(ns))]
+        return {
+            "peer": best.worker.call("name"),
+            "peer_ns": min(ns),
+            "peer_threads": best.worker.call("settings")[best.setting],
+            "peer_setting": best.setting,
+            **{rival.label: value for rival, value in zip(rivals, ns, strict=True)},
         }
 
-
-def _peers(peer: ModuleType, scene: Scene, substeps: int) -> list[Any]:
-    peer.start()
-    return [peer.TaichiMpm(scene, substeps=substeps, setting=setting) for setting in peer.SETTINGS]
-
-
-def _require_agreement(solver: MpmSolver, peers: Sequence[Any]) -> None:
-    """Raise unless half of a peer's particles ended near ours; those near walls and in the spray need not."""
-    for peer in peers:
-        apart = np.median(np.linalg.norm(peer.positions - solver.positions, axis=1))
-        if not apart < solver.scene.dx / 2:
-            raise SimulationError(
-                f"{solver.scene.name}: half of the peer's particles ended {apart:.2g} m or more from ours, "
-                f"allowed is half a cell, {solver.scene.dx / 2:.2g} m; their speed would mean nothing"
-            )
+    def _require_agreement(self, rivals: Sequence[_Rival]) -> None:
+        ours = self._solvers[0].positions
+        for rival in rivals:
+            theirs = rival.worker.call("positions", rival.setting)
+            require_agreement(ours, theirs, self._scene, rival.label.removesuffix("_ns"))
 
 
-def _compared(peer: ModuleType | None, ns: Sequence[float]) -> dict[str, Any]:
-    if peer is None:
-        return dict.fromkeys(_PEER_FIELDS)
-    best = min(ns)
-    each = {f"peer_ns_{name}": round(value, 2) for name, value in zip(peer.SETTINGS, ns, strict=True)}
-    threads = list(peer.SETTINGS.values())[ns.index(best)]
-    return {"peer": peer.NAME, "peer_ns": round(best, 2), "peer_threads": threads, **each}
+def require_agreement(ours: np.ndarray, theirs: np.ndarray, scene: Scene, peer: str) -> None:
+    """Raise a SimulationError unless half of a peer's particles are within half a cell of ours.
 
-
-def falling_block(dim: int, material: str, particles: int) -> Scene:
-    """Return a scene with one block of at most `particles` particles that falls aslant.
-
-    The grid is 128^2 or 64^3, or as fine as it takes that the block fills at most half of the box.
+    Those near walls and in the spray need not be.
     """
-    resolution = _resolution(dim, particles)
-    spacing = 0.5 / resolution  # 2**D particles per cell
-    sides = [spacing * count for count in _counts(particles, dim)]
-    middle = (_WALL_LOW + _WALL_HIGH) / 2
-    # On the lattice of the sampler, so that the count is exact.
-    lower = [spacing * round((middle - side / 2) / spacing) for side in sides]
-    return Scene(
-        name=f"falling block of {material}",
-        dim=dim,
-        resolution=resolution,
-        bodies=(
-            Box(
-                material=material,
-                lower=tuple(lower),
-                upper=tuple(a + side for a, side in zip(lower, sides, strict=True)),
-                velocity=(1.0, -2.0, 0.5)[:dim],
-            ),
-        ),
-        max_particles=2 * MAX_PARTICLES,
-    )
-
-
-def _resolution(dim: int, particles: int) -> int:
-    per_axis = math.pow(particles / _LARGEST_SHARE, 1 / dim) / 2  # cells, at 2**D particles each
-    fine_enough: int = 32 * math.ceil(per_axis / (_WALL_HIGH - _WALL_LOW) / 32)
-    return max(fine_enough, 128 if dim == 2 else 64)
-
-
-def _counts(particles: int, dim: int) -> list[int]:
-    """Return numbers of sites along each axis, about equal, whose product is `particles` or somewhat less."""
-    if dim == 1:
-        return [particles]
-    even = max(1, math.floor(particles ** (1.0 / dim) + 1e-9))
-    exact = [count for count in range(even, even // 2, -1) if particles % count == 0]
-    count = exact[0] if exact else even
-    return [count, *_counts(particles // count, dim - 1)]
-
-
-def _require_sane(solver: MpmSolver) -> None:
-    x, v = solver.positions, solver.velocities
-    inside = ((x > _WALL_LOW - solver.scene.dx) & (x < _WALL_HIGH + solver.scene.dx)).all()
-    if not (inside and np.isfinite(v).all() and 0.05 < np.abs(v).max() < 50):
-        raise SimulationError(f"{solver.scene.name}: the state after {solver.frame} frames is not a splash")
+    apart = np.median(np.linalg.norm(theirs - ours, axis=1))
+    if not apart < scene.dx / 2:
+        raise SimulationError(
+            f"{scene.name}: half of the particles of {peer} ended {apart:.2g} m or more from ours, allowed "
+            f"is half a cell, {scene.dx / 2:.2g} m; its speed would mean nothing"
+        )
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
@@ -192,10 +235,10 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     Raises as `charts.panels` and `charts.save`.
     """
     cases = list(dict.fromkeys((row["dim"], row["material"]) for row in rows))
-    figure, axes = charts.panels(columns=2, rows=len(cases) // 2)
+    figure, axes = charts.panels(columns=min(2, len(cases)), rows=math.ceil(len(cases) / 2))
     for panel, (dim, material) in zip(axes.flat, cases, strict=True):
         mine = [row for row in rows if (row["dim"], row["material"]) == (dim, material)]
-        peer = mine[0]["peer"] and (f"{mine[0]['peer'].capitalize()}, best of 1 and 2 threads", "peer_ns")
+        peer = mine[0]["peer"] and ("fastest peer, best of 1 and 2 threads", "peer_ns")
         draw_over_particles(panel, mine, "ns_per_particle_substep", peer)
         panel.set(title=f"{material} {dim}D", xscale="log", ylim=(0, 1.1 * panel.dataLim.y1))
         panel.set(xlabel="particles", ylabel="ns per particle and substep")

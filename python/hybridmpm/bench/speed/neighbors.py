@@ -63,7 +63,7 @@ def measure(settings: NeighborsSettings, on_progress: Progress) -> Iterator[Row]
     SimulationError
         The peer found other edges: its speed would mean nothing.
     """
-    peer = None if settings.peer is None else peer_module(settings.peer, known=PEER)
+    peer = None if settings.peer is None else peer_module(settings.peer, known=(PEER,))
     for particles in settings.particles:
         for dim in (2, 3):
             for row in _case(dim, particles, settings, peer):

@@ -8,7 +8,7 @@ from pathlib import Path
 from hybridmpm._native import hand_out_times
 from hybridmpm._support import charts
 from hybridmpm.bench.report.rows import Progress, Row
-from hybridmpm.bench.report.timing import TimedSimulation, seconds_per_frame
+from hybridmpm.bench.report.timing import TimedSimulation, time_per_frame
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Box, Scene
 
@@ -37,12 +37,12 @@ class ScalingSettings:
 
     particles: tuple[int, ...] = (1000, 4000, 16_000, 64_000, 250_000, 1_000_000)
     """Numbers of particles that the blocks should have; the grid grows with the block."""
-    resolutions: tuple[int, ...] = (64, 128, 256)
+    resolutions: tuple[int, ...] = (64, 128, 256, 512)
     """Cells along each axis of the grids that hold the same blob."""
     threads: int = 1
     """Threads of the solver. Work is handed out to as many, but to two at least."""
     repeats: int = 5
-    """Number of timings, whose median is reported."""
+    """Number of timings, whose lower quartile is reported."""
 
     @property
     def count(self) -> int:
@@ -61,9 +61,9 @@ def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
     blobs = [blob(resolution) for resolution in settings.resolutions]
     for series, scenes in (("particles", blocks), ("grid", blobs)):
         solvers = [MpmSolver(scene, substeps=SUBSTEPS, threads=settings.threads) for scene in scenes]
-        seconds = seconds_per_frame([_timed(solver) for solver in solvers], settings.repeats)
-        for solver, per_frame in zip(solvers, seconds, strict=True):
-            per_substep = per_frame / SUBSTEPS
+        times = time_per_frame([_timed(solver) for solver in solvers], settings.repeats)
+        for solver, spent in zip(solvers, times, strict=True):
+            per_substep = spent.seconds / SUBSTEPS
             yield {
                 "series": series,
                 "dim": solver.dim,
@@ -76,13 +76,13 @@ def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
             on_progress(1)
     threads = max(2, settings.threads)
     for work, pause in LOADS:
-        times = hand_out_times(threads=threads, work=work, pause=pause, repeats=5 * settings.repeats)
+        ways = hand_out_times(threads=threads, work=work, pause=pause, repeats=5 * settings.repeats)
         yield {
             "series": "hand_out",
             "threads": threads,
             "work_us": round(work * 1e6),
             "pause_us": round(pause * 1e6),
-            **{f"{way}_us": round(times[way] * 1e6, 2) for way in ("alone", "team", "pool", "rayon")},
+            **{f"{way}_us": round(ways[way] * 1e6, 2) for way in ("alone", "team", "pool", "rayon")},
         }
         on_progress(1)
 

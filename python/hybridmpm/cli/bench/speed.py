@@ -6,12 +6,14 @@ from pathlib import Path
 import click
 
 from hybridmpm import scenarios
-from hybridmpm.bench.peers.loading import peer_module
+from hybridmpm.bench.peers.loading import SOLVERS, check_peer
+from hybridmpm.bench.report.provenance import other_commit
 from hybridmpm.bench.speed import batch as batch_bench
 from hybridmpm.bench.speed import mpm as mpm_bench
 from hybridmpm.bench.speed import neighbors as neighbors_bench
 from hybridmpm.bench.speed import scaling as scaling_bench
 from hybridmpm.bench.speed import sleeping as sleeping_bench
+from hybridmpm.bench.speed.blocks import MAX_PARTICLES
 from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,
@@ -27,10 +29,11 @@ from hybridmpm.cli.bench.options import (
 )
 
 _MPM_COLUMNS = (
-    "dim", "material", "particles", "resolution", "threads", "substeps", "ns_per_particle_substep",
-    "ms_per_frame",
+    "dim", "material", "particles", "frame", "threads", "substeps", "ns_per_particle_substep", "spread",
+    "ms_per_frame", "slowdown", "loaded",
 )  # fmt: skip
-_PEER_COLUMNS = ("peer", "peer_ns", "peer_threads", "ratio")
+_PEER_COLUMNS = ("peer", "peer_setting", "peer_ns", "ratio")
+_BUILD_COLUMNS = ("build_ns", "build_ratio")
 _SCALING_COLUMNS = (
     "series", "dim", "particles", "resolution", "threads", "ms_per_substep", "ns_per_particle_substep",
 )  # fmt: skip
@@ -46,51 +49,76 @@ _NEIGHBORS_COLUMNS = (
 )  # fmt: skip
 _NEIGHBORS_PEER_COLUMNS = ("peer", "peer_ms", "ratio")
 
-_median_option = number_option("--repeats", 1, 1000, 9, "Number of timings, whose median is reported.")
+_quartile_option = number_option("--repeats", 1, 1000, 9, "Number of timings, whose lower quartile counts.")
 _least_option = number_option("--repeats", 1, 1000, 9, "Number of timings, the least of which is reported.")
 
 
 @click.command()
 @numbers_option(
-    "--particles",
-    64,
-    mpm_bench.MAX_PARTICLES,
-    mpm_bench.MpmSettings.particles,
-    "Number of particles of a block.",
+    "--particles", 64, MAX_PARTICLES, mpm_bench.MpmSettings.particles, "Number of particles of a block."
+)
+@numbers_option(
+    "--frame",
+    0,
+    10_000,
+    mpm_bench.MpmSettings.run_up,
+    "Number of frames that go before: at 0 the block flies, at 120 it splashes.",
 )
 @numbers_option("--threads", 1, 1024, mpm_bench.MpmSettings.threads, "Number of threads of our solver.")
 @click.option(
-    "--peer", type=click.Choice([mpm_bench.PEER]), help="Solver of others to be timed by turns with ours."
+    "--peer",
+    "peers",
+    type=click.Choice(SOLVERS),
+    multiple=True,
+    help="Package of a plain solver to be timed by turns with ours. May be given several times.",
 )
-@_median_option
+@click.option(
+    "--build",
+    type=click.Path(file_okay=False, exists=True, path_type=Path),
+    metavar="FOLDER",
+    help="Checkout of another version of hybridmpm, built, to be timed by turns with this one.",
+)
+@number_option(
+    "--repeats",
+    1,
+    1000,
+    mpm_bench.MpmSettings.repeats,
+    "Number of timings of each, whose lower quartile counts.",
+)
 @json_option
 @chart_option
 def mpm(
     *,
     particles: tuple[int, ...],
+    frame: tuple[int, ...],
     threads: tuple[int, ...],
-    peer: str | None,
+    peers: tuple[str, ...],
+    build: Path | None,
     repeats: int,
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
     """Time the solver on splashing blocks.
 
-    The blocks are of water and sand, in 2D and 3D; the solver takes the ground truth's substeps.
+    The blocks are of water and sand, in 2D and 3D; the solver takes the ground truth's substeps. All that is
+    timed takes turns, in pieces of up to 20 frames. A row is marked as loaded where the machine was busy
+    before or after.
     """
-    settings = mpm_bench.MpmSettings(particles=particles, threads=threads, repeats=repeats, peer=peer)
-    if peer is not None:
-        peer_module(peer, known=mpm_bench.PEER)
-    origin = source("mpm", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
-    rows = measured(partial(mpm_bench.measure, settings), settings.count, origin)
-    report(
-        rows,
-        _MPM_COLUMNS + (_PEER_COLUMNS if peer else ()),
-        origin,
-        json_file,
-        chart_file=chart_file,
-        draw=mpm_bench.chart,
+    settings = mpm_bench.MpmSettings(
+        particles=particles, run_up=frame, threads=threads, repeats=repeats, peers=peers, build=build
     )
+    settings.check()
+    options = {
+        "particles": particles,
+        "frame": frame,
+        "threads": threads,
+        "repeats": (repeats,),
+        "peer": peers,
+    }
+    origin = source("mpm", **options, build=() if build is None else (other_commit(build),))
+    rows = measured(partial(mpm_bench.measure, settings), settings.count, origin)
+    columns = _MPM_COLUMNS + (_PEER_COLUMNS if peers else ()) + (_BUILD_COLUMNS if build else ())
+    report(rows, columns, origin, json_file, chart_file=chart_file, draw=mpm_bench.chart)
 
 
 @click.command()
@@ -104,12 +132,12 @@ def mpm(
 @numbers_option(
     "--resolution",
     32,
-    256,
+    512,
     scaling_bench.ScalingSettings.resolutions,
     "Cells along each axis of a grid around the blob.",
 )
 @threads_option("Number of threads of the solver.")
-@_median_option
+@_quartile_option
 @json_option
 @chart_option
 def scaling(
@@ -203,7 +231,7 @@ def neighbors(
         particles=particles, threads=threads, repeats=repeats, peer=peer
     )
     if peer is not None:
-        peer_module(peer, known=neighbors_bench.PEER)
+        check_peer(peer, known=(neighbors_bench.PEER,))
     origin = source("neighbors", particles=particles, threads=threads, repeats=(repeats,), peer=(peer,))
     rows = measured(partial(neighbors_bench.measure, settings), settings.count, origin)
     report(

@@ -1,20 +1,19 @@
-"""Our solver against MLS-MPM in plain Taichi: the same start, substeps and constants give the same positions.
+"""Our solver against plain ones of others: the same start, substeps and constants give the same positions.
 
 The scenes stay away from the walls, which the two treat differently by design: ours act at their true
-position, Taichi's at the nodes at or beyond it.
+position, theirs at the nodes at or beyond it.
 """
 
+import importlib.util
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hybridmpm import Ball, Box, BoxObstacle, ConfigError, MpmSolver, Scene, Walls
+from hybridmpm.bench.peers.conventions import checked_material
+from hybridmpm.bench.peers.process import Worker
 from hybridmpm.scene import Material, Sand, Water
-
-taichi_mpm = pytest.importorskip(
-    "hybridmpm.bench.peers.taichi_mpm", reason="needs Taichi: pip install 'hybridmpm[bench]'"
-)
 
 TOLERANCE = 1e-4
 """[m] over the first 200 substeps, the project's target; both solvers compute in float32."""
@@ -59,20 +58,45 @@ def paths(simulator: Any, frames: int) -> np.ndarray:
     return np.array(states)
 
 
-# Taichi compiles each pair for seconds: by default each dimension and each material is met once.
+def paths_of_peer(package: str, solver: MpmSolver, frames: int) -> dict[str, np.ndarray]:
+    """Positions (frames, N, D) after each frame [m] by each setting of a peer, from the state of a solver."""
+    states = {}
+    scene, substeps = solver.scene, SUBSTEPS[solver.dim]
+    with Worker(package) as worker:
+        worker.call("start")
+        worker.call("take", solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
+        # In 3D Taichi compiles each setting for many seconds, and all add to the grid alike.
+        for setting in list(worker.call("settings"))[: None if solver.dim == 2 else 1]:
+            worker.call("make", setting, scene.model_dump(mode="json", exclude_none=True), substeps)
+            worker.call("restore", setting)
+            states[setting] = []
+            for _ in range(frames):
+                worker.call("advance", setting, 1)
+                states[setting].append(worker.call("positions", setting))
+    return {setting: np.array(path) for setting, path in states.items()}
+
+
+# Each dimension and each material once.
+BY_DEFAULT = {("warp", 2, WATER), ("taichi", 3, SAND)}
+
+
 @pytest.mark.parametrize(
-    ("dim", "settings", "material"),
+    ("package", "dim", "material"),
     [
-        pytest.param(2, tuple(taichi_mpm.SETTINGS), WATER, id="water-2D"),
-        pytest.param(3, ("serial",), SAND, id="sand-3D"),
-        pytest.param(2, tuple(taichi_mpm.SETTINGS), SAND, id="sand-2D", marks=pytest.mark.long),
-        pytest.param(3, ("serial",), WATER, id="water-3D", marks=pytest.mark.long),
+        pytest.param(
+            package, dim, material, id=f"{package}-{material.kind}-{dim}D",
+            marks=() if (package, dim, material) in BY_DEFAULT else pytest.mark.long,
+        )
+        for package in ("taichi", "quadrants", "warp") for dim in (2, 3) for material in (WATER, SAND)
     ],
-)
-def test_same_positions(dim: int, settings: tuple[str, ...], material: Material) -> None:
+)  # fmt: skip
+def test_same_positions(package: str, dim: int, material: Material) -> None:
+    if importlib.util.find_spec(package) is None:
+        pytest.skip(f"needs {package}: pip install 'hybridmpm[bench]'")
     scene, frames = collision(dim, material), 200 // SUBSTEPS[dim]
     solver = MpmSolver(scene, substeps=SUBSTEPS[dim])
     x, v = solver.positions, solver.velocities
+    theirs = paths_of_peer(package, solver, frames)
     volume_ratios = []
     ours = []
     for _ in range(frames):
@@ -89,24 +113,22 @@ def test_same_positions(dim: int, settings: tuple[str, ...], material: Material)
     assert np.min(ours) > 0.1 + 3 * scene.dx
     assert np.max(ours) < 0.9 - 3 * scene.dx
 
-    taichi_mpm.start()
-    for setting in settings:
-        theirs = paths(taichi_mpm.TaichiMpm(scene, substeps=SUBSTEPS[dim], setting=setting), frames)
-        assert np.abs(theirs - ours).max() < TOLERANCE
-    for other in NEARBY[material]:
-        nearby = paths(MpmSolver(collision(dim, other), substeps=SUBSTEPS[dim]), frames)
-        assert np.abs(theirs - nearby).max() > TOLERANCE
+    for path in theirs.values():
+        assert np.abs(path - ours).max() < TOLERANCE
+        for other in NEARBY[material]:
+            nearby = paths(MpmSolver(collision(dim, other), substeps=SUBSTEPS[dim]), frames)
+            assert np.abs(path - nearby).max() > TOLERANCE
 
 
-def test_scenes_that_the_peer_lacks_are_refused() -> None:
+def test_scenes_that_the_peers_lack_are_refused() -> None:
     water = Ball(material="water", center=(0.3, 0.5), radius=0.05)
     sand, elastic = (Ball(material=name, center=(0.6, 0.5), radius=0.05) for name in ("sand", "elastic"))
     for bodies, named in (((water, sand), "got water, sand and 0"), ((elastic,), "got elastic and 0")):
         with pytest.raises(ConfigError, match=named):
-            taichi_mpm.TaichiMpm(Scene(dim=2, bodies=bodies), substeps=20, setting="serial")
+            checked_material(Scene(dim=2, bodies=bodies), "Taichi")
     ramp = BoxObstacle(lower=(0.5, 0.1), upper=(0.6, 0.2))
     with pytest.raises(ConfigError, match="got water and 1 obstacles"):
-        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), substeps=20, setting="serial")
+        checked_material(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), "Taichi")
     outside = Walls(lower=(0.0, 0.1), upper=(0.9, 0.9))
     with pytest.raises(ConfigError, match="three cells or more inside"):
-        taichi_mpm.TaichiMpm(Scene(dim=2, bodies=(water,), walls=outside), substeps=20, setting="serial")
+        checked_material(Scene(dim=2, bodies=(water,), walls=outside), "Taichi")
