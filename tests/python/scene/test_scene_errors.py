@@ -183,8 +183,8 @@ def test_polygons_and_fine_grids_are_for_2d() -> None:
     with pytest.raises(SceneError, match=r"bodies\[0\]\.shape: polygon is for dim 2 only"):
         Scene.parse({"dim": 3, "bodies": [triangle]})
     ball = Ball(material="water", center=(0.5, 0.5, 0.5), radius=0.01)
-    with pytest.raises(SceneError, match=r"resolution: must be in \[8, 256\] for dim 3, got 257"):
-        Scene(dim=3, resolution=257, bodies=(ball,))
+    with pytest.raises(SceneError, match=r"resolution: must be in \[8, 512\] for dim 3, got 513"):
+        Scene(dim=3, resolution=513, bodies=(ball,))
 
 
 def test_constructors_raise_the_same_error_as_parse() -> None:
