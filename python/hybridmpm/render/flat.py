@@ -82,8 +82,9 @@ class FlatView:
             spots = _blur(self._deposit(place, grain), 0.4 * pitch) / full
             color = color * (1.0 + 0.22 * np.clip(spots, -1.5, 1.5)[..., None])
         else:
-            # The surface gets a bright rim.
-            rim = 1.0 - palette.smoothstep(0.35, 0.95, density)
+            # The surface gets a bright rim. It is looked for in means over a cell of the grid: smaller gaps
+            # between particles mean nothing to the solver.
+            rim = 1.0 - palette.smoothstep(0.35, 0.85, _blur(density, pitch))
             color = palette.mix(color, color * 0.45 + 0.55, 0.55 * rim)
         return palette.mix(image, color, palette.smoothstep(0.16, 0.34, density))
 
