@@ -26,7 +26,7 @@ SHORTER: dict[str, Callable[[], CaseResult]] = {
 
 LONGER: dict[str, Callable[[], CaseResult]] = {
     "column_collapse": column_collapse.run,
-    "rotation": lambda: rotation.run(disc_seconds=10.0, ball_seconds=6.0),
+    "rotation": rotation.run,
 }
 """More of those of `SHORTER` that leave much out."""
 

@@ -1,6 +1,6 @@
 //! Elastic solids.
 
-use super::constitutive::{Constitutive, State, Volumes, increment};
+use super::constitutive::{Constitutive, State, Volumes};
 use super::lame::Lame;
 use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, ln, svd};
 
@@ -68,7 +68,11 @@ impl<const D: usize> Constitutive<D> for Elastic {
     #[inline(always)]
     fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
-            (increment(affine, i, dt) * Matrix::load(states, i)).store(states, i);
+            let f = Matrix::load(states, i);
+            let change = Matrix::from_fn(|row, column| dt * affine[row][column][i]) * f;
+            // Not (I + dt C) F: 1 + dt C_ii keeps few digits of a small dt C_ii, always the same ones in a steady
+            // rotation, and a ball that spins would gain energy from that.
+            (f + change).store(states, i);
         }
     }
 
@@ -122,5 +126,29 @@ impl<const D: usize> State for Matrix<D> {
 
     fn read(take: &mut impl FnMut() -> f32) -> Self {
         Matrix::from_fn(|_, _| take())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_rotation_changes_the_volume_by_no_more_than_rounding_at_random() {
+        // A body that spins once a second: what (I + dt C) stretches, the contraction takes back.
+        let (turn, steps) = (1.3e-3_f32, 20_000);
+        let contraction = -0.5 * turn * turn;
+        let affine: [[Lanes; 2]; 2] = [
+            [[contraction; LANES], [-turn; LANES]],
+            [[turn; LANES], [contraction; LANES]],
+        ];
+        let lame = Lame::new(1.0e6, 0.3);
+        let mut block = Matrix::<2>::identity().splat();
+        for _ in 0..steps {
+            Elastic { lame }.deform(&mut block, &affine, 1.0);
+        }
+        let each = (1.0 + f64::from(contraction)).powi(2) + f64::from(turn).powi(2);
+        let error = f64::from(determinant(&Matrix::load(&block, 0))) - each.powi(steps);
+        assert!(error.abs() < 5.0e-5, "{error}");
     }
 }
