@@ -4,6 +4,7 @@ use super::motion::Pose;
 use super::moving::MovingObstacles;
 use super::node::{ByRow, MaterialFriction, acts_at, change_velocity, stencil_reach};
 use super::obstacle::Obstacle;
+use super::wall_fill::cumulative;
 use super::walls::Walls;
 use crate::grid::{Layout, Span, Window};
 use crate::linalg::Vector;
@@ -182,6 +183,17 @@ impl<const D: usize> Obstacles<D> {
     #[inline(always)]
     pub fn near(&self, node: usize) -> bool {
         self.near[node]
+    }
+
+    /// The part of a node's spline [-] that lies in the nearest obstacle, whose face counts as plane.
+    pub fn fill(&self, node: [usize; D]) -> f32 {
+        let x = self.layout.position(node);
+        let pose = |index: usize| self.moving.as_ref()?.poses[index].as_ref();
+        let numbered = self.list.iter().enumerate();
+        let distance = numbered
+            .map(|(index, obstacle)| obstacle.distance_in(pose(index), &x).0)
+            .fold(f32::INFINITY, f32::min);
+        cumulative(f64::from(-distance / self.layout.dx())) as f32
     }
 
     /// Whether a point lies inside of one, as they are now.

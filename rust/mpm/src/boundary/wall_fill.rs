@@ -23,16 +23,22 @@ impl<const D: usize> WallFill<D> {
         Self { nodes }
     }
 
-    /// The same for values that were smoothed with weights of 1/4, 1/2, 1/4 from node to node.
-    pub fn smoothed(mut self) -> Self {
+    /// The same for values that were smoothed along each axis: `mean` takes a node's value from those before, at and
+    /// after it.
+    pub fn smoothed(mut self, mean: impl Fn(f32, f32, f32) -> f32) -> Self {
         for nodes in &mut self.nodes {
             // The outermost nodes keep their value: no particle gets that far.
             let before = nodes.clone();
             for (node, around) in nodes[1..].iter_mut().zip(before.windows(3)) {
-                *node = 0.25 * (around[0] + around[2]) + 0.5 * around[1];
+                *node = mean(around[0], around[1], around[2]);
             }
         }
         self
+    }
+
+    /// The part of a node's spline that lies between the walls, in [0, 1].
+    pub fn at_node(&self, node: [usize; D]) -> f32 {
+        (0..D).map(|axis| self.nodes[axis][node[axis]]).product()
     }
 
     /// For each particle of a block, the part of its stencil that lies between the walls, about 1 far from them,
@@ -63,7 +69,7 @@ impl<const D: usize> WallFill<D> {
 }
 
 /// Integral of the quadratic B-spline centred at zero from minus infinity to t.
-fn cumulative(t: f64) -> f64 {
+pub(super) fn cumulative(t: f64) -> f64 {
     match t {
         t if t < -1.5 => 0.0,
         t if t < -0.5 => (t + 1.5).powi(3) / 6.0,

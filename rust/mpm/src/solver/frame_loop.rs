@@ -240,7 +240,14 @@ impl<const D: usize> Solver<D> {
     pub(super) fn correct_volumes(&mut self, dt: f32) {
         if let Some(volume) = &mut self.volume {
             let groups = &mut self.state.groups;
-            volume.apply(groups, &self.slabs, &mut self.grid, dt, &self.team);
+            volume.apply(
+                groups,
+                &self.slabs,
+                &mut self.grid,
+                &self.obstacles,
+                dt,
+                &self.team,
+            );
         }
     }
 

@@ -1,6 +1,7 @@
 //! What particles hold for their volume, led back to the room that they take.
 
 use super::lanes::{PRESSURE, SMOOTH, VOLUME};
+use super::smooth::binomial;
 use crate::boundary::{WallFill, Walls};
 use crate::grid::{Grid, Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, run_wide};
@@ -62,16 +63,16 @@ const ROUNDING: f32 = 0.03;
 #[derive(Debug, Clone)]
 pub struct Rooms<const D: usize> {
     /// As fine as the volume on the nodes.
-    fine: WallFill<D>,
+    pub fine: WallFill<D>,
     /// As smooth as the smooth volume.
-    smooth: WallFill<D>,
+    pub smooth: WallFill<D>,
 }
 
 impl<const D: usize> Rooms<D> {
     pub fn new(walls: &Walls<D>, layout: &Layout<D>) -> Self {
         let fine = WallFill::new(walls, layout);
         Self {
-            smooth: fine.clone().smoothed(),
+            smooth: fine.clone().smoothed(binomial),
             fine,
         }
     }
@@ -191,6 +192,7 @@ mod tests {
         // A particle at a surface has little volume around it, and all of it on one side.
         assert_eq!(void(0.6, 0.16 * 0.16), 0.0);
         assert!((crowding(1.11) - 0.1).abs() < 1e-6 && crowding(1.0) == 0.0);
+        assert_eq!(crowding(3.0), 0.5);
     }
 
     #[test]
@@ -199,7 +201,9 @@ mod tests {
             assert_eq!(rate.part(0.0, 5.0e-3), 0.0);
             assert_eq!(rate.part(REST, 5.0e-3), 0.0);
             assert!(rate.part(1.1 * REST, 5.0e-3) > 0.0);
-            assert!((rate.part(50.0, 5.0e-3) - rate.most * 5.0e-3).abs() < 1e-6);
+            for dt in [5.0e-3, 2.5e-3] {
+                assert!((rate.part(50.0, dt) - rate.most * dt).abs() < 1e-6);
+            }
             assert!(rate.part(50.0, 1.0) <= 0.5);
         }
     }

@@ -18,13 +18,16 @@ mod correct;
 mod lanes;
 mod smooth;
 mod spread;
+#[cfg(test)]
+mod tests;
 
 use std::mem::discriminant;
 
-use crate::boundary::Walls;
+use crate::boundary::{Obstacles, Walls};
 use crate::grid::{Grid, Layout};
 use crate::particles::{MaterialGroup, Slab, with_group};
 use correct::{Rooms, correct};
+use lanes::VOLUME;
 use smooth::Smoothing;
 use spread::spread;
 use threads::Team;
@@ -67,6 +70,7 @@ impl<const D: usize> VolumeCorrection<D> {
         groups: &mut [MaterialGroup<D>],
         slabs: &[Slab],
         grid: &mut Grid<D>,
+        obstacles: &Obstacles<D>,
         dt: f32,
         team: &Team,
     ) {
@@ -89,6 +93,7 @@ impl<const D: usize> VolumeCorrection<D> {
                 }
             });
             if first {
+                self.fill_obstacles(grid, obstacles);
                 self.smoothing.apply(grid);
             }
             for group in groups.iter_mut().filter(|group| shares(group)) {
@@ -98,6 +103,27 @@ impl<const D: usize> VolumeCorrection<D> {
         }
         // What has been written here is no momentum.
         grid.mark_dirty();
+    }
+
+    /// Adds the volume of obstacles, which take room as matter does: else matter beside them would be told from a free
+    /// surface by nothing, and could be crowded. Beyond the walls they take none.
+    fn fill_obstacles(&self, grid: &mut Grid<D>, obstacles: &Obstacles<D>) {
+        if !obstacles.any() {
+            return;
+        }
+        let layout = grid.layout;
+        let ranges: Vec<_> = grid.active_ranges().collect();
+        for index in ranges.into_iter().flatten() {
+            if obstacles.near(index) {
+                let mut node = layout.row_coordinates(index / layout.row_length);
+                node[D - 1] = index % layout.row_length;
+                if node[D - 1] < layout.extent {
+                    let mut value = grid.nodes[index].to_array();
+                    value[VOLUME] += obstacles.fill(node) * self.room.fine.at_node(node);
+                    grid.nodes[index] = value.into();
+                }
+            }
+        }
     }
 }
 

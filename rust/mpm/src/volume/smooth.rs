@@ -62,7 +62,8 @@ impl Smoothing {
     }
 }
 
-fn binomial(before: f32, here: f32, after: f32) -> f32 {
+/// The smooth value of a node from those before, at and after it along an axis.
+pub fn binomial(before: f32, here: f32, after: f32) -> f32 {
     0.25 * (before + after) + 0.5 * here
 }
 
