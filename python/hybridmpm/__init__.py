@@ -5,6 +5,7 @@ The names in `__all__` are public, and so are the modules among them; the rest m
 
 from hybridmpm import control, data, downsampling, hybrid, metrics, physics, recording, scenarios, simulators
 from hybridmpm._native import (
+    SOLVER_VERSION,
     Diagnostics,
     FrameReport,
     RadiusGraph,
@@ -59,6 +60,7 @@ from hybridmpm.simulator import Simulator
 from hybridmpm.simulators import load
 
 __all__ = [
+    "SOLVER_VERSION",
     "Ball",
     "BallObstacle",
     "BallSink",

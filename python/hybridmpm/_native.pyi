@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "SOLVER_VERSION",
     "AccelerationHistory",
     "AccelerationSignal",
     "BatchError",
@@ -42,6 +43,12 @@ __all__ = [
     "relaxed",
 ]
 
+SOLVER_VERSION: int
+"""Which truth the solver computes: raised whenever the same scene gives other bits, on purpose.
+
+Snapshots are taken by solvers of their own version only. Data sets and networks say with which they were
+made.
+"""
 __version__: str
 
 class SimulationError(Exception):

@@ -18,8 +18,6 @@ from hybridmpm.scene import Scene
 
 MAGIC = b"HMPMFILE"
 VERSION = 2
-_MPM_ALONE = 1
-"""Version of the files that only MPM wrote, with its settings beside the other fields of the header."""
 _PREFIX = struct.Struct("<8sII")
 """Magic, version, length of the header."""
 _CHECKSUM = hashlib.sha256().digest_size
@@ -71,10 +69,10 @@ def read_state(path: Path) -> SavedState:
     if len(data) < _PREFIX.size or not data.startswith(MAGIC):
         raise SnapshotError(f"{path} is no snapshot file of hybridmpm, or it is cut off after a few bytes")
     _, version, length = _PREFIX.unpack_from(data)
-    if version not in (_MPM_ALONE, VERSION):
+    if version != VERSION:
         raise SnapshotError(
-            f"{path} has format version {version}, but this hybridmpm reads versions {_MPM_ALONE} to "
-            f"{VERSION}: open it with the version that wrote it"
+            f"{path} has format version {version}, but this hybridmpm reads version {VERSION}: open it with "
+            "the version that wrote it"
         )
     body, checksum = data[:-_CHECKSUM], data[-_CHECKSUM:]
     if hashlib.sha256(body).digest() != checksum:
@@ -82,9 +80,6 @@ def read_state(path: Path) -> SavedState:
     state = _PREFIX.size + length
     try:
         header = json.loads(body[_PREFIX.size : state])
-        if version == _MPM_ALONE:
-            names = ("substeps", "cfl", "allow_unstable", "sleep", "r_p")
-            header |= {"simulator": "mpm", "settings": {name: header[name] for name in names}}
         return SavedState(
             kind=header["simulator"],
             scene=Scene.parse(header["scene"]),

@@ -1,7 +1,10 @@
 """Digests of eight scenes: whoever changes the bits has to say so.
 
     python tests/golden/digests.py            prints them
-    python tests/golden/digests.py --write    takes them as the new truth
+    python tests/golden/digests.py --write    takes them as the new truth of the present `SOLVER_VERSION`
+
+Other bits are another truth, so new digests need a new `SOLVER_VERSION` in rust/mpm/src/version.rs: its
+number tells snapshots, data sets and networks of the older solver.
 
 The core computes with IEEE operations of one width and its own exponential and logarithm, so the bits are
 those of any processor, with AVX2 or without.
@@ -10,9 +13,11 @@ those of any processor, with AVX2 or without.
 import hashlib
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from hybridmpm import BallObstacle, Box, MpmSolver, Scene, SegmentObstacle, scenarios
+from hybridmpm import SOLVER_VERSION, BallObstacle, Box, MpmSolver, Scene, SegmentObstacle, scenarios
 
 FILE = Path(__file__).with_suffix(".json")
 FRAMES = 80
@@ -41,8 +46,35 @@ def digest(scene: Scene, threads: int = 1) -> dict[str, int | str]:
     return {"particles": solver.particle_count, "sha256": hashlib.sha256(state).hexdigest()}
 
 
+def committed() -> dict[str, Any]:
+    """Return the committed truth: `solver_version`, and `scenes` with the digest of each."""
+    return dict(json.loads(FILE.read_text(encoding="utf-8")))
+
+
+def checked(old: Mapping[str, Any], new: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the new truth.
+
+    Raises
+    ------
+    ValueError
+        It has other digests than the old one and the same version.
+    """
+    if old["scenes"] != new["scenes"] and old["solver_version"] == new["solver_version"]:
+        raise ValueError(
+            f"the bits differ from those of solver version {old['solver_version']}: raise SOLVER_VERSION in "
+            "rust/mpm/src/version.rs, say there what has changed, and build anew"
+        )
+    return new
+
+
 if __name__ == "__main__":
-    found = json.dumps({name: digest(scene) for name, scene in scenes().items()}, indent=1)
-    print(found)
+    found = {
+        "solver_version": SOLVER_VERSION,
+        "scenes": {name: digest(scene) for name, scene in scenes().items()},
+    }
+    print(json.dumps(found, indent=1))
     if "--write" in sys.argv:
-        FILE.write_text(found + "\n", encoding="utf-8")
+        try:
+            FILE.write_text(json.dumps(checked(committed(), found), indent=1) + "\n", encoding="utf-8")
+        except ValueError as refusal:
+            sys.exit(f"nothing written: {refusal}")

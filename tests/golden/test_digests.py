@@ -1,11 +1,12 @@
 """The bits of eight scenes are those that were committed, on one thread and on two."""
 
 import importlib.util
-import json
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from hybridmpm import SOLVER_VERSION
 
 
 def _load() -> ModuleType:
@@ -18,17 +19,31 @@ def _load() -> ModuleType:
 
 
 golden = _load()
-COMMITTED = json.loads(golden.FILE.read_text(encoding="utf-8"))
+COMMITTED = golden.committed()
 
 
 def test_all_scenes_have_a_digest() -> None:
-    assert set(COMMITTED) == set(golden.scenes())
+    assert set(COMMITTED["scenes"]) == set(golden.scenes())
 
 
-@pytest.mark.parametrize("name", COMMITTED)
+def test_the_digests_are_those_of_this_version_of_the_solver() -> None:
+    assert COMMITTED["solver_version"] == SOLVER_VERSION
+
+
+def test_other_bits_need_another_version() -> None:
+    older = {"solver_version": 1, "scenes": {"water_2d": {"particles": 1, "sha256": "a"}}}
+    other = {"scenes": {"water_2d": {"particles": 1, "sha256": "b"}}}
+    with pytest.raises(ValueError, match="differ from those of solver version 1: raise SOLVER_VERSION"):
+        golden.checked(older, other | {"solver_version": 1})
+    assert golden.checked(older, other | {"solver_version": 2})["solver_version"] == 2
+    assert golden.checked(older, older) == older
+
+
+@pytest.mark.parametrize("name", COMMITTED["scenes"])
 def test_the_bits_are_those_committed(name: str) -> None:
     scene = golden.scenes()[name]
     for threads in (1, 2):
-        assert golden.digest(scene, threads) == COMMITTED[name], (
-            "if the bits were meant to change, run `python tests/golden/digests.py --write` and say why"
+        assert golden.digest(scene, threads) == COMMITTED["scenes"][name], (
+            "if the bits were meant to change, raise SOLVER_VERSION, run "
+            "`python tests/golden/digests.py --write` and say why"
         )

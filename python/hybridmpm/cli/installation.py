@@ -33,7 +33,7 @@ class Finding:
 def examine() -> list[Finding]:
     """Return the findings on all parts of the installation, within a second; a fault is a finding, too."""
     return [
-        Finding("hybridmpm", "ok", _native.__version__),
+        Finding("hybridmpm", "ok", f"{_native.__version__}, solver version {_native.SOLVER_VERSION}"),
         Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),
         *(Finding(name, "ok", importlib.metadata.version(name)) for name in _LIBRARIES),
         Finding("platform", "ok", platform.platform()),

@@ -70,6 +70,7 @@ fn cpu_features() -> Vec<&'static str> {
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("SOLVER_VERSION", mpm::SOLVER_VERSION)?;
     error::register(module)?;
     module.add_class::<scene::PyMaterial>()?;
     module.add_class::<scene::PyObstacle>()?;

@@ -21,6 +21,7 @@ mod snapshot;
 mod solver;
 mod state;
 mod substep;
+mod version;
 mod volume;
 
 pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
@@ -36,3 +37,4 @@ pub use particles::Sleep;
 pub use settings::SolverSettings;
 pub use solver::{MotionReport, PrescribeOptions, Solver};
 pub use substep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};
+pub use version::SOLVER_VERSION;

@@ -1,5 +1,5 @@
-//! Complete state as bytes: magic, version, fingerprint of the scene, particles in the solver's own
-//! order, checksum. All little-endian.
+//! Complete state as bytes: magic, versions of the layout and of the solver, fingerprint of the scene, particles in
+//! the solver's own order, checksum. All little-endian.
 
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
@@ -8,11 +8,15 @@ use crate::openings::{EmitterStatus, Flow, Openings, Population};
 use crate::particles::{Activity, Group, Particle, with_group};
 use crate::settings::SolverSettings;
 use crate::state::SolverState;
+use crate::version::SOLVER_VERSION;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
-const VERSION: u32 = 3;
-/// Magic, version, fingerprint, frame, speed.
-const HEADER: usize = 8 + 4 + 8 + 8 + 4;
+/// Version of the layout.
+const VERSION: u32 = 4;
+/// The last version of the layout that did not name the solver's, which was 1.
+const WITHOUT_SOLVER: u32 = 3;
+/// Magic, both versions, fingerprint, frame, speed.
+const HEADER: usize = 8 + 4 + 4 + 8 + 8 + 4;
 const CHECKSUM: usize = 8;
 
 pub(crate) fn encode<const D: usize>(
@@ -22,6 +26,7 @@ pub(crate) fn encode<const D: usize>(
     let mut out = Vec::new();
     out.extend_from_slice(MAGIC);
     out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&SOLVER_VERSION.to_le_bytes());
     out.extend_from_slice(&fingerprint(settings).to_le_bytes());
     out.extend_from_slice(&state.frame.to_le_bytes());
     out.extend_from_slice(&state.max_speed.to_le_bytes());
@@ -55,15 +60,25 @@ pub(crate) fn decode<const D: usize>(
     let (body, checksum) = data.split_at(data.len() - CHECKSUM);
     let mut reader = Reader { rest: &body[8..] };
     let version = reader.u32();
-    if version != VERSION {
-        return Err(refuse(format!(
-            "it has version {version}, this build reads version {VERSION}"
-        )));
-    }
+    let solver = match version {
+        WITHOUT_SOLVER => 1,
+        VERSION => reader.u32(),
+        _ => {
+            return Err(refuse(format!(
+                "it has version {version}, this build reads version {VERSION}"
+            )));
+        }
+    };
     if fnv1a(body).to_le_bytes() != checksum {
         return Err(refuse(
             "its checksum does not match: it is damaged or cut off".into(),
         ));
+    }
+    if solver != SOLVER_VERSION {
+        return Err(refuse(format!(
+            "it was made by version {solver} of the solver and would go on differently with this build's version \
+             {SOLVER_VERSION}: go on with the hybridmpm that made it, or simulate the scene anew"
+        )));
     }
     if reader.u64() != fingerprint(settings) {
         return Err(refuse("it belongs to a scene with other settings".into()));

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hybridmpm import ExportError, MpmSolver, Scene, SnapshotError, scenarios
+from hybridmpm import SOLVER_VERSION, ExportError, MpmSolver, Scene, SnapshotError, scenarios
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "wave-maker.yaml"
 
@@ -137,7 +137,8 @@ def test_each_refusal_names_the_file_and_what_is_wrong(saved: Path, tmp_path: Pa
         (b"PK\x03\x04" + content, "is no snapshot file of hybridmpm"),
         (MpmSolver.load(saved).snapshot(), "is no snapshot file of hybridmpm"),
         (content[:-1], "is damaged or cut off"),
-        (rewritten(content, version=3), "has format version 3, but this hybridmpm reads versions 1 to 2"),
+        (rewritten(content, version=3), "has format version 3, but this hybridmpm reads version 2"),
+        (rewritten(content, version=1), "has format version 1, but this hybridmpm reads version 2"),
         (rewritten(content, scene=...), "has a header that this version does not understand: 'scene'"),
         (rewritten(content, scene={"dim": 4}), "does not understand: dim: Input should be 2 or 3"),
         (rewritten(content, settings={"substeps": "many", "sleep": None}), 'substeps must be "cfl"'),
@@ -153,17 +154,33 @@ def test_each_refusal_names_the_file_and_what_is_wrong(saved: Path, tmp_path: Pa
         assert message in str(caught.value)
 
 
-def test_files_of_the_first_format_are_read(saved: Path, tmp_path: Path) -> None:
-    """They hold MPM alone, with its settings beside the other fields of the header."""
+def of_solver(state: bytes, version: int) -> bytes:
+    """Return a state of MPM as a solver of that version would have written it; the first named none."""
+    assert state[:8] == b"HMPMSNAP"
+    named = struct.pack("<II", 4, version) if version > 1 else struct.pack("<I", 3)
+    body = state[:8] + named + state[16:-8]
+    hash_value = 0xCBF29CE484222325
+    for byte in body:
+        hash_value = (hash_value ^ byte) * 0x100000001B3 % 2**64
+    return body + struct.pack("<Q", hash_value)
+
+
+@pytest.mark.parametrize("version", [1, SOLVER_VERSION + 1])
+def test_a_state_of_another_solver_is_refused_with_both_versions(
+    saved: Path, tmp_path: Path, version: int
+) -> None:
+    solver = MpmSolver.load(saved)
+    before = solver.snapshot()
+    assert of_solver(before, SOLVER_VERSION) == before
+    message = f"made by version {version} of the solver .* this build's version {SOLVER_VERSION}: go on with"
+    with pytest.raises(SnapshotError, match=message):
+        solver.restore(of_solver(before, version))
+    assert solver.snapshot() == before
     content = saved.read_bytes()
-    (length,) = struct.unpack_from("<I", content, 12)
-    settings = json.loads(content[16 : 16 + length])["settings"]
-    old = tmp_path / "old.hmpm"
-    old.write_bytes(rewritten(content, version=1, simulator=..., settings=..., **settings))
-    one, other = MpmSolver.load(old), MpmSolver.load(saved)
-    one.advance(5)
-    other.advance(5)
-    assert one.snapshot() == other.snapshot()
+    body = content[: -32 - len(before)] + of_solver(before, version)
+    (tmp_path / "older").write_bytes(body + hashlib.sha256(body).digest())
+    with pytest.raises(SnapshotError, match=f"older cannot be restored: .*{message}"):
+        MpmSolver.load(tmp_path / "older")
 
 
 def test_a_file_that_cannot_be_written_or_read(tmp_path: Path, drop: Scene) -> None:

@@ -11,7 +11,8 @@ from hybridmpm import errors
 
 
 def test_all_names_exist() -> None:
-    assert sorted(hybridmpm.__all__) == hybridmpm.__all__
+    constants_first = sorted(hybridmpm.__all__, key=lambda name: (not name.isupper(), name))
+    assert constants_first == hybridmpm.__all__
     assert [name for name in hybridmpm.__all__ if not hasattr(hybridmpm, name)] == []
 
 

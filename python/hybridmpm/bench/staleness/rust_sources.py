@@ -20,6 +20,7 @@ CRATES: dict[str, str | None] = {
     "SimulationError": None,
     "SnapshotError": None,
     "StepSizeError": None,
+    "SOLVER_VERSION": None,
     "__version__": None,
     "cpu_features": None,
     "Diagnostics": _MPM,
