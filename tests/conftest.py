@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from xdist.scheduler import LoadScopeScheduling
 
+from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.machine import usable_cores
 
 if TYPE_CHECKING:
@@ -97,6 +98,7 @@ def model_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             layers=spec.layers,
             radius=spec.radius,
             parameters=0,
+            solver_versions=(SOLVER_VERSION,),
         )
         write_entry(name, entry, folder)
     return folder

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from hybridmpm import scenarios
+from hybridmpm import SOLVER_VERSION, scenarios
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.devices import require_torch, torch_device
 from hybridmpm.cli.progress import progress
@@ -210,6 +210,7 @@ def physics(
         trainer = checkpoint.load(file, device)
         _refuse_other_options(ctx, trainer, names, options, file)
         about = dict(checkpoint.read(file)["about"])
+        about["solver_versions"] = checkpoint.with_this_solver(about)
         _make_data(options["root"], trainer.spec, amount)
     else:
         spec = _spec(names, options)
@@ -246,16 +247,20 @@ def physics(
 
 
 def _origin(finetuned: Path | None) -> dict[str, str]:
-    """Return the command that makes the weights, and what came before it with a checkpoint to finetune."""
+    """Return the command that makes the weights and the versions of the solvers of its data.
+
+    With a checkpoint to finetune, they begin with those of the checkpoint.
+    """
     this = shlex.join(["hybridmpm", *sys.argv[1:]])
     if finetuned is None:
-        return {"command": this}
+        return {"command": this, "solver_versions": str(SOLVER_VERSION)}
     from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
 
     older = checkpoint.read(finetuned)
     steps, seconds = checkpoint.spent(older)
     return {
         "command": f"{older['about']['command']} --until {older['step']}; {this}",
+        "solver_versions": checkpoint.with_this_solver(older["about"]),
         "steps_before": str(steps),
         "seconds_before": f"{seconds:.1f}",
     }

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hybridmpm import scenarios
-from hybridmpm._native import __version__
+from hybridmpm._native import SOLVER_VERSION, __version__
 from hybridmpm._support.arguments import whole
 from hybridmpm.data.template import SceneTemplate
 from hybridmpm.errors import ConfigError
@@ -84,8 +84,8 @@ class Recipe:
         return scene if self.max_compression is None else _stiffened(scene, self.max_compression)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the recipe and the library's version as plain data."""
-        return {"hybridmpm": __version__, **dataclasses.asdict(self)}
+        """Return the recipe and the versions of library and solver as plain data."""
+        return {"hybridmpm": __version__, "solver_version": SOLVER_VERSION, **dataclasses.asdict(self)}
 
     def _suggested(self) -> int:
         if self.scenario is not None:

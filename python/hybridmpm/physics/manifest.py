@@ -29,11 +29,14 @@ class Entry:
     radius: float
     """[m]."""
     parameters: int
+    solver_versions: tuple[int, ...]
+    """Of the solvers that made its data; see `hybridmpm.SOLVER_VERSION`."""
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Read what `dataclasses.asdict` gives."""
-        return cls(**{**data, "scenarios": tuple(data["scenarios"])})
+        lists = {key: tuple(data[key]) for key in ("scenarios", "solver_versions")}
+        return cls(**{**data, **lists})
 
 
 def models(folder: Path = WEIGHTS) -> dict[str, Entry]:

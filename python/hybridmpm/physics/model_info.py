@@ -29,9 +29,15 @@ class ModelInfo:
     parameters: int
     """Count of the trained numbers."""
     training: Mapping[str, str]
-    """`command`, `data`, `machine`, `seconds`, `steps`, and `exported`, a date; "" where not recorded."""
+    """`command`, `data`, `machine`, `seconds`, `steps`, `solver_versions`, and `exported`, a date; "" where
+    not recorded."""
     errors: list[dict[str, Any]] = field(default_factory=list)
     """Rows of the errors measured with it; empty where none were."""
+
+    @property
+    def solver_versions(self) -> tuple[int, ...]:
+        """Versions of the solvers that made its data, increasing."""
+        return solver_versions(self.training)
 
     def to_properties(self) -> dict[str, str]:
         """Return texts for the file's metadata, which `from_properties` reads."""
@@ -65,6 +71,11 @@ class ModelInfo:
         except (KeyError, TypeError, ValueError) as error:
             raise DataError(f"{where}: its metadata is damaged: {error!r}; export it anew") from None
         return cls(spec=NetworkSpec.from_dict(spec, where=where), scales=scales, **parts)
+
+
+def solver_versions(training: Mapping[str, str]) -> tuple[int, ...]:
+    """Return the versions of the solvers that made the data of a training; those of the first name none."""
+    return tuple(int(version) for version in training.get("solver_versions", "1").split(", "))
 
 
 def check_file(data: bytes, *, where: str) -> None:

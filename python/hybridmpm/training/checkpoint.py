@@ -7,8 +7,10 @@ from typing import Any
 
 import torch
 
+from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.physics.model_info import solver_versions
 from hybridmpm.training.physics.trainer import Trainer
 
 _FORMAT = 1
@@ -53,6 +55,11 @@ def spent(state: Mapping[str, Any]) -> tuple[int, float]:
         int(about.get("steps_before", 0)) + state["step"],
         float(about.get("seconds_before", 0)) + state["seconds"],
     )
+
+
+def with_this_solver(about: Mapping[str, str]) -> str:
+    """Return the versions of the solvers of a checkpoint's data and of this one, as a text for `about`."""
+    return ", ".join(map(str, sorted({*solver_versions(about), SOLVER_VERSION})))
 
 
 def load(path: Path, device: torch.device) -> Trainer:

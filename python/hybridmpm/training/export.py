@@ -129,6 +129,7 @@ def export_checkpoint(
         training={
             "command": about.get("command", ""),
             "data": about.get("data", ""),
+            "solver_versions": about.get("solver_versions", "1"),
             "machine": about.get("machine", ""),
             "seconds": f"{seconds:.0f}",
             "steps": str(steps),

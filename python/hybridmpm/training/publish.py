@@ -56,6 +56,7 @@ def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> 
         layers=spec.layers,
         radius=spec.radius,
         parameters=info.parameters,
+        solver_versions=info.solver_versions,
     )
     write_entry(name, entry, folder)
     return [model, card, folder / "manifest.json"]
@@ -72,6 +73,7 @@ def model_card(name: str, info: ModelInfo) -> str:
         "particles": f"r_p = {spec.r_p:.4g}",
         "step": f"r_t = {spec.r_t} frames of {spec.frame_dt * 1e3:g} ms",
         "data": _recorded(training, "data"),
+        "solver": "version " + ", ".join(map(str, info.solver_versions)),
         "command": f"`{_recorded(training, 'command')}`",
         "time": f"{training.get('steps', '?')} steps in {_minutes(training)}",
         "machine": _recorded(training, "machine"),

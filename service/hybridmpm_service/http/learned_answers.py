@@ -124,6 +124,7 @@ class ModelBody(BaseModel):
                     "layers": 4,
                     "radius": 0.03,
                     "parameters": 151_000,
+                    "solver_versions": [1],
                     "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
                 }
             ]
@@ -138,13 +139,15 @@ class ModelBody(BaseModel):
     layers: int = Field(description="Number of its message passing layers.")
     radius: float = Field(description="Distance within which particles are neighbours [m].")
     parameters: int = Field(description="Number of its parameters.")
+    solver_versions: list[int] = Field(description="Versions of the solvers that made its training data.")
     sha256: str = Field(description="SHA-256 digest of its file.")
 
     @classmethod
     def of(cls, name: str, entry: Entry) -> Self:
         """Describe a model of the manifest."""
         known = {field: getattr(entry, field) for field in cls.model_fields if field != "name"}
-        return cls(**known | {"name": name, "scenarios": list(entry.scenarios)})
+        lists = {"scenarios": list(entry.scenarios), "solver_versions": list(entry.solver_versions)}
+        return cls(**known | lists | {"name": name})
 
 
 class ModelList(BaseModel):

@@ -9,6 +9,7 @@ import pytest
 import torch
 from click.testing import CliRunner, Result
 
+from hybridmpm import SOLVER_VERSION
 from hybridmpm.cli import cli
 from hybridmpm.physics import NeuralModel
 from hybridmpm.training import checkpoint
@@ -35,6 +36,13 @@ def weights(file: Path) -> torch.Tensor:
     return torch.cat([tensor.ravel() for tensor in checkpoint.read(file)["weights"].values()])
 
 
+def made_before_solvers_had_versions(file: Path) -> None:
+    """Take the version of the solver out of a checkpoint."""
+    state = checkpoint.read(file)
+    del state["about"]["solver_versions"]
+    torch.save(state, file)
+
+
 def test_a_training_goes_on_and_is_finetuned(train: Train, tmp_path: Path) -> None:
     whole, parts, fine = tmp_path / "whole", tmp_path / "parts", tmp_path / "fine"
     for folder, more in ((whole, ()), (parts, ("--until", 3)), (parts, ())):
@@ -46,7 +54,9 @@ def test_a_training_goes_on_and_is_finetuned(train: Train, tmp_path: Path) -> No
     with (parts / "rollouts.csv").open() as rows:
         assert int(list(csv.DictReader(rows))[-1]["trained_steps"]) == 6
     assert (parts / "rollout.png").stat().st_size > 1000
+    assert export_checkpoint(file)[1].solver_versions == (SOLVER_VERSION,)
 
+    made_before_solvers_had_versions(file)
     result = train("--finetune", file, "--steps", 2, "--batch", 1, "--unroll", 1, "--out", fine)
     assert result.exit_code == 0, result.output
     state, before = checkpoint.read(fine / "checkpoint.pt"), checkpoint.read(file)
@@ -59,6 +69,7 @@ def test_a_training_goes_on_and_is_finetuned(train: Train, tmp_path: Path) -> No
     assert first.endswith("--until 6")
     assert second.startswith(f"hybridmpm train physics --finetune {file}")
     assert info.training["steps"] == "8"
+    assert info.solver_versions == (1, SOLVER_VERSION)
     assert checkpoint.spent(state)[1] == pytest.approx(before["seconds"] + state["seconds"], abs=0.1)
     assert NeuralModel(data, where="fine").spec.r_t == 8
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hybridmpm import ConfigError, DataError, ExportError, MpmSolver, data, scenarios
+from hybridmpm import SOLVER_VERSION, ConfigError, DataError, ExportError, MpmSolver, data, scenarios
 from hybridmpm.data import hdf5, metadata
 from hybridmpm.data.generation import assemble
 from hybridmpm.data.generation.shards import Shards
@@ -142,6 +142,20 @@ def test_another_recipe_is_refused(made: Path) -> None:
     other = data.Recipe(template=data.SceneTemplate(DROPS), frames=10, force=5.0)
     with pytest.raises(ConfigError, match=r"holds data made with frames = 8, not 10; choose another folder"):
         data.plan(other, made, data.Seeds(train=4))
+
+
+@pytest.mark.parametrize(("noted", "version"), [({"solver_version": 7}, 7), ({}, 1)])
+def test_data_of_another_solver_are_not_added_to(
+    made: Path, drops: data.Recipe, tmp_path: Path, noted: dict[str, int], version: int
+) -> None:
+    """The first solver's data name no version."""
+    about = metadata.read(made)
+    assert about["hybridmpm"]["recipe"].pop("solver_version") == SOLVER_VERSION
+    about["hybridmpm"]["recipe"] |= noted
+    metadata.write(tmp_path, about)
+    message = f"holds data made with solver_version = {version}, not {SOLVER_VERSION}; choose another folder"
+    with pytest.raises(ConfigError, match=message):
+        data.plan(drops, tmp_path, data.Seeds(train=4))
 
 
 def test_two_processes_do_not_write_one_data_set(tmp_path: Path, drops: data.Recipe) -> None:

@@ -49,7 +49,12 @@ def make_simulator(*, scale: float = 0.2, seed: int = 0, **changes: Any) -> Lear
 
 def export(simulator: LearnedSimulator) -> bytes:
     """Return it as an ONNX file with a made-up origin."""
-    training = {"command": "hybridmpm train physics", "data": "none", "seconds": "60"}
+    training = {
+        "command": "hybridmpm train physics",
+        "data": "none",
+        "seconds": "60",
+        "solver_versions": "1, 2",
+    }
     rows = [{"scenario": "water_2d", "frame": 40, "error": 0.5}]
     info = ModelInfo(
         spec=simulator.spec, scales=simulator.scales, parameters=123, training=training, errors=rows

@@ -212,11 +212,13 @@ def test_publishing_adds_model_entry_and_card(tmp_path: Path, model_file: Path, 
     publish("water-small", data, model.info, tmp_path)
     assert list(manifest.models(tmp_path)) == ["water-small", "second"]
     assert manifest.default_model("water_ramps_2d", tmp_path) == "water-small"
+    assert manifest.models(tmp_path)["water-small"].solver_versions == (1, 2)
     card = (tmp_path / "water-small.md").read_text()
     for text in (
         "hybridmpm train physics",
         "1.0 minutes",
         "r_t = 4 frames of 2.5 ms",
+        "| solver | version 1, 2 |",
         "| water_2d | 40 | 0.5 |",
     ):
         assert text in card

@@ -5,6 +5,7 @@ import pytest
 
 from hybridmpm import NeuralPhysics, Scene, physics, scenarios
 from hybridmpm.errors import SimulationError
+from hybridmpm.physics.manifest import WEIGHTS
 
 MODELS = physics.models()
 SERVED = [(name, scenario) for name, entry in MODELS.items() for scenario in entry.scenarios]
@@ -95,3 +96,6 @@ def test_a_model_knows_where_it_comes_from(name: str) -> None:
     assert about.spec.scenarios == MODELS[name].scenarios
     assert about.training["command"].startswith("hybridmpm train physics")
     assert {row["scenario"] for row in about.errors} == set(MODELS[name].scenarios)
+    assert about.solver_versions == MODELS[name].solver_versions
+    versions = ", ".join(map(str, about.solver_versions))
+    assert f"| solver | version {versions} |" in (WEIGHTS / f"{name}.md").read_text(encoding="utf-8")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 
+from hybridmpm import SOLVER_VERSION
 from hybridmpm.bench.accuracy.conventions import RATIOS
 from hybridmpm.bench.sweep.family import SCENARIOS, Point, SweepSettings
 from hybridmpm.data import Recipe, Trajectory, simulate
@@ -93,11 +94,16 @@ def trained(
     mine.mkdir(parents=True, exist_ok=True)
     file = mine / run.CHECKPOINT
     training = _trajectories(point.scenario, point.ratio, point.r_t, settings)
+    versions = str(SOLVER_VERSION)
     if file.exists():
         trainer = checkpoint.load(file, device)
+        versions = checkpoint.with_this_solver(checkpoint.read(file)["about"])
     else:
         trainer = _new(point, minutes, settings, training, device)
-    about = {"command": f"hybridmpm bench sweep --points {point.key} --minutes-per-point {minutes:g}"}
+    about = {
+        "command": f"hybridmpm bench sweep --points {point.key} --minutes-per-point {minutes:g}",
+        "solver_versions": versions,
+    }
     run.train(
         trainer,
         mine,
