@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Box, Elastic, MpmSolver, Sand, Scene, Walls, Water
+from hybridmpm import Box, BoxObstacle, Elastic, MpmSolver, Sand, Scene, Walls, Water
 from hybridmpm.scene.openings import RectangularEmitter
 
 SEED = 11
@@ -18,6 +18,10 @@ def box(lower: tuple[float, ...], upper: tuple[float, ...], material: Any = None
     return Box(material=material or Water(), lower=lower, upper=upper, seed=seed)
 
 
+HALF = box((0.1, 0.1, 0.1), (0.3, 0.5, 0.5))
+"""Water in one half of `SQUARE`."""
+
+
 def filled(solver: MpmSolver) -> float:
     """Height [m] of all particles at rest, side by side between the walls."""
     walls, dim = solver.scene.walls, solver.scene.dim
@@ -25,18 +29,45 @@ def filled(solver: MpmSolver) -> float:
     return float(solver.particle_count * solver.scene.spacing**dim / np.prod(sides))
 
 
-def extra_depth(solver: MpmSolver) -> float:
-    """Depth from the centre of mass over that of all particles at rest, less 1, in the mean of 0.25 s."""
-    depths = []
-    for _ in range(20):
+SLOSH = 520
+"""Number of frames of the slowest wave of a block or dam between the walls, 2 L / sqrt(g h) = 1.3 s."""
+
+
+def centre(solver: MpmSolver, frames: int = 100) -> float:
+    """Height [m] of the particles over the floor, whatever they weigh, in the mean of so many frames."""
+    heights = []
+    for _ in range(frames // 5):
         solver.advance(5)
-        depths.append(2 * (solver.diagnostics().centroid[1] - solver.scene.walls.lower[1]))
-    return float(np.mean(depths)) / filled(solver) - 1
+        heights.append(solver.positions[:, 1].mean(dtype=np.float64) - solver.scene.walls.lower[1])
+    return float(np.mean(heights))
+
+
+def extra_depth(solver: MpmSolver, frames: int = 100) -> float:
+    """Depth from the centre of all particles over that at rest, less 1, in the mean of so many frames."""
+    return 2 * centre(solver, frames) / filled(solver) - 1
+
+
+def energy(solver: MpmSolver) -> float:
+    """Total energy [J], which is 0 at rest on the floor."""
+    totals, scene = solver.diagnostics(), solver.scene
+    height = totals.centroid[1] - scene.walls.lower[1]
+    return totals.kinetic_energy + totals.elastic_energy - totals.mass * scene.gravity[1] * height
+
+
+def made(**scene: Any) -> MpmSolver:
+    return MpmSolver(Scene(**{"dim": 2, "resolution": 128, "bodies": ()} | scene))
 
 
 def settled(frames: int, **scene: Any) -> MpmSolver:
-    solver = MpmSolver(Scene(**{"dim": 2, "resolution": 128, "bodies": ()} | scene))
-    solver.advance(frames)
+    """Return a solver after so many frames, in which its energy never rose, but for 0.5 % of the start's."""
+    solver = made(**scene)
+    start = lowest = energy(solver)
+    for _ in range(frames):
+        solver.advance()
+        if not solver.scene.is_open:
+            present = energy(solver)
+            lowest = min(lowest, present)
+            assert present <= min(start, lowest + 0.005 * start)
     return solver
 
 
@@ -53,9 +84,13 @@ def settled(frames: int, **scene: Any) -> MpmSolver:
 def test_water_is_as_deep_as_it_was(
     bodies: list[tuple[tuple[float, ...], ...]], frames: int, resolution: int, bound: float
 ) -> None:
-    """Waves that are left count as depth with half of their energy; those of a dam fade slowly."""
+    """Waves that are left count as depth with half of their energy; those of a dam fade slowly.
+
+    Their height comes and goes, so long runs are judged in the mean of a whole wave.
+    """
     boxes = tuple(box(lower, upper, seed=SEED + i) for i, (lower, upper) in enumerate(bodies))
-    assert abs(extra_depth(settled(frames, resolution=resolution, bodies=boxes))) < bound
+    window = SLOSH if frames > 4000 else 100
+    assert abs(extra_depth(settled(frames, resolution=resolution, bodies=boxes), window)) < bound
 
 
 @pytest.mark.long
@@ -68,8 +103,14 @@ def test_water_that_was_poured_is_as_deep_as_what_came() -> None:
 
 @pytest.mark.long
 def test_a_pool_in_space_is_as_deep_as_it_was() -> None:
-    half = box((0.1, 0.1, 0.1), (0.3, 0.5, 0.5))
-    assert abs(extra_depth(settled(900, dim=3, resolution=32, walls=SQUARE, bodies=(half,)))) < 0.05
+    pool = made(dim=3, resolution=32, walls=SQUARE, bodies=(HALF,))
+    pool.advance(900)
+    assert abs(extra_depth(pool)) < 0.05
+
+
+@pytest.mark.xfail(strict=True, reason="in 3D, what the jitter of the start crowds gains 1.3 % of the energy")
+def test_a_pool_in_space_gains_no_energy() -> None:
+    settled(12, dim=3, resolution=32, walls=SQUARE, bodies=(HALF,))
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
@@ -78,6 +119,56 @@ def test_a_bed_of_sand_that_fell_is_as_deep_as_it_was(dim: int) -> None:
     bed = box((0.1, 0.4, 0.1)[:dim], (0.5, 0.6, 0.5)[:dim], sand)
     walls, resolution = (NARROW, 40) if dim == 2 else (SQUARE, 32)
     assert abs(extra_depth(settled(500, dim=dim, resolution=resolution, walls=walls, bodies=(bed,)))) < 0.03
+
+
+@pytest.mark.parametrize("seed", [SEED, pytest.param(SEED + 1, marks=pytest.mark.long)])
+def test_water_beside_an_obstacle_is_as_deep_as_it_was(seed: int) -> None:
+    """A block under water, 3.8 cells high and 6.4 wide: water may not crowd at its faces."""
+    column = box((0.1, 0.1), (0.22, 0.6), seed=seed)
+    block = BoxObstacle(lower=(0.25, 0.1), upper=(0.35, 0.16))
+    pool = settled(2300, resolution=64, walls=NARROW, bodies=(column,), obstacles=(block,))
+    width, displaced = 0.4, 0.1 * 0.06
+    water = filled(pool) * width
+    depth = (water + displaced) / width
+    at_rest = (width * depth**2 / 2 - displaced * 0.03) / water
+    assert abs(2 * (centre(pool) - at_rest) / depth) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "bound"),
+    [
+        pytest.param(
+            (Water(), (0.1, 0.2), (0.5, 0.3)),
+            (Water(density=500.0), (0.1, 0.3), (0.5, 0.4)),
+            0.01,
+            id="layers",
+        ),
+        pytest.param(
+            (Water(), (0.1, 0.1), (0.3, 0.3)),
+            (Water(density=500.0), (0.3, 0.1), (0.5, 0.3)),
+            0.02,
+            id="halves",
+        ),
+        pytest.param(
+            (Water(), (0.1, 0.1), (0.3, 0.3)),
+            (Water(density=250.0), (0.3, 0.1), (0.5, 0.3)),
+            0.02,
+            id="a quarter",
+        ),
+        pytest.param(
+            (Sand(friction_angle=30.0, wall_friction=0.0), (0.1, 0.2), (0.5, 0.3)),
+            (Water(), (0.1, 0.3), (0.5, 0.4)),
+            0.05,
+            id="sand under water",
+        ),
+    ],
+)
+def test_matter_of_two_densities_is_as_deep_as_it_was(
+    lower: tuple[Any, ...], upper: tuple[Any, ...], bound: float
+) -> None:
+    """Two layers fall on the floor, or two halves turn over until the lighter one lies on the heavier."""
+    bodies = tuple(box(low, high, kind, SEED + i) for i, (kind, low, high) in enumerate((lower, upper)))
+    assert abs(extra_depth(settled(1500, resolution=64, walls=NARROW, bodies=bodies))) < bound
 
 
 def test_sand_that_was_poured_has_no_stripes() -> None:
@@ -128,8 +219,7 @@ def test_a_tank_is_compressed_by_its_own_weight_and_no_more() -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_full_box_without_gravity_stays_without_energy(dim: int) -> None:
     full = box((0.1,) * dim, (0.9,) * dim)
-    frames, resolution = (100, 64) if dim == 2 else (10, 32)
-    still = settled(frames, dim=dim, resolution=resolution, gravity=(0.0,) * dim, bodies=(full,))
+    still = settled(100 if dim == 2 else 10, dim=dim, resolution=32, gravity=(0.0,) * dim, bodies=(full,))
     assert still.diagnostics().elastic_energy == 0
     assert still.diagnostics().kinetic_energy == 0
 
