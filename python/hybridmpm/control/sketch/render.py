@@ -1,119 +1,147 @@
-"""Drawing a sketch as a raster, as the paper does: a red arrow or a green outline on white."""
+"""Drawing sketches as rasters: a red arrow or a green outline on white, or whatever a hand has drawn."""
 
 import io
+from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageDraw
+import numpy.typing as npt
+from PIL import Image
 
+from hybridmpm.control.sketch.polyline import arc_lengths, at_arc_length
 from hybridmpm.control.sketch.sketch import RASTER_SIZE, Arrow, Ellipse, Floats, Sketch
+from hybridmpm.errors import SketchError
 
 ARROW_WIDTH = 4.0
 """Width of the shaft of an arrow without widths [pixels]."""
 OUTLINE_WIDTH = 3.0
 """Width of the outline of an ellipse without width [pixels]."""
-HEAD_LENGTH = 26.0
-"""Length of a head along the shaft [pixels]; heads of short arrows are shorter."""
-MAX_HEAD = 0.4
-"""Largest length of a head as a fraction of its arrow's length."""
+HEAD_REACH = 10.0
+"""Distance [pixels] by which a head reaches beyond each side of its shaft."""
 HEAD_SLOPE = 0.45
 """Half width of a head over its length."""
+MAX_HEAD = 0.4
+"""Largest length of a head as a fraction of its arrow's length."""
+RED = (220, 20, 30)
+GREEN = (96, 200, 96)
+WHITE = (255, 255, 255)
 
-_OVERSAMPLING = 4
-_RED = (220, 20, 30, 255)
-_GREEN = (96, 200, 96, 255)
-_WHITE = (255, 255, 255, 255)
+Color = tuple[int, int, int]
 
 
-def render_png(sketch: Sketch) -> bytes:
-    """Return a sketch as a PNG, 512 x 512 RGBA on white; `parse_png` reads the sketch from it.
+@dataclass(frozen=True, eq=False)
+class PenStroke:
+    """One line of a drawing."""
 
-    An arrow without widths has a shaft of 4 pixels and a filled triangular head that ends at the tip. An
-    arrow with widths has a tapering shaft and a head of two open strokes. An ellipse is one closed outline.
+    points: Floats
+    """Points (K, 2) in the front view [m], y up; what lies outside of [0, 1] is not seen."""
+    widths: Floats
+    """Width at each point (K,) [pixels of the 512-pixel raster]."""
+    times: Floats | None = None
+    """Time at which each point was drawn (K,) [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Lines and filled shapes of one colour on a ground."""
+
+    strokes: tuple[PenStroke, ...]
+    fills: tuple[Floats, ...] = ()
+    """Corners (K, 2) of filled convex polygons [m]."""
+    color: Color = RED
+    """Red, green and blue of the ink, 0 to 255."""
+    ground: Color = WHITE
+    """Red, green and blue of the ground, 0 to 255."""
+
+
+def drawing_of(sketch: Sketch) -> Drawing:
+    """Return the drawing of a sketch.
+
+    An arrow has a shaft of its widths, or of `ARROW_WIDTH`, and a filled triangular head whose point is the
+    tip. The widths change linearly along each segment. An ellipse is one closed outline.
     """
-    side = RASTER_SIZE * _OVERSAMPLING
-    image = Image.new("RGBA", (side, side), _WHITE)
-    pen = _Pen(ImageDraw.Draw(image))
-    if isinstance(sketch, Arrow):
-        _draw_arrow(pen, sketch)
-    else:
-        _draw_ellipse(pen, sketch)
+    return _drawn_arrow(sketch) if isinstance(sketch, Arrow) else _drawn_ellipse(sketch)
+
+
+def render(drawing: Sketch | Drawing) -> npt.NDArray[np.uint8]:
+    """Return a sketch or a drawing as a picture, uint8 (512, 512, 4) RGBA, opaque, row 0 on top."""
+    if not isinstance(drawing, Drawing):
+        drawing = drawing_of(drawing)
+    coverage = np.zeros((RASTER_SIZE, RASTER_SIZE))
+    for stroke in drawing.strokes:
+        _draw_stroke(coverage, _to_pixels(stroke.points), stroke.widths / 2)
+    for corners in drawing.fills:
+        _fill(coverage, _to_pixels(corners))
+    ink, ground = np.array(drawing.color), np.array(drawing.ground)
+    picture = np.full((RASTER_SIZE, RASTER_SIZE, 4), 255, dtype=np.uint8)
+    picture[..., :3] = np.rint(ground + coverage[..., None] * (ink - ground))
+    return picture
+
+
+def render_png(drawing: Sketch | Drawing) -> bytes:
+    """Return a sketch or a drawing as a PNG, 512 x 512 RGBA; `parse_png` reads the sketch from it."""
     data = io.BytesIO()
-    image.resize((RASTER_SIZE, RASTER_SIZE), Image.Resampling.BOX).save(data, "PNG")
+    Image.fromarray(render(drawing)).save(data, "PNG")
     return data.getvalue()
 
 
-class _Pen:
-    """Draws on the oversampled picture; all lengths are in pixels of the final raster."""
+def _drawn_arrow(arrow: Arrow) -> Drawing:
+    widths = np.full(len(arrow.points), ARROW_WIDTH) if arrow.widths is None else arrow.widths
+    lengths = arc_lengths(arrow.points)
+    total, at_tip = float(lengths[-1]), float(widths[-1])
+    head = min((at_tip / 2 + HEAD_REACH) / HEAD_SLOPE / RASTER_SIZE, MAX_HEAD * total)
+    half = max(HEAD_SLOPE * head, (at_tip / 2 + HEAD_REACH / 2) / RASTER_SIZE)
+    # The direction over the length of the head, so that the head of a bent arrow covers its shaft.
+    neck, end = at_arc_length(arrow.points, np.array([total - head, total - 0.6 * head]))
+    along = (arrow.points[-1] - neck) / max(float(np.hypot(*(arrow.points[-1] - neck))), 1e-9)
+    across = np.array([-along[1], along[0]])
+    base = arrow.points[-1] - head * along
+    # The shaft ends within the head, so that nothing reaches beyond the tip.
+    inside = lengths < total - 0.6 * head
+    shaft = PenStroke(
+        np.vstack([arrow.points[inside], end]),
+        np.append(widths[inside], np.interp(total - 0.6 * head, lengths, widths)),
+    )
+    return Drawing((shaft,), (np.vstack([base + half * across, arrow.points[-1], base - half * across]),))
 
-    def __init__(self, draw: ImageDraw.ImageDraw) -> None:
-        self._draw = draw
 
-    def polygon(self, points: Floats, color: tuple[int, int, int, int]) -> None:
-        self._draw.polygon([(float(x), float(y)) for x, y in points * _OVERSAMPLING], fill=color)
-
-    def polyline(self, points: Floats, widths: Floats, color: tuple[int, int, int, int]) -> None:
-        """Draw a stroke with round ends and joints; its width changes linearly along each segment."""
-        for a, b, at_a, at_b in zip(points, points[1:], widths, widths[1:], strict=False):
-            along = b - a
-            length = float(np.hypot(*along))
-            if length > 0:
-                across = np.array([-along[1], along[0]]) / length / 2
-                self.polygon(
-                    np.array([a + across * at_a, b + across * at_b, b - across * at_b, a - across * at_a]),
-                    color,
-                )
-        for point, width in zip(points, widths, strict=True):
-            x, y = (float(value) for value in point * _OVERSAMPLING)
-            radius = float(width) * _OVERSAMPLING / 2
-            self._draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
+def _drawn_ellipse(ellipse: Ellipse) -> Drawing:
+    width = OUTLINE_WIDTH if ellipse.width is None else ellipse.width
+    outline = ellipse.outline(257)
+    return Drawing((PenStroke(outline, np.full(len(outline), width)),), color=GREEN)
 
 
 def _to_pixels(points: Floats) -> Floats:
+    if not np.isfinite(points).all():
+        raise SketchError("a drawing must be made of finite numbers")
     return np.column_stack([points[:, 0], 1.0 - points[:, 1]]) * RASTER_SIZE
 
 
-def _draw_arrow(pen: _Pen, arrow: Arrow) -> None:
-    points = _to_pixels(arrow.points)
-    tip = points[-1]
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    length = min(HEAD_LENGTH, MAX_HEAD * float(steps.sum()))
-    along = tip - _point_before_tip(points, length)
-    along = along / max(float(np.hypot(*along)), 1e-9)
-    across = np.array([-along[1], along[0]])
-    barbs = tip - length * along + np.outer([HEAD_SLOPE, -HEAD_SLOPE], length * across)
-    if arrow.widths is None:
-        # The shaft stops inside the head, so that nothing reaches beyond the tip.
-        shaft = np.vstack([points[:-1], tip - 0.5 * length * along])
-        pen.polyline(shaft, np.full(len(shaft), ARROW_WIDTH), _RED)
-        pen.polygon(np.vstack([barbs[0], tip, barbs[1]]), _RED)
-    else:
-        pen.polyline(points, arrow.widths, _RED)
-        thin = min(ARROW_WIDTH, float(arrow.widths[-1]))
-        # A wide shaft would swallow a head of the usual size.
-        reach = 1.0 + float(arrow.widths[-1]) / (2.0 * HEAD_SLOPE * length)
-        for barb in barbs:
-            pen.polyline(np.array([tip, tip + reach * (barb - tip)]), np.full(2, thin), _RED)
+def _draw_stroke(coverage: Floats, points: Floats, radii: Floats) -> None:
+    """Draw a stroke with round ends and joints; its width changes linearly along each segment."""
+    for a, b, at_a, at_b in zip(points, points[1:], radii, radii[1:], strict=False):
+        reach = max(at_a, at_b) + 1.0
+        window, x, y = _window(coverage, np.minimum(a, b) - reach, np.maximum(a, b) + reach)
+        dx, dy = b - a
+        along = np.clip(((x - a[0]) * dx + (y - a[1]) * dy) / max(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+        outside = np.hypot(x - a[0] - along * dx, y - a[1] - along * dy) - at_a - along * (at_b - at_a)
+        np.maximum(window, np.clip(0.5 - outside, 0.0, 1.0), out=window)
 
 
-def _point_before_tip(points: Floats, distance: float) -> Floats:
-    """Return the last point of the polyline that is `distance` from the tip in a straight line.
-
-    If all points are nearer, it is the tail.
-    """
-    far = np.flatnonzero(np.linalg.norm(points - points[-1], axis=1) >= distance)
-    if not far.size:
-        return np.asarray(points[0])
-    outside, inside = points[far[-1]], points[far[-1] + 1]
-    fractions = np.linspace(0.0, 1.0, 65)[:, None]
-    between = outside + fractions * (inside - outside)
-    gap = np.abs(np.linalg.norm(between - points[-1], axis=1) - distance)
-    return np.asarray(between[int(gap.argmin())])
+def _fill(coverage: Floats, corners: Floats) -> None:
+    """Fill a convex polygon."""
+    window, x, y = _window(coverage, corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0)
+    middle = corners.mean(axis=0)
+    outside = np.full(window.shape, -np.inf)
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        normal = np.array([b[1] - a[1], a[0] - b[0]]) / max(float(np.hypot(*(b - a))), 1e-9)
+        normal *= np.sign((a - middle) @ normal)
+        np.maximum(outside, (x - a[0]) * normal[0] + (y - a[1]) * normal[1], out=outside)
+    np.maximum(window, np.clip(0.5 - outside, 0.0, 1.0), out=window)
 
 
-def _draw_ellipse(pen: _Pen, ellipse: Ellipse) -> None:
-    turn = np.linspace(0.0, 2 * np.pi, 257)
-    cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
-    local = np.column_stack([np.cos(turn), np.sin(turn)]) * ellipse.axes
-    outline = ellipse.center + local @ np.array([[cos, sin], [-sin, cos]])
-    width = OUTLINE_WIDTH if ellipse.width is None else ellipse.width
-    pen.polyline(_to_pixels(outline), np.full(len(outline), width), _GREEN)
+def _window(coverage: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the pixels of a rectangle, as a view, and the middles of its columns (1, W) and rows (H, 1)."""
+    left, top = np.clip(np.floor(low), 0, RASTER_SIZE).astype(int)
+    right, bottom = np.clip(np.ceil(high), 0, RASTER_SIZE).astype(int)
+    x, y = np.arange(left, right) + 0.5, np.arange(top, bottom) + 0.5
+    return coverage[top:bottom, left:right], x[None, :], y[:, None]

@@ -50,7 +50,7 @@ class Arrow:
     kind: ClassVar[Literal["arrow"]] = "arrow"
 
     def __post_init__(self) -> None:
-        points = _checked_points(self.points)
+        points = checked_points(self.points)
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         if length < MIN_LENGTH:
             raise SketchError(f"points: the stroke is {length:.4g} long, must be at least {MIN_LENGTH:.4g}")
@@ -106,6 +106,13 @@ class Ellipse:
         object.__setattr__(self, "center", center)
         object.__setattr__(self, "axes", axes)
 
+    def outline(self, count: int) -> Floats:
+        """Return `count` points (count, 2) of the outline [m], the first again at the end."""
+        turn = np.linspace(0.0, 2 * np.pi, count)
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        local = np.column_stack([np.cos(turn), np.sin(turn)]) * self.axes
+        return np.asarray(self.center + local @ np.array([[cos, sin], [-sin, cos]]))
+
 
 Sketch: TypeAlias = Arrow | Ellipse
 
@@ -130,7 +137,14 @@ def _frozen(values: npt.ArrayLike) -> Floats:
     return array
 
 
-def _checked_points(values: npt.ArrayLike) -> Floats:
+def checked_points(values: npt.ArrayLike) -> Floats:
+    """Return points (K, 2) of a stroke as a read-only copy.
+
+    Raises
+    ------
+    SketchError
+        There are not 2 to `MAX_POINTS` points, or a number is not in [0, 1].
+    """
     points = _frozen(values)
     if points.ndim != 2 or points.shape[1] != 2:
         raise SketchError(f"points must have shape (K, 2), got {points.shape}")

@@ -1,25 +1,46 @@
 """From a stroke, which a page or a tablet records as points, to an arrow or an ellipse."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from hybridmpm.control.sketch.outline import fit_outline
+from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, simplified, values_at_knots
 from hybridmpm.control.sketch.sketch import (
     MAX_POINTS,
     MIN_LENGTH,
+    RASTER_SIZE,
     WIDTH_AT_BACK,
     WIDTH_AT_FRONT,
     Arrow,
     Ellipse,
     Floats,
     Sketch,
+    checked_points,
 )
 from hybridmpm.errors import SketchError
 
-CLOSED_GAP = 0.2
-"""Largest distance between the ends of a closed stroke, as a fraction of the stroke's length."""
+Kind: TypeAlias = Literal["arrow", "ellipse"]
+
+ROUND = np.radians(310)
+"""Least angle by which an oval turns around its middle [rad]."""
+SLENDER = 0.1
+"""Least width of an oval over its length [-]."""
+STRAYING = 1.8
+"""Largest distance of an oval's line from its middle, over the mean distance [-]."""
+MAX_OPENING = np.pi
+"""Widest gap of a stroke that is said to be an oval, seen from its middle [rad]."""
+_LOOSE = 0.25
+"""Largest root mean square distance of an oval's line from the oval, over the oval's size [-]."""
+TREMOR = 2.0 / RASTER_SIZE
+"""Distance [m] within which an arrow's line follows the hand: two pixels of the raster."""
+_EVEN = 1024
+"""Number of evenly spaced points by which a stroke is judged, so that a pen that rests has no weight."""
+_POINT = 1e-6
+"""Extent [m] below which a stroke is one point."""
 
 _Unit = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 _Width = Annotated[float, Field(ge=WIDTH_AT_BACK, le=WIDTH_AT_FRONT, allow_inf_nan=False)]
@@ -44,10 +65,10 @@ class Stroke(BaseModel):
         description="Time at which each point was drawn [s]; times must not decrease. Drawing tools record "
         "them; the constant force does not depend on them.",
     )
-    kind: Literal["arrow", "ellipse"] | None = Field(
+    kind: Kind | None = Field(
         default=None,
-        description="Kind of sketch that the stroke stands for. If absent, a closed stroke is an ellipse, an "
-        "open one an arrow.",
+        description="Kind of sketch that the stroke stands for. If absent, a stroke that goes round is an "
+        "ellipse, any other an arrow.",
     )
 
     @model_validator(mode="after")
@@ -87,13 +108,42 @@ def parse_strokes(strokes: Sequence[Stroke | Mapping[str, Any]]) -> Sketch:
         raise SketchError(_first_problem(err)) from err
     points = np.array(stroke.points, dtype=np.float64)
     widths = None if stroke.widths is None else np.array(stroke.widths, dtype=np.float64)
-    kind = stroke.kind or ("ellipse" if _is_closed(points) else "arrow")
     try:
-        if kind == "arrow":
-            return Arrow(points, widths)
-        return _ellipse_around(points, None if widths is None else float(widths.mean()))
+        kind = stroke.kind or classify_stroke(points)
+        return _arrow_along(points, widths) if kind == "arrow" else _ellipse_along(points, widths)
     except SketchError as err:
         raise SketchError(f"strokes[0].{err}") from err
+
+
+def classify_stroke(points: npt.ArrayLike) -> Kind:
+    """Return what a freehand stroke (K, 2) looks like: an "ellipse" if it goes round, else an "arrow".
+
+    The stroke is seen from its middle, the mean of its points along its length, in the frame in which it
+    spreads equally in all directions. It goes round if
+
+    1. it is at least a tenth as wide as it is long (in standard deviations),
+    2. the direction to the pen turns by at least 310 degrees, counted back where the pen turns back, and
+    3. the pen never strays more than 1.8 times as far from the middle as it is in the mean.
+
+    So a stroke that stops short of its start or overshoots it is an oval, whatever its shape and sense; a
+    hairpin, a stroke to and fro, and an arrow with a loop in it are arrows.
+
+    Raises
+    ------
+    SketchError
+        `points` is not float (K, 2) with 2 to `MAX_POINTS` points in [0, 1].
+    """
+    line = evenly_spaced(checked_points(points), _EVEN)
+    line = line - line.mean(axis=0)
+    values, vectors = np.linalg.eigh(line.T @ line / len(line))
+    if not values[0] >= SLENDER**2 * max(float(values[1]), _POINT**2):
+        return "arrow"
+    x, y = (line @ vectors / np.sqrt(values)).T
+    radius = np.hypot(x, y)
+    if radius.max() > STRAYING * radius.mean():
+        return "arrow"
+    turned = float(np.abs(np.unwrap(np.arctan2(y, x))[[0, -1]] @ [-1.0, 1.0]))
+    return "ellipse" if turned >= ROUND else "arrow"
 
 
 def _first_problem(err: ValidationError) -> str:
@@ -102,49 +152,36 @@ def _first_problem(err: ValidationError) -> str:
     return f"strokes[0]{path}: {problem['msg']}"
 
 
-def _is_closed(points: Floats) -> bool:
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    gap = float(np.linalg.norm(points[-1] - points[0]))
-    return len(points) > 3 and length > MIN_LENGTH and gap < CLOSED_GAP * length
+def _arrow_along(points: Floats, widths: Floats | None) -> Arrow:
+    """Return the arrow without the tremor of the hand; its tip and its tail are those of the stroke."""
+    kept = simplified(points, TREMOR)
+    if widths is not None:
+        places = arc_lengths(points)
+        fitted = values_at_knots(places, widths, places[kept])
+        widths = np.clip(fitted, widths.min(), widths.max())
+    return Arrow(points[kept], widths)
 
 
-def _ellipse_around(points: Floats, width: float | None) -> Ellipse:
-    """Return the ellipse that has the area moments of the polygon (Green's theorem).
-
-    Moments of the points would be wrong, because a pen that rests leaves many points in one place.
-    """
-    middle = points.mean(axis=0)
-    x, y = (points - middle).T
-    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
-    cross = x * y_next - x_next * y
-    area = cross.sum() / 2
-    if abs(area) < MIN_LENGTH**2:
+def _ellipse_along(points: Floats, widths: Floats | None) -> Ellipse:
+    """Return the ellipse that a stroke follows; a pen that rests, or goes round twice, does not change it."""
+    length = float(arc_lengths(points)[-1])
+    if length < 2 * np.pi * MIN_LENGTH:
         raise SketchError(
-            f"points: an ellipse must enclose an area of at least {MIN_LENGTH**2:.2g}, got {abs(area):.2g}"
+            f"points: an oval must be at least {2 * np.pi * MIN_LENGTH:.2g} m long, got {length:.2g}"
         )
-    first = np.array([((x + x_next) * cross).sum(), ((y + y_next) * cross).sum()]) / (6 * area)
-    xx = ((x * x + x * x_next + x_next * x_next) * cross).sum() / (12 * area)
-    yy = ((y * y + y * y_next + y_next * y_next) * cross).sum() / (12 * area)
-    xy = ((x * y_next + 2 * x * y + 2 * x_next * y_next + x_next * y) * cross).sum() / (24 * area)
-    covariance = np.array([[xx, xy], [xy, yy]]) - np.outer(first, first)
-    return ellipse_of_moments(middle + first, covariance, width)
-
-
-def ellipse_of_moments(center: Floats, covariance: Floats, width: float | None) -> Ellipse:
-    """Return the ellipse whose uniformly filled area has a given centre and covariance.
-
-    Its semi-axes are 2 sqrt(lambda), where lambda are the eigenvalues of the covariance.
-
-    Raises
-    ------
-    SketchError
-        The covariance is not positive definite.
-    """
-    values, vectors = np.linalg.eigh(covariance)
-    if values[0] <= 0:
-        raise SketchError("points: the stroke crosses itself so that it encloses no definite area")
-    major = vectors[:, 1]
-    angle = float(np.arctan2(major[1], major[0]))
-    # An axis has no direction, so its angle is given within half a turn.
-    angle = (angle + np.pi / 2) % np.pi - np.pi / 2
-    return Ellipse(np.clip(center, 0, 1), 2 * np.sqrt(values[::-1]), angle, width)
+    try:
+        outline = fit_outline(evenly_spaced(points, _EVEN), np.ones(_EVEN))
+    except SketchError as err:
+        raise SketchError(f"points: {err}") from err
+    if outline.gap > MAX_OPENING:
+        raise SketchError(
+            f"points: an oval must go more than half round, but {np.degrees(outline.gap):.0f} degrees "
+            "are open as seen from its middle; draw it round, or send it as an arrow"
+        )
+    if outline.spread > _LOOSE:
+        raise SketchError(
+            f"points: the stroke is no oval: it strays from one by {outline.spread:.0%} of its size, "
+            f"at most {_LOOSE:.0%} are allowed; draw one round"
+        )
+    width = None if widths is None else float(np.median(widths))
+    return Ellipse(outline.center, outline.axes, outline.angle, width)

@@ -1,0 +1,147 @@
+"""The ink of a picture: how much of each pixel it covers, its colour, and distances within it.
+
+Arrays of pixels have the shape (512, 512) with row 0 on top. Points are (x, y) in pixels; the middle of pixel
+(row, column) is (column + 0.5, row + 0.5).
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.sketch.sketch import Floats
+from hybridmpm.errors import SketchError
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+Levels: TypeAlias = npt.NDArray[np.int32]
+Color: TypeAlias = Literal["red", "green", "other"]
+
+MIN_INK = 40
+"""Smallest number of drawn pixels in a sketch, those of a stroke of 2 x 20 pixels."""
+MAX_INK = 0.3
+"""Largest fraction of the picture that may be ink; a photograph or a filled shape has more."""
+MIN_COLOR = 32
+"""Weakest contrast to the ground that is ink, and least excess of red or green, of 255."""
+_FULL = 90.0
+"""Percentile of the contrasts of ink that stands for a covered pixel; thin lines cover few pixels in full."""
+
+
+@dataclass(frozen=True)
+class Ink:
+    """What is drawn in one colour."""
+
+    color: Color
+    coverage: Floats
+    """Part of each pixel that is ink, (512, 512) in [0, 1]. The edge of a smoothed line is at a half."""
+
+    @property
+    def mask(self) -> Mask:
+        """Pixels that are ink for at least a half, bool (512, 512)."""
+        return self.coverage >= 0.5
+
+
+def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
+    """Return the ink of a picture, uint8 (512, 512, 3), whose ground is the colour of most pixels.
+
+    Red ink is taken where there is any, else green ink, else whatever differs from the ground.
+
+    Raises
+    ------
+    SketchError
+        The picture is blank, has red and green ink, too few drawn pixels or too many.
+    """
+    values = picture.astype(np.int16)
+    contrast = values - np.array([_middle(values[..., channel]) for channel in range(3)], dtype=np.int16)
+    red, green, blue = np.moveaxis(contrast, -1, 0)
+    redness, greenness = red - np.maximum(green, blue), green - np.maximum(red, blue)
+    colored = (redness >= MIN_COLOR) | (greenness >= MIN_COLOR)
+    strengths: dict[Color, npt.NDArray[np.int16]] = {
+        "red": redness,
+        "green": greenness,
+        "other": np.where(colored, np.int16(0), np.abs(contrast).max(axis=-1)),
+    }
+    inks = [Ink(color, _coverage(strength)) for color, strength in strengths.items()]
+    counts = [int(ink.mask.sum()) for ink in inks]
+    if not any(counts):
+        raise SketchError("the sketch is blank: draw a red arrow or a green outline on white")
+    # A few stray pixels of another colour are no second sketch.
+    if min(counts[:2]) >= MIN_INK:
+        raise SketchError("the sketch has red and green ink: send one arrow or one outline at a time")
+    drawn = [index for index in (0, 1) if counts[index] >= MIN_INK]
+    chosen = drawn[0] if drawn else int(np.argmax(counts))
+    if counts[chosen] < MIN_INK:
+        raise SketchError(
+            f"the sketch has {counts[chosen]} drawn pixels, it needs at least {MIN_INK} (of 512 x 512)"
+        )
+    fraction = counts[chosen] / inks[chosen].coverage.size
+    if fraction > MAX_INK:
+        raise SketchError(
+            f"{fraction:.0%} of the picture is ink, at most {MAX_INK:.0%} may be: "
+            "draw a line on an even ground"
+        )
+    return inks[chosen]
+
+
+def _middle(values: npt.NDArray[np.int16]) -> int:
+    """Return the median of values from 0 to 255; counting them is ten times as fast as sorting."""
+    counts = np.cumsum(np.bincount(values.ravel(), minlength=256))
+    return int(np.searchsorted(counts, values.size / 2))
+
+
+def _coverage(strength: npt.NDArray[np.int16]) -> Floats:
+    clear = strength[strength >= MIN_COLOR]
+    if not clear.size:
+        return np.zeros(strength.shape)
+    return np.clip(strength / np.percentile(clear, _FULL), 0.0, 1.0)
+
+
+def pixels_of(mask: Mask) -> Floats:
+    """Return the middles (K, 2) of the K pixels of a mask, (x, y) in pixels."""
+    rows, columns = np.nonzero(mask)
+    return np.column_stack([columns, rows]).astype(np.float64) + 0.5
+
+
+def coverage_at(coverage: Floats, points: Floats) -> Floats:
+    """Return the coverage (...,) at points (..., 2): linear between pixels, 0 off the picture."""
+    padded = np.pad(coverage, 1)
+    x, y = np.moveaxis(np.clip(points + 0.5, 0.0, np.array(coverage.shape[::-1]) + 0.999), -1, 0)
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    right, down = x - column, y - row
+    across, below = np.minimum(column + 1, padded.shape[1] - 1), np.minimum(row + 1, padded.shape[0] - 1)
+    upper = padded[row, column] * (1 - right) + padded[row, across] * right
+    lower = padded[below, column] * (1 - right) + padded[below, across] * right
+    return np.asarray(upper * (1 - down) + lower * down)
+
+
+def geodesic_levels(mask: Mask, start: tuple[int, int], most: int) -> Levels:
+    """Return the number of steps from `start` (row, column) to each pixel inside the mask.
+
+    Steps go to 4 neighbours and to 8 neighbours in turn. So pixels within a number of steps form an octagon,
+    and steps differ from the Euclidean distance by at most 6 %.
+
+    Returns
+    -------
+    int32, shape of the mask
+        Number of steps, -1 where a pixel is not reached within `most` steps.
+    """
+    row_length = mask.shape[1] + 2
+    free = np.pad(mask, 1).ravel()
+    levels = np.full(free.size, -1, dtype=np.int32)
+    edges = np.array([-row_length, -1, 1, row_length])
+    both = np.concatenate([edges, [-row_length - 1, -row_length + 1, row_length - 1, row_length + 1]])
+    frontier = np.array([(start[0] + 1) * row_length + start[1] + 1])
+    before = frontier[:0]
+    levels[frontier], free[frontier] = 0, False
+    step = 0
+    while step < most and (frontier.size or before.size):
+        step += 1
+        diagonal = step % 2 == 0
+        # A pixel that was left to its 4 neighbours only is left to its diagonal ones a step later.
+        front = np.concatenate([frontier, before]) if diagonal else frontier
+        reach = (front[:, None] + (both if diagonal else edges)).ravel()
+        reach = np.unique(reach[free[reach]])
+        levels[reach], free[reach] = step, False
+        before, frontier = (frontier[:0] if diagonal else frontier), reach
+    shape = (mask.shape[0] + 2, row_length)
+    return levels.reshape(shape)[1:-1, 1:-1]
