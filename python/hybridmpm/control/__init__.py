@@ -8,7 +8,7 @@ from hybridmpm.control.constant import MAX_ACCELERATION, ControlledTrajectory, f
 from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
-from hybridmpm.control.sketch.strokes import Stroke, parse_strokes
+from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
 
 __all__ = [
     "MAX_ACCELERATION",
@@ -17,6 +17,7 @@ __all__ = [
     "Ellipse",
     "Sketch",
     "Stroke",
+    "classify_stroke",
     "follow",
     "parse_png",
     "parse_strokes",

@@ -173,7 +173,7 @@ def _unsteady(line: Floats, tremor: float, length: float, rng: np.random.Generat
     """Return points (K, 2) [m] that stray from a line (K, 2) of points `_SPACING` apart."""
     stray = np.column_stack([_noise(len(line), length, rng) for _ in range(2)])
     # Each coordinate carries half of the square of the distance.
-    return np.clip(line + tremor / np.sqrt(2) / RASTER_SIZE * stray, _INSIDE, 1.0 - _INSIDE)
+    return np.asarray(np.clip(line + tremor / np.sqrt(2) / RASTER_SIZE * stray, _INSIDE, 1.0 - _INSIDE))
 
 
 def _spaced(line: Floats) -> Floats:

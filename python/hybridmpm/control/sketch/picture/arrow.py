@@ -6,10 +6,18 @@ Lengths are in pixels of the 512-pixel raster, points are (x, y) with y down unt
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from hybridmpm.control.sketch.picture.ink import Mask, coverage_at, pixels_of
+from hybridmpm.control.sketch.picture.marks import MAX_GAP, labels
 from hybridmpm.control.sketch.picture.shaft import STEEPEST, Shaft, connected, find_shaft
-from hybridmpm.control.sketch.polyline import arc_lengths, distance_to_line, simplified, values_at_knots
+from hybridmpm.control.sketch.polyline import (
+    arc_lengths,
+    distance_to_line,
+    evenly_spaced,
+    simplified,
+    values_at_knots,
+)
 from hybridmpm.control.sketch.sketch import RASTER_SIZE, WIDTH_AT_BACK, WIDTH_AT_FRONT, Arrow, Floats
 from hybridmpm.errors import SketchError
 
@@ -17,23 +25,31 @@ _BESIDE = 1.5
 """Distance from the edge of the line up to which ink counts as an unsteady line."""
 _CLEAR_HEAD = 8.0
 """Least ink beside the line [pixels] at the end that is the head."""
-_OTHER_END = 0.5
-"""Largest ink beside the line at the tail, as a fraction of that at the head."""
+_NO_HEAD = "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
 _MIN_LENGTH = 40.0
 """Shortest arrow, from the end of its tail to that of its head."""
+_SHORT = 100.0
+"""Length from which an arrow has a free shaft, unless other lines hide it."""
 _TOO_SHORT = "the arrow is too short to show a direction: draw it at least 50 pixels (of 512) long"
 _MIN_FREE = 12.0
 """Shortest line outside of the head that shows a direction."""
 _LARGEST_HEAD = 0.45
 """Largest radius of a head, as a fraction of the arrow's length."""
+_SHARPEST = -0.87
+"""Cosine of the sharpest turn of an arrow, 150 degrees; a way that turns back has followed a barb."""
 _KNOTS = 30.0
 """Least length of line between two places at which the change of its width may turn."""
+_PRESSURE = 1.5
+"""How many times as far from the measured widths a steady change may be as one from point to point, and still
+be preferred; pressure varies, too."""
 _UNSTEADY = 3.0
 """Distance from the edge of the arrow's line up to which ink belongs to it."""
 _HEAD_OPENING = 1.2
 """Tangent of the largest angle between line and barbs."""
 _LONGEST_HEAD = 0.6
 """Largest length of a head, as a fraction of the arrow's length."""
+_OTHER_HEAD = 0.5
+"""Largest amount of ink that is neither line nor head, as a fraction of the head's; another head has more."""
 _MAX_STRAY = 0.1
 """Largest share of the ink that may lie neither on the line nor in the head."""
 _OTHER_LINES = "the arrow has other lines beside it: draw one arrow, longer than its head, and nothing else"
@@ -46,8 +62,9 @@ _TOLERANCE = 1.5
 def read_arrow(coverage: Floats, mask: Mask) -> Arrow:
     """Return the arrow that one mark of ink shows, with a width for each point.
 
-    The head is the end with more ink beside the line. The line near an end is taken to have the width that is
-    extrapolated from its free part. Ends of the line are taken to be round.
+    The head is ink beside one end of the line; if both have such ink, it is the one that leaves the least
+    ink unexplained. The line near an end is taken to have the width that is extrapolated from its free part.
+    Ends of the line are taken to be round.
 
     Parameters
     ----------
@@ -61,50 +78,131 @@ def read_arrow(coverage: Floats, mask: Mask) -> Arrow:
     SketchError
         The arrow is too short, its head cannot be told from its tail, or there are lines beside it.
     """
-    ink = pixels_of(coverage > 0)
-    amount = coverage[coverage > 0]
-    whole = find_shaft(coverage, mask)
-    if whole.length < _MIN_LENGTH:
+    ink = _Ink(coverage, pixels_of(coverage > 0), coverage[coverage > 0])
+    shaft = find_shaft(coverage, mask)
+    if shaft.length < _MIN_LENGTH:
         raise SketchError(_TOO_SHORT)
-    shaft, head = _pointed(whole, ink, amount)
+    beside, place = _beside(ink, shaft)
+    readings = [
+        reading
+        for line, head in ((shaft, beside & (place > 0.4)), (shaft.reversed(), beside & (place < 0.6)))
+        if ink.amount[head].sum() >= _CLEAR_HEAD and (reading := _read(ink, line, head)) is not None
+    ]
+    if not readings:
+        raise SketchError(_NO_HEAD if shaft.length > _SHORT or not beside.any() else _TOO_SHORT)
+    best = min(readings, key=lambda reading: reading.unexplained)
+    if best.unexplained > _MAX_STRAY:
+        raise SketchError(_OTHER_LINES)
+    if sum(reading.unexplained <= _MAX_STRAY for reading in readings) > 1:
+        raise SketchError(_NO_HEAD)
+    points = np.column_stack([best.line[:, 0], RASTER_SIZE - best.line[:, 1]]) / RASTER_SIZE
+    return Arrow(np.clip(points, 0.0, 1.0), np.clip(best.widths, WIDTH_AT_BACK, WIDTH_AT_FRONT))
+
+
+@dataclass(frozen=True)
+class _Ink:
+    """All ink of a mark."""
+
+    coverage: Floats
+    """Part of each pixel that is ink, (512, 512)."""
+    pixels: Floats
+    """Middles (N, 2) of the pixels with ink."""
+    amount: Floats
+    """Coverage (N,) of these pixels."""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """An arrow whose head is at one of the two ends of the line."""
+
+    line: Floats
+    """Points (K, 2) from tail to tip."""
+    widths: Floats
+    """Widths (K,)."""
+    unexplained: float
+    """Share of the ink that is neither line nor head, plus the part of the line that has no ink."""
+
+
+def _beside(ink: _Ink, shaft: Shaft) -> tuple[npt.NDArray[np.bool_], Floats]:
+    """Return which pixels (N,) lie beside the line, and where along it (N,), from 0 at its start to 1.
+
+    A connected piece of ink is in one place as a whole, because the barb of a large head may reach back
+    beyond half of a short line.
+    """
+    distance, nearest = shaft.distance(ink.pixels)
+    beside = distance > shaft.free[nearest] / 2 + _BESIDE
+    mask = np.zeros((RASTER_SIZE, RASTER_SIZE), dtype=bool)
+    column, row = ink.pixels.astype(np.intp).T
+    mask[row[beside], column[beside]] = True
+    piece = labels(mask)[row, column]
+    weight = np.where(beside, ink.amount, 0.0)
+    total = np.bincount(piece, weight)
+    place = np.bincount(piece, weight * nearest / (len(shaft.points) - 1))
+    return beside, (place / np.maximum(total, 1e-9))[piece]
+
+
+def _read(ink: _Ink, shaft: Shaft, beside: npt.NDArray[np.bool_]) -> _Reading | None:
+    """Return the arrow whose head is the ink `beside` the end of a line; None if that cannot be."""
+    head = _head(ink, beside)
+    if head.radius > _LARGEST_HEAD * shaft.length:
+        return None
     free = shaft.before(head.center, head.radius + shaft.width / 2 + 4.0)
     if free.length < _MIN_FREE:
-        raise SketchError(_TOO_SHORT)
-    tip = _tip(coverage, ink, free, head)
-    tail, inner = _tail(ink, amount, free)
+        return None
+    tip = _tip(ink, free, head)
+    tail, inner = _tail(ink, free)
+    if not (free.widths[inner:] > 0).any():
+        return None
     line = np.vstack([tail, free.points[inner:], tip])
     kept = simplified(line, _TOLERANCE)
+    steps = np.diff(line[kept], axis=0)
+    steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
+    if ((steps[:-1] * steps[1:]).sum(axis=1) < _SHARPEST).any():
+        return None
     widths = _widths_at(arc_lengths(line), free.widths[inner:], kept)
-    if _stray(ink, amount, line[kept], widths) > _MAX_STRAY:
-        raise SketchError(_OTHER_LINES)
-    points = np.column_stack([line[kept, 0], RASTER_SIZE - line[kept, 1]]) / RASTER_SIZE
-    return Arrow(np.clip(points, 0.0, 1.0), np.clip(widths, WIDTH_AT_BACK, WIDTH_AT_FRONT))
+    return _Reading(line[kept], widths, _unexplained(ink, line[kept], widths))
 
 
-def _stray(ink: Floats, amount: Floats, line: Floats, widths: Floats) -> float:
-    """Return the share of the ink that is neither on the line nor where the head may lie."""
+def _unexplained(ink: _Ink, line: Floats, widths: Floats) -> float:
+    """Return the share of the ink that is neither line nor head, plus the part of the line that has no ink.
+
+    Gaps that are bridged in an arrow have no ink.
+    """
     reach = float(widths.max()) / 2 + _UNSTEADY
-    behind = line[-1] - ink
+    behind = line[-1] - ink.pixels
     along = _unit(line[-1] - line[-2])
     depth, aside = behind @ along, np.abs(behind @ np.array([-along[1], along[0]]))
     length = float(arc_lengths(line)[-1])
     in_head = (
         (depth > -reach) & (aside < depth * _HEAD_OPENING + 2 * reach) & (depth < _LONGEST_HEAD * length)
     )
-    on_line = distance_to_line(ink, line) < reach
-    return float(amount[~(in_head | on_line)].sum() / amount.sum())
+    on_line = distance_to_line(ink.pixels, line) < reach
+    stray = float(ink.amount[~(in_head | on_line)].sum())
+    if stray > _OTHER_HEAD * float(ink.amount[in_head & ~on_line].sum()) + _CLEAR_HEAD:
+        return 1.0
+    bare = float((coverage_at(ink.coverage, evenly_spaced(line, int(length) + 2)) < 0.5).sum())
+    return stray / float(ink.amount.sum()) + max(bare - 2 * MAX_GAP, 0.0) / length
 
 
 def _widths_at(places: Floats, measured: Floats, kept: list[int]) -> Floats:
-    """Return the widths at the points `kept` of a line, from those measured between its ends."""
+    """Return the widths at the points `kept` of a line, from those measured between its ends.
+
+    They change linearly from tail to tip unless the measured ones clearly change from point to point: what
+    the pen's pressure does to a short piece would grow where the line goes on within the head.
+    """
     knots = [places[0]]
     for place in places[kept[1:-1]]:
         if place - knots[-1] >= _KNOTS and places[-2] - place >= _KNOTS:
             knots.append(place)
     knots.append(places[-1])
     clear = measured > 0
-    values = values_at_knots(places[1:-1][clear], measured[clear], np.array(knots))
-    return np.interp(places[kept], knots, values)
+    fits = []
+    for ends in ([knots[0], knots[-1]], knots):
+        values = values_at_knots(places[1:-1][clear], measured[clear], np.array(ends))
+        miss = np.abs(np.interp(places[1:-1], ends, values) - measured)[clear].mean()
+        fits.append((float(miss), np.interp(places[kept], ends, values)))
+    (straight_miss, straight), (bent_miss, bent) = fits
+    return straight if straight_miss < _PRESSURE * bent_miss + 0.03 else bent
 
 
 @dataclass(frozen=True)
@@ -115,32 +213,19 @@ class _Head:
     radius: float
 
 
-def _pointed(shaft: Shaft, ink: Floats, amount: Floats) -> tuple[Shaft, _Head]:
-    """Return the line turned so that its head is at the end, and the head."""
-    distance, nearest = shaft.distance(ink)
-    beside = distance > shaft.free[nearest] / 2 + _BESIDE
-    at_end = nearest >= len(shaft.points) / 2
-    start, end = (float(amount[beside & where].sum()) for where in (~at_end, at_end))
-    if max(start, end) < _CLEAR_HEAD or min(start, end) > _OTHER_END * max(start, end):
-        raise SketchError(
-            "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
-        )
-    if start > end:
-        shaft, at_end = shaft.reversed(), ~at_end
-    where = beside & at_end
+def _head(ink: _Ink, beside: npt.NDArray[np.bool_]) -> _Head:
+    where = beside
     for _ in range(3):
-        share = amount[where] / amount[where].sum()
-        center = share @ ink[where]
-        away = np.hypot(*(ink - center).T)
+        share = ink.amount[where] / ink.amount[where].sum()
+        center = share @ ink.pixels[where]
+        away = np.hypot(*(ink.pixels - center).T)
         # A line of ink reaches 1.73 times as far from its middle as in the root mean square.
         radius = 1.8 * float(np.sqrt(share @ away[where] ** 2)) + 1.0
         where = beside & (away < 1.5 * radius)
-    if radius > _LARGEST_HEAD * shaft.length:
-        raise SketchError(_OTHER_LINES)
-    return shaft, _Head(center, radius)
+    return _Head(center, radius)
 
 
-def _tip(coverage: Floats, ink: Floats, free: Shaft, head: _Head) -> Floats:
+def _tip(ink: _Ink, free: Shaft, head: _Head) -> Floats:
     """Return the tip: the foremost point of the head in the direction of the line.
 
     The line's end would be wrong: on an open head it is the end of a barb, which lies behind the tip.
@@ -149,13 +234,13 @@ def _tip(coverage: Floats, ink: Floats, free: Shaft, head: _Head) -> Floats:
     back = free.points[max(len(free.points) - 1 - int(_DIRECTION / free.spacing), 0)]
     along = _unit(last - back)
     reach = float(np.hypot(*(head.center - last))) + 2.0 * head.radius + free.width
-    solid = ink[coverage_at(coverage, ink) >= 0.5]
+    solid = ink.pixels[ink.amount >= 0.5]
     near = solid[np.hypot(*(solid - last).T) < reach]
     for _ in range(3):
         progress = near @ along
         front = near[progress >= progress.max() - 0.6].mean(axis=0)
         along = _unit(front - last)
-    return np.asarray(front + _beyond(coverage, front, along) * along)
+    return np.asarray(front + _beyond(ink.coverage, front, along) * along)
 
 
 def _beyond(coverage: Floats, front: Floats, along: Floats) -> float:
@@ -179,7 +264,7 @@ def _beyond(coverage: Floats, front: Floats, along: Floats) -> float:
     return 0.5 - float(min(np.median(radii[:4]), 1.2 * WIDTH_AT_FRONT / 2))
 
 
-def _tail(ink: Floats, amount: Floats, free: Shaft) -> tuple[Floats, int]:
+def _tail(ink: _Ink, free: Shaft) -> tuple[Floats, int]:
     """Return the tail, and the index of the first point of the line that lies clearly inside of it.
 
     The ink behind a point of the line tells the length L from there to the tail. With the widths w there and
@@ -192,12 +277,12 @@ def _tail(ink: Floats, amount: Floats, free: Shaft) -> tuple[Floats, int]:
     places = np.arange(len(widths), dtype=np.float64) * free.spacing
     width, farther = np.maximum(values_at_knots(places, widths, places[[0, -1]]), 1.0)
     slope = float(np.clip((farther - width) / places[-1], -STEEPEST, STEEPEST))
-    near = np.hypot(*(ink - here).T) < 2.0 * width + 20.0
-    ink, amount = ink[near], amount[near]
+    near = np.hypot(*(ink.pixels - here).T) < 2.0 * width + 20.0
+    pixels, amount = ink.pixels[near], ink.amount[near]
     backward = _unit(here - free.points[after])
     for _ in range(3):
-        behind = (ink - here) @ backward > 0
-        backward = _unit(amount[behind] @ ink[behind] / max(float(amount[behind].sum()), 1e-9) - here)
+        behind = (pixels - here) @ backward > 0
+        backward = _unit(amount[behind] @ pixels[behind] / max(float(amount[behind].sum()), 1e-9) - here)
     area = float(amount[behind].sum())
     length = area / width
     for _ in range(5):

@@ -27,6 +27,8 @@ _INK = 0.2
 """Least coverage of the samples of a section that belong to the line."""
 STEEPEST = 0.25
 """Largest change of a line's width over its length [-]; a head's is larger."""
+_BROAD = 1.5
+"""Width of the ink, over that of the line alone, from which there is more than the line."""
 _CENTERED = 3
 """Number of times that the line is moved to the middle of its ink."""
 _BLOCK = 32
@@ -101,8 +103,10 @@ def find_shaft(coverage: Floats, mask: Mask) -> Shaft:
     points = _way_through(mask)
     for _ in range(_CENTERED):
         points, spacing = _even(_averaged(points, 3))
-        offsets, _ = _sections(coverage, points)
-        points = points + offsets
+        offsets, widths = _sections(coverage, points)
+        # Among the barbs of a head the middle of the ink says nothing.
+        alone = widths < _BROAD * _free_widths(widths, spacing) + 1.0
+        points = points + np.where(alone[:, None], offsets, 0.0)
     points, spacing = _even(points)
     _, widths = _sections(coverage, points)
     return Shaft(points, widths, _free_widths(widths, spacing), spacing)
