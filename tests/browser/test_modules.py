@@ -1,9 +1,11 @@
 """The page's pure modules, run in the browser that will run them."""
 
 import base64
+import json
 import math
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Error, Page
 
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
+from hybridmpm.control import classify_stroke
 
 from .conftest import LiveService
 
@@ -91,6 +94,33 @@ def test_closed_strokes_are_ellipses_and_open_ones_arrows(page: Page, turn: floa
     line = [[0.2 + 0.01 * i * math.cos(turn), 0.3 + 0.01 * i * math.sin(turn)] for i in range(30)]
     assert _call(page, "sketch/sketch.js", "classify", line) == "arrow"
     assert _call(page, "sketch/sketch.js", "classify", line + line[::-1]) == "arrow"
+
+
+def test_the_page_takes_free_strokes_for_what_the_library_takes_them_for(page: Page) -> None:
+    drawn = Path(__file__).parents[1] / "python" / "control" / "hand_drawn" / "sketches.json"
+    strokes = [entry["stroke"]["points"] for entry in json.loads(drawn.read_text(encoding="utf-8"))]
+    rng = np.random.default_rng(0)
+    strokes += [np.cumsum(rng.normal(0, 0.02, (40, 2)), axis=0).clip(-0.5, 0.5) + 0.5 for _ in range(60)]
+    script = """async (strokes) => {
+      const { classify } = await import("/sketch/sketch.js");
+      return strokes.map(classify);
+    }"""
+    kinds = [classify_stroke(points) for points in strokes]
+    assert page.evaluate(script, [np.asarray(points).tolist() for points in strokes]) == kinds
+    assert set(kinds) == {"arrow", "ellipse"}
+
+
+@pytest.mark.parametrize("sweep", [5.6, 2 * math.pi, 7.5])
+def test_an_oval_tool_takes_a_traced_oval_and_else_the_one_in_its_box(page: Page, sweep: float) -> None:
+    """A traced oval ends where it began, so the box between both was empty: "That stroke was very short"."""
+    traced = [[0.5 + 0.1 * math.cos(a), 0.4 + 0.06 * math.sin(a)] for a in np.linspace(1.0, 1.0 + sweep, 60)]
+    assert _call(page, "sketch/sketch.js", "ovalFrom", traced) == traced
+    shape = _call(page, "sketch/sketch.js", "ellipseOf", traced)
+    assert shape["center"] == pytest.approx([0.5, 0.4], abs=0.01)
+    assert shape["axes"] == pytest.approx([0.1, 0.06], rel=0.05)
+    boxed = np.array(_call(page, "sketch/sketch.js", "ovalFrom", [[0.2, 0.3], [0.3, 0.33], [0.6, 0.5]]))
+    assert boxed.min(axis=0) == pytest.approx([0.2, 0.3], abs=1e-3)
+    assert boxed.max(axis=0) == pytest.approx([0.6, 0.5], abs=1e-3)
 
 
 def test_resampling_keeps_ends_and_length(page: Page) -> None:

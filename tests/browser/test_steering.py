@@ -76,6 +76,19 @@ def test_fluid_gathers_in_an_oval(open_page: Open, service: LiveService) -> None
     visit.wait_for("body.control === 'done'")
 
 
+@pytest.mark.parametrize("points", [16, 19])
+def test_an_oval_may_be_traced_with_the_oval_tool(open_page: Open, points: int) -> None:
+    """Once round, and 70 degrees beyond."""
+    visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
+    visit.pause_at(5)
+    visit.press_until("o", "body.tool === 'oval'")
+    circle = _circle((0.5, 0.5), 0.12)
+    sketch = _draw(visit, circle + circle[1 : points - 15])["sketch"]
+    assert sketch["kind"] == "ellipse"
+    assert sketch["center"] == pytest.approx([0.5, 0.5], abs=0.01)
+    assert sketch["axes"] == pytest.approx([0.12, 0.12], abs=0.01)
+
+
 def test_free_stroke_shows_its_guess_and_can_be_taken_back(open_page: Open, service: LiveService) -> None:
     visit = open_page()
     visit.pause_at(3)

@@ -32,7 +32,7 @@ function steerText(steering, { live, playing, dim, tool }) {
     default:
       if (!live) return "Waiting for the simulation";
       if (dim === 3 && tool === "orbit") return "Drag to look around. Pick arrow or oval to steer.";
-      return tool === "oval" ? "Drag an oval where the fluid should gather" : "Draw on the picture: the fluid follows";
+      return tool === "oval" ? "Drag across an oval, or trace one, where the fluid should gather" : "Draw on the picture: the fluid follows";
   }
 }
 

@@ -32,7 +32,7 @@ export function resample(points, count) {
   return result;
 }
 
-/** Area, centre and second moments of the closed polygon (Green's theorem; signs removed). */
+/** Centre and second moments of the area within a closed polygon (Green's theorem); null without an area. */
 function moments(points) {
   // Taken about the first point: the formulas cancel badly far from the origin.
   const [ox, oy] = points[0];
@@ -51,7 +51,6 @@ function moments(points) {
   if (area === 0) return null;
   const [cx, cy] = [mx / area, my / area];
   return {
-    area: Math.abs(area),
     center: [ox + cx, oy + cy],
     xx: xx / area - cx * cx,
     yy: yy / area - cy * cy,
@@ -59,22 +58,64 @@ function moments(points) {
   };
 }
 
+// The rule for free strokes is that of the library, hybridmpm.control.classify_stroke.
+const EVEN = 256; // evenly spaced points by which a stroke is judged, so that a pen that rests has no weight
+const ROUND = (310 * Math.PI) / 180; // least angle by which an oval turns around its middle
+const SLENDER = 0.1; // least width of an oval over its length, in standard deviations
+const STRAYING = 1.8; // largest distance of an oval's line from its middle, over the mean distance
+
 /**
- * The kind of a freehand stroke: "ellipse" if it comes back to its start around some area, else "arrow".
+ * A stroke seen from its middle, in the frame in which it spreads equally in all directions: its evenly spaced
+ * points, their distances, and the angle by which the pen has turned up to each. Null for a stroke along a line.
+ */
+function seenFromMiddle(points) {
+  const even = resample(points, EVEN);
+  const mean = (values) => values.reduce((sum, value) => sum + value, 0) / EVEN;
+  const [cx, cy] = [mean(even.map((point) => point[0])), mean(even.map((point) => point[1]))];
+  const about = even.map(([x, y]) => [x - cx, y - cy]);
+  const [xx, yy] = [mean(about.map(([x]) => x * x)), mean(about.map(([, y]) => y * y))];
+  const xy = mean(about.map(([x, y]) => x * y));
+  const spread = Math.hypot((xx - yy) / 2, xy);
+  const [long, short] = [(xx + yy) / 2 + spread, (xx + yy) / 2 - spread];
+  if (!(short >= SLENDER ** 2 * Math.max(long, 1e-12))) return null;
+  const tilt = Math.atan2(2 * xy, xx - yy) / 2;
+  const [cos, sin] = [Math.cos(tilt), Math.sin(tilt)];
+  const level = about.map(([x, y]) => [
+    (x * cos + y * sin) / Math.sqrt(long),
+    (y * cos - x * sin) / Math.sqrt(short),
+  ]);
+  const turned = [0];
+  for (let i = 1; i < EVEN; i += 1) {
+    const [[ax, ay], [bx, by]] = [level[i - 1], level[i]];
+    turned.push(turned[i - 1] + Math.atan2(ax * by - ay * bx, ax * bx + ay * by));
+  }
+  return { even, radius: level.map(([x, y]) => Math.hypot(x, y)), turned };
+}
+
+/**
+ * The kind of a freehand stroke: "ellipse" if it goes round, else "arrow".
  *
- * A circle encloses 0.08 of its squared length, a straight line nothing.
+ * It goes round if the pen turns by at least 310 degrees around the stroke's middle without straying far from
+ * it. So a stroke that stops short of its start is an oval, and so is one that overshoots it.
  */
 export function classify(points) {
-  if (points.length < 3) return "arrow";
-  const way = pathLength(points);
-  const gap = distance(points[0], points.at(-1));
-  const enclosed = (moments(points)?.area ?? 0) / way ** 2;
-  return gap < 0.25 * way && enclosed > 0.015 ? "ellipse" : "arrow";
+  const seen = points.length < 2 ? null : seenFromMiddle(points);
+  if (seen === null) return "arrow";
+  const mean = seen.radius.reduce((sum, radius) => sum + radius, 0) / EVEN;
+  if (Math.max(...seen.radius) > STRAYING * mean) return "arrow";
+  return Math.abs(seen.turned.at(-1)) >= ROUND ? "ellipse" : "arrow";
+}
+
+/** The first time round of a stroke; what overshoots its start would count twice. */
+function firstRound(points) {
+  const seen = points.length < 2 ? null : seenFromMiddle(points);
+  const end = seen === null ? -1 : seen.turned.findIndex((angle) => Math.abs(angle) >= 2 * Math.PI);
+  return end < 0 ? points : seen.even.slice(0, end + 1);
 }
 
 /** The ellipse with the area moments of an outline; null for an outline without area. */
 export function ellipseOf(points) {
-  const shape = moments(points);
+  const shape = moments(firstRound(points));
   if (shape === null) return null;
   const mean = (shape.xx + shape.yy) / 2;
   const spread = Math.hypot((shape.xx - shape.yy) / 2, shape.xy);
@@ -84,6 +125,11 @@ export function ellipseOf(points) {
     axes: [2 * Math.sqrt(mean + spread), 2 * Math.sqrt(Math.max(mean - spread, 0))],
     angle: Math.atan2(2 * shape.xy, shape.xx - shape.yy) / 2,
   };
+}
+
+/** The outline that a drag with the oval tool means: the one traced, if it goes round, else that in its box. */
+export function ovalFrom(points) {
+  return classify(points) === "ellipse" ? points : ovalBetween(points[0], points.at(-1));
 }
 
 /** Outline of the oval in the rectangle with opposite corners a and b; its last point repeats the first. */

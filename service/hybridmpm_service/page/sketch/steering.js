@@ -1,6 +1,6 @@
 // The life of a sketch: drawn, perhaps staged for a moment, planned by the server, followed, done.
 
-import { classify, isDrawable, ovalBetween, strokeOf } from "./sketch.js";
+import { classify, isDrawable, ovalFrom, strokeOf } from "./sketch.js";
 
 /** Frames that a sketch steers: 0.25 s of simulated time, the service's default horizon. */
 export const FRAMES = 100;
@@ -54,7 +54,7 @@ export class Steering {
     const widths = this.#handlers.widths();
     const [first, last] = [points[0], points.at(-1)];
     if (this.#tool === "arrow") this.sketch = { kind: "arrow", points: [first, last], widths };
-    else if (this.#tool === "oval") this.sketch = { kind: "ellipse", points: ovalBetween(first, last), widths };
+    else if (this.#tool === "oval") this.sketch = { kind: "ellipse", points: ovalFrom(points), widths };
     else this.sketch = { kind: classify(points), points, widths };
   }
 
