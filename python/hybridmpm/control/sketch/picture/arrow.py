@@ -150,6 +150,8 @@ def _read(ink: _Ink, shaft: Shaft, beside: npt.NDArray[np.bool_]) -> _Reading | 
     if free.length < _MIN_FREE:
         return None
     tip = _tip(ink, free, head)
+    if not _spreads_backwards(ink, beside, tip, _unit(tip - free.points[-1])):
+        return None
     tail, inner = _tail(ink, free)
     if not (free.widths[inner:] > 0).any():
         return None
@@ -161,6 +163,13 @@ def _read(ink: _Ink, shaft: Shaft, beside: npt.NDArray[np.bool_]) -> _Reading | 
         return None
     widths = _widths_at(arc_lengths(line), free.widths[inner:], kept)
     return _Reading(line[kept], widths, _unexplained(ink, line[kept], widths))
+
+
+def _spreads_backwards(ink: _Ink, beside: npt.NDArray[np.bool_], tip: Floats, along: Floats) -> bool:
+    """Return whether ink lies the farther beside the line, the farther it is behind the tip, as in a head."""
+    behind, share = tip - ink.pixels[beside], ink.amount[beside] / ink.amount[beside].sum()
+    depth, aside = behind @ along, np.abs(behind @ np.array([-along[1], along[0]]))
+    return float(share @ ((depth - share @ depth) * (aside - share @ aside))) > 0
 
 
 def _unexplained(ink: _Ink, line: Floats, widths: Floats) -> float:
