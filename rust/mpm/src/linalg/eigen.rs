@@ -1,9 +1,7 @@
 //! Eigenvalues of symmetric matrices and the projections onto their eigenvectors, for a block at once.
-//!
-//! Any function of such a matrix is f(A) = sum_k f(lambda_k) P_k.
 
 use super::lanes::{LANES, Lanes};
-use super::math::Symmetric;
+use super::math::{Symmetric, shear_index};
 
 /// Symmetric matrices of a block, laid out like `Symmetric`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +32,86 @@ impl<const D: usize> Symmetrics<D> {
             self.shear[k][lane] = value.shear[k];
         }
     }
+
+    /// F A F^T with F = I + dt C, C by row and column.
+    #[inline(always)]
+    pub fn deformed(&self, gradient: &[[Lanes; D]; D], dt: f32) -> Self {
+        let mut result = Self::ZERO;
+        for i in 0..LANES {
+            let a = self.get(i);
+            let (mut f, mut product) = ([[0.0; D]; D], [[0.0; D]; D]);
+            for row in 0..D {
+                for column in 0..D {
+                    let identity = if row == column { 1.0 } else { 0.0 };
+                    f[row][column] = identity + dt * gradient[row][column][i];
+                }
+            }
+            for row in 0..D {
+                for column in 0..D {
+                    for k in 0..D {
+                        product[row][column] += f[row][k] * a.at(k, column);
+                    }
+                }
+            }
+            for row in 0..D {
+                for k in 0..D {
+                    result.diagonal[row][i] += product[row][k] * f[row][k];
+                }
+                for column in row + 1..D {
+                    for k in 0..D {
+                        let entry = product[row][k] * f[column][k];
+                        result.shear[shear_index::<D>(row, column)][i] += entry;
+                    }
+                }
+            }
+        }
+        result
+    }
+
+    /// A A.
+    #[inline(always)]
+    pub fn squared(&self) -> Self {
+        let mut result = Self::ZERO;
+        for i in 0..LANES {
+            let a = self.get(i);
+            for row in 0..D {
+                for k in 0..D {
+                    result.diagonal[row][i] += a.at(row, k) * a.at(row, k);
+                }
+                for column in row + 1..D {
+                    for k in 0..D {
+                        let entry = a.at(row, k) * a.at(k, column);
+                        result.shear[shear_index::<D>(row, column)][i] += entry;
+                    }
+                }
+            }
+        }
+        result
+    }
+
+    /// tr(A A) / 2.
+    #[inline(always)]
+    pub fn half_norm_squared(&self) -> Lanes {
+        let mut sum = [0.0; LANES];
+        for i in 0..LANES {
+            let (mut diagonal, mut shear) = (0.0, 0.0);
+            for k in 0..D {
+                diagonal += self.diagonal[k][i] * self.diagonal[k][i];
+                shear += self.shear[k][i] * self.shear[k][i];
+            }
+            sum[i] = 0.5 * diagonal + shear;
+        }
+        sum
+    }
+
+    #[inline(always)]
+    pub fn determinant(&self) -> Lanes {
+        let mut determinants = [0.0; LANES];
+        for i in 0..LANES {
+            determinants[i] = self.get(i).determinant();
+        }
+        determinants
+    }
 }
 
 /// Eigenvalues in no order, and the projection that belongs to each.
@@ -60,14 +138,18 @@ impl<const D: usize> Spectrum<D> {
         spectrum
     }
 
-    /// sum_k f_k P_k of one particle.
+    /// f(A) = sum_k f(lambda_k) P_k.
     #[inline(always)]
-    pub fn combine(&self, lane: usize, f: [f32; D]) -> Symmetric<D> {
-        let mut sum = Symmetric::diagonal(0.0);
-        for k in 0..D {
-            let projection = self.projections[k].get(lane);
-            sum.diagonal += projection.diagonal * f[k];
-            sum.shear += projection.shear * f[k];
+    pub fn map(&self, f: impl Fn(f32) -> f32) -> Symmetrics<D> {
+        let mut sum = Symmetrics::ZERO;
+        for (values, projection) in self.values.iter().zip(&self.projections) {
+            for i in 0..LANES {
+                let value = f(values[i]);
+                for k in 0..D {
+                    sum.diagonal[k][i] += projection.diagonal[k][i] * value;
+                    sum.shear[k][i] += projection.shear[k][i] * value;
+                }
+            }
         }
         sum
     }

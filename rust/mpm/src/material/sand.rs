@@ -1,8 +1,10 @@
 //! Dry sand.
 
-use super::constitutive::{Constitutive, Correction, State, Volumes, increment};
+use super::constitutive::{Constitutive, Correction, State, Volumes};
 use super::lame::Lame;
-use crate::linalg::{LANES, Lanes, Spectrum, Symmetric, Symmetrics, Vector, exp, ln};
+use crate::linalg::{
+    LANES, Lanes, Spectrum, Split, Symmetric, Symmetrics, Vector, exp, exponential, ln, logarithm,
+};
 
 /// Dry sand: StVK-Hencky elasticity with a Drucker-Prager yield surface (Klar et al. 2016).
 ///
@@ -40,60 +42,47 @@ impl Sand {
         self.lame.lambda + 2.0 * self.lame.mu / dim as f32
     }
 
-    /// Hencky strains on or inside the yield surface, and the log of the volume gained. Without branches.
+    /// Takes the Hencky strains to or into the yield surface, and sets the log of the volume gained. Without branches.
     #[inline(always)]
-    fn return_mapping<const D: usize>(&self, trial: &Vector<D>, gained: f32) -> (Vector<D>, f32) {
+    fn return_mapping<const D: usize>(&self, strain: &mut Split<D>, gained: &mut Lanes) {
         let Lame { mu, lambda } = self.lame;
-        let strain = trial.add_scalar(gained / D as f32);
-        let trace = strain.sum();
-        // Grains apart: no stress. Only the volume is remembered.
-        let apart = trace >= 0.0;
-        let deviator = strain.add_scalar(-trace / D as f32);
-        let norm = deviator.norm_squared().sqrt();
-        let excess = norm + (D as f32 * lambda + 2.0 * mu) / (2.0 * mu) * trace * self.alpha;
-        let back = if excess > 0.0 { excess / norm } else { 0.0 };
-        let strain = (strain - deviator * back).map(|s| if apart { 0.0 } else { s });
-        (
-            strain,
-            if apart && self.volume_correction {
-                trace
-            } else {
-                0.0
-            },
-        )
+        let slope = self.alpha * (D as f32 * lambda + 2.0 * mu) / (2.0 * mu);
+        let half_norm_squared = strain.deviator.half_norm_squared();
+        for i in 0..LANES {
+            let trace = D as f32 * strain.mean[i] + gained[i];
+            // Grains apart: no stress. Only the volume is remembered.
+            let apart = trace >= 0.0;
+            let norm = (2.0 * half_norm_squared[i]).sqrt();
+            let excess = norm + slope * trace;
+            let beyond = excess > 0.0;
+            let back = if beyond { excess } else { 0.0 } / if beyond { norm } else { 1.0 };
+            let kept = if apart { 0.0 } else { 1.0 - back };
+            for k in 0..D {
+                strain.deviator.diagonal[k][i] *= kept;
+                strain.deviator.shear[k][i] *= kept;
+            }
+            strain.mean[i] = if apart { 0.0 } else { trace / D as f32 };
+            let remembered = apart & self.volume_correction;
+            gained[i] = if remembered { trace } else { 0.0 };
+        }
     }
 
     /// Flows back to the yield surface from the squared stretches in `states`, and updates the stress.
     #[inline(always)]
     fn flow<const D: usize>(&self, states: &mut SandBlock<D>) {
-        let spectrum = Spectrum::of(&states.stretch_squared);
+        let mut strain = logarithm(&states.stretch_squared, SMALLEST_SQUARE).scaled(0.5);
+        self.return_mapping(&mut strain, &mut states.volume_gain);
         let Lame { mu, lambda } = self.lame;
-        let mut squares = [[0.0; LANES]; D];
-        let mut principal = [[0.0; LANES]; D];
+        let bulk = D as f32 * lambda + 2.0 * mu;
         for i in 0..LANES {
-            let trial = Vector::<D>::from_fn(|k, _| {
-                let square = spectrum.values[k][i];
-                // Not `max`, which would hide a NaN.
-                0.5 * ln(if square < SMALLEST_SQUARE {
-                    SMALLEST_SQUARE
-                } else {
-                    square
-                })
-            });
-            let (strain, gained) = self.return_mapping(&trial, states.volume_gain[i]);
-            let pressure = lambda * strain.sum();
-            states.volume_gain[i] = gained;
+            let pressure = bulk * strain.mean[i];
             for k in 0..D {
-                squares[k][i] = exp(2.0 * strain[k]);
-                principal[k][i] = 2.0 * mu * strain[k] + pressure;
+                states.kirchhoff_stress.diagonal[k][i] =
+                    2.0 * mu * strain.deviator.diagonal[k][i] + pressure;
+                states.kirchhoff_stress.shear[k][i] = 2.0 * mu * strain.deviator.shear[k][i];
             }
         }
-        for i in 0..LANES {
-            let square = spectrum.combine(i, std::array::from_fn(|k| squares[k][i]));
-            let stress = spectrum.combine(i, std::array::from_fn(|k| principal[k][i]));
-            states.stretch_squared.set(i, &square);
-            states.kirchhoff_stress.set(i, &stress);
-        }
+        states.stretch_squared = exponential(&strain.scaled(2.0));
     }
 }
 
@@ -118,17 +107,7 @@ impl<const D: usize> Constitutive<D> for Sand {
 
     #[inline(always)]
     fn deform(&self, states: &mut SandBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
-        for i in 0..LANES {
-            let f = increment(affine, i, dt);
-            let b = states.stretch_squared.get(i);
-            let product = crate::linalg::Matrix::<D>::from_fn(|row, column| {
-                (0..D).map(|k| f[(row, k)] * b.at(k, column)).sum()
-            });
-            let trial = Symmetric::from_fn(|row, column| {
-                (0..D).map(|k| product[(row, k)] * f[(column, k)]).sum()
-            });
-            states.stretch_squared.set(i, &trial);
-        }
+        states.stretch_squared = states.stretch_squared.deformed(affine, dt);
         self.flow(states);
     }
 
