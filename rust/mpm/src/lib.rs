@@ -29,7 +29,7 @@ pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;
 pub use initial::Particles;
-pub use linalg::{Matrix, Svd, Vector, svd};
+pub use linalg::{Instructions, Matrix, Svd, Vector, svd};
 pub use material::Material;
 pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};

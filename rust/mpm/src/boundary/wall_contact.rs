@@ -9,15 +9,12 @@
 
 use std::ops::Range;
 
-use wide::f32x4;
-
-use super::contact::{Contact, ContactKind};
+use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::walls::Walls;
-use crate::grid::{Grid, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
+use crate::grid::{CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
+use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
-/// Node lines that are computed together.
-const BATCH: usize = 4;
 /// Where the outermost node has a weight below this, material may rest on the wall without touching
 /// that node, so contact then starts with the middle node.
 const WEAK_OUTER_WEIGHT: f32 = 0.06;
@@ -92,25 +89,27 @@ impl WallContact {
         }
     }
 
-    /// Contact with the walls whose node lines stay within a plane, to the grid velocities of some planes.
-    pub fn apply_within<const D: usize>(
-        &self,
-        window: &mut Window<'_, D>,
-        friction: &MaterialFriction,
-    ) {
-        for side in self.sides.iter().filter(|side| side.axis > 0) {
-            let place = |node: usize| side.lines.partition_point(|line| line.start < node);
-            let lines = &side.lines[place(window.first)..place(window.first + window.nodes.len())];
-            self.resolve(window, side, lines, friction);
-        }
+    /// Coordinates along the first axis of the walls across it.
+    pub fn planes(&self) -> Vec<usize> {
+        let across = self.sides.iter().filter(|side| side.axis == 0);
+        across.map(|side| side.middle).collect()
     }
 
-    /// Contact with the walls across the first axis.
-    pub fn apply_across<const D: usize>(&self, grid: &mut Grid<D>, friction: &MaterialFriction) {
-        let planes = 0..grid.layout.extent;
-        for window in &mut grid.windows(std::iter::once(planes)) {
-            for side in self.sides.iter().filter(|side| side.axis == 0) {
-                self.resolve(window, side, &side.lines, friction);
+    /// Contact with all walls, to the grid velocities of some planes. With the planes of a wall they hold the planes before
+    /// and behind it.
+    pub fn apply<const D: usize>(&self, window: &mut Window<'_, D>, friction: &MaterialFriction) {
+        for across_first in [false, true] {
+            // Corners: walls across the first axis come last.
+            let sides = self.sides.iter();
+            for side in sides.filter(|side| (side.axis == 0) == across_first) {
+                let place = |node: usize| side.lines.partition_point(|line| line.start < node);
+                let (first, end) = (window.first, window.first + window.nodes.len());
+                self.resolve(
+                    window,
+                    side,
+                    &side.lines[place(first)..place(end)],
+                    friction,
+                );
             }
         }
     }
@@ -123,117 +122,178 @@ impl WallContact {
         lines: &[Range<usize>],
         friction: &MaterialFriction,
     ) {
-        let stride = window.layout.stride(side.axis) as isize * side.inward as isize;
-        let nodes_across =
-            |middle: usize| [-stride, 0, stride].map(|step| (middle as isize + step) as usize);
-        // The node that shows whether material touches the wall.
-        let telling = usize::from(side.weights[0] < WEAK_OUTER_WEIGHT);
-        let mut batch = [[0; 3]; BATCH];
+        let friction = match (self.contact.friction, friction) {
+            (Some(mu), _) => MaterialFriction::Uniform(mu),
+            (None, of_material) => *of_material,
+        };
+        run_wide(ResolveLines {
+            window,
+            side,
+            lines,
+            kind: self.contact.kind,
+            friction,
+        });
+    }
+}
+
+/// Contact of one wall on node lines.
+struct ResolveLines<'a, 'w, const D: usize> {
+    window: &'a mut Window<'w, D>,
+    side: &'a Side,
+    /// Memory indices of their middle nodes.
+    lines: &'a [Range<usize>],
+    kind: ContactKind,
+    friction: MaterialFriction,
+}
+
+impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<Q: Quad>(mut self) {
+        let mut batch = [[0; 3]; LANES];
         let mut count = 0;
-        for middle in lines.iter().cloned().flatten() {
-            let nodes = nodes_across(middle - window.first);
-            if window.nodes[nodes[telling]].to_array()[3] <= SMALLEST_MASS {
-                continue;
-            }
-            batch[count] = nodes;
-            count += 1;
-            if count == BATCH {
-                self.push(window, side, &batch, friction);
-                count = 0;
+        let stride = self.window.layout.stride(self.side.axis) as isize;
+        let outward = -stride * self.side.inward as isize;
+        // The node that shows whether material touches the wall.
+        let telling = if self.side.weights[0] < WEAK_OUTER_WEIGHT {
+            0
+        } else {
+            outward
+        };
+        for range in self.lines {
+            // One line, or lines of whole chunks.
+            let (start, end) = (
+                range.start - self.window.first,
+                range.end - self.window.first,
+            );
+            for chunk in (start..end).step_by(CHUNK) {
+                if !self.window.dirty[(chunk as isize + telling) as usize / CHUNK] {
+                    continue;
+                }
+                for middle in chunk..(chunk + CHUNK).min(end) {
+                    let node = |step: isize| (middle as isize + step) as usize;
+                    batch[count] = [node(outward), middle, node(-outward)];
+                    let mass = self.window.nodes[node(telling)].as_array()[3];
+                    count += usize::from(mass > SMALLEST_MASS);
+                    if count == LANES {
+                        self.push(&batch);
+                        count = 0;
+                    }
+                }
             }
         }
-        self.push(window, side, &batch[..count], friction);
+        if count > 0 {
+            self.push(&batch[..count]);
+        }
+    }
+}
+
+impl<const D: usize> ResolveLines<'_, '_, D> {
+    /// Contact on up to `LANES` node lines; each is its outer, middle and inner node.
+    #[inline(always)]
+    fn push(&mut self, lines: &[[usize; 3]]) {
+        // Without friction nothing happens along the wall.
+        let smooth = self.kind == ContactKind::Slip
+            || self.kind == ContactKind::Separating
+                && matches!(self.friction, MaterialFriction::Uniform(0.0));
+        if smooth {
+            self.push_along(lines, [self.side.axis]);
+        } else {
+            self.push_along(lines, std::array::from_fn::<_, D, _>(|axis| axis));
+        }
     }
 
-    /// Contact on up to `BATCH` node lines; each is its outer, middle and inner node.
+    /// The same, for some components of the velocity; one of them is across the wall.
     #[inline(always)]
-    fn push<const D: usize>(
-        &self,
-        window: &mut Window<'_, D>,
-        side: &Side,
-        lines: &[[usize; 3]],
-        friction: &MaterialFriction,
-    ) {
-        // From one vector a node to one vector a component; lines that are missing have no mass.
-        let mut nodes: [[f32x4; BATCH]; 3] = std::array::from_fn(|step| {
-            let of_line = |i: usize| {
-                lines
-                    .get(i)
-                    .map_or(f32x4::ZERO, |line| window.nodes[line[step]])
-            };
-            f32x4::transpose(std::array::from_fn(of_line))
-        });
-        let mu = match (self.contact.friction, friction) {
-            (Some(mu), _) | (None, &MaterialFriction::Uniform(mu)) => f32x4::splat(mu),
-            (None, mixed) => f32x4::from(std::array::from_fn::<f32, BATCH, _>(|i| {
-                lines.get(i).map_or(0.0, |line| {
-                    let mass = window.nodes[line[1]].to_array()[3];
-                    mixed.at(window, line[1], mass.max(SMALLEST_MASS))
-                })
-            })),
+    fn push_along<const N: usize>(&mut self, lines: &[[usize; 3]], axes: [usize; N]) {
+        // Lines that are missing have no mass.
+        let mut nodes = LineNodes {
+            mass: [[0.0; LANES]; 3],
+            v: [[[0.0; LANES]; 3]; N],
         };
-        apply_contact::<D>(self.contact.kind, side, mu, &mut nodes);
-        for (step, nodes) in nodes.into_iter().enumerate() {
-            for (line, node) in lines.iter().zip(f32x4::transpose(nodes)) {
-                window.nodes[line[step]] = node;
+        let mut mu = [0.0; LANES];
+        for (lane, line) in lines.iter().enumerate() {
+            for step in 0..3 {
+                let node = self.window.nodes[line[step]].as_array();
+                nodes.mass[step][lane] = node[3];
+                for k in 0..N {
+                    nodes.v[k][step][lane] = node[axes[k]];
+                }
+            }
+            let mass = nodes.mass[1][lane].max(SMALLEST_MASS);
+            mu[lane] = self.friction.at(self.window, line[1], mass);
+        }
+        nodes.apply(self.kind, self.side, &axes, &mu);
+        for (lane, line) in lines.iter().enumerate() {
+            for step in 0..3 {
+                let node = self.window.nodes[line[step]].as_mut_array();
+                for k in 0..N {
+                    node[axes[k]] = nodes.v[k][step][lane];
+                }
             }
         }
     }
 }
 
-/// Changes velocities so that the material at the wall obeys the contact. `nodes[step]` are the components of
-/// the outer, middle and inner nodes, the last their mass; each lane is a line of its own.
-#[inline(always)]
-fn apply_contact<const D: usize>(
-    kind: ContactKind,
-    side: &Side,
-    mu: f32x4,
-    nodes: &mut [[f32x4; BATCH]; 3],
-) {
-    let (zero, one) = (f32x4::ZERO, f32x4::ONE);
-    let mut mobility = [zero; 3];
-    let mut at_wall = [zero; D];
-    let mut total = zero;
-    for step in 0..3 {
-        // Empty nodes have no velocity to speak of and take no impulse.
-        let mass = nodes[step][3];
-        let there = mass.simd_gt(f32x4::splat(SMALLEST_MASS));
-        let weight = there.bitselect(f32x4::splat(side.weights[step]), zero);
-        mobility[step] = weight / there.bitselect(mass, one);
-        total += mobility[step] * weight;
-        for axis in 0..D {
-            at_wall[axis] += weight * nodes[step][axis];
-        }
-    }
-    let approach = at_wall[side.axis] * f32x4::splat(-side.inward);
-    let mut slip = at_wall;
-    slip[side.axis] = zero;
-    let mut none = total.simd_le(zero);
-    let lost = match kind {
-        ContactKind::Sticky => one,
-        ContactKind::Slip => zero,
-        ContactKind::Separating => {
-            none |= approach.simd_le(zero);
-            let speed = slip
-                .iter()
-                .fold(zero, |sum, &slip| sum + slip * slip)
-                .sqrt();
-            // Coulomb friction takes at most `capacity` of the slip; see `remaining_slip`.
-            let capacity = mu * approach;
-            let stops = speed.simd_le(capacity) | speed.simd_eq(zero);
-            stops.bitselect(one, capacity / stops.bitselect(one, speed))
-        }
-    };
-    // Impulse per change of the velocity at the wall; each node takes its share.
-    let impulse = none.bitselect(zero, one / none.bitselect(one, total));
-    for axis in 0..D {
-        let change = if axis == side.axis {
-            approach * f32x4::splat(side.inward)
-        } else {
-            zero - slip[axis] * lost
-        };
-        for step in 0..3 {
-            nodes[step][axis] += change * impulse * mobility[step];
+/// The outer, middle and inner nodes of `LANES` lines, with N components of their velocities.
+struct LineNodes<const N: usize> {
+    mass: [Lanes; 3],
+    v: [[Lanes; 3]; N],
+}
+
+impl<const N: usize> LineNodes<N> {
+    /// Changes velocities so that the material at the wall obeys the contact. `v[k]` is the component along `axes[k]`.
+    #[inline(always)]
+    fn apply(&mut self, kind: ContactKind, side: &Side, axes: &[usize; N], mu: &Lanes) {
+        for i in 0..LANES {
+            let mut mobility = [0.0; 3];
+            let mut at_wall = [0.0; N];
+            let mut total = 0.0;
+            for step in 0..3 {
+                // Empty nodes have no velocity to speak of and take no impulse.
+                let mass = self.mass[step][i];
+                let there = mass > SMALLEST_MASS;
+                let weight = if there { side.weights[step] } else { 0.0 };
+                mobility[step] = weight / if there { mass } else { 1.0 };
+                total += mobility[step] * weight;
+                for k in 0..N {
+                    at_wall[k] += weight * self.v[k][step][i];
+                }
+            }
+            let (mut approach, mut slip_squared) = (0.0, 0.0);
+            for k in 0..N {
+                let across = axes[k] == side.axis;
+                approach -= if across {
+                    at_wall[k] * side.inward
+                } else {
+                    0.0
+                };
+                slip_squared += if across { 0.0 } else { at_wall[k] * at_wall[k] };
+            }
+            let leaves = kind == ContactKind::Separating && approach <= 0.0;
+            let none = leaves | (total <= 0.0);
+            let lost = match kind {
+                ContactKind::Sticky => 1.0,
+                ContactKind::Slip => 0.0,
+                // Coulomb friction takes at most this part of the slip.
+                ContactKind::Separating => {
+                    1.0 - remaining_slip(slip_squared.sqrt(), mu[i] * approach)
+                }
+            };
+            // Impulse per change of the velocity at the wall; each node takes its share.
+            let impulse = if none { 0.0 } else { 1.0 } / if none { 1.0 } else { total };
+            for k in 0..N {
+                let across = axes[k] == side.axis;
+                let change = if across {
+                    approach * side.inward
+                } else {
+                    -at_wall[k] * lost
+                };
+                for step in 0..3 {
+                    self.v[k][step][i] += change * impulse * mobility[step];
+                }
+            }
         }
     }
 }

@@ -27,21 +27,21 @@ pub struct Window<'a, const D: usize> {
 }
 
 impl<const D: usize> Window<'_, D> {
-    /// Zeroes the active nodes.
-    fn clear(&mut self) {
-        for span in self.active {
+    /// Zeroes the active nodes of some planes.
+    pub fn clear(&mut self, planes: Range<usize>) {
+        let rows = self.layout.rows_per_plane();
+        let place = |plane: usize| self.active.partition_point(|span| span.row < plane * rows);
+        for span in &self.active[place(planes.start)..place(planes.end)] {
             let start = span.row * self.layout.row_length - self.first;
-            let range = start + span.lo..start + span.hi;
-            let (chunks, _) = self.nodes[range.clone()].as_chunks_mut::<CHUNK>();
-            let dirty = &mut self.dirty[range.start / CHUNK..range.end / CHUNK];
-            for (chunk, dirty) in chunks.iter_mut().zip(dirty) {
-                if *dirty {
-                    *chunk = [f32x4::ZERO; CHUNK];
-                    *dirty = false;
+            for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
+                if self.dirty[chunk] {
+                    self.dirty[chunk] = false;
+                    let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
+                    self.nodes[nodes.clone()].fill(f32x4::ZERO);
+                    if !self.friction_mass.is_empty() {
+                        self.friction_mass[nodes].fill(0.0);
+                    }
                 }
-            }
-            if !self.friction_mass.is_empty() {
-                self.friction_mass[range].fill(0.0);
             }
         }
     }
@@ -55,7 +55,7 @@ pub struct Grid<const D: usize> {
     pub nodes: Vec<f32x4>,
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
-    /// Whether a chunk of nodes had mass in the latest grid update; the others are zero.
+    /// Whether something has been written to a chunk of nodes since it was cleared; the others are zero.
     dirty: Vec<bool>,
     /// Ordered by row, then along it.
     pub active: Vec<Span>,
@@ -210,7 +210,7 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Makes the next `clear` zero all active nodes, also those that no grid update has seen.
+    /// Makes the next `clear` zero all active nodes, also those that no P2G has marked.
     pub fn mark_dirty(&mut self) {
         let ranges: Vec<_> = self.active_ranges().collect();
         for range in ranges {
@@ -221,9 +221,9 @@ impl<const D: usize> Grid<D> {
     /// Zeroes the active nodes.
     pub fn clear(&mut self) {
         let planes = 0..self.layout.extent;
-        self.windows(std::iter::once(planes))
-            .iter_mut()
-            .for_each(Window::clear);
+        for window in &mut self.windows(std::iter::once(planes.clone())) {
+            window.clear(planes.clone());
+        }
     }
 }
 

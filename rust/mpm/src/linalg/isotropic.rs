@@ -17,8 +17,8 @@ pub struct Split<const D: usize> {
 }
 
 /// ln(1 + x) = x - x^2 / 2 + x^3 / 3 ...
-const LOGARITHM: [f32; 21] = {
-    let mut terms = [0.0; 21];
+const LOGARITHM: [f32; 13] = {
+    let mut terms = [0.0; 13];
     let mut k = 1;
     while k < terms.len() {
         terms[k] = if k % 2 == 1 { 1.0 } else { -1.0 } / k as f32;
@@ -26,12 +26,12 @@ const LOGARITHM: [f32; 21] = {
     }
     terms
 };
-/// Up to this q eigenvalues are at most 0.45, and the next term of the logarithm is less than 3e-9.
-const LARGEST_OF_LOGARITHM: f32 = 0.15;
+/// Up to this q eigenvalues are at most 0.26, and the next term of the logarithm is less than 2e-9.
+const LARGEST_OF_LOGARITHM: f32 = 0.05;
 
 /// e^x = 1 + x + x^2 / 2 + x^3 / 6 ...
-const EXPONENTIAL: [f32; 10] = {
-    let mut terms = [1.0; 10];
+const EXPONENTIAL: [f32; 8] = {
+    let mut terms = [1.0; 8];
     let mut k = 1;
     while k < terms.len() {
         terms[k] = terms[k - 1] / k as f32;
@@ -39,8 +39,8 @@ const EXPONENTIAL: [f32; 10] = {
     }
     terms
 };
-/// Up to this q eigenvalues are at most 0.6, and the next term of the exponential is less than 2e-9.
-const LARGEST_OF_EXPONENTIAL: f32 = 0.27;
+/// Up to this q eigenvalues are at most 0.33, and the next term of the exponential is less than 4e-9.
+const LARGEST_OF_EXPONENTIAL: f32 = 0.08;
 
 /// Logarithms of matrices whose eigenvalues are positive; smaller ones than `smallest` are taken for it.
 #[inline(always)]

@@ -1,37 +1,10 @@
 //! Arithmetic on several particles at once.
-//!
-//! Loops over `0..LANES` without branches or calls are turned into vector instructions by the compiler. It may
-//! use what the CPU has because every lane is computed by the same IEEE operations in the same order
-//! whatever their width: nothing is fused, nothing is summed across lanes. The bits do not depend on the CPU.
 
 /// Particles that are computed together: one or two vector registers on the CPUs of today.
 pub const LANES: usize = 16;
 
 /// One number of each particle of a block.
 pub type Lanes = [f32; LANES];
-
-/// Work that `run_wide` may compile for several sets of vector instructions.
-pub trait Kernel {
-    type Output;
-    /// Has to be `#[inline(always)]`, like all that it calls in loops.
-    fn run(self) -> Self::Output;
-}
-
-/// Runs a kernel with the widest vector instructions that it is compiled for and the CPU has.
-pub fn run_wide<K: Kernel>(kernel: K) -> K::Output {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the only thing `avx2` asks for has just been found.
-        return unsafe { avx2(kernel) };
-    }
-    kernel.run()
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run()
-}
 
 /// e^x for |x| <= 80, to 1 ulp or so (Cody-Waite reduction, the polynomial of Cephes' expf).
 #[inline(always)]
@@ -98,24 +71,5 @@ mod tests {
         }
         assert!(exp(0.0) == 1.0 && ln(1.0) == 0.0);
         assert!(ln(f32::NAN).is_nan() && exp(f32::NAN).is_nan());
-    }
-
-    struct Roots(Lanes);
-
-    impl Kernel for Roots {
-        type Output = Lanes;
-        #[inline(always)]
-        fn run(self) -> Lanes {
-            self.0.map(|x| exp(x).sqrt() / (1.0 + ln(x)))
-        }
-    }
-
-    #[test]
-    fn bits_do_not_depend_on_the_instructions() {
-        let x: Lanes = std::array::from_fn(|i| 0.37 + 0.61 * i as f32);
-        assert_eq!(
-            run_wide(Roots(x)).map(f32::to_bits),
-            Roots(x).run().map(f32::to_bits)
-        );
     }
 }

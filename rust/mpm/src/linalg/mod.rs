@@ -1,13 +1,17 @@
 //! Small vectors and matrices, of one particle and of a block of particles.
 
 mod eigen;
+mod instructions;
 mod isotropic;
 mod lanes;
 mod math;
+mod quad;
 mod svd;
 
 pub use eigen::{Spectrum, Symmetrics};
+pub use instructions::{Instructions, Kernel, run_wide};
 pub use isotropic::{Split, exponential, logarithm};
-pub use lanes::{Kernel, LANES, Lanes, exp, ln, run_wide};
+pub use lanes::{LANES, Lanes, exp, ln};
 pub use math::{Matrix, Symmetric, Vector, determinant, lanes, norm, shear_index};
+pub use quad::Quad;
 pub use svd::{Svd, svd};

@@ -35,7 +35,7 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     ) {
     }
     /// J of water, det F of solids [-].
-    fn volume_ratio(&self, state: &Self::State) -> f32;
+    fn volume_ratios(&self, states: &<Self::State as State>::Block) -> Lanes;
     /// Stored elastic energy per rest volume [Pa].
     fn energy_density(&self, state: &Self::State) -> f32;
 }

@@ -78,14 +78,14 @@ impl<const D: usize> Constitutive<D> for Elastic {
 
     fn volumes(&self, states: &GradientBlock<D>) -> Volumes {
         Volumes {
-            ratio: std::array::from_fn(|i| determinant(&Matrix::load(states, i))),
+            ratio: Constitutive::<D>::volume_ratios(self, states),
             pressure: [0.0; LANES],
         }
     }
 
     #[inline(always)]
-    fn volume_ratio(&self, f: &Matrix<D>) -> f32 {
-        determinant(f)
+    fn volume_ratios(&self, states: &GradientBlock<D>) -> Lanes {
+        std::array::from_fn(|i| determinant(&Matrix::load(states, i)))
     }
 
     fn energy_density(&self, f: &Matrix<D>) -> f32 {

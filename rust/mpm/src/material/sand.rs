@@ -148,8 +148,8 @@ impl<const D: usize> Constitutive<D> for Sand {
     }
 
     #[inline(always)]
-    fn volume_ratio(&self, state: &SandState<D>) -> f32 {
-        state.stretch_squared.determinant().sqrt()
+    fn volume_ratios(&self, states: &SandBlock<D>) -> Lanes {
+        states.stretch_squared.determinant().map(f32::sqrt)
     }
 
     fn energy_density(&self, state: &SandState<D>) -> f32 {

@@ -95,8 +95,8 @@ impl<const D: usize> Constitutive<D> for Water {
     }
 
     #[inline(always)]
-    fn volume_ratio(&self, &volume_ratio: &f32) -> f32 {
-        volume_ratio
+    fn volume_ratios(&self, volume_ratios: &Lanes) -> Lanes {
+        *volume_ratios
     }
 
     fn energy_density(&self, &volume_ratio: &f32) -> f32 {

@@ -150,7 +150,7 @@ impl<const D: usize, M: Constitutive<D>> Group<D, M> {
 
     /// J of water, det F of solids [-].
     pub fn volume_ratio(&self, particle: &Particle<D, M::State>) -> f32 {
-        self.material.volume_ratio(&particle.state)
+        self.material.volume_ratios(&particle.state.splat())[0]
     }
 
     /// Stored elastic energy [J].

@@ -1,5 +1,7 @@
 //! Slabs of the grid that may be scattered to side by side.
 
+use std::ops::Range;
+
 use crate::grid::{Grid, Layout, MARGIN, PADDING, Place, Window};
 use threads::Team;
 
@@ -8,6 +10,24 @@ use threads::Team;
 pub struct Slab {
     pub lo: usize,
     pub hi: usize,
+}
+
+impl Slab {
+    /// The planes that its particles touch before the next sort.
+    fn reach(self) -> Range<usize> {
+        self.lo.saturating_sub(MARGIN)..self.hi + MARGIN + 2
+    }
+}
+
+/// The planes that no slab has touched when `for_each_slab` comes to the one with this index.
+pub fn fresh_planes(slabs: &[Slab], index: usize) -> Range<usize> {
+    let Range { mut start, mut end } = slabs[index].reach();
+    // Those of the first colour come before both of their neighbours, those of the second after both.
+    if index % 2 == 1 {
+        start = slabs[index - 1].reach().end;
+        end = slabs.get(index + 1).map_or(end, |next| next.reach().start);
+    }
+    start..end
 }
 
 /// Thinner slabs of one colour would touch the same nodes: a stencil reaches two planes beyond its
@@ -19,7 +39,9 @@ const MAX_SLABS: usize = 16;
 const SMALLEST_SLAB: usize = 256;
 
 /// Cuts the planes into slabs with about equal numbers of particles, from their number in each plane.
-pub fn cut(per_plane: &[usize]) -> Vec<Slab> {
+///
+/// No cut parts one of `walls` from the planes before and behind it: contact across the first axis stays within a slab.
+pub fn cut(per_plane: &[usize], walls: &[usize]) -> Vec<Slab> {
     let total: usize = per_plane.iter().sum();
     let share = total.div_ceil(MAX_SLABS).max(SMALLEST_SLAB);
     let end = per_plane.len() - PADDING + 1;
@@ -27,9 +49,11 @@ pub fn cut(per_plane: &[usize]) -> Vec<Slab> {
     let (mut lo, mut held) = (0, 0);
     for (plane, &count) in per_plane.iter().enumerate().take(end) {
         held += count;
-        if held >= share && plane + 1 - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS {
-            slabs.push(Slab { lo, hi: plane + 1 });
-            (lo, held) = (plane + 1, 0);
+        let hi = plane + 1;
+        let at_wall = walls.iter().any(|&wall| hi == wall || hi == wall + 1);
+        if held >= share && hi - lo >= MIN_PLANES && slabs.len() + 1 < MAX_SLABS && !at_wall {
+            slabs.push(Slab { lo, hi });
+            (lo, held) = (hi, 0);
         }
     }
     match slabs.last_mut() {
@@ -64,8 +88,7 @@ pub fn for_each_slab<const D: usize>(
 ) {
     for colour in 0..2 {
         let of_colour = slabs.iter().enumerate().skip(colour).step_by(2);
-        let reach = |slab: &Slab| slab.lo.saturating_sub(MARGIN)..slab.hi + MARGIN + 2;
-        let windows = grid.windows(of_colour.clone().map(|(_, slab)| reach(slab)));
+        let windows = grid.windows(of_colour.clone().map(|(_, slab)| slab.reach()));
         let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
         team.for_each(&mut parts, |(slab, window)| scatter(*slab, window));
     }
@@ -78,15 +101,31 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slabs_tile_the_planes_and_are_never_thin(counts in prop::collection::vec(0usize..300, 20..140)) {
-            let slabs = cut(&counts);
+        fn slabs_tile_the_planes_and_are_never_thin(
+            counts in prop::collection::vec(0usize..300, 20..140), wall in 5usize..15,
+        ) {
+            let walls = [wall, counts.len() - wall];
+            let slabs = cut(&counts, &walls);
             prop_assert_eq!(slabs[0].lo, 0);
             prop_assert_eq!(slabs.last().unwrap().hi, counts.len() - PADDING + 1);
             for pair in slabs.windows(2) {
                 prop_assert_eq!(pair[0].hi, pair[1].lo);
+                prop_assert!(walls.iter().all(|&wall| pair[0].hi != wall && pair[0].hi != wall + 1));
             }
             prop_assert!(slabs.len() == 1 || slabs.iter().all(|s| s.hi - s.lo >= MIN_PLANES));
             prop_assert!(slabs.len() <= MAX_SLABS);
+        }
+
+        #[test]
+        fn each_plane_is_fresh_once_and_before_anybody_touches_it(counts in prop::collection::vec(0usize..300, 20..140)) {
+            let slabs = cut(&counts, &[]);
+            let mut cleared = vec![false; counts.len() + MARGIN + 2];
+            for index in (0..slabs.len()).step_by(2).chain((1..slabs.len()).step_by(2)) {
+                for plane in fresh_planes(&slabs, index) {
+                    prop_assert!(!std::mem::replace(&mut cleared[plane], true));
+                }
+                prop_assert!(slabs[index].reach().all(|plane| cleared[plane]));
+            }
         }
     }
 }

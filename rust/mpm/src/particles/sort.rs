@@ -1,4 +1,4 @@
-//! Sorting particles by grid row.
+//! Sorting particles by cell.
 
 use super::block::Block;
 use super::group::{MaterialGroup, Run, Sorted, with_group};
@@ -9,13 +9,14 @@ use crate::linalg::LANES;
 use crate::material::State;
 use threads::Team;
 
-/// Sorts all particles that carry by grid row, and cuts the grid into slabs of about equal numbers of them.
+/// Sorts all particles that carry by the cell where their stencils start, and cuts the grid into slabs of about equal numbers of them.
 ///
 /// The cut depends on the particles alone, never on the number of threads. Writes where these particles are,
-/// in no order, to `places`.
+/// in no order, to `places`. No cut parts the planes of `walls` from their neighbours.
 pub fn sort<const D: usize>(
     groups: &mut [MaterialGroup<D>],
     layout: &Layout<D>,
+    walls: &[usize],
     places: &mut Vec<Place>,
     team: &Team,
 ) -> Vec<Slab> {
@@ -27,7 +28,7 @@ pub fn sort<const D: usize>(
             ends.push(places.len());
         });
     }
-    let slabs = cut(&count_planes(places, layout));
+    let slabs = cut(&count_planes(places, layout), walls);
     let mut start = 0;
     let mut ends = ends.into_iter();
     for group in groups {
@@ -60,7 +61,8 @@ fn find_places<const D: usize, S: State>(
     }
 }
 
-/// Stable counting sort; the order within a row is the previous one. Each slab begins with a new block.
+/// Stable counting sort, first by column and then by row; the order within a cell is the previous one. Each slab
+/// begins with a new block.
 fn sort_blocks<const D: usize, S: State>(
     sorted: &mut Sorted<D, S>,
     activity: Activity,
@@ -87,21 +89,17 @@ fn sort_blocks<const D: usize, S: State>(
         });
         slot = slot.next_multiple_of(LANES as u32);
     }
-    let in_place = runs == sorted.runs && places.is_sorted_by_key(|place| place.row);
+    let in_place = runs == sorted.runs && places.is_sorted();
     sorted.runs = runs;
     let Some(vacant) = vacant.filter(|_| !in_place) else {
         return;
     };
     // Which particle goes to which slot, first as numbers; then each new block fetches its own.
     let mut sources = vec![VACANT; slot as usize];
-    let mut places = places.iter();
-    for (index, block) in sorted.blocks.iter().enumerate() {
-        for lane in 0..block.count {
-            let place = places.next().expect("one place a particle");
-            let slot = &mut next[place.row as usize];
-            sources[*slot as usize] = (index * LANES + lane) as u32;
-            *slot += 1;
-        }
+    for (source, row) in by_column(&sorted.blocks, places, layout) {
+        let slot = &mut next[row as usize];
+        sources[*slot as usize] = source;
+        *slot += 1;
     }
     sorted.scratch.resize(sources.len() / LANES, *vacant);
     let blocks = &sorted.blocks;
@@ -117,6 +115,32 @@ fn sort_blocks<const D: usize, S: State>(
             .for_each(|(target, sources)| fetch(target, sources, blocks, activity, vacant));
     });
     std::mem::swap(&mut sorted.blocks, &mut sorted.scratch);
+}
+
+/// The number and the row of each particle, in the order of columns.
+fn by_column<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
+    places: &[Place],
+    layout: &Layout<D>,
+) -> Vec<(u32, u32)> {
+    let mut next = vec![0u32; layout.extent];
+    for place in places {
+        next[place.column as usize] += 1;
+    }
+    let mut slot = 0;
+    for column in &mut next {
+        slot += std::mem::replace(column, slot);
+    }
+    let mut ordered = vec![(0, 0); places.len()];
+    let numbers = blocks.iter().enumerate().flat_map(|(index, block)| {
+        (index * LANES..index * LANES + block.count).map(|number| number as u32)
+    });
+    for (number, place) in numbers.zip(places) {
+        let slot = &mut next[place.column as usize];
+        ordered[*slot as usize] = (number, place.row);
+        *slot += 1;
+    }
+    ordered
 }
 
 fn fetch<const D: usize, S: State>(

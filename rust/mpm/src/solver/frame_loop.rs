@@ -228,6 +228,7 @@ impl<const D: usize> Solver<D> {
         self.slabs = sort(
             &mut self.state.groups,
             &self.grid.layout,
+            &self.walls.planes(),
             &mut self.places,
             &self.team,
         );
@@ -253,7 +254,6 @@ impl<const D: usize> Solver<D> {
 
     /// Momentum to the grid, and what forces and contacts make of it there.
     pub(super) fn move_grid(&mut self, step: P2gStep<'_, D>) {
-        self.grid.clear();
         p2g(
             &self.state.groups,
             &self.slabs,

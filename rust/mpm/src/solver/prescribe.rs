@@ -8,7 +8,7 @@ use crate::boundary::{Bounds, Obstacles};
 use crate::error::MpmError;
 use crate::force::FrameForce;
 use crate::grid::{Grid, Stencils};
-use crate::linalg::{Kernel, LANES, Vector, norm, run_wide};
+use crate::linalg::{Kernel, LANES, Quad, Vector, norm, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
 use crate::substep::{P2gStep, gather};
@@ -201,17 +201,17 @@ impl<const D: usize, S: State> Kernel for Gradients<'_, D, S> {
     type Output = f32;
 
     #[inline(always)]
-    fn run(self) -> f32 {
+    fn run<Q: Quad>(self) -> f32 {
         let per_cell = 4.0 / self.grid.layout.dx();
         let mut largest = 0.0f32;
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather(self.grid, &stencils, count);
+            let sums = gather::<Q, D>(self.grid, &stencils, count);
             for i in 0..count {
-                let v = sums.values[i].to_array();
+                let v = sums.value(i).to_array();
                 for axis in 0..D {
-                    let moments = sums.moments[axis][i].to_array();
+                    let moments = sums.moment(axis, i).to_array();
                     for row in 0..D {
                         let entry = (moments[row] - v[row] * stencils.offset[axis][i]) * per_cell;
                         block.affine[row][axis][i] = entry;
@@ -239,16 +239,16 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<Q: Quad>(self) {
         let per_cell_volume = 1.0 / self.grid.layout.dx().powi(D as i32);
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather(self.grid, &stencils, count);
+            let sums = gather::<Q, D>(self.grid, &stencils, count);
             // The density of a particle's own material, whatever the others weigh.
             let mut density = [0.0; LANES];
             for i in 0..count {
-                let mass = sums.values[i].to_array()[3];
+                let mass = sums.value(i).to_array()[3];
                 density[i] = mass * per_cell_volume * block.volume[i] / block.mass[i];
             }
             let room = self.bounds.room(&stencils);
@@ -257,9 +257,9 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
                 self.material
                     .deform(&mut block.state, &block.affine, self.step_dt);
             }
+            let ratios = self.material.volume_ratios(&block.state);
             for i in 0..count {
-                let state = M::State::load(&block.state, i);
-                self.totals.sound &= self.material.volume_ratio(&state) > 0.0;
+                self.totals.sound &= ratios[i] > 0.0;
                 self.totals.add(block, i, density[i], &self.gravity);
             }
         }

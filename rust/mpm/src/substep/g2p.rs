@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles};
 use crate::grid::{Grid, Stencils};
-use crate::linalg::{Kernel, LANES, Lanes, run_wide};
+use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, MaterialGroup, with_group};
 use threads::Team;
@@ -70,17 +70,26 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
 }
 
 /// Weighted sums over the nodes of each particle, each as velocity and mass.
-pub struct Sums<const D: usize> {
-    pub values: [f32x4; LANES],
+pub struct Sums([[f32x4; 4]; LANES]);
+
+impl Sums {
+    #[inline(always)]
+    pub fn value(&self, lane: usize) -> f32x4 {
+        self.0[lane][0]
+    }
+
     /// The same, each node times its steps from the lowest along an axis.
-    pub moments: [[f32x4; LANES]; D],
+    #[inline(always)]
+    pub fn moment(&self, axis: usize, lane: usize) -> f32x4 {
+        self.0[lane][1 + axis]
+    }
 }
 
 impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
     type Output = Outcome;
 
     #[inline(always)]
-    fn run(self) -> Outcome {
+    fn run<Q: Quad>(self) -> Outcome {
         let Self {
             material,
             grid,
@@ -92,92 +101,86 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         } = self;
         let mut max_speed_squared = f32x4::ZERO;
         let mut sound = true;
+        // Lane by lane: a sum across lanes for each block takes longer than all that it sums up.
+        let mut broken = [0u32; LANES];
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
-            let sums = gather(grid, &stencils, block.count.min(LANES));
+            let sums = gather::<Q, D>(grid, &stencils, block.count.min(LANES));
             let moved = move_block(block, &stencils, &sums, grid, bounds, dt);
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
             material.deform(&mut block.state, &block.affine, dt);
-            let mut broken = 0u32;
+            let ratios = material.volume_ratios(&block.state);
             for i in 0..LANES {
-                let state = M::State::load(&block.state, i);
-                // Of NaN neither is true.
-                let sound = material.volume_ratio(&state) > 0.0;
-                broken |= u32::from(!sound);
+                // False for NaN.
+                let sound = ratios[i] > 0.0;
+                broken[i] |= u32::from(!sound);
             }
-            sound &= broken == 0;
             if moved.outside {
                 sound &= keep_inside(block, bounds);
             }
-            if sound && obstacles.any() {
+            if obstacles.any() && sound && broken == [0; LANES] {
                 push_out(block, &stencils, obstacles, friction);
             }
         }
         Outcome {
             max_speed_squared: max_speed_squared.to_array().into_iter().fold(0.0, f32::max),
-            sound,
+            sound: sound && broken == [0; LANES],
         }
     }
 }
 
 /// Sums over the nodes of the first `count` particles of a block.
 #[inline(always)]
-pub fn gather<const D: usize>(grid: &Grid<D>, stencils: &Stencils<D>, count: usize) -> Sums<D> {
-    let mut sums = Sums {
-        values: [f32x4::ZERO; LANES],
-        moments: [[f32x4::ZERO; LANES]; D],
-    };
+pub fn gather<Q: Quad, const D: usize>(
+    grid: &Grid<D>,
+    stencils: &Stencils<D>,
+    count: usize,
+) -> Sums {
+    let mut sums = Sums([[f32x4::ZERO; 4]; LANES]);
     for i in 0..count {
         let start = stencils.start[i] as usize;
-        let last = std::array::from_fn(|step| stencils.weights[D - 1][step][i]).map(f32x4::splat);
-        let mut planes = [f32x4::ZERO; 3];
-        let mut moments = [f32x4::ZERO; D];
-        for (a, plane) in planes.iter_mut().enumerate() {
-            let (weight, begin) = (
-                stencils.weights[0][a][i],
-                start + grid.layout.stencil_row([a, 0]),
-            );
+        // The rows of nodes are summed first, then what is left of each row along it.
+        let mut planes = [Q::zero(); 3];
+        let mut moments = [Q::zero(); D];
+        for a in 0..3 {
+            let row = |b| {
+                let begin = start + grid.layout.stencil_row([a, b]);
+                Q::load(grid.nodes[begin..begin + 4].try_into().expect("four nodes"))
+            };
             if D == 3 {
-                let rows: [_; 3] = std::array::from_fn(|b| {
-                    let weight = weight * stencils.weights[1][b][i];
-                    gather_row(
-                        &grid.nodes,
-                        begin + b * grid.layout.row_length,
-                        weight,
-                        &last,
-                    )
-                });
-                let beyond = rows[1].0 + rows[2].0;
-                *plane = rows[0].0 + beyond;
-                moments[1] += beyond + rows[2].0;
-                moments[D - 1] += rows[0].1 + rows[1].1 + rows[2].1;
+                let (sum, moment) = weighted([row(0), row(1), row(2)], &stencils.weights[1], i);
+                let weight = Q::splat(stencils.weights[0][a][i]);
+                planes[a] = sum;
+                moments[1] = moment.mul_add(weight, moments[1]);
             } else {
-                let (sum, moment) = gather_row(&grid.nodes, begin, weight, &last);
-                *plane = sum;
-                moments[D - 1] += moment;
+                planes[a] = row(0);
             }
         }
-        let beyond = planes[1] + planes[2];
-        moments[0] = beyond + planes[2];
-        sums.values[i] = planes[0] + beyond;
-        for axis in 0..D {
-            sums.moments[axis][i] = moments[axis];
-        }
+        let (value, moment) = weighted(planes, &stencils.weights[0], i);
+        moments[0] = moment;
+        // By index: copies of whole arrays would be stored and waited for.
+        let last = &stencils.weights[D - 1];
+        let along = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
+        let value = value.mul(along);
+        let moment_along = value.mul(Q::of_nodes([0.0, 1.0, 2.0, 0.0]));
+        let first = moments[0].mul(along);
+        let quads = if D == 3 {
+            [value, first, moments[1].mul(along), moment_along]
+        } else {
+            [value, first, moment_along, Q::zero()]
+        };
+        sums.0[i] = Q::sums(quads);
     }
     sums
 }
 
-/// Weighted sum over three nodes, and that of each node times its steps from the first.
+/// Weighted sum of three for one lane, and that of each times its steps from the first.
 #[inline(always)]
-fn gather_row(nodes: &[f32x4], begin: usize, weight: f32, last: &[f32x4; 3]) -> (f32x4, f32x4) {
-    let row: &[f32x4; 3] = nodes[begin..begin + 3].try_into().expect("three nodes");
-    let end = row[2] * last[2];
-    let beyond = row[1] * last[1] + end;
-    let weight = f32x4::splat(weight);
-    (
-        (row[0] * last[0] + beyond) * weight,
-        (beyond + end) * weight,
-    )
+fn weighted<Q: Quad>(nodes: [Q; 3], weights: &[Lanes; 3], lane: usize) -> (Q, Q) {
+    let end = nodes[2].mul(Q::splat(weights[2][lane]));
+    let beyond = nodes[1].mul_add(Q::splat(weights[1][lane]), end);
+    let sum = nodes[0].mul_add(Q::splat(weights[0][lane]), beyond);
+    (sum, beyond.add(end))
 }
 
 /// What `move_block` found on its way.
@@ -192,7 +195,7 @@ struct Moved {
 fn move_block<const D: usize, S: State>(
     block: &mut Block<D, S>,
     stencils: &Stencils<D>,
-    sums: &Sums<D>,
+    sums: &Sums,
     grid: &Grid<D>,
     bounds: &Bounds<D>,
     dt: f32,
@@ -205,7 +208,7 @@ fn move_block<const D: usize, S: State>(
     let mut inside = f32x4::ZERO.simd_eq(f32x4::ZERO);
     // Four particles at a time, from one vector a particle to one vector a component.
     for four in (0..LANES).step_by(4) {
-        let v = transposed(&sums.values, four);
+        let v = transposed(|lane| sums.value(lane), four);
         let mut speed_squared = f32x4::ZERO;
         for row in 0..D {
             let x = load(&block.x[row], four) + v[row] * dt;
@@ -219,7 +222,7 @@ fn move_block<const D: usize, S: State>(
         // Of two numbers of which one is NaN, the second.
         moved.max_speed_squared = speed_squared.fast_max(moved.max_speed_squared);
         for axis in 0..D {
-            let moments = transposed(&sums.moments[axis], four);
+            let moments = transposed(|lane| sums.moment(axis, lane), four);
             let offset = load(&stencils.offset[axis], four);
             for row in 0..D {
                 store(
@@ -235,8 +238,8 @@ fn move_block<const D: usize, S: State>(
 }
 
 #[inline(always)]
-fn transposed(values: &[f32x4; LANES], from: usize) -> [f32x4; 4] {
-    f32x4::transpose(std::array::from_fn(|k| values[from + k]))
+fn transposed(values: impl Fn(usize) -> f32x4, from: usize) -> [f32x4; 4] {
+    f32x4::transpose(std::array::from_fn(|k| values(from + k)))
 }
 
 #[inline(always)]

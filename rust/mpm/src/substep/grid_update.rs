@@ -4,7 +4,7 @@ use wide::f32x4;
 
 use crate::boundary::{MaterialFriction, Obstacles, WallContact};
 use crate::grid::{CHUNK, Grid, SMALLEST_MASS, Window};
-use crate::linalg::{Kernel, Vector, lanes, run_wide};
+use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
 use crate::particles::Slab;
 use threads::Team;
 
@@ -18,8 +18,7 @@ pub struct GridForces<'a, const D: usize> {
 
 /// Turns the grid's momentum into the velocity at the end of the substep.
 ///
-/// Slabs are planes of the grid: what happens at their nodes depends on no other plane, but for the walls
-/// across the first axis, which come last.
+/// Slabs are planes of the grid: what happens at their nodes depends on no other plane.
 pub fn grid_update<const D: usize>(
     grid: &mut Grid<D>,
     slabs: &[Slab],
@@ -43,9 +42,8 @@ pub fn grid_update<const D: usize>(
             gain: lanes(&(forces.gravity * dt), 0.0),
         });
         forces.obstacles.apply(window, &forces.material_friction);
-        forces.walls.apply_within(window, &forces.material_friction);
+        forces.walls.apply(window, &forces.material_friction);
     });
-    forces.walls.apply_across(grid, &forces.material_friction);
 }
 
 /// Divides by the masses, and adds what gravity gains.
@@ -58,7 +56,7 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<Q: Quad>(self) {
         let Window {
             layout,
             first,
@@ -67,36 +65,24 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
             active,
             ..
         } = self.window;
+        let gain = Q::repeat(self.gain);
+        let (kept, momentum) = ([0.0, 0.0, 0.0, 1.0].into(), [1.0, 1.0, 1.0, 0.0].into());
+        let (kept, momentum) = (Q::repeat(kept), Q::repeat(momentum));
         for span in *active {
             let start = span.row * layout.row_length - *first;
-            let (lo, hi) = (start + span.lo, start + span.hi);
-            let (chunks, _) = nodes[lo..hi].as_chunks_mut();
-            for (chunk, dirty) in chunks.iter_mut().zip(&mut dirty[lo / CHUNK..hi / CHUNK]) {
-                *dirty = accelerate(chunk, self.gain);
+            for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
+                // Spray leaves most nodes empty; nobody reads their velocity.
+                if dirty[chunk] {
+                    let (fours, _) = nodes[chunk * CHUNK..(chunk + 1) * CHUNK].as_chunks_mut();
+                    for four in fours {
+                        let node = Q::load(four);
+                        let mass = node.last_numbers().max(Q::splat(SMALLEST_MASS));
+                        // The mass itself is multiplied by one and gains nothing.
+                        let factor = Q::splat(1.0).div(mass).mul_add(momentum, kept);
+                        *four = node.mul_add(factor, gain).store();
+                    }
+                }
             }
         }
     }
-}
-
-/// False when all nodes are empty.
-#[inline(always)]
-fn accelerate(nodes: &mut [f32x4; CHUNK], gain: f32x4) -> bool {
-    let masses: [f32; CHUNK] = std::array::from_fn(|i| nodes[i].to_array()[3]);
-    // Spray leaves most nodes empty. They stay as they are; nobody reads their velocity.
-    if masses.iter().sum::<f32>() == 0.0 {
-        return false;
-    }
-    let inverses = masses.map(|mass| {
-        1.0 / if mass > SMALLEST_MASS {
-            mass
-        } else {
-            SMALLEST_MASS
-        }
-    });
-    for i in 0..CHUNK {
-        // The mass lane is multiplied by one and gains nothing.
-        let inverse = f32x4::from([inverses[i], inverses[i], inverses[i], 1.0]);
-        nodes[i] = nodes[i] * inverse + gain;
-    }
-    true
 }

@@ -5,10 +5,10 @@
 use wide::f32x4;
 
 use crate::force::FrameForce;
-use crate::grid::{Grid, Layout, Stencils, Window};
-use crate::linalg::{Kernel, LANES, Lanes, run_wide, shear_index};
+use crate::grid::{CHUNK, Grid, Layout, Stencils, Window};
+use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide, shear_index};
 use crate::material::{Constitutive, State};
-use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, with_group};
+use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, fresh_planes, with_group};
 use threads::Team;
 
 /// What one substep needs besides the state.
@@ -19,7 +19,7 @@ pub struct P2gStep<'a, const D: usize> {
     pub force: FrameForce<'a, D>,
 }
 
-/// Adds all particles to a cleared grid.
+/// Clears the grid and adds all particles to it.
 pub fn p2g<const D: usize>(
     groups: &[MaterialGroup<D>],
     slabs: &[Slab],
@@ -28,6 +28,7 @@ pub fn p2g<const D: usize>(
     team: &Team,
 ) {
     for_each_slab(slabs, grid, team, |slab, window| {
+        window.clear(fresh_planes(slabs, slab));
         for group in groups {
             with_group!(group, group => {
                 for blocks in [group.awake.of_slab(slab), group.border.of_slab(slab)] {
@@ -38,6 +39,7 @@ pub fn p2g<const D: usize>(
                         step,
                         first: window.first,
                         nodes: window.nodes,
+                        dirty: window.dirty,
                     });
                     if !window.friction_mass.is_empty() {
                         scatter_friction(blocks, group.wall_friction, window);
@@ -57,6 +59,8 @@ struct Scatter<'a, const D: usize, M: Constitutive<D>> {
     /// Memory index of the first of `nodes`.
     first: usize,
     nodes: &'a mut [f32x4],
+    /// Marks of the chunks that are written to.
+    dirty: &'a mut [bool],
 }
 
 /// What the nodes of a particle get, in lanes of momentum and mass.
@@ -71,39 +75,89 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        let row_length = self.layout.row_length;
+    fn run<Q: Quad>(self) {
+        let mut sums = CellSums::<Q, D>::new();
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.layout);
             let shares = self.shares(block, &stencils);
             for i in 0..block.count.min(LANES) {
                 let start = stencils.start[i] as usize - self.first;
-                let last =
-                    std::array::from_fn(|step| stencils.weights[D - 1][step][i]).map(f32x4::splat);
-                let along = f32x4::from(shares.per_step[D - 1][i]);
-                let mut value = f32x4::from(shares.lowest[i]);
-                for a in 0..3 {
-                    let weight = stencils.weights[0][a][i];
-                    let begin = start + self.layout.stencil_row([a, 0]);
-                    if D == 3 {
-                        let mut value = value;
-                        for b in 0..3 {
-                            let weight = weight * stencils.weights[1][b][i];
-                            scatter_row(
-                                self.nodes,
-                                begin + b * row_length,
-                                value,
-                                along,
-                                weight,
-                                &last,
-                            );
-                            value += f32x4::from(shares.per_step[1][i]);
-                        }
-                    } else {
-                        scatter_row(self.nodes, begin, value, along, weight, &last);
-                    }
-                    value += f32x4::from(shares.per_step[0][i]);
+                if start != sums.start {
+                    sums.flush(self.nodes, self.dirty, &self.layout);
+                    sums.start = start;
                 }
+                sums.add(&stencils, &shares, i);
+            }
+        }
+        sums.flush(self.nodes, self.dirty, &self.layout);
+    }
+}
+
+/// What consecutive particles with the same stencil bring to its nodes.
+struct CellSums<Q: Quad, const D: usize> {
+    /// Lowest node of the stencil; none before the first particle.
+    start: usize,
+    /// The rows of the stencil, by their steps along the first axes.
+    rows: [[Q; 3]; 3],
+}
+
+impl<Q: Quad, const D: usize> CellSums<Q, D> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
+            start: usize::MAX,
+            rows: [[Q::zero(); 3]; 3],
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, stencils: &Stencils<D>, shares: &Shares<D>, i: usize) {
+        // By index: copies of whole arrays would be stored and waited for.
+        let last = &stencils.weights[D - 1];
+        let last = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
+        let per_step = |axis: usize| Q::repeat(f32x4::from(shares.per_step[axis][i]));
+        let steps = Q::of_nodes([0.0, 1.0, 2.0, 0.0]);
+        let lowest = Q::repeat(f32x4::from(shares.lowest[i]));
+        // Along the row all is weighted at once.
+        let mut value = per_step(D - 1).mul_add(steps, lowest).mul(last);
+        let along_first = per_step(0).mul(last);
+        let along_second = per_step(1 % D).mul(last);
+        for a in 0..3 {
+            let weight = Q::splat(stencils.weights[0][a][i]);
+            if D == 3 {
+                let (mut value, step) = (value.mul(weight), along_second.mul(weight));
+                for b in 0..3 {
+                    let weight = Q::splat(stencils.weights[1][b][i]);
+                    self.rows[a][b] = value.mul_add(weight, self.rows[a][b]);
+                    value = value.add(step);
+                }
+            } else {
+                self.rows[a][0] = value.mul_add(weight, self.rows[a][0]);
+            }
+            value = value.add(along_first);
+        }
+    }
+
+    /// Adds the sums to the nodes. Node by node: a wide load would have to wait for the narrower or shifted stores of the
+    /// neighbouring cell.
+    #[inline(always)]
+    fn flush(&mut self, nodes: &mut [f32x4], dirty: &mut [bool], layout: &Layout<D>) {
+        if self.start == usize::MAX {
+            return;
+        }
+        for a in 0..3 {
+            for b in 0..if D == 3 { 3 } else { 1 } {
+                let begin = self.start + layout.stencil_row([a, b]);
+                let row: &mut [f32x4; 3] = (&mut nodes[begin..begin + 3])
+                    .try_into()
+                    .expect("three nodes");
+                let sums = self.rows[a][b].store();
+                for step in 0..3 {
+                    row[step] += sums[step];
+                }
+                dirty[begin / CHUNK] = true;
+                dirty[(begin + 2) / CHUNK] = true;
+                self.rows[a][b] = Q::zero();
             }
         }
     }
@@ -222,10 +276,8 @@ fn scatter_friction<const D: usize, S: State>(
 #[inline(always)]
 pub fn for_each_row<const D: usize>(mut visit: impl FnMut(usize, usize)) {
     for a in 0..3 {
-        if D == 3 {
-            (0..3).for_each(|b| visit(a, b));
-        } else {
-            visit(a, 0);
+        for b in 0..if D == 3 { 3 } else { 1 } {
+            visit(a, b);
         }
     }
 }

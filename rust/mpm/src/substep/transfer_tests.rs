@@ -131,9 +131,8 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     let mut groups = vec![MaterialGroup::Water(group)];
     let team = Team::new(1).unwrap();
     let mut places = Vec::new();
-    let slabs = sort(&mut groups, &layout, &mut places, &team);
+    let slabs = sort(&mut groups, &layout, &[], &mut places, &team);
     grid.activate(&places);
-    grid.clear();
     p2g(
         &groups,
         &slabs,

@@ -4,7 +4,7 @@ use super::lanes::{PRESSURE, SMOOTH, VOLUME};
 use super::smooth::binomial;
 use crate::boundary::{WallFill, Walls};
 use crate::grid::{Grid, Layout, Stencils};
-use crate::linalg::{Kernel, LANES, Lanes, run_wide};
+use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, Correction};
 use crate::particles::{Block, Group};
 use crate::substep::gather;
@@ -113,10 +113,10 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<Q: Quad>(self) {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
-            let sums = gather(self.grid, &stencils, block.count.min(LANES));
+            let sums = gather::<Q, D>(self.grid, &stencils, block.count.min(LANES));
             let (room, centre) = self.room.smooth.at(&stencils);
             let (crowding_lane, crowding_room) = if self.material.crowds_within_cells() {
                 (VOLUME, self.room.fine.at(&stencils).0)
@@ -130,10 +130,10 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
                 expansion: [0.0; LANES],
             };
             for i in 0..block.count.min(LANES) {
-                let sum = sums.values[i].to_array();
+                let sum = sums.value(i).to_array();
                 let mut distance_squared = 0.0;
                 for axis in 0..D {
-                    let moment = sums.moments[axis][i].to_array()[SMOOTH];
+                    let moment = sums.moment(axis, i).to_array()[SMOOTH];
                     distance_squared += (moment / sum[SMOOTH] - centre[axis][i]).powi(2);
                 }
                 correction.pressure[i] = sum[PRESSURE];

@@ -4,7 +4,7 @@ use wide::f32x4;
 
 use super::lanes::{PRESSURE, SHARING, VOLUME};
 use crate::grid::{Grid, Stencils, Window};
-use crate::linalg::{Kernel, LANES, run_wide};
+use crate::linalg::{Kernel, LANES, Quad, run_wide};
 use crate::material::Constitutive;
 use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, with_group};
 use crate::substep::{for_each_row, scatter_row};
@@ -57,7 +57,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for SpreadBlocks<'_, '_, D, M> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<Q: Quad>(self) {
         let Window {
             layout,
             first,
