@@ -39,6 +39,7 @@ __all__ = [
     "cpu_features",
     "grid_mass",
     "hand_out_times",
+    "limit_instructions",
     "radius_graph",
     "relaxed",
 ]
@@ -959,3 +960,24 @@ def hand_out_times(
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""
+
+def limit_instructions(widest: str) -> str:
+    """Let solvers use no wider vector instructions from now on, in the whole process.
+
+    The results stay the same bits; this is for comparing speeds.
+
+    Parameters
+    ----------
+    widest : str
+        "portable", "avx2" or "avx512".
+
+    Returns
+    -------
+    str
+        The set in use: the widest of those allowed that the processor has.
+
+    Raises
+    ------
+    ConfigError
+        There is no set of that name.
+    """

@@ -1,12 +1,13 @@
-"""The bits of eight scenes are those that were committed, on one thread and on two."""
+"""The bits of eight scenes are those committed, with any number of threads and any vector instructions."""
 
 import importlib.util
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-from hybridmpm import SOLVER_VERSION
+from hybridmpm import SOLVER_VERSION, ConfigError, _native
 
 
 def _load() -> ModuleType:
@@ -47,3 +48,23 @@ def test_the_bits_are_those_committed(name: str) -> None:
             "if the bits were meant to change, raise SOLVER_VERSION, run "
             "`python tests/golden/digests.py --write` and say why"
         )
+
+
+@pytest.fixture
+def _widest_again() -> Iterator[None]:
+    yield
+    _native.limit_instructions("avx512")
+
+
+@pytest.mark.usefixtures("_widest_again")
+@pytest.mark.parametrize("name", ["elastic_and_obstacles", "sand_3d"])
+@pytest.mark.parametrize("instructions", ["portable", "avx2"])
+def test_the_bits_do_not_depend_on_the_instructions(name: str, instructions: str) -> None:
+    in_use = _native.limit_instructions(instructions)
+    assert in_use in ("portable", instructions)
+    assert golden.digest(golden.scenes()[name]) == COMMITTED["scenes"][name]
+
+
+def test_a_set_of_instructions_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(ConfigError, match="portable, avx2 or avx512"):
+        _native.limit_instructions("avx1024")

@@ -67,6 +67,28 @@ fn cpu_features() -> Vec<&'static str> {
         .collect()
 }
 
+/// Lets solvers use no wider vector instructions from now on.
+#[pyfunction]
+fn limit_instructions(widest: &str) -> Result<&'static str, NativeError> {
+    let mut sets = mpm::Instructions::ALL.into_iter();
+    let Some(set) = sets.find(|&set| name_of(set) == widest) else {
+        let allowed = "portable, avx2 or avx512";
+        return Err(NativeError(mpm::MpmError::parameter(
+            "widest", allowed, widest,
+        )));
+    };
+    set.limit();
+    Ok(name_of(mpm::Instructions::in_use()))
+}
+
+fn name_of(set: mpm::Instructions) -> &'static str {
+    match set {
+        mpm::Instructions::Portable => "portable",
+        mpm::Instructions::Avx2 => "avx2",
+        mpm::Instructions::Avx512 => "avx512",
+    }
+}
+
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -89,5 +111,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(neural::answer_weights, module)?)?;
     module.add_function(wrap_pyfunction!(neural::relaxed, module)?)?;
+    module.add_function(wrap_pyfunction!(limit_instructions, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

@@ -32,6 +32,7 @@ CRATES: dict[str, str | None] = {
     "Solver": _MPM,
     "advance_all": _MPM,
     "grid_mass": _MPM,
+    "limit_instructions": _MPM,
     "RadiusGraph": _NEIGHBORS,
     "VerletList": _NEIGHBORS,
     "radius_graph": _NEIGHBORS,
