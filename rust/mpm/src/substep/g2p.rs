@@ -137,15 +137,24 @@ pub fn gather<Q: Quad, const D: usize>(
     count: usize,
 ) -> Sums {
     let mut sums = Sums([[f32x4::ZERO; 4]; LANES]);
+    // The nodes as each row of a stencil sees them: as long as each other, they need one check a particle.
+    let length = grid.nodes.len() - grid.layout.stencil_row([2, 2]);
+    let mut rows = [[&grid.nodes[..length]; 3]; 3];
+    for a in 0..3 {
+        for b in 0..3 {
+            let offset = grid.layout.stencil_row([a, b]);
+            rows[a][b] = &grid.nodes[offset..offset + length];
+        }
+    }
     for i in 0..count {
         let start = stencils.start[i] as usize;
         // The rows of nodes are summed first, then what is left of each row along it.
         let mut planes = [Q::zero(); 3];
         let mut moments = [Q::zero(); D];
         for a in 0..3 {
-            let row = |b| {
-                let begin = start + grid.layout.stencil_row([a, b]);
-                Q::load(grid.nodes[begin..begin + 4].try_into().expect("four nodes"))
+            let row = |b: usize| {
+                let nodes = &rows[a][b][start..start + 4];
+                Q::load(nodes.try_into().expect("four nodes"))
             };
             if D == 3 {
                 let (sum, moment) = weighted([row(0), row(1), row(2)], &stencils.weights[1], i);
