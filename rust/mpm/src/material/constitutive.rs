@@ -73,16 +73,3 @@ pub trait State: Copy + Send + Sync + Debug + PartialEq {
     fn write(&self, put: &mut impl FnMut(f32));
     fn read(take: &mut impl FnMut() -> f32) -> Self;
 }
-
-/// I + dt C of one particle.
-#[inline(always)]
-pub(super) fn increment<const D: usize>(
-    affine: &[[Lanes; D]; D],
-    lane: usize,
-    dt: f32,
-) -> Matrix<D> {
-    Matrix::from_fn(|row, column| {
-        let identity = if row == column { 1.0 } else { 0.0 };
-        identity + dt * affine[row][column][lane]
-    })
-}
