@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use crate::linalg::{Lanes, Matrix, Symmetrics};
+use crate::linalg::{Lanes, Symmetrics};
 
 /// What the transfer loops need of a material. What they call is inlined into them, once per material and
 /// dimension, and works on a block of particles at a time.
