@@ -37,7 +37,7 @@ impl<const D: usize> Scene<D> {
         let mut grid = Grid::new(RESOLUTION, false);
         let mut groups = vec![MaterialGroup::Water(Group::new(WATER, 0.0, particles))];
         let (team, mut places) = (Team::new(1).unwrap(), Vec::new());
-        let slabs = sort(&mut groups, &grid.layout, &mut places, &team);
+        let slabs = sort(&mut groups, &grid.layout, &[], &mut places, &team);
         grid.activate(&places);
         grid.clear();
         Self {
