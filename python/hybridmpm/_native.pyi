@@ -21,8 +21,10 @@ __all__ = [
     "DomainError",
     "Emitter",
     "FrameReport",
+    "FreeSpace",
     "GraphSizeError",
     "InvertedError",
+    "Matching",
     "Material",
     "MotionReport",
     "NonFiniteError",
@@ -32,6 +34,8 @@ __all__ = [
     "SnapshotError",
     "Solver",
     "StepSizeError",
+    "Timing",
+    "Tracks",
     "VerletList",
     "__version__",
     "advance_all",
@@ -39,7 +43,9 @@ __all__ = [
     "cpu_features",
     "grid_mass",
     "hand_out_times",
+    "least_acceleration",
     "limit_instructions",
+    "match_to_region",
     "radius_graph",
     "relaxed",
 ]
@@ -928,6 +934,185 @@ def relaxed(
     ConfigError
         Arrays that do not fit together, or a number out of range.
     """
+
+@final
+class FreeSpace:
+    """The room between walls and obstacles on a coarse grid, for shortest ways and lines of sight.
+
+    Parameters
+    ----------
+    lower : sequence of D floats
+        First node [m].
+    spacing : float
+        Distance of the nodes [m].
+    distance : float64 with D axes
+        Signed distance of the nearest obstacle from each node, negative inside [m].
+
+    Raises
+    ------
+    ConfigError
+        The dimension is not 2 or 3, or the shapes do not fit together.
+    """
+
+    def __new__(
+        cls, lower: Sequence[float], spacing: float, distance: npt.NDArray[np.float64]
+    ) -> FreeSpace: ...
+
+@final
+class Matching:
+    """What `match_to_region` found, for N particles in G groups."""
+
+    @property
+    def places(self) -> npt.NDArray[np.float64]:
+        """Place of each particle (N, D) [m]."""
+
+    @property
+    def group(self) -> npt.NDArray[np.uint32]:
+        """Group of each particle (N,)."""
+
+    @property
+    def way_starts(self) -> npt.NDArray[np.uint32]:
+        """(G + 1,): the way of group g has the corners `ways[way_starts[g]:way_starts[g + 1]]`."""
+
+    @property
+    def ways(self) -> npt.NDArray[np.float64]:
+        """Ways of the groups' centres (K, D) [m]: start, corners around obstacles, end."""
+
+    @property
+    def cut_off(self) -> npt.NDArray[np.bool_]:
+        """Whether no way leads to the places of a group (G,); its way is then the straight one."""
+
+def match_to_region(
+    x: npt.NDArray[np.float64], cells: npt.NDArray[np.float64], space: FreeSpace | None = None
+) -> Matching:
+    """Fill a region evenly with as many places as there are particles, and give each particle one.
+
+    Particles and places are divided into at most 256 groups each. Groups are assigned to each other exactly,
+    by the least sum of squared ways (Crouse 2016, doi:10.1109/TAES.2016.140952), then the particles of each
+    pair of groups, their centres laid upon each other. The same input gives the same bits.
+
+    Parameters
+    ----------
+    x : float64 (N, D)
+        Particles [m], at least one.
+    cells : float64 (M, D)
+        Centres of equal cells that make up the region [m]; several for each particle.
+    space : FreeSpace, optional
+        Obstacles to lead ways around; without it all ways are straight.
+
+    Raises
+    ------
+    ConfigError
+        Shapes that do not fit together, numbers that are not finite, or fewer cells than places.
+    """
+
+@final
+class Timing:
+    """How a way through K points is timed."""
+
+    @property
+    def times(self) -> npt.NDArray[np.float64]:
+        """When each point is passed (K,), from 0 on [s]."""
+
+    @property
+    def velocities(self) -> npt.NDArray[np.float64]:
+        """Velocity in each point (K, D) [m/s]."""
+
+def least_acceleration(
+    points: npt.NDArray[np.float64],
+    start_velocity: Sequence[float],
+    end_velocity: Sequence[float],
+    seconds: float,
+) -> Timing:
+    """Time a way through points so that the integral of the squared acceleration is least.
+
+    For given times that is the clamped cubic spline through the points. The times are searched.
+
+    Parameters
+    ----------
+    points : float64 (K, D)
+        [m], K >= 2.
+    start_velocity, end_velocity : sequence of D floats
+        [m/s].
+    seconds : float > 0
+
+    Raises
+    ------
+    ConfigError
+        Shapes that do not fit together, or numbers out of range.
+    """
+
+@final
+class Tracks:
+    """The force that keeps N particles on P ways, computed from where they really are.
+
+    A particle at x with velocity u that is to be at y with velocity w after tau seconds gets the acceleration
+    6 (y - x) / tau^2 - (4 u + 2 w) / tau - g, the first moment of the motion that has the least integral of
+    |a|^2. On a way between two knots y is its end. On a way of several pieces y lies `ahead` seconds ahead.
+
+    Parameters
+    ----------
+    starts : uint32 (P + 1,)
+        Way p has the knots starts[p] to starts[p + 1] - 1, at least two.
+    times : float32 (K,)
+        When a knot is passed, from the start on [s]; increasing along each way.
+    x, v : float32 (K, D)
+        Places [m] of the knots and velocities in them [m/s]; cubic pieces lie between.
+    path : uint32 (N,)
+        Way of each particle.
+    offset : float32 (N, D)
+        Distance of each particle from its way [m].
+    gravity : sequence of D floats
+        What the force makes up for [m/s^2].
+    shortest : float > 0
+        Shortest tau [s].
+    ahead : float > 0
+        [s].
+    cells : int in [0, 256]
+        Cells per metre of the grid over [0, 1]^D that the force is put on and read from again, by linear
+        weights, which keeps its momentum; 0 leaves it as it is.
+    cap : float > 0
+        Largest acceleration [m/s^2]; longer ones are shortened to it.
+
+    Raises
+    ------
+    ConfigError
+        Arrays that do not fit together, or a number out of range.
+    """
+
+    def __new__(
+        cls,
+        *,
+        starts: npt.NDArray[np.uint32],
+        times: npt.NDArray[np.float32],
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        path: npt.NDArray[np.uint32],
+        offset: npt.NDArray[np.float32],
+        gravity: Sequence[float],
+        shortest: float,
+        ahead: float,
+        cells: int,
+        cap: float,
+    ) -> Tracks: ...
+    def force(
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        mass: npt.NDArray[np.float32],
+        time: float,
+        rows: npt.NDArray[np.uint32] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Return the accelerations besides gravity (N, D) [m/s^2] at a time since the start [s].
+
+        Positions [m], velocities [m/s] and masses [kg] are those of all N particles, or of those that `rows`
+        names.
+
+        Raises
+        ------
+        ConfigError
+            Arrays that do not fit together.
+        """
 
 def hand_out_times(
     *, threads: int = 2, work: float = 20e-6, pause: float = 0.0, repeats: int = 40

@@ -17,7 +17,8 @@ import pytest
 
 RUST = Path(__file__).parents[2] / "rust"
 DEPENDS_ON = {
-    "bindings": {"mpm", "neighbors", "neural", "threads"},
+    "bindings": {"guidance", "mpm", "neighbors", "neural", "threads"},
+    "guidance": set(),
     "mpm": {"threads"},
     "neighbors": {"threads"},
     "neural": set(),

@@ -1,0 +1,318 @@
+//! The room between walls and obstacles, on a coarse grid: shortest ways and lines of sight.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::error::GuidanceError;
+
+/// Where obstacles are, by their signed distance in the nodes of a grid.
+#[derive(Debug, Clone)]
+pub struct FreeSpace<const D: usize> {
+    lower: [f64; D],
+    spacing: f64,
+    counts: [usize; D],
+    distance: Vec<f64>,
+    /// Steps to the neighbours of a node, on each axis -1, 0 or 1, with their lengths [m].
+    steps: Vec<([isize; D], f64)>,
+}
+
+/// Lines closer to an obstacle than this many spacings are blocked.
+const CLEARANCE: f64 = 0.5;
+/// Ways closer to an obstacle than this many spacings are counted longer, so that others go first.
+const COMFORT: f64 = 2.0;
+/// How far a point in an obstacle, or close to one, may be from the free node that stands for it [spacings].
+const REACH: isize = 4;
+
+impl<const D: usize> FreeSpace<D> {
+    /// Nodes from `lower` on, `counts[axis]` along each axis and `spacing` apart [m]; `distance` to the nearest
+    /// obstacle in each [m], the last axis changing fastest.
+    pub fn new(
+        lower: [f64; D],
+        spacing: f64,
+        counts: [usize; D],
+        distance: Vec<f64>,
+    ) -> Result<Self, GuidanceError> {
+        if distance.len() != counts.iter().product::<usize>() || counts.contains(&0) {
+            return Err(GuidanceError::new(
+                "distance",
+                format!("of shape {counts:?}"),
+                &distance.len(),
+            ));
+        }
+        let steps = (0..3_usize.pow(D as u32))
+            .map(|flat| {
+                std::array::from_fn(|axis| (flat / 3_usize.pow(axis as u32) % 3) as isize - 1)
+            })
+            .filter(|step: &[isize; D]| step.iter().any(|&along| along != 0))
+            .map(|step| {
+                (
+                    step,
+                    spacing
+                        * step
+                            .iter()
+                            .map(|&along| (along * along) as f64)
+                            .sum::<f64>()
+                            .sqrt(),
+                )
+            })
+            .collect();
+        Ok(Self {
+            lower,
+            spacing,
+            counts,
+            distance,
+            steps,
+        })
+    }
+
+    /// Length of the shortest way from each node to the nearest of `goals` [m]; infinite where there is none.
+    pub fn lengths_to(&self, goals: &[[f64; D]]) -> Vec<f64> {
+        let mut lengths = vec![f64::INFINITY; self.distance.len()];
+        let mut queue = BinaryHeap::new();
+        for goal in goals {
+            if let Some(node) = self.free_node(goal) {
+                lengths[node] = 0.0;
+                queue.push(Reverse((0, node)));
+            }
+        }
+        while let Some(Reverse((key, node))) = queue.pop() {
+            // Positive floats are ordered as their bits are.
+            if f64::from_bits(key) > lengths[node] {
+                continue;
+            }
+            self.for_each_neighbour(node, |next, step| {
+                let length = lengths[node] + step * self.burden(next);
+                if length < lengths[next] {
+                    lengths[next] = length;
+                    queue.push(Reverse((length.to_bits(), next)));
+                }
+            });
+        }
+        lengths
+    }
+
+    /// Value of a field of `lengths_to` at a point.
+    pub fn length_at(&self, lengths: &[f64], x: &[f64; D]) -> f64 {
+        self.free_node(x)
+            .map_or(f64::INFINITY, |node| lengths[node])
+    }
+
+    /// Corners of a short way from one point to another, both among them; None where there is none.
+    ///
+    /// `lengths` is the field of goals near to the end.
+    pub fn way(&self, from: &[f64; D], to: &[f64; D], lengths: &[f64]) -> Option<Vec<[f64; D]>> {
+        let mut node = self
+            .free_node(from)
+            .filter(|&node| lengths[node].is_finite())?;
+        let mut chain = vec![*from, self.point(node)];
+        while lengths[node] > 0.0 {
+            let mut best = (f64::INFINITY, node);
+            self.for_each_neighbour(node, |next, step| {
+                let length = lengths[next] + step * self.burden(node);
+                if lengths[next] < lengths[node] && length < best.0 {
+                    best = (length, next);
+                }
+            });
+            if best.1 == node {
+                break;
+            }
+            node = best.1;
+            chain.push(self.point(node));
+        }
+        chain.push(*to);
+        Some(self.pulled_taut(&chain))
+    }
+
+    /// Whether the straight line between two points keeps clear of obstacles, but for its ends.
+    pub fn sees(&self, from: &[f64; D], to: &[f64; D]) -> bool {
+        let length = crate::partition::square_distance(from, to).sqrt();
+        let count = (length / (0.5 * self.spacing)).ceil() as usize;
+        (0..=count).all(|index| {
+            let s = index as f64 / count.max(1) as f64;
+            let x = std::array::from_fn(|axis| from[axis] + s * (to[axis] - from[axis]));
+            // Matter may touch an obstacle where it starts and where it ends.
+            let end = length * s.min(1.0 - s) / self.spacing;
+            self.distance_at(&x) > self.spacing * CLEARANCE.min(0.25 * end)
+        })
+    }
+
+    /// Signed distance of the obstacles at a point, linear between nodes.
+    fn distance_at(&self, x: &[f64; D]) -> f64 {
+        let mut base = [0; D];
+        let mut place = [0.0; D];
+        for axis in 0..D {
+            let last = self.counts[axis].saturating_sub(2);
+            let at = ((x[axis] - self.lower[axis]) / self.spacing).max(0.0);
+            base[axis] = (at as usize).min(last);
+            place[axis] = (at - base[axis] as f64).min(1.0);
+        }
+        (0..1_usize << D)
+            .map(|corner| {
+                let mut weight = 1.0;
+                let mut node = base;
+                for axis in 0..D {
+                    let high = corner >> axis & 1 == 1 && self.counts[axis] > 1;
+                    weight *= if corner >> axis & 1 == 1 {
+                        place[axis]
+                    } else {
+                        1.0 - place[axis]
+                    };
+                    node[axis] += usize::from(high);
+                }
+                weight * self.distance[self.flat(&node)]
+            })
+            .sum()
+    }
+
+    /// Leaves out the corners that the line between others passes by.
+    fn pulled_taut(&self, chain: &[[f64; D]]) -> Vec<[f64; D]> {
+        let mut taut = vec![chain[0]];
+        let mut here = 0;
+        while here + 1 < chain.len() {
+            let next = (here + 2..chain.len())
+                .rev()
+                .find(|&next| self.sees(&chain[here], &chain[next]))
+                .unwrap_or(here + 1);
+            taut.push(chain[next]);
+            here = next;
+        }
+        taut
+    }
+
+    /// The free node nearest to a point.
+    fn free_node(&self, x: &[f64; D]) -> Option<usize> {
+        let center: [isize; D] = std::array::from_fn(|axis| {
+            let at = ((x[axis] - self.lower[axis]) / self.spacing).round() as isize;
+            at.clamp(0, self.counts[axis] as isize - 1)
+        });
+        let mut best = (f64::INFINITY, None);
+        for reach in [0, 1, REACH] {
+            let side = (2 * reach + 1) as usize;
+            for flat in 0..side.pow(D as u32) {
+                let node: [isize; D] = std::array::from_fn(|axis| {
+                    center[axis] + (flat / side.pow(axis as u32) % side) as isize - reach
+                });
+                let Some(node) = self.inside(&node).filter(|&node| self.is_free(node)) else {
+                    continue;
+                };
+                let distance = crate::partition::square_distance(&self.point(node), x);
+                if distance < best.0 {
+                    best = (distance, Some(node));
+                }
+            }
+            if best.1.is_some() {
+                break;
+            }
+        }
+        best.1
+    }
+
+    fn is_free(&self, node: usize) -> bool {
+        self.distance[node] > CLEARANCE * self.spacing
+    }
+
+    /// Factor by which a way through a node counts longer.
+    fn burden(&self, node: usize) -> f64 {
+        let room = self.distance[node] / (COMFORT * self.spacing);
+        if room < 1.0 { 2.0 - room.max(0.0) } else { 1.0 }
+    }
+
+    fn for_each_neighbour(&self, node: usize, mut visit: impl FnMut(usize, f64)) {
+        let place = self.place(node);
+        for (step, length) in &self.steps {
+            let next = std::array::from_fn(|axis| place[axis] as isize + step[axis]);
+            if let Some(next) = self.inside(&next).filter(|&next| self.is_free(next)) {
+                visit(next, *length);
+            }
+        }
+    }
+
+    fn inside(&self, place: &[isize; D]) -> Option<usize> {
+        let fits = (0..D).all(|axis| (0..self.counts[axis] as isize).contains(&place[axis]));
+        fits.then(|| self.flat(&place.map(|along| along as usize)))
+    }
+
+    fn flat(&self, place: &[usize; D]) -> usize {
+        place
+            .iter()
+            .zip(&self.counts)
+            .fold(0, |flat, (along, count)| flat * count + along)
+    }
+
+    fn place(&self, mut node: usize) -> [usize; D] {
+        let mut place = [0; D];
+        for axis in (0..D).rev() {
+            place[axis] = node % self.counts[axis];
+            node /= self.counts[axis];
+        }
+        place
+    }
+
+    fn point(&self, node: usize) -> [f64; D] {
+        let place = self.place(node);
+        std::array::from_fn(|axis| self.lower[axis] + self.spacing * place[axis] as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A room of a metre with a wall at x = 0.5 from the floor up to a height.
+    fn room(height: f64) -> FreeSpace<2> {
+        let (spacing, count) = (1.0 / 64.0, 65);
+        let distance = (0..count * count)
+            .map(|flat| {
+                let (x, y) = (
+                    (flat / count) as f64 * spacing,
+                    (flat % count) as f64 * spacing,
+                );
+                (x - 0.5).hypot((y - height).max(0.0)) - 0.01
+            })
+            .collect();
+        FreeSpace::new([0.0; 2], spacing, [count; 2], distance).unwrap()
+    }
+
+    #[test]
+    fn a_wall_hides_what_is_behind_it() {
+        let room = room(0.6);
+        assert!(!room.sees(&[0.2, 0.2], &[0.8, 0.2]));
+        assert!(room.sees(&[0.2, 0.2], &[0.4, 0.7]));
+        assert!(room.sees(&[0.2, 0.8], &[0.8, 0.8]));
+    }
+
+    #[test]
+    fn the_way_leads_over_the_top_of_the_wall() {
+        let room = room(0.6);
+        let (from, to) = ([0.2, 0.2], [0.8, 0.2]);
+        let lengths = room.lengths_to(&[to]);
+        let way = room.way(&from, &to, &lengths).unwrap();
+        assert_eq!((way[0], way[way.len() - 1]), (from, to));
+        assert!((3..=5).contains(&way.len()), "{way:?}");
+        assert!(
+            way.iter().any(|x| (x[0] - 0.5).abs() < 0.06 && x[1] > 0.6),
+            "{way:?}"
+        );
+        let length: f64 = way
+            .windows(2)
+            .map(|w| crate::partition::square_distance(&w[0], &w[1]).sqrt())
+            .sum();
+        assert!((1.0..1.12).contains(&length), "{length}");
+        assert!((room.length_at(&lengths, &from) - length).abs() < 0.12);
+    }
+
+    #[test]
+    fn behind_a_wall_without_a_gap_there_is_no_way() {
+        let room = room(2.0);
+        let lengths = room.lengths_to(&[[0.8, 0.2]]);
+        assert!(room.length_at(&lengths, &[0.2, 0.2]).is_infinite());
+        assert!(room.way(&[0.2, 0.2], &[0.8, 0.2], &lengths).is_none());
+    }
+
+    #[test]
+    fn a_point_in_the_wall_is_led_out_of_it() {
+        let room = room(0.6);
+        let lengths = room.lengths_to(&[[0.8, 0.8]]);
+        assert!(room.length_at(&lengths, &[0.5, 0.3]).is_finite());
+    }
+}
