@@ -1,25 +1,45 @@
-"""Steering a fluid by a freehand sketch: reading sketches, and finding the force that follows a sketch.
+"""Steering a fluid by a freehand sketch, and by hand.
 
-`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`; `follow` turns one of these
-into a `ControlledTrajectory`.
+`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. `prepare` tells what it takes
+to follow one, `follow` lets a simulator do it frame by frame. `push` is a local force.
 """
 
-from hybridmpm.control.constant import MAX_ACCELERATION, ControlledTrajectory, follow
+from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
+from hybridmpm.control.goal.needs import Needs, Obstruction
+from hybridmpm.control.guidance import Guidance, prepare
+from hybridmpm.control.laws import Law
+from hybridmpm.control.methods.choice import METHODS
+from hybridmpm.control.methods.method import Method, Task
+from hybridmpm.control.push import Push, push
 from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
+from hybridmpm.control.trajectory import ControlledTrajectory, Reached
 
 __all__ = [
-    "MAX_ACCELERATION",
+    "METHODS",
     "Arrow",
+    "ControlledFrame",
     "ControlledTrajectory",
     "Ellipse",
+    "Following",
+    "Guidance",
+    "Law",
+    "Method",
+    "Needs",
+    "Obstruction",
+    "Push",
+    "Reached",
     "Sketch",
     "Stroke",
+    "Task",
     "classify_stroke",
     "follow",
     "parse_png",
     "parse_strokes",
+    "prepare",
+    "push",
     "render_png",
+    "resume",
 ]

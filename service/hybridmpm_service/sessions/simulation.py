@@ -95,14 +95,19 @@ class Simulation:
             Replaces a sketch that still steers.
         frames : int in [1, 10000]
         on_frame : callable, optional
-            Called before each frame of each trial. What it raises ends the planning.
+            Called once for each frame of each trial. What it raises ends the planning.
 
         Raises
         ------
         SimulationError
             No plan was found; an older sketch goes on steering.
         """
-        plan = follow(self._solver, sketch, frames, on_frame=on_frame)
+        look_in = on_frame or (lambda: None)
+        twin = self._solver.copy()
+        following = follow(twin, sketch, "constant", frames=frames, on_frame=look_in)
+        for _ in following:
+            look_in()
+        plan = following.result
         self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force)
         return plan
 

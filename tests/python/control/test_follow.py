@@ -1,169 +1,338 @@
-"""The constant force: right for a free body, corrected near walls, and exactly what is applied."""
+"""A simulator that follows a sketch: frame by frame, to be ended at any time, and what comes out."""
+
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from hybridmpm import Ball, Box, ConfigError, DomainError, MpmSolver, Scene
-from hybridmpm.control import MAX_ACCELERATION, Arrow, Ellipse, follow
-from hybridmpm.control.sketch.sketch import depth_of_width
+from hybridmpm import (
+    Box,
+    ConfigError,
+    DomainError,
+    Elastic,
+    MpmSolver,
+    NeuralPhysics,
+    Sand,
+    Scene,
+    SketchError,
+)
+from hybridmpm import control as controls
+from hybridmpm.control import METHODS, Arrow, Ellipse, follow, prepare, push
+
+OVAL = Ellipse(np.array([0.6, 0.6]), np.array([0.1, 0.075]), 0.4)
+ARROW = Arrow(np.array([[0.3, 0.3], [0.5, 0.5]]))
 
 
-def _drop(dim: int = 2) -> MpmSolver:
-    """Return a small block of water in the middle of the box, moving."""
-    middle, half = np.full(dim, 0.5), 0.06
-    body = Box(
-        lower=tuple(middle - half),
-        upper=tuple(middle + half),
-        material="water",
-        velocity=(0.5, 1.0, 0.2)[:dim],
-    )
-    return MpmSolver(Scene(dim=dim, resolution=64 if dim == 2 else 32, bodies=[body]))
+def _solver(dim: int = 2, material: Any = "water", **more: Any) -> MpmSolver:
+    lower, upper = (0.2, 0.2, 0.4)[:dim], (0.35, 0.35, 0.55)[:dim]
+    bodies = more.pop("bodies", [Box(lower=lower, upper=upper, material=material)])
+    return MpmSolver(Scene(dim=dim, resolution=64 if dim == 2 else 32, bodies=bodies, **more))
 
 
-def _arrow(displacement: tuple[float, float], widths: list[float] | None = None) -> Arrow:
-    return Arrow(np.array([[0.5, 0.5], np.add([0.5, 0.5], displacement)]), widths)  # type: ignore[arg-type]
+def test_each_step_is_one_frame_and_the_simulator_moves_with_it() -> None:
+    solver = _solver()
+    following = follow(solver, OVAL, frames=40)
+    assert solver.frame == 0
+    first = next(following)
+    assert (first.frame, solver.frame, following.frames_done) == (1, 1, 1)
+    assert np.array_equal(first.positions, solver.positions)
+    rest = list(following)
+    assert [frame.frame for frame in rest] == list(range(2, 41))
+    result = following.result
+    assert (result.ending, result.frames, result.first_frame) == ("done", 40, 0)
+    assert np.array_equal(result.positions[1], first.positions)
+    assert np.array_equal(result.force[0], first.force)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("sketch", [OVAL, ARROW], ids=["oval", "arrow"])
+def test_the_recorded_forces_give_the_same_bits(method: str, sketch: controls.Sketch) -> None:
+    solver = _solver()
+    solver.advance(3)
+    twin = solver.copy()
+    result = follow(solver, sketch, method, frames=30, hold=5, budget=0.2).run()
+    assert result.frames == 35
+    path = twin.rollout(35, result.force)
+    assert np.array_equal(path, result.positions)
+    np.testing.assert_allclose(result.centroids[-1] - result.centroids[0], result.displacement)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_free_body_gets_the_closed_form_and_follows_the_arrow(dim: int) -> None:
-    solver = _drop(dim)
-    plan = follow(solver, _arrow((0.1, 0.05)), 60)
-    seconds = 60 * solver.scene.frame_dt
-    velocity, wanted = np.array([0.5, 1.0, 0.2])[:dim], np.array([0.1, 0.05, 0.0])[:dim]
-    expected = 2 * (wanted - velocity * seconds) / seconds**2 - np.array(solver.scene.gravity)
-    np.testing.assert_allclose(plan.target_displacement, wanted)
-    np.testing.assert_allclose(plan.displacement, wanted, atol=2e-3)
-    np.testing.assert_allclose(plan.force, expected, atol=0.5)
+@pytest.mark.parametrize(
+    "material",
+    ["water", "sand", Elastic(youngs_modulus=5e4, poisson_ratio=0.3)],
+    ids=["water", "sand", "elastic"],
+)
+def test_an_arrow_is_followed_to_its_tip(dim: int, material: Any) -> None:
+    result = follow(_solver(dim, material), ARROW).run()
+    assert result.reached.miss < 3e-3
+    assert result.reached.peak < 15.01
 
 
-def test_the_first_trial_is_the_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without shooting, which would make up for a wrong first guess."""
-    monkeypatch.setattr("hybridmpm.control.constant.MAX_ROLLOUTS", 1)
-    plan = follow(_drop(), _arrow((0.1, 0.05)), 60)
-    np.testing.assert_allclose(
-        plan.force,
-        2 * (np.array([0.1, 0.05]) - np.array([0.5, 1.0]) * 0.15) / 0.15**2 + [0, 9.81],
-        rtol=1e-4,
-    )
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_oval_is_filled_with_little_more_than_the_least_force(dim: int) -> None:
+    following = follow(_solver(dim), OVAL)
+    reached = following.run().reached
+    assert reached.inside is not None
+    assert reached.inside > (0.98 if dim == 2 else 0.9)
+    assert reached.rms < 1.1 * following.guidance.needs().rms
 
 
-def test_applying_the_force_gives_the_trajectory_bit_for_bit() -> None:
-    solver = _drop()
-    solver.advance(7)
-    plan = follow(solver, _arrow((-0.2, -0.3)), 50)
-    assert plan.first_frame == 7
-    assert np.array_equal(plan.positions[0], solver.positions)
-    for frame in range(50):
-        solver.advance(1, plan.force_at(frame))
-        assert np.array_equal(plan.positions[frame + 1], solver.positions)
+def test_water_and_sand_follow_together() -> None:
+    bodies = [
+        Box(lower=(0.2, 0.2), upper=(0.3, 0.35), material="water"),
+        Box(lower=(0.32, 0.2), upper=(0.4, 0.35), material=Sand()),
+    ]
+    reached = follow(_solver(bodies=bodies), OVAL).run().reached
+    assert reached.inside is not None
+    assert reached.inside > 0.95
 
 
-def test_the_solver_stays_as_it_is() -> None:
-    solver = _drop()
-    before = solver.snapshot()
-    follow(solver, _arrow((0.1, 0.1)), 20)
-    assert solver.snapshot() == before
+def test_the_guidance_leads_where_the_constant_force_smears() -> None:
+    bodies = [
+        Box(lower=(0.1, 0.1), upper=(0.3, 0.2), material="water"),
+        Box(lower=(0.7, 0.1), upper=(0.9, 0.2), material="water"),
+    ]
+    shares = {}
+    for method in ("none", "constant", "analytic"):
+        solver = _solver(bodies=bodies)
+        shares[method] = follow(solver, OVAL, method, frames=100).run().reached.inside or 0.0
+    assert shares["analytic"] > 0.95
+    assert shares["constant"] < 0.7
+    assert shares["none"] < 0.1
 
 
-def test_an_ellipse_asks_for_its_centre() -> None:
-    solver = _drop()
-    plan = follow(solver, Ellipse(np.array([0.6, 0.45]), np.array([0.1, 0.05]), 0.0), 60)
-    centroid = np.array(solver.diagnostics().centroid)
-    np.testing.assert_allclose(plan.target_displacement, [0.6, 0.45] - centroid)
-    np.testing.assert_allclose(plan.centroids[-1], [0.6, 0.45], atol=3e-3)
+def test_a_goal_is_kept_for_the_frames_of_hold() -> None:
+    following = follow(_solver(), OVAL, hold=60)
+    result = following.run()
+    inside = following.guidance.goal.inside(result.positions[-1].astype(np.float64))
+    assert inside is not None
+    assert inside.mean() > 0.98
 
 
-def test_the_width_of_an_arrow_is_its_depth() -> None:
-    plan = follow(_drop(3), _arrow((0.05, 0.0), [8.0, 12.5]), 60)
-    assert plan.target_displacement[2] == pytest.approx(0.8 * 4.5 / 18)
-    assert plan.displacement[2] == pytest.approx(0.2, abs=4e-3)
+def test_late_input_costs_nothing() -> None:
+    """The force is computed from the actual state: frames without it are made up for."""
+    solver = _solver()
+    guidance = prepare(solver, OVAL)
+    solver.advance(8)
+    solver.advance(guidance.frames - 8, guidance)
+    inside = guidance.goal.inside(solver.positions.astype(np.float64))
+    assert inside is not None
+    assert inside.mean() > 0.97
 
 
-@pytest.mark.parametrize(("width", "asked"), [(None, 0.0), (2.0, -0.4), (20.0, 0.4)])
-def test_the_width_of_an_ellipse_is_where_it_lies(width: float | None, asked: float) -> None:
-    plan = follow(_drop(3), Ellipse(np.array([0.5, 0.5]), np.array([0.1, 0.1]), 0.0, width), 5)
-    assert plan.target_displacement[2] == pytest.approx(asked, abs=5e-3)
-    if width is not None:
-        assert depth_of_width(width, 0.1, 0.9) == pytest.approx(0.5 + asked)
-
-
-def test_shooting_beats_the_closed_form_where_a_wall_is_in_the_way() -> None:
-    """A block on the floor, pushed along it: the floor carries what the formula does not know."""
-    body = Box(lower=(0.1, 0.1), upper=(0.3, 0.25), material="water")
-    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=[body]))
-    solver.advance(40)
-    now = solver.diagnostics()
-    wanted, seconds = np.array([0.15, 0.0]), 80 * solver.scene.frame_dt
-    velocity = np.array(now.momentum) / now.mass
-    formula = 2 * (wanted - velocity * seconds) / seconds**2 - np.array(solver.scene.gravity)
+def test_the_guidance_is_a_force() -> None:
+    solver = _solver()
     twin = solver.copy()
-    twin.advance(80, force=np.tile(formula.astype(np.float32), (twin.particle_count, 1)))
-    naive = np.array(twin.diagnostics().centroid) - np.array(now.centroid)
-    plan = follow(solver, Arrow(np.array([[0.2, 0.2], [0.35, 0.2]])), 80)
-    assert np.linalg.norm(plan.displacement - wanted) <= np.linalg.norm(naive - wanted) + 1e-6
-    assert np.linalg.norm(plan.displacement - wanted) < 0.03
+    guidance = prepare(solver, OVAL, frames=30)
+    solver.advance(35, guidance)
+    result = follow(twin, OVAL, frames=30).run()
+    twin.advance(5)
+    assert np.array_equal(solver.positions, twin.positions)
+    assert result.frames == 30
 
 
-def test_what_is_out_of_reach_is_limited_and_survives() -> None:
-    plan = follow(_drop(), _arrow((0.45, 0.45)), 10)
-    assert np.linalg.norm(plan.force) <= MAX_ACCELERATION * (1 + 1e-6)
-    assert np.isfinite(plan.positions).all()
+def test_it_can_be_cancelled() -> None:
+    solver = _solver()
+    following = follow(solver, OVAL, frames=40)
+    for frame in following:
+        if frame.frame == 7:
+            following.cancel()
+    assert (solver.frame, following.ending) == (7, "cancelled")
+    assert following.result.frames == 7
+    assert list(following) == []
 
 
-@pytest.mark.parametrize("frames", [0, -1, 10_001, 1.5, True])
-def test_a_bad_number_of_frames_is_refused(frames: object) -> None:
-    with pytest.raises(ConfigError, match=r"frames.*\[1, 10000\]"):
-        follow(_drop(), _arrow((0.1, 0.0)), frames)  # type: ignore[arg-type]
+def test_a_result_is_there_at_the_end_only() -> None:
+    following = follow(_solver(), OVAL, frames=5)
+    with pytest.raises(ConfigError, match="there at the end"):
+        _ = following.result
+    following.cancel()
+    assert following.run().frames == 0
+    assert following.result.reached.rms == 0
 
 
-def test_numpys_integers_are_whole_numbers_too() -> None:
-    assert follow(_drop(), _arrow((0.1, 0.0)), np.int64(5)).frames == 5  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "meddle",
+    [
+        lambda solver: solver.advance(1),
+        lambda solver: solver.reset(),
+        lambda solver: next(follow(solver, ARROW, frames=10)),
+    ],
+    ids=["advance", "reset", "second sketch"],
+)
+def test_a_simulator_that_others_move_is_left_to_them(meddle: Callable[[MpmSolver], object]) -> None:
+    solver = _solver()
+    following = follow(solver, OVAL, frames=40)
+    for _ in range(3):
+        next(following)
+    meddle(solver)
+    frame = solver.frame
+    assert list(following) == []
+    assert (solver.frame, following.ending, following.result.frames) == (frame, "superseded", 3)
 
 
-def test_the_search_can_be_given_up_between_frames() -> None:
+def test_a_frame_that_fails_ends_it_with_the_state_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    solver = _solver()
+    following = follow(solver, OVAL, frames=40)
+    next(following)
+
+    def fail(*_: Any) -> None:
+        raise DomainError("particle 3 left the box in frame 2")
+
+    monkeypatch.setattr(solver, "advance", fail)
+    with pytest.raises(DomainError):
+        next(following)
+    assert following.ending == "failed"
+    assert list(following) == []
+    assert following.result.frames == 1
+
+
+class _Still:
+    """A method of one's own, and its law: it makes up for gravity."""
+
+    name = "still"
+
+    def plan(self, *_: Any) -> "_Still":
+        return self
+
+    def force(self, simulator: Any, _: int) -> Any:
+        return -np.array(simulator.scene.gravity, dtype=np.float32)
+
+
+def test_a_method_of_ones_own_may_stand_for_a_name() -> None:
+    solver = _solver()
+    following = follow(solver, OVAL, _Still(), frames=20)
+    result = following.run()
+    assert following.guidance.method == "still"
+    np.testing.assert_allclose(result.displacement, 0, atol=1e-4)
+
+
+def test_auto_says_why() -> None:
+    solver = _solver()
+    plain = prepare(solver, OVAL)
+    assert (plain.method, bool(plain.reason)) == ("analytic", True)
+    searched = prepare(solver, OVAL, cap=2.0, frames=60, budget=0.1)
+    assert searched.method == "shooting"
+    assert "0.1 s" in searched.reason
+    assert prepare(solver, OVAL, budget=0.1).method == "analytic"
+
+
+def test_the_search_is_never_worse_than_guidance_on_its_own_rung() -> None:
+    from hybridmpm.control.methods.cma_es import minimise
+
+    def valley(x: Any) -> float:
+        return float((x[0] - 0.3) ** 2 + 100 * (x[1] + 0.2 - x[0] ** 2) ** 2)
+
+    best = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
+    assert best.value < 1e-6
+    again = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
+    assert np.array_equal(best.x, again.x)
+    none = minimise(lambda x: float(x @ x), np.ones(3), go_on=lambda _: False, seed=1)
+    assert (none.trials, none.value) == (1, 0.0)
+
+
+def test_planning_can_be_given_up_between_frames() -> None:
     class GivenUpError(Exception):
         pass
 
-    calls = 0
-
     def give_up() -> None:
-        nonlocal calls
-        calls += 1
-        if calls == 4:
-            raise GivenUpError
+        raise GivenUpError
 
-    solver = _drop()
-    with pytest.raises(GivenUpError):
-        follow(solver, _arrow((0.1, 0.0)), 20, on_frame=give_up)
-    assert calls == 4
+    for method in ("constant", "backcast", "shooting"):
+        with pytest.raises(GivenUpError):
+            prepare(_solver(), OVAL, method=method, on_frame=give_up)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"frames": 0}, r"frames.*\[1, 10000\]"),
+        ({"frames": 1.5}, r"frames.*whole"),
+        ({"frames": True}, r"frames.*whole"),
+        ({"cap": 0}, "cap must be a number in"),
+        ({"cap": float("nan")}, "cap must be a number in"),
+        ({"cap": "much"}, "cap must be a number in"),
+        ({"strength": 1.5}, r"strength must be a number in \(0, 1\]"),
+        ({"strength": float("nan")}, "strength"),
+        ({"hold": -1}, "hold"),
+        ({"fill": "half"}, "fill must be"),
+        ({"resolution": 1000}, "resolution"),
+        ({"budget": 0.0}, "budget"),
+        ({"seed": -1}, "seed"),
+        ({"method": "magic"}, "method must be auto, none, constant"),
+        ({"method": 3}, "method must be a name or have the function plan"),
+    ],
+)
+def test_bad_settings_are_refused_before_anything_moves(settings: dict[str, Any], message: str) -> None:
+    solver = _solver()
+    with pytest.raises(ConfigError, match=message):
+        follow(solver, OVAL, **settings)
     assert solver.frame == 0
 
 
-class _FailsAbove(MpmSolver):
-    """A solver that loses a particle under any acceleration above a limit."""
-
-    limit = 0.0
-
-    def advance(self, frames: int = 1, force: npt.ArrayLike | None = None) -> None:
-        if force is not None and np.abs(np.asarray(force)).max() > self.limit:
-            raise DomainError("particle 3 left the box in frame 1")
-        super().advance(frames, force)
+def test_a_sketch_must_be_one() -> None:
+    with pytest.raises(ConfigError, match="sketch must be an Arrow or an Ellipse, got ndarray"):
+        follow(_solver(), np.zeros(3))  # type: ignore[arg-type]
 
 
-def _fragile(limit: float) -> MpmSolver:
-    solver = _FailsAbove(
-        Scene(dim=2, resolution=32, bodies=[Ball(center=(0.5, 0.5), radius=0.1, material="water")])
-    )
-    solver.limit = limit
-    return solver
+def test_an_arrow_of_one_pixel_is_refused() -> None:
+    with pytest.raises(SketchError, match="must be at least"):
+        Arrow(np.array([[0.3, 0.3], [0.301, 0.3]]))
 
 
-def test_a_failing_trial_is_followed_by_a_weaker_one() -> None:
-    plan = follow(_fragile(40.0), _arrow((0.3, 0.1)), 40)
-    assert 0 < np.abs(plan.force).max() <= 40
+def test_an_exploded_scene_is_gathered_as_far_as_the_cap_allows() -> None:
+    solver = _solver()
+    rng = np.random.default_rng(2)
+    solver.advance(3, rng.normal(scale=3000, size=(solver.particle_count, 2)))
+    result = follow(solver, OVAL).run()
+    assert result.ending == "done"
+    assert np.isfinite(result.positions).all()
+    assert result.reached.inside is not None
+    assert result.reached.inside > 0.8
 
 
-def test_the_error_is_raised_when_every_trial_fails() -> None:
-    with pytest.raises(DomainError, match="particle 3"):
-        follow(_fragile(0.0), _arrow((0.3, 0.1)), 40)
+def test_a_network_follows_too() -> None:
+    bodies = [Box(lower=(0.3, 0.3), upper=(0.5, 0.5), material="water")]
+    network = NeuralPhysics(Scene(dim=2, bodies=bodies), "zero")
+    network.advance(24)
+    result = follow(network, Arrow(np.array([[0.4, 0.3], [0.5, 0.5]])), frames=60).run()
+    assert result.ending == "done"
+    assert result.reached.miss < 0.03
+
+
+def test_a_push_drags_what_is_near_along() -> None:
+    solver = _solver(gravity=(0.0, 0.0))
+    solver.advance(1)
+    hand = push((0.25, 0.25), (1.0, 0.5), 0.05)
+    force = hand(solver)
+    away = np.linalg.norm(solver.positions - [0.25, 0.25], axis=1)
+    assert (force[away > 0.05] == 0).all()
+    middle = int(np.argmin(away))
+    np.testing.assert_allclose(force[middle], np.array([1.0, 0.5]) / 0.01, rtol=0.02)
+    solver.advance(8, hand)
+    moved = solver.velocities[away < 0.02].mean(axis=0)
+    assert moved[0] > 0.3
+    assert np.linalg.norm(push((0.25, 0.25), (50.0, 0.0), 0.05)(solver), axis=1).max() <= 15 * 9.81 * 1.0001
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0.5,), (1.0,), 0.1), "point must be 2 or 3 finite numbers"),
+        (((0.5, 0.5), (1.0, 0.0, 0.0), 0.1), "velocity must be 2 finite numbers"),
+        (((0.5, float("nan")), (1.0, 0.0), 0.1), "point"),
+        (((0.5, 0.5), (1.0, 0.0), 0.0), "radius"),
+        ((("a", "b"), (1.0, 0.0), 0.1), "point"),
+    ],
+)
+def test_a_bad_push_is_refused(arguments: tuple[Any, Any, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        push(*arguments)
+
+
+def test_a_push_in_another_dimension_is_refused() -> None:
+    hand = push((0.5, 0.5), (1.0, 0.0), 0.1)
+    with pytest.raises(ConfigError, match="point must be 3 finite numbers"):
+        hand(_solver(3))

@@ -9,7 +9,7 @@ from PIL import Image
 from tests.service.conftest import SMALL_SCENE
 
 from hybridmpm import MpmSolver, Scene
-from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, render_png
+from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Reached, render_png
 from hybridmpm_service.http.sketch_answers import thinned_force, trajectory_arrays
 
 NPZ = {"Accept": "application/x-npz"}
@@ -84,6 +84,7 @@ def test_the_force_of_an_npz_gives_the_trajectory_in_the_library(service: Any, p
 def test_a_force_that_changes_is_thinned_as_the_positions_are() -> None:
     force = np.arange(7 * 3 * 2, dtype=np.float32).reshape(7, 3, 2)
     plan = ControlledTrajectory(
+        ids=np.arange(3, dtype=np.uint64),
         positions=np.zeros((8, 3, 2), dtype=np.float32),
         force=force,
         mean_force=force.mean(axis=1, dtype=np.float64),
@@ -91,6 +92,8 @@ def test_a_force_that_changes_is_thinned_as_the_positions_are() -> None:
         displacement=np.zeros(2),
         centroids=np.zeros((8, 2)),
         first_frame=0,
+        reached=Reached(inside=None, inside_drawn=None, miss=0.0, rms=0.0, peak=0.0),
+        ending="done",
     )
     assert trajectory_arrays(plan, 3)["frame_indices"].tolist() == [0, 3, 6, 7]
     assert np.array_equal(thinned_force(plan, 3), force[[0, 3, 6]])

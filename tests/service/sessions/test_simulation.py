@@ -1,6 +1,5 @@
 """The synchronous heart of a session: control is applied, failures keep the last good state."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,21 @@ SCENE = Scene(
     bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
 )
 ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
+
+
+class _Recorded:
+    """A method, and its law, that plays back forces."""
+
+    name = "recorded"
+
+    def __init__(self, forces: Any) -> None:
+        self._forces = forces
+
+    def plan(self, *_: Any) -> "_Recorded":
+        return self
+
+    def force(self, _: Any, index: int) -> Any:
+        return self._forces[index]
 
 
 class _Clock:
@@ -72,9 +86,10 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
 def test_a_force_may_change_from_frame_to_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     force = np.random.default_rng(1).normal(size=(4, solver.particle_count, 2)).astype(np.float32)
-    plan = follow(solver, ARROW, 4)
+    law = _Recorded(force)
     monkeypatch.setattr(
-        "hybridmpm_service.sessions.simulation.follow", lambda *_, **__: replace(plan, force=force)
+        "hybridmpm_service.sessions.simulation.follow",
+        lambda solver, sketch, _, **more: follow(solver, sketch, law, **more),
     )
     simulation.steer(ARROW, 4)
     simulation.advance(5)

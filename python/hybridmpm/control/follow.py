@@ -1,0 +1,261 @@
+"""`follow`: a simulator is led along a sketch, frame by frame."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.goal.cloud import EARTH, Floats
+from hybridmpm.control.guidance import Guidance, prepare
+from hybridmpm.control.laws import Floats32
+from hybridmpm.control.sketch.sketch import Sketch
+from hybridmpm.control.trajectory import ControlledTrajectory, Ending, Reached
+from hybridmpm.errors import ConfigError
+from hybridmpm.simulator import Simulator
+
+
+@dataclass(frozen=True, eq=False)
+class ControlledFrame:
+    """One frame of a simulator that follows a sketch."""
+
+    frame: int
+    """Frame number of the simulator, after the frame."""
+    positions: npt.NDArray[np.float32]
+    """Positions (N, D) [m] of the particles that were there when the sketch was drawn; NaN where gone."""
+    force: npt.NDArray[np.float32]
+    """Acceleration besides gravity that acted on them, (D,) or (N, D) [m/s^2]."""
+
+
+class Following(Iterator[ControlledFrame]):
+    """A simulator that follows a sketch. Each step of the iteration computes one frame.
+
+    Between two steps the simulator may be looked at, saved or paused at will. Whoever advances, resets or
+    restores it elsewhere, e.g. by following another sketch, ends this one: it is then superseded.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        It is advanced by the iteration. At `guidance.first_frame`, or later where a snapshot is gone on from.
+    guidance : Guidance
+        Made for this simulator's scene.
+
+    Raises
+    ------
+    ConfigError
+        The simulator is not within the frames of the guidance.
+    """
+
+    def __init__(self, simulator: Simulator, guidance: Guidance) -> None:
+        last = guidance.first_frame + guidance.total_frames
+        if not guidance.first_frame <= simulator.frame <= last:
+            raise ConfigError(
+                f"the guidance is for the frames {guidance.first_frame} to {last}, and the simulator is at "
+                f"frame {simulator.frame}: prepare it anew"
+            )
+        self.guidance = guidance
+        """Goal, law and needs."""
+        self._simulator = simulator
+        self._expected = simulator.frame
+        self._start = simulator.frame
+        self._cancelled = False
+        self._ending: Ending | None = None
+        self._positions = [self._placed(simulator.positions)]
+        self._forces: list[Floats32] = []
+
+    @property
+    def frames_done(self) -> int:
+        """Number of frames that were computed."""
+        return len(self._forces)
+
+    @property
+    def ending(self) -> Ending | None:
+        """How it ended; None as long as there are frames to come."""
+        return self._ending
+
+    def cancel(self) -> None:
+        """End before the next frame; the simulator stays where it is. Safe to call from another thread."""
+        self._cancelled = True
+
+    def __next__(self) -> ControlledFrame:
+        """Compute a frame.
+
+        Raises
+        ------
+        SimulationError
+            The frame failed; the state is the one before it, and this was the last frame.
+        """
+        if self._ending is None:
+            self._ending = self._end_before_next()
+        if self._ending is not None:
+            raise StopIteration
+        simulator = self._simulator
+        force = self.guidance(simulator)
+        try:
+            simulator.advance(1, force)
+        except BaseException:
+            self._ending = "failed"
+            raise
+        self._expected = simulator.frame
+        self._forces.append(self._force_of_all(force))
+        self._positions.append(self._placed(simulator.positions))
+        return ControlledFrame(simulator.frame, self._positions[-1], self._forces[-1])
+
+    def run(self) -> ControlledTrajectory:
+        """Compute all frames that are left, and return the result."""
+        for _ in self:
+            pass
+        return self.result
+
+    @property
+    def result(self) -> ControlledTrajectory:
+        """What was reached; there once the iteration has ended.
+
+        Raises
+        ------
+        ConfigError
+            There are frames to come.
+        """
+        if self._ending is None:
+            raise ConfigError("the result is there at the end: iterate to it, or call run() or cancel()")
+        return self._result(self._ending)
+
+    def snapshot(self) -> bytes:
+        """Return what `resume` needs, besides the simulator's own snapshot, to go on to the same bits."""
+        return self.guidance.snapshot()
+
+    def _end_before_next(self) -> Ending | None:
+        if self._simulator.frame != self._expected:
+            return "superseded"
+        if self._expected >= self.guidance.first_frame + self.guidance.total_frames:
+            return "done"
+        return "cancelled" if self._cancelled else None
+
+    def _placed(self, values: Floats32) -> Floats32:
+        """Give rows of present particles (M, D) the order of those at the start (N, D); NaN where gone."""
+        simulator, ids = self._simulator, self.guidance.goal.cloud.ids
+        if not simulator.scene.is_open:
+            return values
+        placed = np.full((len(ids), simulator.dim), np.nan, dtype=np.float32)
+        present = simulator.ids
+        known = np.isin(present, ids)
+        placed[np.searchsorted(ids, present[known])] = values[known]
+        return placed
+
+    def _force_of_all(self, force: Any) -> Floats32:
+        cloud = self.guidance.goal.cloud
+        if force is None:
+            return np.zeros(cloud.dim, dtype=np.float32)
+        if not isinstance(force, tuple):
+            return np.asarray(force)
+        all_rows = np.zeros(cloud.x.shape, dtype=np.float32)
+        all_rows[np.searchsorted(cloud.ids, force[0])] = force[1]
+        return all_rows
+
+    def _result(self, ending: Ending) -> ControlledTrajectory:
+        goal = self.guidance.goal
+        weight = goal.cloud.weight
+        positions = np.stack(self._positions)
+        centroids = np.array([_mean(weight, x) for x in positions])
+        force = _joined(self._forces, goal.cloud.dim)
+        mean_force = np.array(
+            [one if one.ndim == 1 else weight @ one for one in self._forces], dtype=np.float64
+        ).reshape(-1, goal.cloud.dim)
+        return ControlledTrajectory(
+            ids=goal.cloud.ids,
+            positions=positions,
+            force=force,
+            mean_force=mean_force,
+            target_displacement=goal.target_displacement,
+            displacement=centroids[-1] - centroids[0],
+            centroids=centroids,
+            first_frame=self._start,
+            reached=self._reached(positions, centroids),
+            ending=ending,
+        )
+
+    def _reached(self, positions: Floats32, centroids: Floats) -> Reached:
+        goal, guidance = self.guidance.goal, self.guidance
+        weight = goal.cloud.weight
+        end = min(max(guidance.first_frame + guidance.frames - self._start, 0), len(positions) - 1)
+        x = positions[end].astype(np.float64)
+        there = np.isfinite(x).all(axis=1)
+
+        def share(inside: npt.NDArray[np.bool_] | None) -> float | None:
+            return None if inside is None else float(weight[there] @ inside)
+
+        square = [
+            float(weight @ (one**2).sum(axis=-1)) if one.ndim == 2 else float(one @ one)
+            for one in self._forces
+        ]
+        largest = [float((one**2).sum(axis=-1).max()) for one in self._forces]
+        return Reached(
+            inside=share(goal.inside(x[there])),
+            inside_drawn=share(goal.inside_drawn(x[there])),
+            miss=float(np.linalg.norm(centroids[end] - goal.path[-1])),
+            rms=float(np.sqrt(np.mean(square[:end]))) / EARTH if end else 0.0,
+            peak=float(np.sqrt(max(largest, default=0.0))) / EARTH,
+        )
+
+
+def follow(simulator: Simulator, sketch: Sketch, method: Any = "auto", **settings: Any) -> Following:
+    """Let a simulator follow a sketch. It is advanced as the result is iterated, one frame a step.
+
+    `for frame in follow(simulator, sketch): ...` shows each frame as soon as it is there;
+    `follow(simulator, sketch).run()` computes them all. A hybrid simulator follows by MPM, because of the
+    force, and returns to the network afterwards by its own rules.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        In the state that the sketch was drawn on.
+    sketch : Arrow or Ellipse
+    method : str or Method
+        "auto", "analytic", "constant", "backcast", "shooting", "none" or a method of one's own.
+    **settings
+        `frames`, `cap`, `strength`, `hold`, `seed` and the others of `prepare`, which says what they mean.
+
+    Raises
+    ------
+    ConfigError, SketchError, SimulationError
+        As `prepare`; nothing has moved then.
+    """
+    return Following(simulator, prepare(simulator, sketch, method=method, **settings))
+
+
+def resume(simulator: Simulator, data: bytes) -> Following:
+    """Go on following a sketch from snapshots: to the same bits as without the interruption.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        Restored from its own snapshot.
+    data : bytes
+        From `Following.snapshot` or `Guidance.snapshot`.
+
+    Raises
+    ------
+    SnapshotError
+        `data` is damaged or no snapshot of a guidance.
+    ConfigError
+        The simulator is not within the frames of the guidance.
+    """
+    return Following(simulator, Guidance.restored(data, simulator.scene))
+
+
+def _mean(weight: Floats, x: Floats32) -> Floats:
+    """Return the mean (D,) over the mass of those particles that are still there."""
+    there = np.isfinite(x).all(axis=1)
+    if there.all():
+        return np.asarray(weight @ x)
+    return np.asarray(weight[there] @ x[there] / max(float(weight[there].sum()), 1e-30))
+
+
+def _joined(forces: list[Floats32], dim: int) -> Floats32:
+    """Return (D,) if all forces are the same constant, else (T, N, D)."""
+    if not forces:
+        return np.zeros(dim, dtype=np.float32)
+    if all(one.ndim == 1 and np.array_equal(one, forces[0]) for one in forces):
+        return forces[0]
+    return np.stack(forces)

@@ -1,0 +1,79 @@
+"""`Cloud`: the particles that a sketch is about, as they are when it is drawn."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.errors import ConfigError
+from hybridmpm.simulator import Simulator
+
+Floats = npt.NDArray[np.float64]
+
+EARTH = 9.81
+"""Acceleration that is called one g [m/s^2], whatever the gravity of the scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """N particles at one instant, in D dimensions."""
+
+    ids: npt.NDArray[np.uint64]
+    """Numbers (N,) of the particles."""
+    x: Floats
+    """Positions (N, D) [m]."""
+    v: Floats
+    """Velocities (N, D) [m/s]."""
+    weight: Floats
+    """Mass of each particle over that of all (N,) [-]."""
+    volume: float
+    """Volume of all particles at rest, in 2D their area [m^D]."""
+    gravity: Floats
+    """Gravity of the scene (D,) [m/s^2]."""
+    frame: int
+    """Frame of the simulator."""
+    frame_dt: float
+    """Length of a frame [s]."""
+
+    @classmethod
+    def of(cls, simulator: Simulator) -> Self:
+        """Take the particles of a simulator.
+
+        Raises
+        ------
+        ConfigError
+            There are none.
+        """
+        if simulator.particle_count == 0:
+            raise ConfigError(
+                "the scene holds no particles at present: draw the sketch when there are some to move"
+            )
+        scene = simulator.scene
+        mass = simulator.mass.astype(np.float64)
+        return cls(
+            ids=simulator.ids,
+            x=simulator.positions.astype(np.float64),
+            v=simulator.velocities.astype(np.float64),
+            weight=mass / mass.sum(),
+            # Merged particles are 1 / r_p times as large as those of the scene.
+            volume=simulator.particle_count * scene.spacing**scene.dim / simulator.r_p,
+            gravity=np.array(scene.gravity),
+            frame=simulator.frame,
+            frame_dt=scene.frame_dt,
+        )
+
+    @property
+    def dim(self) -> int:
+        """Dimension D."""
+        return len(self.gravity)
+
+    @property
+    def centroid(self) -> Floats:
+        """Centre of mass (D,) [m]."""
+        return np.asarray(self.weight @ self.x)
+
+    @property
+    def mean_velocity(self) -> Floats:
+        """Velocity of the centre of mass (D,) [m/s]."""
+        return np.asarray(self.weight @ self.v)

@@ -1,0 +1,184 @@
+"""`Goal`: what a sketch asks of the particles that are there when it is drawn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.control.goal.cloud import Cloud, Floats
+from hybridmpm.control.goal.needs import Needs, Obstruction
+from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.path import arrow_path
+from hybridmpm.control.goal.region import Fill, Region, region_of
+from hybridmpm.control.goal.room import Room
+from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.sketch.sketch import Arrow, Sketch
+from hybridmpm.scene import Scene
+
+_MISFIT = 0.02
+"""Share of the particles that may be carried into walls or obstacles before the shape is made to fit."""
+_EASE = 5.0
+"""Acceleration that counts as easy in any case [g]."""
+_LADDER = range(40, 401, 5)
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Places for N particles and the ways there."""
+
+    sketch: Sketch
+    cloud: Cloud
+    room: Room
+    ways: Ways
+    path: Floats
+    """Way that the centre of mass is to go (K, D) [m], from where it is."""
+    drawn: Oval | None
+    """The oval as it was drawn; None for an arrow."""
+    region: Region | None
+    """What is filled; None where the shape of the fluid is carried along."""
+
+    @property
+    def target_displacement(self) -> Floats:
+        """Displacement of the centre of mass that the sketch asks for (D,) [m]."""
+        return np.asarray(self.path[-1] - self.path[0])
+
+    def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
+        """Tell which points (N, D) lie in the goal; (N,), None where an arrow carries the shape along.
+
+        That is the free part of the drawn oval, grown where it is smaller than the fluid.
+        """
+        if self.region is None:
+            return None
+        largest = self.region.scale if self.drawn is None else max(1.0, self.region.scale)
+        return self.region.reaches(x, largest)
+
+    def inside_drawn(self, x: Floats) -> npt.NDArray[np.bool_] | None:
+        """Tell which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow."""
+        return None if self.drawn is None else self.drawn.level(x) <= 1
+
+    def suggested_frames(self, cap: float) -> int:
+        """Return the fewest frames in which an acceleration well below the cap [g] is enough.
+
+        Well below are 5 g and half of the way from 1 g, which holds the fluid up, to the cap.
+        """
+        easy = min((1 + cap) / 2, _EASE)
+        known = 100
+        motion = self.ways.timed(known * self.cloud.frame_dt)
+        for frames in _LADDER:
+            if motion.effort(self.cloud.gravity, slower=frames / known).acceleration <= easy:
+                return frames
+        return _LADDER[-1]
+
+    def needs(self, frames: int, cap: float) -> Needs:
+        """Return what the goal takes in a number of frames under a cap [g]."""
+        effort = self.ways.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
+        suggested = self.suggested_frames(cap)
+        obstructions = list(self._closed_in())
+        if effort.acceleration > cap:
+            obstructions.append(self._too_weak(frames, effort.acceleration, cap))
+        return Needs(
+            acceleration=effort.acceleration,
+            peak=effort.peak,
+            rms=effort.rms,
+            cap=cap,
+            frames=frames,
+            suggested_frames=suggested,
+            scale=self.region.scale if self.region is not None and self.drawn is not None else 1.0,
+            taken=0.0 if self.drawn is None else 1 - float(self.room.is_free(self.drawn.sample()).mean()),
+            obstructions=tuple(obstructions),
+        )
+
+    def _closed_in(self) -> list[Obstruction]:
+        found = []
+        if self.region is not None and self.region.volume < 0.99 * self.cloud.volume:
+            share = self.region.volume / self.cloud.volume
+            found.append(
+                Obstruction(
+                    "wall", f"there is room for {100 * share:.0f} % of the fluid only: use less of it"
+                )
+            )
+        cut_off = float(self.ways.weight @ self.ways.cut_off)
+        if cut_off > 0:
+            text = f"obstacles leave no way there for {100 * cut_off:.0f} % of the fluid"
+            found.append(Obstruction("obstacle", f"{text}: draw the goal on its side of them"))
+        if self.drawn is None and not self.room.is_free(self.path[-1:]).all():
+            found.append(
+                Obstruction("wall", "the arrow leads the centre of mass out of the room: shorten it")
+            )
+        return found
+
+    def _too_weak(self, frames: int, acceleration: float, cap: float) -> Obstruction:
+        text = f"{frames} frames take {acceleration:.1f} g, and {cap:g} g are allowed"
+        motion = self.ways.timed(frames * self.cloud.frame_dt)
+        for longer in _LADDER:
+            slower = motion.effort(self.cloud.gravity, slower=longer / frames).acceleration
+            if longer > frames and slower <= cap:
+                return Obstruction("time", f"{text}: {longer} frames would do")
+        return Obstruction("cap", f"{text}: raise the cap, more frames do not help")
+
+
+def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") -> Goal:
+    """Return what a sketch asks of a cloud of particles.
+
+    An oval becomes the region that the particles are to fill evenly; see `region_of`. Along an arrow the
+    shape is carried as it is. Where walls or obstacles leave no room for it at the tip, the particles fill a
+    disc, or a ball, of their volume around the tip instead.
+
+    Raises
+    ------
+    SketchError
+        Walls and obstacles leave nothing of the goal.
+    """
+    room = Room(scene, cloud.frame * cloud.frame_dt)
+    if isinstance(sketch, Arrow):
+        return _carried(sketch, cloud, room, scene)
+    oval = Oval.drawn(sketch, cloud, scene.walls)
+    region = region_of(oval, room, volume=cloud.volume, particles=len(cloud.x), fill=fill)
+    found = _native.match_to_region(cloud.x, region.cells, room.free_space())
+    ways = Ways.of_groups(
+        cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
+    )
+    path = np.stack([cloud.centroid, cloud.weight @ ways.places])
+    return Goal(sketch, cloud, room, ways, path, oval, region)
+
+
+def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
+    path = cloud.centroid + arrow_path(sketch, cloud.dim, scene.walls)
+    places = cloud.x + (path[-1] - path[0])
+    if room.is_free(places).mean() >= 1 - _MISFIT:
+        group = np.zeros(len(places), dtype=np.uint32)
+        starts = np.array([0, len(path)], dtype=np.uint32)
+        # What sticks out a little is kept within the walls.
+        places = np.clip(places, room.lower, room.upper)
+        ways = Ways.of_groups(cloud, places, group, starts, path, cut_off=np.zeros(1, dtype=bool))
+        return Goal(sketch, cloud, room, ways, path, None, None)
+    tip = Oval.ball(np.clip(path[-1], room.lower, room.upper), cloud.volume)
+    region = region_of(tip, room, volume=cloud.volume, particles=len(places), fill="shrink")
+    moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
+    found = _native.match_to_region(moved, region.cells)
+    starts, corners = _along(path, found.group, cloud, found.places)
+    corners = np.clip(corners, room.lower, room.upper)
+    ways = Ways.of_groups(cloud, found.places, found.group, starts, corners, cut_off=found.cut_off)
+    return Goal(sketch, cloud, room, ways, path, None, region)
+
+
+def _along(
+    path: Floats, group: npt.NDArray[np.uint32], cloud: Cloud, places: Floats
+) -> tuple[npt.NDArray[np.uint32], Floats]:
+    """Return starts (G + 1,) and corners (G K, D) of ways along a path (K, D), each from its group on.
+
+    The further along the path, the more of the change of shape is done.
+    """
+    sizes = np.bincount(group)[:, None]
+    start, end = (
+        np.stack([np.bincount(group, column) for column in points.T], axis=1) / sizes
+        for points in (cloud.x, places)
+    )
+    lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    done = (lengths / lengths[-1])[:, None]
+    shift = path - path[0]
+    change = end - start - shift[-1]
+    corners = start[:, None] + shift + done * change[:, None]
+    starts = np.arange(len(sizes) + 1, dtype=np.uint32) * len(path)
+    return starts.astype(np.uint32), np.asarray(corners.reshape(-1, path.shape[1]))

@@ -1,0 +1,65 @@
+"""`Room`: where fluid can be, between the walls and outside of the obstacles."""
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.scene import Scene
+
+_NODES_PER_METRE = {2: 64, 3: 24}
+"""Grid on which ways around obstacles are looked for, by dimension."""
+
+
+class Room:
+    """Walls and obstacles of a scene at one time; obstacles that move are taken where they are then.
+
+    Parameters
+    ----------
+    scene : Scene
+    time : float
+        [s].
+    """
+
+    def __init__(self, scene: Scene, time: float) -> None:
+        self.lower: Floats = np.array(scene.walls.lower)
+        """Corner of the walls with the smallest coordinates (D,) [m]."""
+        self.upper: Floats = np.array(scene.walls.upper)
+        """Corner of the walls with the largest coordinates (D,) [m]."""
+        self._solids = [obstacle.to_native() for obstacle in scene.obstacles]
+        self._time = time
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether there is any obstacle."""
+        return bool(self._solids)
+
+    def distance(self, x: Floats) -> Floats:
+        """Return the signed distance (N,) [m] of the nearest obstacle from points (N, D)."""
+        nearest = np.full(len(x), np.inf)
+        points = np.ascontiguousarray(x, dtype=np.float32)
+        for solid in self._solids:
+            nearest = np.minimum(nearest, solid.signed_distance(points, self._time))
+        return nearest
+
+    def within_walls(self, x: Floats) -> npt.NDArray[np.bool_]:
+        """Tell which points (N, D) lie between the walls, the walls included; (N,)."""
+        return np.asarray(((x >= self.lower) & (x <= self.upper)).all(axis=1))
+
+    def is_free(self, x: Floats) -> npt.NDArray[np.bool_]:
+        """Tell which points (N, D) lie between the walls and in no obstacle; (N,)."""
+        return self.within_walls(x) & (self.distance(x) >= 0)
+
+    def free_space(self) -> _native.FreeSpace | None:
+        """Return the room on a coarse grid, for ways around obstacles; None where there are none."""
+        if not self._solids:
+            return None
+        cells = _NODES_PER_METRE[len(self.lower)]
+        # Whole spacings between the walls, so that the outermost nodes lie on or within them.
+        axes = [
+            a + np.arange(max(1, int((b - a) * cells + 1e-9)) + 1) / cells
+            for a, b in zip(self.lower, self.upper, strict=True)
+        ]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        distance = self.distance(nodes.reshape(-1, len(axes))).reshape(nodes.shape[:-1])
+        return _native.FreeSpace(list(self.lower), 1 / cells, distance)

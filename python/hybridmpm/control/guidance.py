@@ -1,0 +1,269 @@
+"""`prepare` and `Guidance`: everything that is decided before anything moves."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hybridmpm._support.arguments import whole
+from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm.control.checks import positive
+from hybridmpm.control.goal.cloud import Cloud
+from hybridmpm.control.goal.goal import Goal, goal_of
+from hybridmpm.control.goal.needs import Needs, Obstruction
+from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.region import Fill, Region
+from hybridmpm.control.goal.room import Room
+from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.laws import Floats32, Law, OfIds, recalled, remembered
+from hybridmpm.control.methods.choice import chosen
+from hybridmpm.control.methods.method import Method, Task
+from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.errors import ConfigError
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
+
+MAX_FRAMES = 10_000
+MAX_CAP = 1000.0
+"""Largest cap [g]."""
+_MAGIC, _VERSION = b"HMPMGUID", 1
+
+
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """A sketch, understood and planned for the state that it was drawn on. It never changes.
+
+    It is a force, too: `simulator.advance(frames, guidance)` follows the sketch from that state on.
+    """
+
+    goal: Goal
+    """Where the particles go."""
+    law: Law
+    """What gives the force of a frame."""
+    method: str
+    """Name of the method that made the law."""
+    reason: str
+    """Why this method."""
+    frames: int
+    """Number of frames in which the goal is to be reached."""
+    hold: int
+    """Number of frames for which the goal is kept after that."""
+    planning_ms: float
+    """Time that goal and law took [ms]."""
+    _needs: Needs
+
+    @property
+    def sketch(self) -> Sketch:
+        """The sketch."""
+        return self.goal.sketch
+
+    @property
+    def first_frame(self) -> int:
+        """Frame of the simulator at the start."""
+        return self.goal.cloud.frame
+
+    @property
+    def total_frames(self) -> int:
+        """`frames` and `hold` together."""
+        return self.frames + self.hold
+
+    def needs(self) -> Needs:
+        """Return which acceleration and how many frames the goal takes, and what is in the way."""
+        return self._needs
+
+    def __call__(self, simulator: Simulator) -> Floats32 | OfIds | None:
+        """Return the force of the next frame; None before the start and once all frames are over."""
+        index = simulator.frame - self.first_frame
+        return self.law.force(simulator, index) if 0 <= index < self.total_frames else None
+
+    def snapshot(self) -> bytes:
+        """Return the guidance as bytes, versioned and checksummed; `restored` reads them.
+
+        Together with a snapshot of the simulator, taken after any frame, they go on to the same bits.
+
+        Raises
+        ------
+        SnapshotError
+            The law is of a method of one's own.
+        """
+        goal = self.goal
+        sketch = {name: value for name, value in vars(goal.sketch).items() if value is not None}
+        tree = {
+            "kind": goal.sketch.kind,
+            "sketch": {
+                name: np.array(value) if isinstance(value, np.ndarray) else value
+                for name, value in sketch.items()
+            },
+            "cloud": vars(goal.cloud),
+            "ways": vars(goal.ways),
+            "path": goal.path,
+            "drawn": None if goal.drawn is None else vars(goal.drawn),
+            "region": None
+            if goal.region is None
+            else {
+                "oval": vars(goal.region.oval),
+                "scale": goal.region.scale,
+                "cells": goal.region.cells,
+                "volume": goal.region.volume,
+            },
+            "law": remembered(self.law),
+            "needs": dataclasses.asdict(self._needs),
+            "settings": {
+                name: getattr(self, name) for name in ("method", "reason", "frames", "hold", "planning_ms")
+            },
+        }
+        return pack(_MAGIC, _VERSION, tree)
+
+    @classmethod
+    def restored(cls, data: bytes, scene: Scene) -> "Guidance":
+        """Return the guidance of a snapshot.
+
+        Parameters
+        ----------
+        data : bytes
+            From `snapshot`.
+        scene : Scene
+            The scene of the simulator that was steered.
+
+        Raises
+        ------
+        SnapshotError
+            The bytes are damaged, of another version or no snapshot of a guidance.
+        """
+        with unfitting("snapshot of a guidance"):
+            tree = unpack(_MAGIC, _VERSION, data)
+            needs = dict(tree["needs"])
+            needs["obstructions"] = tuple(Obstruction(**one) for one in needs["obstructions"])
+            return cls(
+                goal=_recalled_goal(tree, scene),
+                law=recalled(tree["law"]),
+                _needs=Needs(**needs),
+                **tree["settings"],
+            )
+
+
+def _recalled_goal(tree: dict[str, Any], scene: Scene) -> Goal:
+    cloud = Cloud(**tree["cloud"])
+    room = Room(scene, cloud.frame * cloud.frame_dt)
+    kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse}
+    region = tree["region"]
+    return Goal(
+        sketch=kinds[tree["kind"]](**tree["sketch"]),
+        cloud=cloud,
+        room=room,
+        ways=Ways(**tree["ways"]),
+        path=tree["path"],
+        drawn=None if tree["drawn"] is None else Oval(**tree["drawn"]),
+        region=None
+        if region is None
+        else Region(Oval(**region["oval"]), room, region["scale"], region["cells"], region["volume"]),
+    )
+
+
+def prepare(
+    simulator: Simulator,
+    sketch: Sketch,
+    *,
+    method: str | Method = "auto",
+    frames: int | None = None,
+    cap: float = 15.0,
+    strength: float = 1.0,
+    hold: int = 0,
+    fill: Fill = "even",
+    resolution: int = 32,
+    budget: float | None = None,
+    seed: int = 0,
+    on_frame: Callable[[], object] | None = None,
+) -> Guidance:
+    """Understand a sketch and plan how to follow it, from the present state. Nothing moves.
+
+    An oval asks the fluid to fill the part of it that no wall or obstacle takes, evenly. Where that part is
+    smaller than the fluid at rest, the oval is grown, in the same shape, until it is as large. An arrow asks
+    the centre of mass to go along it, from where it is, in the way that takes the least acceleration; the
+    shape is carried along, or, where there is no room for it at the tip, becomes a disc around the tip. In 3D
+    stroke widths give the depth; the third semi-axis of an oval is the geometric mean of the other two.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        In the state that the sketch was drawn on; it does not change. The particles that are there now are
+        steered, those that emitters add later are not.
+    sketch : Arrow or Ellipse
+    method : str or Method
+        "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
+        baseline, one acceleration for all; "backcast", towards where the fluid may have come from;
+        "shooting", a search on a coarse simulation for a better plan; "none", no force. Or an object with
+        their surface.
+    frames : int in [1, 10000], optional
+        Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
+    cap : float in (0, 1000]
+        Largest acceleration of a particle [g = 9.81 m/s^2].
+    strength : float in (0, 1]
+        Factor on `cap`.
+    hold : int in [0, 10000]
+        Number of frames for which the goal is kept after it was reached.
+    fill : "even" or "shrink"
+        What becomes of an oval larger than the fluid: it is filled evenly, which may tear water into
+        filaments, or shrunk to the fluid's volume.
+    resolution : int in [0, 256]
+        Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
+    budget : float in (0, 3600], optional
+        Time for which "shooting" searches [s]; 2 if not given. With it "auto" may choose that method.
+    seed : int in [0, 2**32)
+        Seed of what a method draws at random.
+    on_frame : callable, optional
+        Called before each frame of a trial. What it raises ends the planning, except that a SimulationError
+        only ends the trial.
+
+    Raises
+    ------
+    ConfigError
+        An argument is out of range, or there are no particles.
+    SketchError
+        Walls and obstacles leave nothing of the goal.
+    SimulationError
+        The method found no law.
+    """
+    start = time.perf_counter()
+    largest = positive("cap", cap, MAX_CAP) * positive("strength", strength, 1.0)
+    if fill not in ("even", "shrink"):
+        raise ConfigError(f'fill must be "even" or "shrink", got {fill!r}')
+    if not isinstance(sketch, Arrow | Ellipse):
+        raise ConfigError(f"sketch must be an Arrow or an Ellipse, got {type(sketch).__name__}")
+    if frames is not None:
+        frames = whole("frames", frames, 1, MAX_FRAMES)
+    settings = {
+        "hold": whole("hold", hold, 0, MAX_FRAMES),
+        "resolution": whole("resolution", resolution, 0, 256),
+        "seed": whole("seed", seed, 0, 2**32 - 1),
+    }
+    if budget is not None:
+        budget = positive("budget", budget, 3600.0)
+    goal = goal_of(sketch, Cloud.of(simulator), simulator.scene, fill=fill)
+    if frames is None:
+        frames = goal.suggested_frames(largest)
+    needs = goal.needs(frames, largest)
+    planner, reason = chosen(method, goal, needs, budget)
+    task = Task(
+        goal=goal,
+        frames=frames,
+        fill=fill,
+        cap=largest,
+        budget=budget,
+        on_frame=on_frame or (lambda: None),
+        **settings,
+    )
+    law = planner.plan(simulator, task)
+    return Guidance(
+        goal=goal,
+        law=law,
+        method=planner.name,
+        reason=reason,
+        frames=frames,
+        hold=settings["hold"],
+        planning_ms=1000 * (time.perf_counter() - start),
+        _needs=needs,
+    )

@@ -1,0 +1,170 @@
+"""Laws: what says which force acts in a frame, from the state before it. All of them are plain data."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.control.goal.ways import Motion
+from hybridmpm.errors import SnapshotError
+from hybridmpm.simulator import Simulator
+
+SHORTEST_FRAMES = 15
+"""Shortest time to go [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they do not."""
+AHEAD_FRAMES = 24
+"""How far ahead of the present the force aims on a way with corners [frames]."""
+
+Floats32 = npt.NDArray[np.float32]
+OfIds = tuple[npt.NDArray[np.uint64], Floats32]
+
+
+class Law(Protocol):
+    """What gives the force of each frame. A dataclass of arrays and numbers, so that it can be kept."""
+
+    name: ClassVar[str]
+    """Name under which a snapshot knows the law."""
+
+    def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds | None:
+        """Return the force of the next frame in a form that `Simulator.advance` takes for one frame.
+
+        Parameters
+        ----------
+        simulator : Simulator
+            In the state before the frame.
+        index : int
+            Number of frames since the start.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Unforced:
+    """No force at all."""
+
+    name: ClassVar[str] = "unforced"
+
+    def force(self, simulator: Simulator, index: int) -> None:
+        """Return None."""
+
+
+@dataclass(frozen=True, eq=False)
+class Uniform:
+    """The same acceleration for all particles that were there at the start, in all frames."""
+
+    name: ClassVar[str] = "uniform"
+    acceleration: Floats32
+    """(D,) [m/s^2]."""
+    ids: npt.NDArray[np.uint64]
+    """Particles (N,) that were there at the start."""
+
+    def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:  # noqa: ARG002 - always the same
+        """Return (D,), or a pair where particles have come or gone."""
+        if not simulator.scene.is_open:
+            return self.acceleration
+        return self.ids, np.tile(self.acceleration, (len(self.ids), 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """The force that keeps particles on timed ways, from where they really are; see `_native.Tracks`."""
+
+    name: ClassVar[str] = "tracked"
+    ids: npt.NDArray[np.uint64]
+    """Particles (N,) that were there at the start, ascending."""
+    starts: npt.NDArray[np.uint32]
+    times: Floats32
+    x: Floats32
+    v: Floats32
+    path: npt.NDArray[np.uint32]
+    offset: Floats32
+    gravity: Floats32
+    frame_dt: float
+    cells: int
+    cap: float
+
+    @classmethod
+    def along(
+        cls,
+        motion: Motion,
+        ids: npt.NDArray[np.uint64],
+        *,
+        gravity: Any,
+        frame_dt: float,
+        cells: int,
+        cap: float,
+    ) -> "Tracked":
+        """Return the law of a motion; `cells` and `cap` [m/s^2] as `_native.Tracks` takes them."""
+        ways = motion.ways
+        times = motion.times.astype(np.float32)
+        # Corners in one place are passed at times that float32 cannot tell apart.
+        first = np.zeros(len(times), dtype=bool)
+        first[ways.starts[:-1]] = True
+        for index in np.flatnonzero(~first):
+            times[index] = max(times[index], np.nextafter(times[index - 1], np.float32(np.inf)))
+        return cls(
+            ids=ids,
+            starts=ways.starts,
+            times=times,
+            x=ways.corners.astype(np.float32),
+            v=motion.v.astype(np.float32),
+            path=ways.group,
+            offset=ways.offset.astype(np.float32),
+            gravity=np.asarray(gravity, dtype=np.float32),
+            frame_dt=frame_dt,
+            cells=cells,
+            cap=cap,
+        )
+
+    @cached_property
+    def _tracks(self) -> _native.Tracks:
+        return _native.Tracks(
+            starts=self.starts,
+            times=self.times,
+            x=self.x,
+            v=self.v,
+            path=self.path,
+            offset=self.offset,
+            gravity=self.gravity.tolist(),
+            shortest=SHORTEST_FRAMES * self.frame_dt,
+            ahead=AHEAD_FRAMES * self.frame_dt,
+            cells=self.cells,
+            cap=self.cap,
+        )
+
+    def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:
+        """Return (N, D), or a pair where particles have come or gone."""
+        x, v, mass = simulator.positions, simulator.velocities, simulator.mass
+        time = index * self.frame_dt
+        if not simulator.scene.is_open:
+            return self._tracks.force(x, v, mass, time)
+        present = simulator.ids
+        rows = np.searchsorted(self.ids, present).astype(np.uint32)
+        known = rows < len(self.ids)
+        known[known] = self.ids[rows[known]] == present[known]
+        force = self._tracks.force(x[known], v[known], mass[known], time, rows[known])
+        return present[known], force
+
+
+LAWS: dict[str, type[Unforced | Uniform | Tracked]] = {law.name: law for law in (Unforced, Uniform, Tracked)}
+"""Laws of the library by name."""
+
+
+def remembered(law: Law) -> dict[str, Any]:
+    """Return a law as plain data.
+
+    Raises
+    ------
+    SnapshotError
+        The law is not one of the library's.
+    """
+    if type(law) is not LAWS.get(law.name):
+        raise SnapshotError(f"a law of your own, {type(law).__name__}, cannot be kept in a snapshot")
+    fields = {name: value for name, value in vars(law).items() if not name.startswith("_")}
+    return {"name": law.name, "fields": fields}
+
+
+def recalled(data: dict[str, Any]) -> Law:
+    """Return the law that `remembered` described."""
+    return LAWS[data["name"]](**data["fields"])

@@ -1,0 +1,1 @@
+"""Methods: ways to find the law that follows a sketch. `choice.METHODS` lists them by name."""

@@ -1,0 +1,85 @@
+"""Backcasting: the goal gets a shape that the fluid could have come from, by simulating backwards."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.goal.goal import Goal
+from hybridmpm.control.laws import Tracked
+from hybridmpm.control.methods.method import Task
+from hybridmpm.errors import ConfigError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.simulator import Simulator
+
+
+class Backcast:
+    """Negates the velocities, simulates on, and leads the particles to the result, fitted to the sketch.
+
+    Fluid that runs backwards comes to where it may have been. For an oval that state is moved, turned and
+    stretched until mean and covariance are those of the evenly filled oval; for an arrow it is moved to the
+    tip. Sand is plastic and does not run back, so there the method is worse than optimal transport.
+
+    References
+    ----------
+    Sivakumaran, Paquette, Mould: Time Reversal and Simulation Merging for Target-Driven Fluid Animation,
+    MIG 2022.
+    """
+
+    name = "backcast"
+
+    def plan(self, simulator: Simulator, task: Task) -> Tracked:
+        """Return the law that leads to the fitted past.
+
+        Raises
+        ------
+        ConfigError
+            The scene has emitters or sinks, so that time cannot run backwards.
+        SimulationError
+            MPM failed on the way back.
+        """
+        if simulator.scene.is_open:
+            raise ConfigError(
+                "backcast needs a scene without emitters and sinks: use the method analytic for this one"
+            )
+        cloud = task.goal.cloud
+        solver = MpmSolver(simulator.scene, r_p=simulator.r_p)
+        solver.prescribe(simulator.positions, -simulator.velocities, simulator.frame)
+        for _ in range(task.frames):
+            task.on_frame()
+            solver.advance(1)
+        places = _fitted(solver.positions.astype(np.float64), task.goal)
+        ways, room = task.goal.ways, task.goal.room
+        places = np.clip(places, room.lower, room.upper)
+        ends = _means(places, ways.group)
+        corners = np.stack([_means(cloud.x, ways.group), ends], axis=1).reshape(-1, cloud.dim)
+        starts = 2 * np.arange(len(ends) + 1, dtype=np.uint32)
+        return task.tracked(dataclasses.replace(ways, places=places, starts=starts, corners=corners))
+
+
+def _fitted(x: Floats, goal: Goal) -> Floats:
+    """Move points (N, D) onto the goal: to its mean, and for an oval also to its covariance."""
+    weight, places = goal.cloud.weight, goal.ways.places
+    mean, wanted = weight @ x, weight @ places
+    if goal.drawn is None:
+        return np.asarray(wanted + x - mean)
+    # The map between two normal distributions that moves them least (Olkin and Pukelsheim 1982).
+    root = _root(_covariance(places, weight))
+    inner = _root(root @ _covariance(x, weight) @ root)
+    return np.asarray(wanted + (x - mean) @ (root @ np.linalg.pinv(inner) @ root))
+
+
+def _covariance(x: Floats, weight: Floats) -> Floats:
+    away = x - weight @ x
+    return np.asarray((weight[:, None] * away).T @ away)
+
+
+def _root(matrix: Floats) -> Floats:
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)) @ vectors.T)
+
+
+def _means(x: Floats, group: npt.NDArray[np.uint32]) -> Floats:
+    sizes = np.bincount(group)
+    return np.stack([np.bincount(group, column) / sizes for column in x.T], axis=1)

@@ -1,0 +1,73 @@
+"""`Method`: what all ways to follow a sketch have in common."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from hybridmpm.control.goal.cloud import EARTH
+from hybridmpm.control.goal.goal import Goal
+from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.laws import Law, Tracked
+from hybridmpm.simulator import Simulator
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a method is asked for."""
+
+    goal: Goal
+    frames: int
+    """Number of frames in which the goal is to be reached."""
+    hold: int
+    """Number of frames for which the goal is kept after that."""
+    fill: Fill
+    """What becomes of an oval larger than the fluid."""
+    cap: float
+    """Largest acceleration besides gravity [g]."""
+    resolution: int
+    """Cells per metre of the grid on which a force is smoothed; 0 leaves it as it is."""
+    seed: int
+    """Seed of whatever a method draws at random."""
+    budget: float | None
+    """Time that a method may search for a better law [s]; None leaves it to the method."""
+    on_frame: Callable[[], object]
+    """Called before each frame of a trial; what it raises ends the planning."""
+
+    @property
+    def cap_si(self) -> float:
+        """`cap` in m/s^2."""
+        return self.cap * EARTH
+
+    def tracked(self, ways: Ways, *, share: float = 1.0) -> Tracked:
+        """Return the law that leads the particles along ways, within a share of the frames of the task."""
+        cloud = self.goal.cloud
+        return Tracked.along(
+            ways.timed(share * self.frames * cloud.frame_dt),
+            cloud.ids,
+            gravity=cloud.gravity,
+            frame_dt=cloud.frame_dt,
+            cells=self.resolution,
+            cap=self.cap_si,
+        )
+
+
+class Method(Protocol):
+    """A way to find the law that follows a sketch.
+
+    An object with this surface may be given to `follow` in place of a name, e.g. one that plays back recorded
+    forces.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the method, as results tell it."""
+
+    def plan(self, simulator: Simulator, task: Task) -> Law:
+        """Return the law for a task; the simulator, in the state of the task's cloud, must not change.
+
+        Raises
+        ------
+        SimulationError
+            No law was found.
+        """

@@ -1,0 +1,72 @@
+"""`ControlledTrajectory`: what following a sketch gave."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.control.goal.cloud import Floats
+
+Ending = Literal["done", "cancelled", "superseded", "failed"]
+"""How following a sketch ended. superseded: somebody else advanced or reset the simulator."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How near the particles that were there at the start came to the goal."""
+
+    inside: float | None
+    """Share of the mass in the goal, when the sketch's frames were over; None where an arrow carries the
+    shape along."""
+    inside_drawn: float | None
+    """Share of the mass in the oval as it was drawn, at that time; None for an arrow."""
+    miss: float
+    """Distance of the centre of mass from where the sketch asks it to be, at that time [m]."""
+    rms: float
+    """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
+    peak: float
+    """Largest force on a particle [g]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ControlledTrajectory:
+    """Motion of particles under the force that followed a sketch.
+
+    N is the number of particles at the start, D the dimension, T the number of frames that were computed.
+    """
+
+    ids: npt.NDArray[np.uint64]
+    """Numbers (N,) of the particles."""
+    positions: npt.NDArray[np.float32]
+    """Positions (T + 1, N, D) [m]; row 0 is the state at the start. NaN for particles that are gone."""
+    force: npt.NDArray[np.float32]
+    """External acceleration besides gravity [m/s^2], in a form that `Simulator.advance` takes over T frames:
+    (D,) where it is one constant, else (T, N, D). In a scene with emitters or sinks it takes (ids, force)."""
+    mean_force: Floats
+    """Mean of `force` over the mass of the particles, in each frame, (T, D) [m/s^2]."""
+    target_displacement: Floats
+    """Displacement of the centre of mass that the sketch asks for, (D,) [m]."""
+    displacement: Floats
+    """Displacement of the centre of mass over the T frames, (D,) [m]."""
+    centroids: Floats
+    """Centre of mass at the start and after each frame, (T + 1, D) [m]."""
+    first_frame: int
+    """Frame number of the simulator at the start."""
+    reached: Reached
+    """How near the goal is."""
+    ending: Ending
+    """How it ended."""
+
+    @property
+    def frames(self) -> int:
+        """Number T of frames."""
+        return len(self.positions) - 1
+
+    def force_at(self, index: int) -> npt.NDArray[np.float32]:
+        """Return the force (D,) or (N, D) [m/s^2] of a frame; the first frame has `index` 0.
+
+        `simulator.advance(T, trajectory.force)` from the state at the start gives `positions` bit for bit,
+        and so does `simulator.advance(1, trajectory.force_at(index))` for each frame in turn.
+        """
+        return self.force if self.force.ndim == 1 else self.force[index]
