@@ -1073,6 +1073,9 @@ class Tracks:
         weights, which keeps its momentum; 0 leaves it as it is.
     cap : float > 0
         Largest acceleration [m/s^2]; longer ones are shortened to it.
+    space : FreeSpace, optional
+        Obstacles. A particle that one of them keeps from what it aims at goes the shortest way around it
+        towards the ends of the ways.
 
     Raises
     ------
@@ -1094,6 +1097,7 @@ class Tracks:
         ahead: float,
         cells: int,
         cap: float,
+        space: FreeSpace | None = None,
     ) -> Tracks: ...
     def force(
         self,

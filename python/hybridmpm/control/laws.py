@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.control.goal.ways import Motion
 from hybridmpm.errors import SnapshotError
 from hybridmpm.simulator import Simulator
@@ -83,6 +84,8 @@ class Tracked:
     frame_dt: float
     cells: int
     cap: float
+    room: dict[str, Any] | None
+    """Fields of a `RoomGrid`, for particles that obstacles keep from their aim; None without obstacles."""
 
     @classmethod
     def along(
@@ -94,8 +97,9 @@ class Tracked:
         frame_dt: float,
         cells: int,
         cap: float,
+        grid: RoomGrid | None,
     ) -> "Tracked":
-        """Return the law of a motion; `cells` and `cap` [m/s^2] as `_native.Tracks` takes them."""
+        """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_native.Tracks` takes them."""
         ways = motion.ways
         times = motion.times.astype(np.float32)
         # Corners in one place are passed at times that float32 cannot tell apart.
@@ -115,6 +119,9 @@ class Tracked:
             frame_dt=frame_dt,
             cells=cells,
             cap=cap,
+            room=None
+            if grid is None
+            else {"lower": grid.lower, "spacing": grid.spacing, "distance": grid.distance},
         )
 
     @cached_property
@@ -131,6 +138,7 @@ class Tracked:
             ahead=AHEAD_FRAMES * self.frame_dt,
             cells=self.cells,
             cap=self.cap,
+            space=None if self.room is None else RoomGrid(**self.room).space,
         )
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:

@@ -14,6 +14,10 @@ fn raised(error: GuidanceError) -> PyErr {
     config_error(error.to_string())
 }
 
+fn other_dimension(dim: usize) -> PyErr {
+    config_error(format!("space must have the dimension of x, {dim}"))
+}
+
 /// Rows of D numbers.
 fn rows<const D: usize, T: Copy>(numbers: &[T]) -> Vec<[T; D]> {
     numbers.as_chunks().0.to_vec()
@@ -159,9 +163,7 @@ pub fn match_to_region(
                 py.detach(|| ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room));
             PyMatching::of(py, found.map_err(raised)?)
         }
-        _ => Err(config_error(format!(
-            "space must have the dimension of x, {dim}"
-        ))),
+        _ => Err(other_dimension(dim)),
     }
 }
 
@@ -235,6 +237,7 @@ impl Arrays<'_> {
         &self,
         gravity: &[f32],
         settings: (f32, f32, u32, f32),
+        space: Option<FreeSpace<D>>,
     ) -> PyResult<Tracks<D>> {
         let (shortest, ahead, cells, cap) = settings;
         let law = Law {
@@ -250,14 +253,14 @@ impl Arrays<'_> {
             x: rows(self.x),
             v: rows(self.v),
         };
-        Tracks::new(paths, self.path.to_vec(), rows(self.offset), law).map_err(raised)
+        Tracks::new(paths, self.path.to_vec(), rows(self.offset), law, space).map_err(raised)
     }
 }
 
 #[pymethods]
 impl PyTracks {
     #[new]
-    #[pyo3(signature = (*, starts, times, x, v, path, offset, gravity, shortest, ahead, cells, cap))]
+    #[pyo3(signature = (*, starts, times, x, v, path, offset, gravity, shortest, ahead, cells, cap, space=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -274,6 +277,7 @@ impl PyTracks {
         ahead: f32,
         cells: u32,
         cap: f32,
+        space: Option<PyRef<'_, PyFreeSpace>>,
     ) -> PyResult<Self> {
         let starts = array::<u32, Ix1>("starts", "uint32 of shape (P + 1,)", starts)?;
         let times = array::<f32, Ix1>("times", "float32 of shape (K,)", times)?;
@@ -298,9 +302,17 @@ impl PyTracks {
             offset: slice_of("offset", &offset)?,
         };
         let settings = (shortest, ahead, cells, cap);
-        let inner = match dim {
-            2 => AnyTracks::Plane(arrays.tracks(&gravity, settings)?),
-            _ => AnyTracks::Space(arrays.tracks(&gravity, settings)?),
+        let space = space.as_ref().map(|space| &space.inner);
+        let inner = match (dim, space) {
+            (2, None) => AnyTracks::Plane(arrays.tracks(&gravity, settings, None)?),
+            (2, Some(AnySpace::Plane(room))) => {
+                AnyTracks::Plane(arrays.tracks(&gravity, settings, Some(room.clone()))?)
+            }
+            (3, None) => AnyTracks::Space(arrays.tracks(&gravity, settings, None)?),
+            (3, Some(AnySpace::Space(room))) => {
+                AnyTracks::Space(arrays.tracks(&gravity, settings, Some(room.clone()))?)
+            }
+            _ => return Err(other_dimension(dim)),
         };
         Ok(Self { inner, dim })
     }

@@ -6,6 +6,7 @@
 //! knows no Python.
 
 mod assignment;
+mod detour;
 mod error;
 mod filter;
 mod free_space;
@@ -14,6 +15,7 @@ mod partition;
 mod spline;
 mod tracks;
 
+pub use detour::Detour;
 pub use error::GuidanceError;
 pub use free_space::FreeSpace;
 pub use matching::{Matching, match_to_region};

@@ -305,7 +305,7 @@ mod tests {
         for (x, place) in x.iter().zip(&matching.places) {
             let way = [place[0] - x[0], place[1] - x[1]];
             assert!(
-                (way[0] - 0.3).abs() < 0.015 && (way[1] - 0.2).abs() < 0.015,
+                (way[0] - 0.3).abs() < 0.02 && (way[1] - 0.2).abs() < 0.02,
                 "{way:?}"
             );
         }

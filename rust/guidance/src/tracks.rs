@@ -1,7 +1,9 @@
 //! The force of a frame: how particles get from where they are to where their ways lead.
 
+use crate::detour::{Detour, WayOn};
 use crate::error::GuidanceError;
 use crate::filter::Filter;
+use crate::free_space::FreeSpace;
 
 /// Ways of groups of particles: cubic pieces between knots.
 #[derive(Debug, Clone, Default)]
@@ -15,6 +17,9 @@ pub struct Paths<const D: usize> {
     /// Velocities in the knots [m/s].
     pub v: Vec<[f32; D]>,
 }
+
+/// Shortest time in which a way around obstacles is gone, over `Law::shortest`.
+const UNHURRIED: f32 = 1.0;
 
 /// Settings of the force.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +43,7 @@ pub struct Tracks<const D: usize> {
     path: Vec<u32>,
     offset: Vec<[f32; D]>,
     law: Law<D>,
+    detour: Option<Detour<D>>,
 }
 
 /// Where a path wants its particles: place and velocity after `tau` seconds.
@@ -52,15 +58,21 @@ struct Pull<const D: usize> {
     constant: [f32; D],
     stiffness: f32,
     damping: f32,
+    /// What the path aims at, without the offsets of its particles [m].
+    aim: [f32; D],
+    /// Time until the end [s].
+    left: f32,
 }
 
 impl<const D: usize> Tracks<D> {
-    /// Particle i belongs to `path[i]`, at a distance of `offset[i]` [m].
+    /// Particle i belongs to `path[i]`, at a distance of `offset[i]` [m]. With `space`, particles that something
+    /// solid keeps from what they aim at go around it, to the ends of the paths.
     pub fn new(
         paths: Paths<D>,
         path: Vec<u32>,
         offset: Vec<[f32; D]>,
         law: Law<D>,
+        space: Option<FreeSpace<D>>,
     ) -> Result<Self, GuidanceError> {
         let knots = paths.times.len();
         let starts_fit = paths.starts.first() == Some(&0)
@@ -110,11 +122,19 @@ impl<const D: usize> Tracks<D> {
                 &format!("{law:?}"),
             ));
         }
+        let detour = space.map(|space| {
+            let ends: Vec<[f64; D]> = paths.starts[1..]
+                .iter()
+                .map(|&start| paths.x[start as usize - 1].map(f64::from))
+                .collect();
+            Detour::new(space, &ends)
+        });
         Ok(Self {
             paths,
             path,
             offset,
             law,
+            detour,
         })
     }
 
@@ -143,6 +163,12 @@ impl<const D: usize> Tracks<D> {
             .collect();
         let one = |row: usize, x: &[f32; D], v: &[f32; D]| -> [f32; D] {
             let (pull, offset) = (&pulls[self.path[row] as usize], &self.offset[row]);
+            if let Some(detour) = &self.detour {
+                let aim = std::array::from_fn(|axis| pull.aim[axis] + offset[axis]);
+                if let Some(way) = detour.around(x, &aim) {
+                    return self.led_on(&way, v, pull.left);
+                }
+            }
             std::array::from_fn(|axis| {
                 pull.constant[axis] + pull.stiffness * (offset[axis] - x[axis])
                     - pull.damping * v[axis]
@@ -187,7 +213,18 @@ impl<const D: usize> Tracks<D> {
             }),
             stiffness,
             damping,
+            aim: aim.x,
+            left: self.paths.times[self.paths.starts[path + 1] as usize - 1] - time,
         }
+    }
+
+    /// The force on a particle that something solid keeps from its aim: to the velocity of a way around it that
+    /// is done in the time that is left, but not hastily.
+    fn led_on(&self, way: &WayOn<D>, v: &[f32; D], left: f32) -> [f32; D] {
+        let speed = way.length / left.max(UNHURRIED * self.law.shortest);
+        std::array::from_fn(|axis| {
+            (speed * way.direction[axis] - v[axis]) / self.law.shortest - self.law.gravity[axis]
+        })
     }
 
     /// A straight way is aimed at its end, a way of several pieces at a point ahead of the present.
@@ -274,7 +311,7 @@ mod tests {
     #[test]
     fn a_free_point_arrives_in_time_and_rests() {
         let paths = paths(&[0.0, 0.25], &[[0.3, 0.3], [0.6, 0.5]], &[[0.0; 2]; 2]);
-        let tracks = Tracks::new(paths, vec![0], vec![[0.01, 0.0]], LAW).unwrap();
+        let tracks = Tracks::new(paths, vec![0], vec![[0.01, 0.0]], LAW, None).unwrap();
         let (x, v) = run(&tracks, [0.31, 0.3], [1.0, -2.0], 100);
         assert!(
             (x[0] - 0.61).abs() < 0.01 && (x[1] - 0.5).abs() < 0.01,
@@ -291,7 +328,7 @@ mod tests {
     #[test]
     fn the_first_force_is_the_formula() {
         let paths = paths(&[0.0, 0.2], &[[0.3, 0.3], [0.6, 0.5]], &[[0.0; 2]; 2]);
-        let tracks = Tracks::new(paths, vec![0], vec![[0.0; 2]], LAW).unwrap();
+        let tracks = Tracks::new(paths, vec![0], vec![[0.0; 2]], LAW, None).unwrap();
         let a = tracks.force(&[[0.3, 0.3]], &[[0.5, 1.0]], &[1.0], 0.0, None)[0];
         assert!(
             (a[0] - (6.0 * 0.3 / 0.04 - 4.0 * 0.5 / 0.2)).abs() < 1e-3,
@@ -319,7 +356,7 @@ mod tests {
             .map(|v| v.map(|v| v as f32))
             .collect();
         let paths = paths(&times, &[[0.2, 0.2], [0.6, 0.2], [0.6, 0.6]], &v);
-        let tracks = Tracks::new(paths, vec![0], vec![[0.0; 2]], LAW).unwrap();
+        let tracks = Tracks::new(paths, vec![0], vec![[0.0; 2]], LAW, None).unwrap();
         let corner = (times[1] / 0.0025).round() as usize;
         let (x, _) = run(&tracks, [0.2, 0.2], [0.0; 2], corner);
         assert!(
@@ -336,7 +373,14 @@ mod tests {
     #[test]
     fn no_force_is_above_the_cap() {
         let paths = paths(&[0.0, 0.05], &[[0.1, 0.1], [0.9, 0.9]], &[[0.0; 2]; 2]);
-        let tracks = Tracks::new(paths, vec![0], vec![[0.0; 2]], Law { cap: 50.0, ..LAW }).unwrap();
+        let tracks = Tracks::new(
+            paths,
+            vec![0],
+            vec![[0.0; 2]],
+            Law { cap: 50.0, ..LAW },
+            None,
+        )
+        .unwrap();
         let a = tracks.force(&[[0.1, 0.1]], &[[0.0; 2]], &[1.0], 0.0, None)[0];
         assert!((a[0].hypot(a[1]) - 50.0).abs() < 1e-3);
     }
@@ -346,17 +390,20 @@ mod tests {
         let good = || paths(&[0.0, 0.1], &[[0.0; 2]; 2], &[[0.0; 2]; 2]);
         let named = |tracks: Result<Tracks<2>, GuidanceError>| tracks.unwrap_err().name;
         assert_eq!(
-            named(Tracks::new(Paths::default(), vec![], vec![], LAW)),
+            named(Tracks::new(Paths::default(), vec![], vec![], LAW, None)),
             "starts"
         );
         assert_eq!(
-            named(Tracks::new(good(), vec![1], vec![[0.0; 2]], LAW)),
+            named(Tracks::new(good(), vec![1], vec![[0.0; 2]], LAW, None)),
             "path"
         );
-        assert_eq!(named(Tracks::new(good(), vec![0], vec![], LAW)), "offset");
+        assert_eq!(
+            named(Tracks::new(good(), vec![0], vec![], LAW, None)),
+            "offset"
+        );
         let backwards = paths(&[0.1, 0.0], &[[0.0; 2]; 2], &[[0.0; 2]; 2]);
         assert_eq!(
-            named(Tracks::new(backwards, vec![0], vec![[0.0; 2]], LAW)),
+            named(Tracks::new(backwards, vec![0], vec![[0.0; 2]], LAW, None)),
             "times"
         );
         assert_eq!(
@@ -367,7 +414,8 @@ mod tests {
                 Law {
                     cap: f32::NAN,
                     ..LAW
-                }
+                },
+                None
             )),
             "law"
         );

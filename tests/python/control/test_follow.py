@@ -15,6 +15,7 @@ from hybridmpm import (
     NeuralPhysics,
     Sand,
     Scene,
+    SegmentObstacle,
     SketchError,
 )
 from hybridmpm import control as controls
@@ -336,3 +337,14 @@ def test_a_push_in_another_dimension_is_refused() -> None:
     hand = push((0.5, 0.5), (1.0, 0.0), 0.1)
     with pytest.raises(ConfigError, match="point must be 3 finite numbers"):
         hand(_solver(3))
+
+
+def test_an_oval_behind_an_obstacle_is_filled_around_it() -> None:
+    ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.5, 0.45), thickness=0.04)
+    shares = {}
+    for method in ("constant", "analytic"):
+        solver = _solver(obstacles=[ramp])
+        oval = Ellipse(np.array([0.35, 0.68]), np.array([0.1, 0.08]), 0.4)
+        shares[method] = follow(solver, oval, method, frames=120).run().reached.inside or 0.0
+    assert shares["analytic"] > 0.9
+    assert shares["constant"] < 0.3

@@ -1,5 +1,8 @@
 """`Room`: where fluid can be, between the walls and outside of the obstacles."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
@@ -29,11 +32,6 @@ class Room:
         self._solids = [obstacle.to_native() for obstacle in scene.obstacles]
         self._time = time
 
-    @property
-    def has_obstacles(self) -> bool:
-        """Whether there is any obstacle."""
-        return bool(self._solids)
-
     def distance(self, x: Floats) -> Floats:
         """Return the signed distance (N,) [m] of the nearest obstacle from points (N, D)."""
         nearest = np.full(len(x), np.inf)
@@ -50,7 +48,7 @@ class Room:
         """Tell which points (N, D) lie between the walls and in no obstacle; (N,)."""
         return self.within_walls(x) & (self.distance(x) >= 0)
 
-    def free_space(self) -> _native.FreeSpace | None:
+    def grid(self) -> "RoomGrid | None":
         """Return the room on a coarse grid, for ways around obstacles; None where there are none."""
         if not self._solids:
             return None
@@ -62,4 +60,21 @@ class Room:
         ]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         distance = self.distance(nodes.reshape(-1, len(axes))).reshape(nodes.shape[:-1])
-        return _native.FreeSpace(list(self.lower), 1 / cells, distance)
+        return RoomGrid(self.lower, 1 / cells, distance)
+
+
+@dataclass(frozen=True, eq=False)
+class RoomGrid:
+    """Distances of obstacles on a grid between the walls."""
+
+    lower: Floats
+    """First node (D,) [m]."""
+    spacing: float
+    """Distance of the nodes [m]."""
+    distance: Floats
+    """Signed distance of the nearest obstacle in each node, D axes [m]."""
+
+    @cached_property
+    def space(self) -> _native.FreeSpace:
+        """The grid, ready for searches."""
+        return _native.FreeSpace(self.lower.tolist(), self.spacing, self.distance)

@@ -25,11 +25,14 @@ class Ways:
     corners: Floats
     """Corners of all ways (K, D) [m]: start, corners on the way, end."""
     velocity: Floats
-    """Velocity of each group at the start (G, D) [m/s]."""
+    """Velocity of each group at the start (G, D) [m/s]; that of all where they go `together`."""
     weight: Floats
     """Mass of each group over that of all (G,) [-]."""
     cut_off: npt.NDArray[np.bool_]
     """Whether walls and obstacles leave no way to a group's places (G,)."""
+    together: bool
+    """Whether all groups pass their corners at the same times, as parts of one body do along an arrow; each
+    way then has as many corners as the others."""
 
     @classmethod
     def of_groups(
@@ -41,12 +44,16 @@ class Ways:
         corners: Floats,
         *,
         cut_off: npt.NDArray[np.bool_],
+        together: bool = False,
     ) -> "Ways":
         """Add what the particles of a cloud say of their groups."""
         weight = np.bincount(group, cloud.weight, len(cut_off)).astype(np.float64)
         momentum = [np.bincount(group, cloud.weight * column, len(cut_off)) for column in cloud.v.T]
         velocity = np.stack(momentum, axis=1) / weight[:, None]
-        return cls(places, group, starts, corners, velocity, weight, cut_off)
+        if together:
+            # The corners on the way are too near to the start to catch up with each other by the first.
+            velocity = np.tile(cloud.mean_velocity, (len(weight), 1))
+        return cls(places, group, starts, corners, velocity, weight, cut_off, together)
 
     @property
     def offset(self) -> Floats:
@@ -54,7 +61,12 @@ class Ways:
         return np.asarray(self.places - self.corners[self.starts[1:] - 1][self.group])
 
     def timed(self, seconds: float) -> "Motion":
-        """Time all ways so that each takes the least acceleration and ends at rest."""
+        """Time all ways so that each takes the least acceleration and ends at rest.
+
+        Ways that are gone `together` get the times of their mean.
+        """
+        if self.together:
+            return self._timed_together(seconds)
         times = np.zeros(len(self.corners))
         v = np.zeros_like(self.corners)
         straight = np.diff(self.starts) == 2
@@ -68,6 +80,31 @@ class Ways:
             timing = _native.least_acceleration(points, self.velocity[group].tolist(), rest, seconds)
             times[knots], v[knots] = timing.times, timing.velocities
         return Motion(self, times, v)
+
+    def _timed_together(self, seconds: float) -> "Motion":
+        count, dim = len(self.weight), self.corners.shape[1]
+        corners = self.corners.reshape(count, -1, dim)
+        mean = np.tensordot(self.weight, corners, axes=1)
+        timing = _native.least_acceleration(mean, self.velocity[0].tolist(), [0.0] * dim, seconds)
+        v = _spline_velocities(timing.times, corners, self.velocity)
+        return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
+
+
+def _spline_velocities(times: Floats, corners: Floats, start: Floats) -> Floats:
+    """Return the velocities (G, K, D) in the corners of cubic splines that share their times (K,).
+
+    The velocities at the start are (G, D), those at the end 0, and accelerations are continuous.
+    """
+    h = np.diff(times)
+    v = np.zeros_like(corners)
+    v[:, 0] = start
+    if len(h) > 1:
+        slope = np.diff(corners, axis=1) / h[:, None]
+        matrix = np.diag(2 / h[:-1] + 2 / h[1:]) + np.diag(1 / h[1:-1], 1) + np.diag(1 / h[1:-1], -1)
+        right = 3 * (slope[:, :-1] / h[:-1, None] + slope[:, 1:] / h[1:, None])
+        right[:, 0] -= start / h[0]
+        v[:, 1:-1] = np.linalg.solve(matrix, right)
+    return v
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,7 @@ class Task:
             frame_dt=cloud.frame_dt,
             cells=self.resolution,
             cap=self.cap_si,
+            grid=self.goal.room.grid(),
         )
 
 

@@ -1,0 +1,99 @@
+//! Which way particles go whose straight way is blocked: down a field of distances to the goal.
+
+use crate::free_space::FreeSpace;
+
+/// Steps of the grid over which a direction is taken, so that ways round corners are smooth.
+const STEPS: usize = 4;
+
+/// The shortest ways to a goal from everywhere, on the grid of a free space.
+#[derive(Debug, Clone)]
+pub struct Detour<const D: usize> {
+    space: FreeSpace<D>,
+    /// Length of the way from each node [m]; infinite where there is none.
+    lengths: Vec<f64>,
+    /// Unit vector along the way from each node.
+    directions: Vec<[f32; D]>,
+}
+
+/// The way on from a point.
+pub struct WayOn<const D: usize> {
+    pub direction: [f32; D],
+    /// What is left of the way [m].
+    pub length: f32,
+}
+
+impl<const D: usize> Detour<D> {
+    /// Ways to the nearest of `goals`.
+    pub fn new(space: FreeSpace<D>, goals: &[[f64; D]]) -> Self {
+        let lengths = space.lengths_to(goals);
+        let directions = (0..lengths.len())
+            .map(|node| {
+                let start = space.point(node);
+                let mut here = space.free_node(&start).unwrap_or(node);
+                for _ in 0..STEPS {
+                    here = space.downhill(here, &lengths).unwrap_or(here);
+                }
+                let end = space.point(here);
+                let way: [f32; D] = std::array::from_fn(|axis| (end[axis] - start[axis]) as f32);
+                let length = way.iter().map(|along| along * along).sum::<f32>().sqrt();
+                way.map(|along| along / length.max(1e-9))
+            })
+            .collect();
+        Self {
+            space,
+            lengths,
+            directions,
+        }
+    }
+
+    /// The way on from `x`, if something is between it and `aim` and a way is known.
+    pub fn around(&self, x: &[f32; D], aim: &[f32; D]) -> Option<WayOn<D>> {
+        let (from, to) = (x.map(f64::from), aim.map(f64::from));
+        if self.space.reaches(&from, &to) {
+            return None;
+        }
+        let node = self.space.nearest(&from);
+        let length = self.space.length_at(&self.lengths, &from);
+        (length.is_finite() && length > 0.0).then(|| WayOn {
+            direction: self.directions[node],
+            length: length as f32,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A room of a metre with a wall at x = 0.5 from the floor up to 0.6 m.
+    fn room() -> FreeSpace<2> {
+        let (spacing, count) = (1.0 / 64.0, 65);
+        let distance = (0..count * count)
+            .map(|flat| {
+                let (x, y) = (
+                    (flat / count) as f64 * spacing,
+                    (flat % count) as f64 * spacing,
+                );
+                (x - 0.5).hypot((y - 0.6).max(0.0)) - 0.01
+            })
+            .collect();
+        FreeSpace::new([0.0; 2], spacing, [count; 2], distance).unwrap()
+    }
+
+    #[test]
+    fn what_is_seen_needs_no_detour() {
+        let detour = Detour::new(room(), &[[0.8, 0.2]]);
+        assert!(detour.around(&[0.6, 0.2], &[0.8, 0.2]).is_none());
+        assert!(detour.around(&[0.2, 0.8], &[0.8, 0.8]).is_none());
+    }
+
+    #[test]
+    fn the_way_on_leads_up_the_wall_and_down_behind_it() {
+        let detour = Detour::new(room(), &[[0.8, 0.2]]);
+        let before = detour.around(&[0.44, 0.2], &[0.8, 0.2]).unwrap();
+        assert!(before.direction[1] > 0.8, "{:?}", before.direction);
+        assert!((before.length - 0.95).abs() < 0.15, "{}", before.length);
+        // A point that touches the wall is led on, too.
+        assert!(detour.around(&[0.488, 0.3], &[0.8, 0.2]).unwrap().direction[1] > 0.5);
+    }
+}
