@@ -11,6 +11,7 @@ import click
 
 from hybridmpm import __version__
 from hybridmpm.cli.bench import bench
+from hybridmpm.cli.control import control
 from hybridmpm.cli.dataset import dataset
 from hybridmpm.cli.export import export
 from hybridmpm.cli.report import doctor, scenarios, schema
@@ -57,7 +58,7 @@ def cli() -> None:
     """Simulate particle fluids, make data sets, train networks, measure, and serve interactive sessions."""
 
 
-for command in (simulate, dataset, train, export, scenarios, schema, serve, bench, validate, doctor):
+for command in (simulate, control, dataset, train, export, scenarios, schema, serve, bench, validate, doctor):
     cli.add_command(command)
 
 

@@ -24,6 +24,8 @@ class ControlledFrame:
     """Frame number of the simulator, after the frame."""
     positions: npt.NDArray[np.float32]
     """Positions (N, D) [m] of the particles that were there when the sketch was drawn; NaN where gone."""
+    velocities: npt.NDArray[np.float32]
+    """Velocities (N, D) [m/s] of the same particles; NaN where gone."""
     force: npt.NDArray[np.float32]
     """Acceleration besides gravity that acted on them, (D,) or (N, D) [m/s^2]."""
 
@@ -56,7 +58,8 @@ class Following(Iterator[ControlledFrame]):
             )
         self.guidance = guidance
         """Goal, law and needs."""
-        self._simulator = simulator
+        self.simulator = simulator
+        """The simulator that follows."""
         self._expected = simulator.frame
         self._start = simulator.frame
         self._cancelled = False
@@ -90,7 +93,7 @@ class Following(Iterator[ControlledFrame]):
             self._ending = self._end_before_next()
         if self._ending is not None:
             raise StopIteration
-        simulator = self._simulator
+        simulator = self.simulator
         force = self.guidance(simulator)
         try:
             simulator.advance(1, force)
@@ -100,7 +103,9 @@ class Following(Iterator[ControlledFrame]):
         self._expected = simulator.frame
         self._forces.append(self._force_of_all(force))
         self._positions.append(self._placed(simulator.positions))
-        return ControlledFrame(simulator.frame, self._positions[-1], self._forces[-1])
+        return ControlledFrame(
+            simulator.frame, self._positions[-1], self._placed(simulator.velocities), self._forces[-1]
+        )
 
     def run(self) -> ControlledTrajectory:
         """Compute all frames that are left, and return the result."""
@@ -126,7 +131,7 @@ class Following(Iterator[ControlledFrame]):
         return self.guidance.snapshot()
 
     def _end_before_next(self) -> Ending | None:
-        if self._simulator.frame != self._expected:
+        if self.simulator.frame != self._expected:
             return "superseded"
         if self._expected >= self.guidance.first_frame + self.guidance.total_frames:
             return "done"
@@ -134,7 +139,7 @@ class Following(Iterator[ControlledFrame]):
 
     def _placed(self, values: Floats32) -> Floats32:
         """Give rows of present particles (M, D) the order of those at the start (N, D); NaN where gone."""
-        simulator, ids = self._simulator, self.guidance.goal.cloud.ids
+        simulator, ids = self.simulator, self.guidance.goal.cloud.ids
         if not simulator.scene.is_open:
             return values
         placed = np.full((len(ids), simulator.dim), np.nan, dtype=np.float32)

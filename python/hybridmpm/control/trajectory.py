@@ -11,6 +11,9 @@ from hybridmpm.control.goal.cloud import Floats
 Ending = Literal["done", "cancelled", "superseded", "failed"]
 """How following a sketch ended. superseded: somebody else advanced or reset the simulator."""
 
+_SHARE = 0.95
+_MISS = 0.01
+
 
 @dataclass(frozen=True)
 class Reached:
@@ -27,6 +30,20 @@ class Reached:
     """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
     peak: float
     """Largest force on a particle [g]."""
+
+    @property
+    def goal(self) -> bool:
+        """Whether the goal was reached: 95 % of the mass are in it, or an arrow is missed by 1 cm at most."""
+        return self.miss <= _MISS if self.inside is None else self.inside >= _SHARE
+
+    def __str__(self) -> str:
+        parts = []
+        if self.inside is not None:
+            parts.append(f"{100 * self.inside:.1f} % of the mass in the goal")
+        if self.inside_drawn is not None:
+            parts.append(f"{100 * self.inside_drawn:.1f} % in the oval as drawn")
+        parts.append(f"centre of mass {1000 * self.miss:.1f} mm off")
+        return ", ".join([*parts, f"force {self.rms:.2f} g rms, {self.peak:.1f} g at most"])
 
 
 @dataclass(frozen=True, eq=False)

@@ -346,5 +346,5 @@ def test_an_oval_behind_an_obstacle_is_filled_around_it() -> None:
         solver = _solver(obstacles=[ramp])
         oval = Ellipse(np.array([0.35, 0.68]), np.array([0.1, 0.08]), 0.4)
         shares[method] = follow(solver, oval, method, frames=120).run().reached.inside or 0.0
-    assert shares["analytic"] > 0.9
+    assert shares["analytic"] > 0.85
     assert shares["constant"] < 0.3
