@@ -1,6 +1,6 @@
 """`follow`: a simulator is led along a sketch, frame by frame."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import EARTH, Floats
-from hybridmpm.control.guidance import Guidance, prepare
+from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.guidance import DEFAULT_CAP, DEFAULT_RESOLUTION, Guidance, prepare
 from hybridmpm.control.laws import Floats32
+from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
 from hybridmpm.control.trajectory import ControlledTrajectory, Ending, Reached
 from hybridmpm.errors import ConfigError
@@ -204,7 +206,21 @@ class Following(Iterator[ControlledFrame]):
         )
 
 
-def follow(simulator: Simulator, sketch: Sketch, method: Any = "auto", **settings: Any) -> Following:
+def follow(
+    simulator: Simulator,
+    sketch: Sketch,
+    method: str | Method = "auto",
+    *,
+    frames: int | None = None,
+    cap: float = DEFAULT_CAP,
+    strength: float = 1.0,
+    hold: int = 0,
+    fill: Fill = "even",
+    resolution: int = DEFAULT_RESOLUTION,
+    budget: float | None = None,
+    seed: int = 0,
+    on_frame: Callable[[], object] | None = None,
+) -> Following:
     """Let a simulator follow a sketch. It is advanced as the result is iterated, one frame a step.
 
     `for frame in follow(simulator, sketch): ...` shows each frame as soon as it is there;
@@ -218,15 +234,29 @@ def follow(simulator: Simulator, sketch: Sketch, method: Any = "auto", **setting
     sketch : Arrow or Ellipse
     method : str or Method
         "auto", "analytic", "constant", "backcast", "shooting", "none" or a method of one's own.
-    **settings
-        `frames`, `cap`, `strength`, `hold`, `seed` and the others of `prepare`, which says what they mean.
+    frames, cap, strength, hold, fill, resolution, budget, seed, on_frame : optional
+        As for `prepare`.
 
     Raises
     ------
     ConfigError, SketchError, SimulationError
         As `prepare`; nothing has moved then.
     """
-    return Following(simulator, prepare(simulator, sketch, method=method, **settings))
+    guidance = prepare(
+        simulator,
+        sketch,
+        method=method,
+        frames=frames,
+        cap=cap,
+        strength=strength,
+        hold=hold,
+        fill=fill,
+        resolution=resolution,
+        budget=budget,
+        seed=seed,
+        on_frame=on_frame,
+    )
+    return Following(simulator, guidance)
 
 
 def resume(simulator: Simulator, data: bytes) -> Following:

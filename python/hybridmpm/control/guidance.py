@@ -29,6 +29,11 @@ from hybridmpm.simulator import Simulator
 MAX_FRAMES = 10_000
 MAX_CAP = 1000.0
 """Largest cap [g]."""
+DEFAULT_CAP = 15.0
+"""Cap if none is given [g]."""
+DEFAULT_RESOLUTION = 32
+"""Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
+cells is swallowed by the solver's own grid."""
 _MAGIC, _VERSION = b"HMPMGUID", 1
 
 
@@ -169,11 +174,11 @@ def prepare(
     *,
     method: str | Method = "auto",
     frames: int | None = None,
-    cap: float = 15.0,
+    cap: float = DEFAULT_CAP,
     strength: float = 1.0,
     hold: int = 0,
     fill: Fill = "even",
-    resolution: int = 32,
+    resolution: int = DEFAULT_RESOLUTION,
     budget: float | None = None,
     seed: int = 0,
     on_frame: Callable[[], object] | None = None,
@@ -190,7 +195,7 @@ def prepare(
     ----------
     simulator : Simulator
         In the state that the sketch was drawn on; it does not change. The particles that are there now are
-        steered, those that emitters add later are not.
+        steered, those that emitters add later are not. Obstacles that move are taken where they are now.
     sketch : Arrow or Ellipse
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's

@@ -12,6 +12,7 @@ mod filter;
 mod free_space;
 mod matching;
 mod partition;
+mod paths;
 mod spline;
 mod tracks;
 
@@ -19,5 +20,6 @@ pub use detour::Detour;
 pub use error::GuidanceError;
 pub use free_space::FreeSpace;
 pub use matching::{Matching, match_to_region};
+pub use paths::Paths;
 pub use spline::{Timing, least_acceleration};
-pub use tracks::{Law, Paths, Tracks};
+pub use tracks::{Law, Tracks};

@@ -302,13 +302,13 @@ mod tests {
         // Four cells for each particle, so that the places are those of the block, shifted.
         let cells = lattice([0.4975, 0.3975], 0.005, 40, 20);
         let matching = match_to_region(&x, &cells, None).unwrap();
-        for (x, place) in x.iter().zip(&matching.places) {
-            let way = [place[0] - x[0], place[1] - x[1]];
-            assert!(
-                (way[0] - 0.3).abs() < 0.02 && (way[1] - 0.2).abs() < 0.02,
-                "{way:?}"
-            );
-        }
+        let square: f64 = x
+            .iter()
+            .zip(&matching.places)
+            .map(|(x, place)| square_distance(&[x[0] + 0.3, x[1] + 0.2], place))
+            .sum();
+        // Places are centres of parts of the lattice, which are not all square.
+        assert!((square / 200.0).sqrt() < 0.01, "{square}");
         assert!(matching.ways.iter().all(|way| way.len() == 2));
     }
 
