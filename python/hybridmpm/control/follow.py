@@ -26,8 +26,6 @@ class ControlledFrame:
     """Frame number of the simulator, after the frame."""
     positions: npt.NDArray[np.float32]
     """Positions (N, D) [m] of the particles that were there when the sketch was drawn; NaN where gone."""
-    velocities: npt.NDArray[np.float32]
-    """Velocities (N, D) [m/s] of the same particles; NaN where gone."""
     force: npt.NDArray[np.float32]
     """Acceleration besides gravity that acted on them, (D,) or (N, D) [m/s^2]."""
 
@@ -66,7 +64,7 @@ class Following(Iterator[ControlledFrame]):
         self._start = simulator.frame
         self._cancelled = False
         self._ending: Ending | None = None
-        self._positions = [self._placed(simulator.positions)]
+        self._positions = [self.placed(simulator.positions)]
         self._forces: list[Floats32] = []
 
     @property
@@ -104,10 +102,8 @@ class Following(Iterator[ControlledFrame]):
             raise
         self._expected = simulator.frame
         self._forces.append(self._force_of_all(force))
-        self._positions.append(self._placed(simulator.positions))
-        return ControlledFrame(
-            simulator.frame, self._positions[-1], self._placed(simulator.velocities), self._forces[-1]
-        )
+        self._positions.append(self.placed(simulator.positions))
+        return ControlledFrame(simulator.frame, self._positions[-1], self._forces[-1])
 
     def run(self) -> ControlledTrajectory:
         """Compute all frames that are left, and return the result."""
@@ -132,15 +128,11 @@ class Following(Iterator[ControlledFrame]):
         """Return what `resume` needs, besides the simulator's own snapshot, to go on to the same bits."""
         return self.guidance.snapshot()
 
-    def _end_before_next(self) -> Ending | None:
-        if self.simulator.frame != self._expected:
-            return "superseded"
-        if self._expected >= self.guidance.first_frame + self.guidance.total_frames:
-            return "done"
-        return "cancelled" if self._cancelled else None
+    def placed(self, values: Floats32) -> Floats32:
+        """Give rows (M, D), one for each present particle of the simulator, to the particles of the start.
 
-    def _placed(self, values: Floats32) -> Floats32:
-        """Give rows of present particles (M, D) the order of those at the start (N, D); NaN where gone."""
+        Returns (N, D), with NaN for particles that are gone. Where none come or go, these are the same rows.
+        """
         simulator, ids = self.simulator, self.guidance.goal.cloud.ids
         if not simulator.scene.is_open:
             return values
@@ -149,6 +141,13 @@ class Following(Iterator[ControlledFrame]):
         known = np.isin(present, ids)
         placed[np.searchsorted(ids, present[known])] = values[known]
         return placed
+
+    def _end_before_next(self) -> Ending | None:
+        if self.simulator.frame != self._expected:
+            return "superseded"
+        if self._expected >= self.guidance.first_frame + self.guidance.total_frames:
+            return "done"
+        return "cancelled" if self._cancelled else None
 
     def _force_of_all(self, force: Any) -> Floats32:
         cloud = self.guidance.goal.cloud

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.control.goal.ways import Motion
 from hybridmpm.errors import SnapshotError
@@ -80,6 +81,8 @@ class Tracked:
     v: Floats32
     path: npt.NDArray[np.uint32]
     offset: Floats32
+    weight: Floats32
+    """Mass of each particle over that of all (N,) [-]."""
     gravity: Floats32
     frame_dt: float
     cells: int
@@ -91,10 +94,8 @@ class Tracked:
     def along(
         cls,
         motion: Motion,
-        ids: npt.NDArray[np.uint64],
+        cloud: Cloud,
         *,
-        gravity: Any,
-        frame_dt: float,
         cells: int,
         cap: float,
         grid: RoomGrid | None,
@@ -108,15 +109,16 @@ class Tracked:
         for index in np.flatnonzero(~first):
             times[index] = max(times[index], np.nextafter(times[index - 1], np.float32(np.inf)))
         return cls(
-            ids=ids,
+            ids=cloud.ids,
             starts=ways.starts,
             times=times,
             x=ways.corners.astype(np.float32),
             v=motion.v.astype(np.float32),
             path=ways.group,
             offset=ways.offset.astype(np.float32),
-            gravity=np.asarray(gravity, dtype=np.float32),
-            frame_dt=frame_dt,
+            weight=cloud.weight.astype(np.float32),
+            gravity=cloud.gravity.astype(np.float32),
+            frame_dt=cloud.frame_dt,
             cells=cells,
             cap=cap,
             room=None
@@ -143,15 +145,16 @@ class Tracked:
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:
         """Return (N, D), or a pair where particles have come or gone."""
-        x, v, mass = simulator.positions, simulator.velocities, simulator.mass
+        x, v = simulator.positions, simulator.velocities
         time = index * self.frame_dt
         if not simulator.scene.is_open:
-            return self._tracks.force(x, v, mass, time)
+            return self._tracks.force(x, v, self.weight, time)
         present = simulator.ids
         rows = np.searchsorted(self.ids, present).astype(np.uint32)
         known = rows < len(self.ids)
         known[known] = self.ids[rows[known]] == present[known]
-        force = self._tracks.force(x[known], v[known], mass[known], time, rows[known])
+        rows = rows[known]
+        force = self._tracks.force(x[known], v[known], self.weight[rows], time, rows)
         return present[known], force
 
 

@@ -9,16 +9,16 @@ const STEPS: usize = 4;
 #[derive(Debug, Clone)]
 pub struct Detour<const D: usize> {
     space: FreeSpace<D>,
-    /// Length of the way from each node [m]; infinite where there is none.
-    lengths: Vec<f64>,
-    /// Unit vector along the way from each node.
-    directions: Vec<[f32; D]>,
+    /// The way on from each node, also from those in obstacles.
+    ways: Vec<WayOn<D>>,
 }
 
 /// The way on from a point.
+#[derive(Debug, Clone, Copy)]
 pub struct WayOn<const D: usize> {
+    /// Unit vector.
     pub direction: [f32; D],
-    /// What is left of the way [m].
+    /// What is left of the way [m]; infinite where there is none.
     pub length: f32,
 }
 
@@ -26,24 +26,24 @@ impl<const D: usize> Detour<D> {
     /// Ways to the nearest of `goals`.
     pub fn new(space: FreeSpace<D>, goals: &[[f64; D]]) -> Self {
         let lengths = space.lengths_to(goals);
-        let directions = (0..lengths.len())
+        let ways = (0..lengths.len())
             .map(|node| {
                 let start = space.point(node);
-                let mut here = space.free_node(&start).unwrap_or(node);
+                let free = space.free_node(&start).unwrap_or(node);
+                let mut here = free;
                 for _ in 0..STEPS {
                     here = space.downhill(here, &lengths).unwrap_or(here);
                 }
                 let end = space.point(here);
                 let way: [f32; D] = std::array::from_fn(|axis| (end[axis] - start[axis]) as f32);
-                let length = way.iter().map(|along| along * along).sum::<f32>().sqrt();
-                way.map(|along| along / length.max(1e-9))
+                let size = way.iter().map(|along| along * along).sum::<f32>().sqrt();
+                WayOn {
+                    direction: way.map(|along| along / size.max(1e-9)),
+                    length: lengths[free] as f32,
+                }
             })
             .collect();
-        Self {
-            space,
-            lengths,
-            directions,
-        }
+        Self { space, ways }
     }
 
     /// The way on from `x`, if something is between it and `aim` and a way is known.
@@ -52,12 +52,8 @@ impl<const D: usize> Detour<D> {
         if self.space.reaches(&from, &to) {
             return None;
         }
-        let node = self.space.nearest(&from);
-        let length = self.space.length_at(&self.lengths, &from);
-        (length.is_finite() && length > 0.0).then(|| WayOn {
-            direction: self.directions[node],
-            length: length as f32,
-        })
+        let way = self.ways[self.space.nearest(&from)];
+        (way.length.is_finite() && way.length > 0.0).then_some(way)
     }
 }
 

@@ -1,87 +1,98 @@
 //! A force as smooth as a coarse grid: from the particles to its nodes, and back.
 
-/// Linear weights on a grid over the box of the particles.
-#[derive(Debug, Default)]
-pub struct Filter<const D: usize> {
-    base: Vec<u32>,
-    place: Vec<[f32; D]>,
-    nodes: Vec<[f32; D]>,
-    mass: Vec<f32>,
-}
-
-impl<const D: usize> Filter<D> {
-    /// Replaces each particle's acceleration by that of the grid, where the momentum that they give is as before.
-    ///
-    /// `x` lies in [0, 1]^D; what lies outside counts as on its edge. `cells` is the number of cells per metre.
-    pub fn smooth(&mut self, x: &[[f32; D]], mass: &[f32], cells: u32, force: &mut [[f32; D]]) {
-        let strides: [u32; D] = std::array::from_fn(|axis| (cells + 1).pow(axis as u32));
-        let corners: Vec<u32> = (0..1_usize << D)
-            .map(|corner| {
-                (0..D)
-                    .map(|axis| (corner >> axis & 1) as u32 * strides[axis])
-                    .sum()
-            })
-            .collect();
-        let size = (cells + 1).pow(D as u32) as usize;
-        self.nodes.clear();
-        self.nodes.resize(size, [0.0; D]);
-        self.mass.clear();
-        self.mass.resize(size, 0.0);
-        self.base.clear();
-        self.place.clear();
-        let (scale, last) = (cells as f32, (cells - 1) as f32);
-        for ((x, &mass), force) in x.iter().zip(mass).zip(&*force) {
-            let mut base = 0;
-            let mut place = [0.0; D];
+/// Replaces each particle's acceleration by that of the grid; the momentum that they give is as before.
+///
+/// `x` lies in [0, 1]^D; what lies outside counts as on its edge. `cells` is the number of cells per metre. Weights
+/// are linear.
+pub fn smooth<const D: usize>(x: &[[f32; D]], mass: &[f32], cells: u32, force: &mut [[f32; D]]) {
+    let strides: [usize; D] = std::array::from_fn(|axis| (cells as usize + 1).pow(axis as u32));
+    let mut nodes = vec![Node::<D>::EMPTY; (cells as usize + 1).pow(D as u32)];
+    let (scale, last) = (cells as f32, (cells - 1) as f32);
+    let places: Vec<Place<D>> = x
+        .iter()
+        .map(|x| Place::of(x, scale, last, &strides))
+        .collect();
+    for ((place, &mass), force) in places.iter().zip(mass).zip(&*force) {
+        for corner in 0..1_usize << D {
+            let weight = mass * place.weight(corner);
+            let node = &mut nodes[place.node(corner, &strides)];
+            node.mass += weight;
             for axis in 0..D {
-                let at = (x[axis] * scale).clamp(0.0, scale);
-                let cell = at.floor().min(last);
-                base += cell as u32 * strides[axis];
-                place[axis] = at - cell;
-            }
-            for (corner, step) in corners.iter().enumerate() {
-                let weight = mass * weight(corner, &place);
-                let node = (base + step) as usize;
-                self.mass[node] += weight;
-                for axis in 0..D {
-                    self.nodes[node][axis] += weight * force[axis];
-                }
-            }
-            self.base.push(base);
-            self.place.push(place);
-        }
-        for (node, &mass) in self.nodes.iter_mut().zip(&self.mass) {
-            if mass > 0.0 {
-                for number in node {
-                    *number /= mass;
-                }
+                node.momentum[axis] += weight * force[axis];
             }
         }
-        for ((force, &base), place) in force.iter_mut().zip(&self.base).zip(&self.place) {
-            let mut smooth = [0.0; D];
-            for (corner, step) in corners.iter().enumerate() {
-                let weight = weight(corner, place);
-                let node = &self.nodes[(base + step) as usize];
-                for axis in 0..D {
-                    smooth[axis] += weight * node[axis];
-                }
-            }
-            *force = smooth;
+    }
+    for node in nodes.iter_mut().filter(|node| node.mass > 0.0) {
+        for axis in 0..D {
+            node.momentum[axis] /= node.mass;
         }
+    }
+    for (place, force) in places.iter().zip(force) {
+        let mut smooth = [0.0; D];
+        for corner in 0..1_usize << D {
+            let weight = place.weight(corner);
+            let node = &nodes[place.node(corner, &strides)];
+            for axis in 0..D {
+                smooth[axis] += weight * node.momentum[axis];
+            }
+        }
+        *force = smooth;
     }
 }
 
-#[inline]
-fn weight<const D: usize>(corner: usize, place: &[f32; D]) -> f32 {
-    let mut weight = 1.0;
-    for axis in 0..D {
-        weight *= if corner >> axis & 1 == 1 {
-            place[axis]
-        } else {
-            1.0 - place[axis]
-        };
+/// What the particles give to a node; the momentum then becomes the mean acceleration.
+#[derive(Clone, Copy)]
+struct Node<const D: usize> {
+    momentum: [f32; D],
+    mass: f32,
+}
+
+impl<const D: usize> Node<D> {
+    const EMPTY: Self = Self {
+        momentum: [0.0; D],
+        mass: 0.0,
+    };
+}
+
+/// Where a particle lies among the nodes.
+struct Place<const D: usize> {
+    base: usize,
+    /// Along each axis the weights of the lower and the upper nodes.
+    weights: [[f32; 2]; D],
+}
+
+impl<const D: usize> Place<D> {
+    #[inline]
+    fn of(x: &[f32; D], scale: f32, last: f32, strides: &[usize; D]) -> Self {
+        let mut base = 0;
+        let mut weights = [[0.0; 2]; D];
+        for axis in 0..D {
+            let at = (x[axis] * scale).clamp(0.0, scale);
+            // Not negative, so the integer part is the floor.
+            let cell = (at as u32 as f32).min(last);
+            base += cell as usize * strides[axis];
+            weights[axis] = [1.0 - (at - cell), at - cell];
+        }
+        Self { base, weights }
     }
-    weight
+
+    #[inline]
+    fn weight(&self, corner: usize) -> f32 {
+        let mut weight = 1.0;
+        for axis in 0..D {
+            weight *= self.weights[axis][corner >> axis & 1];
+        }
+        weight
+    }
+
+    #[inline]
+    fn node(&self, corner: usize, strides: &[usize; D]) -> usize {
+        let mut node = self.base;
+        for axis in 0..D {
+            node += (corner >> axis & 1) * strides[axis];
+        }
+        node
+    }
 }
 
 #[cfg(test)]
@@ -103,7 +114,7 @@ mod tests {
     fn a_uniform_force_passes_unchanged() {
         let x = cloud(300);
         let mut force = vec![[3.0, -2.0]; 300];
-        Filter::default().smooth(&x, &[0.5; 300], 32, &mut force);
+        smooth(&x, &[0.5; 300], 32, &mut force);
         assert!(
             force
                 .iter()
@@ -125,7 +136,7 @@ mod tests {
                 .sum()
         };
         let before = total(&force);
-        Filter::default().smooth(&x, &mass, 32, &mut force);
+        smooth(&x, &mass, 32, &mut force);
         assert!((total(&force) - before).abs() < 1e-4 * before);
         let rough: f32 = force.iter().map(|f| (f[0] - 5.0).powi(2)).sum::<f32>() / 2000.0;
         assert!(rough < 0.5, "{rough}");

@@ -12,6 +12,9 @@ pub struct FreeSpace<const D: usize> {
     spacing: f64,
     counts: [usize; D],
     distance: Vec<f64>,
+    /// Largest coordinates of a node in units of the spacing, and how far neighbours are apart in `distance`.
+    last: [f64; D],
+    strides: [usize; D],
     /// Steps to the neighbours of a node, on each axis -1, 0 or 1, with their lengths [m].
     steps: Vec<([isize; D], f64)>,
 }
@@ -20,6 +23,8 @@ pub struct FreeSpace<const D: usize> {
 const CLEARANCE: f64 = 0.5;
 /// Ways closer to an obstacle than this many spacings are counted longer, so that others go first.
 const COMFORT: f64 = 2.0;
+/// How far ahead `reaches` looks [spacings]; what is farther is seen in time.
+const SIGHT: f64 = 8.0;
 /// How far a point in an obstacle, or close to one, may be from the free node that stands for it [spacings].
 const REACH: isize = 4;
 
@@ -56,7 +61,11 @@ impl<const D: usize> FreeSpace<D> {
                 )
             })
             .collect();
+        let last = counts.map(|count| (count - 1) as f64);
+        let strides = std::array::from_fn(|axis| counts[axis + 1..].iter().product());
         Ok(Self {
+            last,
+            strides,
             lower,
             spacing,
             counts,
@@ -129,16 +138,21 @@ impl<const D: usize> FreeSpace<D> {
     }
 
     /// Whether nothing solid is between two points. Quicker than `sees`, and content with less room: the steps
-    /// along the line are as long as the nearest obstacle is far.
+    /// along the line are as long as the nearest obstacle is far, and it is not looked far ahead.
     pub(crate) fn reaches(&self, from: &[f64; D], to: &[f64; D]) -> bool {
         let length = crate::partition::square_distance(from, to).sqrt();
+        // A point is at most this far from the node nearest to it.
+        let half_diagonal = 0.5 * self.spacing * (D as f64).sqrt();
         let mut done = 0.0;
-        while done < length {
+        while done < length.min(SIGHT * self.spacing) {
             let s = done / length;
             let x = std::array::from_fn(|axis| from[axis] + s * (to[axis] - from[axis]));
-            let distance = self.distance_at(&x);
-            if distance < 0.0 && done > 0.0 {
-                return false;
+            let mut distance = self.distance[self.nearest(&x)] - half_diagonal;
+            if distance < self.spacing {
+                distance = self.distance_at(&x);
+                if distance < 0.0 && done > 0.0 {
+                    return false;
+                }
             }
             done += distance.max(0.5 * self.spacing);
         }
@@ -147,7 +161,13 @@ impl<const D: usize> FreeSpace<D> {
 
     /// The node nearest to a point.
     pub(crate) fn nearest(&self, x: &[f64; D]) -> usize {
-        self.flat(&self.center(x).map(|along| along as usize))
+        let mut node = 0;
+        for axis in 0..D {
+            let at =
+                ((x[axis] - self.lower[axis]) / self.spacing + 0.5).clamp(0.0, self.last[axis]);
+            node += at as usize * self.strides[axis];
+        }
+        node
     }
 
     /// Whether the straight line between two points keeps clear of obstacles, but for its ends.

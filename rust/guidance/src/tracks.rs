@@ -2,7 +2,7 @@
 
 use crate::detour::{Detour, WayOn};
 use crate::error::GuidanceError;
-use crate::filter::Filter;
+use crate::filter::smooth;
 use crate::free_space::FreeSpace;
 use crate::paths::Paths;
 
@@ -145,7 +145,7 @@ impl<const D: usize> Tracks<D> {
                 .collect(),
         };
         if self.law.cells > 0 {
-            Filter::default().smooth(x, mass, self.law.cells, &mut force);
+            smooth(x, mass, self.law.cells, &mut force);
         }
         for force in &mut force {
             let size = force

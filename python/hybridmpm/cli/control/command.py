@@ -137,16 +137,15 @@ def control(
     guidance = following.guidance
     click.echo(f"method {guidance.method}: {guidance.reason}")
     click.echo(f"needs {guidance.needs()}")
-    frames = [(solver.positions, solver.velocities)]
+    velocities = [following.placed(solver.velocities)]
     with progress(f"Following {guidance.total_frames} frames", guidance.total_frames) as bar:
-        for frame in following:
-            frames.append((frame.positions, frame.velocities))
+        for _ in following:
+            velocities.append(following.placed(solver.velocities))
             bar.update(1)
     result = following.result
     click.echo(f"reached {result.reached}")
-    velocities = np.stack([velocity for _, velocity in frames])
     for target in targets:
-        _write(target, following, result, velocities)
+        _write(target, following, result, np.stack(velocities))
     if not result.reached.goal:
         ctx.exit(1)
 

@@ -44,9 +44,7 @@ class Task:
         cloud = self.goal.cloud
         return Tracked.along(
             ways.timed(share * self.frames * cloud.frame_dt),
-            cloud.ids,
-            gravity=cloud.gravity,
-            frame_dt=cloud.frame_dt,
+            cloud,
             cells=self.resolution,
             cap=self.cap_si,
             grid=self.goal.room.grid(),
