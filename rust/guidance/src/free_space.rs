@@ -64,12 +64,12 @@ impl<const D: usize> FreeSpace<D> {
         let last = counts.map(|count| (count - 1) as f64);
         let strides = std::array::from_fn(|axis| counts[axis + 1..].iter().product());
         Ok(Self {
-            last,
-            strides,
             lower,
             spacing,
             counts,
             distance,
+            last,
+            strides,
             steps,
         })
     }
