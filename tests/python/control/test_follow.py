@@ -348,3 +348,16 @@ def test_an_oval_behind_an_obstacle_is_filled_around_it() -> None:
         shares[method] = follow(solver, oval, method, frames=120).run().reached.inside or 0.0
     assert shares["analytic"] > 0.85
     assert shares["constant"] < 0.3
+
+
+def test_a_search_is_never_worse_than_the_analytic_plan() -> None:
+    ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.5, 0.45), thickness=0.04)
+    oval = Ellipse(np.array([0.35, 0.68]), np.array([0.1, 0.08]), 0.4)
+
+    def miss(method: str) -> float:
+        following = follow(_solver(obstacles=[ramp]), oval, method, frames=90, budget=0.3)
+        result, goal = following.run(), following.guidance.goal
+        square = ((result.positions[-1] - goal.ways.places) ** 2).sum(axis=1).mean()
+        return 1 - (result.reached.inside or 0.0) + float(np.sqrt(square))
+
+    assert miss("shooting") <= miss("analytic") + 1e-9

@@ -50,7 +50,7 @@ def chosen(method: str | Method, goal: Goal, needs: Needs, budget: float | None)
 
 
 def _by_rule(goal: Goal, needs: Needs, budget: float | None) -> tuple[Method, str]:
-    """Search only where a search was measured to help, and where there is time for it."""
+    """Search only where the analytic plan may fall short, and where there is time for it."""
     tight = needs.acceleration > _TIGHT * needs.cap
     detours = goal.region is not None and bool((np.diff(goal.ways.starts) > 2).any())
     if budget is not None and (tight or detours):
