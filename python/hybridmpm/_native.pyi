@@ -987,7 +987,7 @@ def match_to_region(
 ) -> Matching:
     """Fill a region evenly with as many places as there are particles, and give each particle one.
 
-    Particles and places are divided into at most 256 groups each. Groups are assigned to each other exactly,
+    Particles and places are divided into at most 208 groups each. Groups are assigned to each other exactly,
     by the least sum of squared ways (Crouse 2016, doi:10.1109/TAES.2016.140952), then the particles of each
     pair of groups, their centres laid upon each other. The same input gives the same bits.
 

@@ -104,10 +104,9 @@ class Tracked:
         ways = motion.ways
         times = motion.times.astype(np.float32)
         # Corners in one place are passed at times that float32 cannot tell apart.
-        first = np.zeros(len(times), dtype=bool)
-        first[ways.starts[:-1]] = True
-        for index in np.flatnonzero(~first):
-            times[index] = max(times[index], np.nextafter(times[index - 1], np.float32(np.inf)))
+        alike = 1 + np.flatnonzero(np.diff(times) == 0)
+        for index in np.setdiff1d(alike, ways.starts):
+            times[index] = np.nextafter(times[index - 1], np.float32(np.inf))
         return cls(
             ids=cloud.ids,
             starts=ways.starts,

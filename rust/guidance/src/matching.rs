@@ -6,8 +6,8 @@ use crate::free_space::FreeSpace;
 use crate::partition::{divide, mean, square_distance};
 
 /// Groups that are matched with each other. More change little: 200 serve nearly as well as 400.
-const FEWEST_GROUPS: usize = 192;
-const MOST_GROUPS: usize = 256;
+const FEWEST_GROUPS: usize = 160;
+const MOST_GROUPS: usize = 208;
 /// Particles of a group in small scenes, where there are fewer groups.
 const SMALL_GROUP: usize = 8;
 /// Particles that are matched one by one; larger groups are divided first.

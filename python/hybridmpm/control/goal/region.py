@@ -16,7 +16,7 @@ Fill = Literal["even", "shrink"]
 
 _ROOM = 1.03
 """Room that settled fluid takes over its volume at rest [-]."""
-_CELLS_PER_PARTICLE = {2: 10, 3: 8}
+_CELLS_PER_PARTICLE = {2: 6, 3: 6}
 """Cells of the raster for each particle, by dimension; places are centres of groups of cells."""
 
 
