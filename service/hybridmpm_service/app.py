@@ -14,7 +14,7 @@ from starlette.middleware.cors import CORSMiddleware
 import hybridmpm
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
-from hybridmpm_service.http.requests import SteerSession
+from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.pace import Clock
@@ -101,7 +101,7 @@ def _document(app: FastAPI) -> None:
         if app.openapi_schema is None:
             document = generate()
             schemas = document["components"]["schemas"]
-            for model in (problems.Problem, SteerSession):
+            for model in (problems.Problem, SketchRequest):
                 schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
                 schemas.update(schema.pop("$defs", {}))
                 schemas[model.__name__] = schema

@@ -29,6 +29,10 @@ class ModelDamagedError(UnavailableError):
     """The server's copy of a model cannot be loaded."""
 
 
+class SketchDroppedError(ServiceError):
+    """The sketch was replaced, taken back or ended by a reset before its preparation had ended."""
+
+
 class UploadTooLargeError(ServiceError):
     """An uploaded file is larger than the limit."""
 

@@ -8,19 +8,38 @@ from hybridmpm.scenarios import ScenarioInfo
 from hybridmpm_service.http.learned_answers import SafeguardBody
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import Kind, Mode
+from hybridmpm_service.sessions.view import Phase
 
 _ID = "6f0c5b0e4c7d4be59f0d0f5c3c1a2b34"
 _LINK = f"/v1/sessions/{_ID}"
-_LINKED = ("stream", "advance", "particles", "sketches", "decisions")
+_LINKED = ("stream", "advance", "particles", "sketches", "trajectories", "decisions")
 
 
 class ControlBody(BaseModel):
-    """The sketch that steers a session at present."""
+    """The newest sketch of a session, and how far it has come. What is not known yet is null."""
 
+    number: int = Field(description="Number of the sketch in its session, counted from 1.")
     kind: Literal["arrow", "ellipse"] = Field(description="Kind of the sketch.")
-    first_frame: int = Field(description="Frame of the session at which the sketch began to steer.")
+    phase: Phase = Field(
+        description="preparing: it is being planned; an older one may steer meanwhile. steering: it leads "
+        "the fluid to the goal. out_of_reach: it does so, but something is known to be in the way. holding: "
+        "it keeps the goal. done: it no longer steers."
+    )
+    method: str | None = Field(description="Name of the method that planned.")
+    first_frame: int | None = Field(description="Frame of the session at which the sketch began to steer.")
     frames_done: int = Field(description="Number of frames that the sketch has steered so far.")
-    frames: int = Field(description="Number of frames that the sketch steers in all.")
+    frames: int | None = Field(description="Number of frames in which the goal is to be reached.")
+    hold: int | None = Field(description="Number of frames for which the goal is kept after that.")
+    inside: float | None = Field(
+        description="Share of the mass in the goal when `frames` were over; null before, and where an arrow "
+        "carries the shape along."
+    )
+    inside_drawn: float | None = Field(
+        description="Share of the mass in the oval as it was drawn, at the same time; null for an arrow."
+    )
+    miss: float | None = Field(
+        description="Distance of the centre of mass from where the sketch asks it to be, at that time [m]."
+    )
 
 
 class LastFrameBody(BaseModel):
@@ -59,7 +78,19 @@ class SessionBody(BaseModel):
                     "r_p": 0.25,
                     "mode": "mpm",
                     "safeguard": {"kind": "ours", "r_c": 0.8, "value": 0.62, "mpm_share": 0.75},
-                    "control": {"kind": "arrow", "first_frame": 10, "frames_done": 2, "frames": 100},
+                    "control": {
+                        "number": 1,
+                        "kind": "arrow",
+                        "phase": "steering",
+                        "method": "analytic",
+                        "first_frame": 10,
+                        "frames_done": 2,
+                        "frames": 100,
+                        "hold": 0,
+                        "inside": None,
+                        "inside_drawn": None,
+                        "miss": None,
+                    },
                     "last_frame": {"substeps": 12, "bound": "sound", "ms": 1.4},
                     "links": {
                         "self": _LINK,
@@ -67,6 +98,7 @@ class SessionBody(BaseModel):
                         "advance": f"{_LINK}/advance",
                         "particles": f"{_LINK}/particles",
                         "sketches": f"{_LINK}/sketches",
+                        "trajectories": f"{_LINK}/trajectories",
                         "decisions": f"{_LINK}/decisions",
                     },
                 }
@@ -94,19 +126,21 @@ class SessionBody(BaseModel):
     safeguard: SafeguardBody | None = Field(
         description="Safeguard that watches the network; null unless the session is hybrid."
     )
-    control: ControlBody | None = Field(description="Sketch that steers the next frame; null without one.")
+    control: ControlBody | None = Field(
+        description="The newest sketch; null where there was none since frame 0."
+    )
     last_frame: LastFrameBody | None = Field(
         description="Report on the computation of the latest frame; null before the first."
     )
     links: dict[str, str] = Field(
         description="Addresses of the session and of what belongs to it: "
-        "self, stream, advance, particles, sketches, decisions."
+        "self, stream, advance, particles, sketches, trajectories, decisions."
     )
 
     @classmethod
     def of(cls, session: Session) -> Self:
         """Describe a session by its newest view."""
-        view = session.view
+        view, control = session.view, session.control
         link = f"/v1/sessions/{session.id}"
         return cls(
             id=session.id,
@@ -125,14 +159,7 @@ class SessionBody(BaseModel):
             r_p=session.simulation.r_p,
             mode=view.mode,
             safeguard=None if view.safeguard is None else SafeguardBody.of(view.safeguard),
-            control=None
-            if view.control is None
-            else ControlBody(
-                kind=view.control.kind,
-                first_frame=view.control.first_frame,
-                frames_done=view.control.frames_done,
-                frames=view.control.frames,
-            ),
+            control=None if control is None else ControlBody.model_validate(vars(control)),
             last_frame=None
             if view.last_frame is None
             else LastFrameBody(

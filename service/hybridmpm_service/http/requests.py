@@ -2,12 +2,24 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
-from hybridmpm.control import Stroke
+from hybridmpm.control import METHODS, Stroke
+from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.guidance import MAX_CAP
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
+
+MAX_PUSH_SPEED = 100.0
+"""Largest speed of a hand along an axis [m/s]."""
+Coordinate = Annotated[float, Field(ge=0, le=1)]
+
+
+def _known_method(name: str) -> str:
+    if name != "auto" and name not in METHODS:
+        raise ValueError(f"must be auto, {' or '.join((', '.join([*METHODS][:-1]), [*METHODS][-1]))}")
+    return name
 
 
 class Request(BaseModel):
@@ -103,13 +115,59 @@ class AdvanceSession(Request):
     )
 
 
-class SteerSession(Request):
-    """A sketch in its vector form, and how long it steers."""
+class SketchSettings(Request):
+    """How a sketch is followed. What is absent takes its default."""
+
+    method: Annotated[str, AfterValidator(_known_method)] = Field(
+        default="auto",
+        description=f"Method that plans: auto, or one of {', '.join(METHODS)}.",
+        examples=["auto", "constant"],
+    )
+    frames: int | None = Field(
+        default=None,
+        ge=1,
+        strict=True,
+        description="Number of frames in which the goal is to be reached; with `hold` at most the setting "
+        "max_sketch_frames. Chosen from what the goal needs if absent.",
+    )
+    cap: float = Field(
+        default=15.0,
+        gt=0,
+        le=MAX_CAP,
+        description="Largest acceleration of a particle [g = 9.81 m/s^2].",
+    )
+    strength: float = Field(default=1.0, gt=0, le=1, description="Factor on `cap`.")
+    hold: int = Field(
+        default=0,
+        ge=0,
+        strict=True,
+        description="Number of frames for which the goal is kept after it was reached.",
+    )
+    fill: Fill = Field(
+        default="even",
+        description="What becomes of an oval larger than the fluid: filled evenly (even), or shrunk to the "
+        "volume of the fluid (shrink).",
+    )
+    seed: int = Field(
+        default=0, ge=0, lt=2**32, strict=True, description="Seed of what a method draws at random."
+    )
+
+
+class SketchRequest(SketchSettings):
+    """A sketch in its vector form, and how it is followed."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [
-                {"strokes": [{"points": [[0.3, 0.5], [0.6, 0.7]], "kind": "arrow"}], "frames": 100},
+                {"strokes": [{"points": [[0.3, 0.5], [0.6, 0.7]], "kind": "arrow"}]},
+                {
+                    "strokes": [
+                        {"points": [[0.6, 0.5], [0.5, 0.6], [0.4, 0.5], [0.5, 0.4]], "kind": "ellipse"}
+                    ],
+                    "frames": 100,
+                    "hold": 50,
+                    "cap": 10,
+                },
             ]
         }
     )
@@ -117,12 +175,10 @@ class SteerSession(Request):
     strokes: list[Stroke] = Field(
         min_length=1, max_length=1, description="Strokes of the sketch: exactly one."
     )
-    frames: int = Field(
-        default=100,
-        ge=1,
-        strict=True,
-        description="Number of frames that the sketch steers, at most the setting max_sketch_frames.",
-    )
+
+    def settings(self) -> SketchSettings:
+        """Return how the sketch is followed."""
+        return SketchSettings.model_validate(self.model_dump(exclude={"strokes"}))
 
 
 class Play(Request):
@@ -157,6 +213,24 @@ class Speed(Request):
     value: float = Field(ge=MIN_SPEED, le=MAX_SPEED)
 
 
-Command = Play | Pause | Step | Reset | Speed
+class PushFluid(Request):
+    """Push the fluid around a point, as a hand would, until the next such command or `push_end`."""
+
+    type: Literal["push"]
+    point: list[Coordinate] = Field(min_length=2, max_length=3)
+    velocity: list[Annotated[float, Field(ge=-MAX_PUSH_SPEED, le=MAX_PUSH_SPEED)]] = Field(
+        min_length=2, max_length=3
+    )
+    radius: float = Field(gt=0, le=1)
+    cap: float = Field(default=15.0, gt=0, le=MAX_CAP)
+
+
+class EndPush(Request):
+    """Let go of the fluid."""
+
+    type: Literal["push_end"]
+
+
+Command = Play | Pause | Step | Reset | Speed | PushFluid | EndPush
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="type")])
 """Reads a text message of the stream."""

@@ -1,44 +1,211 @@
-"""What the service answers to a sketch: the sketch as it was understood, and the motion that it gives."""
+"""What the service answers to a sketch: how it was understood, what it takes, where it leads."""
 
-from typing import Any
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
-from hybridmpm.control import Arrow, ControlledTrajectory, Sketch
+from hybridmpm.control import Arrow, ControlledTrajectory, Guidance, Needs, Sketch
+from hybridmpm.control.goal.goal import Goal
+from hybridmpm.control.goal.oval import Oval
+
+_OUTLINE_POINTS = 96
+_DIGITS = 4
+"""Decimals of needs and of points on outlines."""
+
+_GUIDED: dict[str, Any] = {
+    "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
+    "method": "analytic",
+    "reason": "guidance from the actual state takes the least force and plans at once",
+    "frames": 100,
+    "hold": 0,
+    "first_frame": 12,
+    "planning_ms": 14.2,
+    "needs": {
+        "acceleration": 4.2,
+        "peak": 4.2,
+        "rms": 2.6,
+        "cap": 15.0,
+        "frames": 100,
+        "suggested_frames": 100,
+        "scale": 1.0,
+        "taken": 0.0,
+        "reachable": True,
+        "obstructions": [],
+        "text": "4.2 g in 100 frames, of 15 g allowed; at ease in 100 frames",
+    },
+    "goal": {"path": [[0.41, 0.52], [0.71, 0.72]], "drawn": None, "region": None},
+}
 
 
-class TrajectoryBody(BaseModel):
-    """A sketch as it was understood, and the motion that it gives to the session."""
+class ObstructionBody(BaseModel):
+    """Why a goal is out of reach."""
+
+    reason: Literal["wall", "obstacle", "time", "cap"] = Field(description="What is in the way.")
+    message: str = Field(description="What is in the way, and what would help.")
+
+
+class NeedsBody(BaseModel):
+    """What it takes to follow a sketch. Accelerations are in g = 9.81 m/s^2, besides gravity."""
+
+    acceleration: float = Field(description="Largest acceleration that 95 % of the mass needs [g].")
+    peak: float = Field(description="Largest acceleration that any group of particles needs [g].")
+    rms: float = Field(description="Root mean square of the least force over mass and time [g].")
+    cap: float = Field(description="Largest acceleration that is allowed [g].")
+    frames: int = Field(description="Number of frames in which the goal is to be reached.")
+    suggested_frames: int = Field(description="Fewest frames in which it is reached with ease.")
+    scale: float = Field(
+        description="Size of the goal over that of the drawn oval: above 1 if it was grown to the fluid's "
+        "volume, below 1 if it was shrunk to it, 1 for an arrow."
+    )
+    taken: float = Field(description="Share of the drawn oval that walls and obstacles take.")
+    reachable: bool = Field(description="Whether nothing is known to be in the way.")
+    obstructions: list[ObstructionBody] = Field(
+        description="What is in the way; empty if the goal is within reach."
+    )
+    text: str = Field(description="All of this in words.")
+
+    @classmethod
+    def of(cls, needs: Needs) -> Self:
+        """Describe what a sketch takes."""
+        return cls(
+            acceleration=round(needs.acceleration, _DIGITS),
+            peak=round(needs.peak, _DIGITS),
+            rms=round(needs.rms, _DIGITS),
+            cap=needs.cap,
+            frames=needs.frames,
+            suggested_frames=needs.suggested_frames,
+            scale=round(needs.scale, _DIGITS),
+            taken=round(needs.taken, _DIGITS),
+            reachable=needs.reachable,
+            obstructions=[
+                ObstructionBody(reason=one.reason, message=one.message) for one in needs.obstructions
+            ],
+            text=str(needs),
+        )
+
+
+class GoalBody(BaseModel):
+    """Where a sketch leads. In 3D an outline is that of the section in its own depth."""
+
+    path: list[list[float]] = Field(
+        description="Way that the centre of mass is to go, from where it was; [point][axis] [m]."
+    )
+    drawn: list[list[float]] | None = Field(
+        description="Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null "
+        "for an arrow."
+    )
+    region: list[list[float]] | None = Field(
+        description="Outline of what is to be filled, within the walls: the oval, grown or shrunk as "
+        "`needs.scale` says, or a disc around the tip of an arrow; obstacles take their part of it. "
+        "[point][axis] [m]. Null where an arrow carries the shape of the fluid along."
+    )
+
+    @classmethod
+    def of(cls, goal: Goal) -> Self:
+        """Describe a goal."""
+        region = goal.region
+        return cls(
+            path=goal.path.round(_DIGITS).tolist(),
+            drawn=None if goal.drawn is None else _outline(goal, goal.drawn, 1.0),
+            region=None if region is None else _outline(goal, region.oval, region.scale),
+        )
+
+
+class GuidanceBody(BaseModel):
+    """A sketch as it was understood, the method, what the goal takes and where it lies."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_GUIDED]})
+
+    sketch: dict[str, Any] = Field(
+        description='The sketch as it was understood: an "arrow" with `points` [m], or an "ellipse" with '
+        "`center` [m], semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth."
+    )
+    method: str = Field(description="Name of the method that planned.")
+    reason: str = Field(description="Why this method.")
+    frames: int = Field(description="Number of frames in which the goal is to be reached.")
+    hold: int = Field(description="Number of frames for which the goal is kept after that.")
+    first_frame: int = Field(description="Frame of the session at which the sketch begins to steer.")
+    planning_ms: float = Field(description="Time that the planning took [ms].")
+    needs: NeedsBody
+    goal: GoalBody
+
+    @classmethod
+    def of(cls, guidance: Guidance, first_frame: int, **more: Any) -> Self:
+        """Describe a guidance that steers from `first_frame` on."""
+        return cls(
+            sketch=sketch_body(guidance.sketch),
+            method=guidance.method,
+            reason=guidance.reason,
+            frames=guidance.frames,
+            hold=guidance.hold,
+            first_frame=first_frame,
+            planning_ms=round(guidance.planning_ms, 2),
+            needs=NeedsBody.of(guidance.needs()),
+            goal=GoalBody.of(guidance.goal),
+            **more,
+        )
+
+
+class SketchBody(GuidanceBody):
+    """A sketch that steers a session from now on."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"number": 1, "drawn_frame": 10} | _GUIDED]})
+
+    number: int = Field(description="Number of the sketch in its session, counted from 1.")
+    drawn_frame: int = Field(
+        description="Frame of the session whose state the sketch was planned for; `first_frame` is later "
+        "where the session went on meanwhile."
+    )
+
+
+class ReachedBody(BaseModel):
+    """How near the goal is at the end of the sketch's frames."""
+
+    inside: float | None = Field(
+        description="Share of the mass in the goal; null where an arrow carries the shape along."
+    )
+    inside_drawn: float | None = Field(
+        description="Share of the mass in the oval as it was drawn; null for an arrow."
+    )
+    miss: float = Field(description="Distance of the centre of mass from where the sketch asks it to be [m].")
+    rms: float = Field(description="Root mean square of the force over mass and time [g].")
+    peak: float = Field(description="Largest force on a particle [g].")
+
+
+class TrajectoryBody(GuidanceBody):
+    """The motion that a sketch would give to a session, in T frames, those of `hold` included."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [
-                {
-                    "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
+                _GUIDED
+                | {
                     "frames": 2,
-                    "first_frame": 12,
+                    "reached": {
+                        "inside": None,
+                        "inside_drawn": None,
+                        "miss": 0.001,
+                        "rms": 2.7,
+                        "peak": 5.1,
+                    },
                     "mean_force": [[8.1, 16.2], [8.1, 16.2]],
                     "target_displacement": [0.3, 0.2],
                     "displacement": [0.29, 0.18],
                     "centroids": [[0.41, 0.52], [0.5, 0.6], [0.7, 0.7]],
                     "frame_indices": [0, 2],
                     "positions": [[[0.4, 0.5]], [[0.7, 0.7]]],
+                    "force": [[[8.1, 16.2]]],
                 }
             ]
         }
     )
 
-    sketch: dict[str, Any] = Field(
-        description='The sketch as it was understood: an "arrow" with `points` [m], or an "ellipse" with '
-        "`center` [m], semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth."
-    )
-    frames: int = Field(description="Number of frames that the sketch steers.")
-    first_frame: int = Field(description="Frame of the session at which the sketch begins to steer.")
+    reached: ReachedBody
     mean_force: list[list[float]] = Field(
         description="Acceleration that steers, besides gravity, as the mean over the mass of the particles; "
-        "[frame][axis], `frames` rows [m/s^2]."
+        "[frame][axis], T rows [m/s^2]."
     )
     target_displacement: list[float] = Field(
         description="Displacement of the centre of mass that the sketch asks for [m]."
@@ -47,13 +214,18 @@ class TrajectoryBody(BaseModel):
         description="Displacement of the centre of mass that the motion reaches [m]."
     )
     centroids: list[list[float]] = Field(
-        description="Centre of mass at the start and after each frame; [frame][axis], `frames` + 1 rows [m]."
+        description="Centre of mass at the start and after each frame; [frame][axis], T + 1 rows [m]."
     )
     frame_indices: list[int] = Field(
         description="Frame of each row of `positions`, counted from `first_frame`; chosen by `stride`."
     )
     positions: list[list[list[float]]] = Field(
         description="Positions of the particles in these frames; [row][particle][axis] [m]."
+    )
+    force: list[float] | list[list[list[float]]] = Field(
+        description="Acceleration that steers, besides gravity [m/s^2]: [axis] where it is one constant, "
+        "else [row][particle][axis], where row i is that of the frame which begins with row i of "
+        "`positions`."
     )
 
 
@@ -71,28 +243,28 @@ def sketch_body(sketch: Sketch) -> dict[str, Any]:
     return body
 
 
-def trajectory_arrays(plan: ControlledTrajectory, stride: int) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays that JSON and npz share; positions are thinned as `_frame_indices` says."""
-    indices = _frame_indices(plan, stride)
+def trajectory_arrays(motion: ControlledTrajectory, stride: int) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays that JSON and npz share, thinned to each `stride`-th frame and the last.
+
+    Row i of a force (F - 1, N, D) is that of the frame which begins with row i of the positions (F, N, D).
+    With a stride of 1 it is the whole force, which `Simulator.advance` takes.
+    """
+    indices = np.unique(np.append(np.arange(0, motion.frames + 1, stride), motion.frames))
     return {
-        "positions": plan.positions[indices],
+        "positions": motion.positions[indices],
         "frame_indices": indices,
-        "centroids": plan.centroids,
-        "mean_force": plan.mean_force,
-        "target_displacement": plan.target_displacement,
-        "displacement": plan.displacement,
+        "force": motion.force if motion.force.ndim == 1 else motion.force[indices[:-1]],
+        "centroids": motion.centroids,
+        "mean_force": motion.mean_force,
+        "target_displacement": motion.target_displacement,
+        "displacement": motion.displacement,
     }
 
 
-def thinned_force(plan: ControlledTrajectory, stride: int) -> npt.NDArray[np.float32]:
-    """Return the force of a trajectory, (D,) where it is one constant, else thinned as the positions are.
-
-    Row i of (F - 1, N, D) is then the force of the frame that begins with row i of the positions. With a
-    stride of 1 that is the whole force, which `Simulator.advance` takes.
-    """
-    return plan.force if plan.force.ndim == 1 else plan.force[_frame_indices(plan, stride)[:-1]]
-
-
-def _frame_indices(plan: ControlledTrajectory, stride: int) -> npt.NDArray[np.int64]:
-    """Return each `stride`-th frame from the start on, and the last."""
-    return np.unique(np.append(np.arange(0, plan.frames + 1, stride), plan.frames))
+def _outline(goal: Goal, oval: Oval, scale: float) -> list[list[float]]:
+    """Return points on an oval grown by a factor, moved to the walls where it reaches beyond them."""
+    angle = np.linspace(0, 2 * np.pi, _OUTLINE_POINTS, endpoint=False)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1) * scale * oval.axes[:2]
+    points = oval.center + around @ oval.directions[:2]
+    outline: list[list[float]] = np.clip(points, goal.room.lower, goal.room.upper).round(_DIGITS).tolist()
+    return outline

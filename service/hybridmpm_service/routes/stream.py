@@ -9,11 +9,22 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import ValidationError
 
 from hybridmpm import SimulationError
+from hybridmpm.control import Push, push
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError
 from hybridmpm_service.http.answers import SessionBody
 from hybridmpm_service.http.learned_answers import HistoryBody
 from hybridmpm_service.http.problems import field_path, row_of, urn_of
-from hybridmpm_service.http.requests import COMMAND, Command, Pause, Play, Reset, Speed, Step
+from hybridmpm_service.http.requests import (
+    COMMAND,
+    Command,
+    EndPush,
+    Pause,
+    Play,
+    PushFluid,
+    Reset,
+    Speed,
+    Step,
+)
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.mailbox import Mailbox, MailboxClosed, Signal
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
@@ -89,7 +100,7 @@ async def _receive(websocket: WebSocket, session: Session, mailbox: Mailbox, lim
             text = message.get("text")
             if text is None:
                 raise FieldError("message", "must be text with a JSON command, got binary data")
-            await _obey(COMMAND.validate_json(text), session, limits)
+            await _obey(COMMAND.validate_json(text), session, mailbox, limits)
         except ValidationError as err:
             mailbox.put_problem(_refusal(err))
         except ServiceError as err:
@@ -99,7 +110,7 @@ async def _receive(websocket: WebSocket, session: Session, mailbox: Mailbox, lim
             continue
 
 
-async def _obey(command: Command, session: Session, limits: Settings) -> None:
+async def _obey(command: Command, session: Session, mailbox: Mailbox, limits: Settings) -> None:
     match command:
         case Play():
             session.play()
@@ -114,6 +125,18 @@ async def _obey(command: Command, session: Session, limits: Settings) -> None:
             await session.reset()
         case Speed(value=value):
             session.set_speed(value)
+        case PushFluid():
+            session.push(_push(command, session.scene.dim), by=mailbox)
+        case EndPush():
+            session.push(None, by=mailbox)
+
+
+def _push(command: PushFluid, dim: int) -> Push:
+    for name in ("point", "velocity"):
+        given = len(getattr(command, name))
+        if given != dim:
+            raise FieldError(name, f"must have {dim} numbers in this session, got {given}")
+    return push(command.point, command.velocity, command.radius, cap=command.cap)
 
 
 def _refusal(err: ValidationError) -> FieldError:

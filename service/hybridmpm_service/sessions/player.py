@@ -15,7 +15,7 @@ MAX_SPEED = 1.0
 _TICK_SECONDS = 1 / 60
 """Shortest time between two looks at what is due: no screen shows more frames."""
 _MAX_TURN_SECONDS = 0.025
-"""Time after which the player gives way to commands that wait."""
+"""Longest time for which the player keeps the thread."""
 
 Compute: TypeAlias = Callable[[int, Callable[[], bool]], Awaitable[int]]
 """Computes frames on the session's thread, as long as the function is true; answers how many it computed."""
@@ -32,16 +32,25 @@ class Player:
         Clock on the wall.
     compute : Compute
         Before it raises a SimulationError, it has to stop the player.
+    hurried : callable
+        Whether commands wait for the thread; the player then gives way after the frame being computed.
     on_fault : callable
         Called while an exception that nobody expected is handled; it has to stop the player.
     """
 
     def __init__(
-        self, frame_dt: float, clock: Clock, *, compute: Compute, on_fault: Callable[[], None]
+        self,
+        frame_dt: float,
+        clock: Clock,
+        *,
+        compute: Compute,
+        hurried: Callable[[], bool],
+        on_fault: Callable[[], None],
     ) -> None:
         self._pace = Pace(frame_dt, DEFAULT_SPEED)
         self._clock = clock
         self._compute = compute
+        self._hurried = hurried
         self._on_fault = on_fault
         self._playing = asyncio.Event()
 
@@ -60,17 +69,13 @@ class Player:
         self._pace.set_speed(speed, self._clock())
 
     def start(self) -> None:
-        """Play from now on."""
-        self.forgive()
+        """Play from now on, and owe no frame from before."""
+        self._pace.start(self._clock())
         self._playing.set()
 
     def stop(self) -> None:
         """Play no more after the frame that is being computed."""
         self._playing.clear()
-
-    def forgive(self) -> None:
-        """Owe none of the frames that are due so far."""
-        self._pace.start(self._clock())
 
     async def run(self) -> None:
         """Play whenever `start` has been called, until this task is cancelled."""
@@ -88,16 +93,17 @@ class Player:
             await asyncio.sleep(max(0.0, next_tick - now, self._pace.wait(now)))
 
     async def take_turn(self, frames: int) -> int:
-        """Compute some frames, but give way after a while; return how many were computed."""
+        """Compute some frames, but give way after a while, or to commands; return how many were computed."""
         if frames == 0:
             return 0
         deadline: float | None = None
 
         def go_on() -> bool:
-            # Counted from when the thread is free: else a player that had to queue would get no frame.
             nonlocal deadline
-            now = self._clock()
-            deadline = now + _MAX_TURN_SECONDS if deadline is None else deadline
-            return self.playing and now < deadline
+            if deadline is None:
+                # Counted from when the thread is free: else a player that had to queue would get no frame.
+                deadline = self._clock() + _MAX_TURN_SECONDS
+                return self.playing
+            return self.playing and self._clock() < deadline and not self._hurried()
 
         return await self._compute(frames, go_on)

@@ -1,24 +1,24 @@
-"""A simulation that several clients watch and command: a thread that computes, a player, viewers."""
+"""A simulation that several clients watch and command: threads that compute, a player, viewers."""
 
 import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from hybridmpm import SimulationError
-from hybridmpm.control import ControlledTrajectory, Sketch
-from hybridmpm_service.errors import ServiceError, SessionBusyError, SessionNotFoundError
+from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
+from hybridmpm_service.errors import ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.mailbox import Mailbox
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
+from hybridmpm_service.sessions.sketches.planning import Planner
+from hybridmpm_service.sessions.sketches.steering import Steered
 from hybridmpm_service.sessions.solvers import ChosenSolver, Kind
-from hybridmpm_service.sessions.view import Particles, View
+from hybridmpm_service.sessions.view import Control, Particles, View
+from hybridmpm_service.sessions.worker import Worker
 
-MAX_WAITING = 32
-"""Largest number of calls that may wait for one session."""
 CLOSE_DELETED = 4404
 """WebSocket close code of a session that is unknown, deleted or expired."""
 _STATUS_SECONDS = 0.25
@@ -33,7 +33,8 @@ class Session:
 
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
     in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
-    on to the viewers.
+    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
+    are computed on copies on a third, while the first goes on.
 
     Attributes
     ----------
@@ -69,14 +70,19 @@ class Session:
         self.last_used = clock()
         self._clock = clock
         self._player = Player(
-            self.scene.frame_dt, clock, compute=self._compute, on_fault=self._on_player_fault
+            self.scene.frame_dt,
+            clock,
+            compute=self._compute,
+            hurried=lambda: self._worker.in_demand,
+            on_fault=self._on_player_fault,
         )
         self._mailboxes: set[Mailbox] = set()
-        self._waiting = 0
+        self._pusher: Mailbox | None = None
         self._calls = 0
         self._closed = False
         self._loop = asyncio.get_running_loop()
-        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"session-{name[:8]}")
+        self._worker = Worker("session", name, self._check_open)
+        self._planner = Planner(name, check_open=self._check_open, on_change=self._post_status)
         self._tasks = [self._loop.create_task(self._player.run()), self._loop.create_task(self._report())]
 
     @classmethod
@@ -109,6 +115,11 @@ class Session:
         return self.watched or self._calls > 0
 
     @property
+    def control(self) -> Control | None:
+        """The newest sketch, and how far it has come; None where there was none since frame 0."""
+        return self._planner.control or self.view.control
+
+    @property
     def playing(self) -> bool:
         """Whether the player computes frames."""
         return self._player.playing
@@ -137,13 +148,69 @@ class Session:
         with self._in_use():
             await self._compute(frames, lambda: not self._closed)
 
-    async def steer(self, sketch: Sketch, frames: int) -> ControlledTrajectory:
-        """Plan a motion that follows the sketch and let the next frames follow it; errors as in `advance`."""
+    async def steer(self, sketch: Sketch, *, most: int, **settings: Any) -> Steered:
+        """Prepare a sketch on a copy of the simulator, and let it steer from the next frame on.
+
+        The session goes on meanwhile; an older sketch goes on steering. One that is still being prepared is
+        dropped.
+
+        Parameters
+        ----------
+        sketch : Arrow or Ellipse
+        most : int
+            Largest number of frames, above that of `hold`.
+        **settings
+            As `hybridmpm.control.prepare` takes them.
+
+        Raises
+        ------
+        SketchDroppedError
+            A newer sketch, `release` or `reset` came before the preparation had ended.
+        ConfigError, SketchError, SimulationError
+            As `prepare`; nothing has changed.
+        SessionNotFoundError, SessionBusyError
+            As in `advance`.
+        """
+        preparation = self._planner.begin(sketch)
+
+        def take_over(guidance: Guidance) -> Steered:
+            preparation.check()
+            return self.simulation.steer(guidance, preparation.control.number)
+
+        try:
+            with self._in_use():
+                twin = await self._on_worker(self.simulation.copy)
+                guidance = await self._planner.prepare(preparation, twin, sketch, most=most, **settings)
+                return await self._on_worker(lambda: take_over(guidance))
+        finally:
+            self._planner.end(preparation)
+
+    async def trajectory(
+        self, sketch: Sketch, *, most: int, **settings: Any
+    ) -> tuple[Guidance, ControlledTrajectory]:
+        """Compute how a sketch would be followed, on a copy; parameters and errors as in `steer`."""
         with self._in_use():
-            # A deleted session, or a server that stops, does not wait for the plan's end.
-            plan = await self._on_worker(lambda: self.simulation.steer(sketch, frames, self._check_open))
-        self._player.forgive()  # the frames that fell due while the thread was planning
-        return plan
+            twin = await self._on_worker(self.simulation.copy)
+            return await self._planner.trajectory(twin, sketch, most=most, **settings)
+
+    async def release(self) -> None:
+        """Let no sketch steer any more; drop one that is being prepared. Errors as in `advance`."""
+        self._planner.drop("the sketch was taken back before it began to steer")
+        with self._in_use():
+            await self._on_worker(self.simulation.release)
+
+    def push(self, push: Push | None, by: Mailbox) -> None:
+        """Let a viewer's hand push the fluid from the next frame on, until the next call or it leaves.
+
+        Parameters
+        ----------
+        push : Push or None
+            Local force, in the place of one that acts; None lets go.
+        by : Mailbox
+            Mailbox of the viewer.
+        """
+        self.simulation.hand = push
+        self._pusher = None if push is None else by
 
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""
@@ -152,6 +219,7 @@ class Session:
 
     async def reset(self) -> None:
         """Go back to frame 0; a running player goes on from there. Errors as in `advance`."""
+        self._planner.drop("the session went back to its start before the sketch began to steer")
         with self._in_use():
             await self._on_worker(self.simulation.reset)
 
@@ -184,6 +252,8 @@ class Session:
             yield mailbox
         finally:
             self._mailboxes.discard(mailbox)
+            if self._pusher is mailbox:
+                self.push(None, mailbox)
             self.touch()
 
     def end_streams(self, code: int, reason: str) -> None:
@@ -191,21 +261,18 @@ class Session:
         for mailbox in self._mailboxes:
             mailbox.close(code, reason)
 
-    def close(self, code: int, reason: str) -> None:
+    async def close(self, code: int, reason: str, *, wait: bool = False) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        The thread ends after the frame that it is computing: see `ended`.
+        With `wait` this returns only after the threads have ended. Plans end at their next frame.
         """
         self._closed = True
         self._player.stop()
         for task in self._tasks:
             task.cancel()
         self.end_streams(code, reason)
-        self._worker.shutdown(wait=False)
-
-    async def ended(self) -> None:
-        """Wait until the thread of a closed session has ended."""
-        await asyncio.to_thread(self._worker.shutdown, wait=True)
+        for end in (self._planner.end_threads, self._worker.end):
+            await asyncio.to_thread(end, wait=wait)
 
     @contextlib.contextmanager
     def _in_use(self) -> Iterator[None]:
@@ -238,25 +305,15 @@ class Session:
 
     async def _on_worker(self, job: Callable[[], T]) -> T:
         """Run a job on the session's thread after those that wait; return its result."""
-        if self._waiting >= MAX_WAITING:
-            raise SessionBusyError(f"{MAX_WAITING} calls already wait for session {self.id!r}")
-        self._check_open()
 
         def run() -> T:
-            self._check_open()
             try:
-                result = job()
+                return job()
             finally:
                 # Viewers see the state after a failure too, and when nobody awaits the result any more.
                 self._loop.call_soon_threadsafe(self._publish, self.simulation.look())
-            self._check_open()
-            return result
 
-        self._waiting += 1
-        try:
-            return await self._loop.run_in_executor(self._worker, run)
-        finally:
-            self._waiting -= 1
+        return await self._worker.run(run)
 
     def _check_open(self) -> None:
         if self._closed:
@@ -267,7 +324,7 @@ class Session:
         before, self.view = self.view, view
         for mailbox in self._mailboxes:
             mailbox.put_frame(view.message)
-        other_control = (before.control is None) != (view.control is None)
+        other_control = _phase(before) != _phase(view)
         # A player changes the view all the time; the status then comes from `_report`.
         if other_control or before.mode != view.mode or not self.playing:
             self._post_status()
@@ -281,3 +338,7 @@ class Session:
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
             self._post_status()
+
+
+def _phase(view: View) -> tuple[int, str] | None:
+    return None if view.control is None else (view.control.number, view.control.phase)

@@ -1,4 +1,4 @@
-"""One running simulation: a simulator, the sketch that steers it, and the times that its frames took.
+"""One running simulation: a simulator, what steers it, and the times that its frames took.
 
 It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Session` adds the first two.
 """
@@ -6,16 +6,18 @@ It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Sessi
 import statistics
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import Scene
-from hybridmpm.control import ControlledTrajectory, Sketch, follow
+from hybridmpm.control import Guidance, Push
+from hybridmpm.simulator import Simulator
 from hybridmpm_service.sessions.frames import Frame, encode
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
+from hybridmpm_service.sessions.sketches.steering import Steered, Steering
 from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.view import Control, LastFrame, Particles, Timing, View
 
@@ -26,7 +28,7 @@ _PACE_WINDOW_SECONDS = 1.0
 
 
 class Simulation:
-    """A simulator that a sketch can steer.
+    """A simulator that a sketch and a hand can steer.
 
     Parameters
     ----------
@@ -42,8 +44,11 @@ class Simulation:
             None if chosen.safeguard is None else SafeguardRecorder(chosen.simulator, chosen.safeguard)
         )
         self._clock = clock
+        self._steering: Steering | None = None
         self._control: Control | None = None
         self._steered = False
+        self.hand: Push | None = None
+        """Local force of a hand, the latest of which each frame takes. May be set from any thread."""
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
         self._frame_dt = self.scene.frame_dt
@@ -84,39 +89,35 @@ class Simulation:
             self._one_frame()
         return frames
 
-    def steer(
-        self, sketch: Sketch, frames: int, on_frame: Callable[[], object] | None = None
-    ) -> ControlledTrajectory:
-        """Plan a motion from the present state, let the next `frames` frames follow it, and return it.
+    def copy(self) -> Simulator:
+        """Return a copy of the simulator in its present state, for others to compute on."""
+        return self._solver.copy()
+
+    def steer(self, guidance: Guidance, number: int) -> Steered:
+        """Let a guidance steer from the next frame on, in the place of one that still does.
 
         Parameters
         ----------
-        sketch : Arrow or Ellipse
-            Replaces a sketch that still steers.
-        frames : int in [1, 10000]
-        on_frame : callable, optional
-            Called once for each frame of each trial. What it raises ends the planning.
-
-        Raises
-        ------
-        SimulationError
-            No plan was found; an older sketch goes on steering.
+        guidance : Guidance
+            Made for a copy of the simulator, perhaps some frames ago.
+        number : int
+            Number of the sketch in its session.
         """
-        look_in = on_frame or (lambda: None)
-        twin = self._solver.copy()
-        following = follow(twin, sketch, "constant", frames=frames, on_frame=look_in)
-        for _ in following:
-            look_in()
-        plan = following.result
-        self._control = Control(sketch.kind, plan.first_frame, 0, frames, plan.force)
-        return plan
+        self._steering = Steering(number, guidance, self._solver)
+        self._control = self._steering.control
+        return Steered(number, self._solver.frame, guidance)
+
+    def release(self) -> None:
+        """Let no sketch steer any more."""
+        self._steering = self._control = None
 
     def reset(self) -> None:
-        """Go back to frame 0; a sketch no longer steers."""
+        """Go back to frame 0; nothing steers any more."""
         self._solver.reset()
+        self.release()
+        self.hand = None
         if self._recorder is not None:
             self._recorder.clear()
-        self._control = None
         self._steered = False
 
     def particles(self) -> Particles:
@@ -169,9 +170,9 @@ class Simulation:
         return LastFrame(report.substeps, report.bound, frame.solver_ms)
 
     def _one_frame(self) -> None:
-        control = self._control
+        steering = self._steering
         start = self._clock()
-        self._solver.advance(1, None if control is None else control.next_force)
+        self._solver.advance(1, self._force())
         end = self._clock()
         if self._recorder is not None:
             self._recorder.note()
@@ -179,7 +180,17 @@ class Simulation:
         self._finished.append(end)
         while self._finished[0] < end - _PACE_WINDOW_SECONDS:
             self._finished.popleft()
-        self._steered = control is not None
-        if control is not None:
-            done = control.frames_done + 1
-            self._control = None if done == control.frames else replace(control, frames_done=done)
+        self._steered = steering is not None
+        if steering is not None:
+            self._control = steering.count()
+            if self._control.phase == "done":
+                self._steering = None
+
+    def _force(self) -> Any:
+        """Return what acts in the next frame besides gravity: the sketch and the hand together."""
+        forces = [] if self._steering is None else [self._steering.force()]
+        hand = self.hand
+        if hand is not None:
+            forces.append(hand(self._solver))
+        acting = [force for force in forces if force is not None]
+        return sum(acting[1:], start=acting[0]) if acting else None

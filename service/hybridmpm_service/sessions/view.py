@@ -1,7 +1,7 @@
 """What other threads may see of a simulation: records of one instant that never change."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -9,29 +9,35 @@ import numpy.typing as npt
 from hybridmpm.decisions import Mode
 from hybridmpm_service.sessions.safeguard_record import Safeguard
 
+Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
+"""Phase of a sketch. out_of_reach: as steering, but something is known to be in the way of the goal."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Control:
-    """A sketch that steers, and how far it has come."""
+    """The newest sketch of a session, and how far it has come. What is not known yet is None."""
 
+    number: int
+    """Number of the sketch, counted from 1 in each session."""
     kind: Literal["arrow", "ellipse"]
     """Kind of the sketch."""
-    first_frame: int
+    phase: Phase
+    method: str | None = None
+    """Name of the method that steers."""
+    first_frame: int | None = None
     """Frame of the session at which the sketch began to steer."""
-    frames_done: int
-    """Number of frames that have been steered so far."""
-    frames: int
-    """Number of frames that the sketch steers in all."""
-    force: npt.NDArray[np.float32]
-    """External acceleration besides gravity [m/s^2], (D,) where it is one constant, else (frames, N, D).
-
-    Of the planned trajectory nothing else is kept: its positions would fill the memory while a session waits.
-    """
-
-    @property
-    def next_force(self) -> npt.NDArray[np.float32]:
-        """Force of the next frame, (D,) or (N, D) [m/s^2]."""
-        return self.force if self.force.ndim == 1 else self.force[self.frames_done]
+    frames_done: int = 0
+    """Number of frames that have been steered so far, those of `hold` included."""
+    frames: int | None = None
+    """Number of frames in which the goal is to be reached."""
+    hold: int | None = None
+    """Number of frames for which the goal is kept after that."""
+    inside: float | None = None
+    """Share of the mass in the goal after `frames` [-]; None where an arrow carries the shape along."""
+    inside_drawn: float | None = None
+    """Share of the mass in the oval as it was drawn, at the same time; None for an arrow."""
+    miss: float | None = None
+    """Distance of the centre of mass from where the sketch asks it to be, at the same time [m]."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class View:
     centroid: tuple[float, ...]
     """Centre of mass (D,) [m]."""
     control: Control | None
-    """Sketch that steers the next frame; None where nothing steers."""
+    """Newest sketch that has steered or steers; None where there was none since frame 0."""
     last_frame: LastFrame | None
     """Report on the latest frame; None before the first."""
     mode: Mode

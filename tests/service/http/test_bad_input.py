@@ -17,6 +17,8 @@ JET: dict[str, Any] = {
 DRAIN: dict[str, Any] = {"shape": "ball", "center": [0.5, 0.2], "radius": 0.05}
 JSON = {"Content-Type": "application/json"}
 
+SKETCHES = [("POST", "/sketches"), ("DELETE", "/sketches"), ("POST", "/trajectories")]
+
 
 def _scene(**changes: Any) -> dict[str, Any]:
     return {"scene": {"dim": 2, "resolution": 32, "bodies": [BODY]} | changes}
@@ -122,7 +124,7 @@ def test_the_range_of_frames_is_told(service: Any, problem: Any, path: str) -> N
 
 @pytest.mark.parametrize(
     ("method", "suffix"),
-    [("GET", ""), ("DELETE", ""), ("POST", "/advance"), ("GET", "/particles"), ("POST", "/sketches")],
+    [("GET", ""), ("DELETE", ""), ("POST", "/advance"), ("GET", "/particles"), *SKETCHES],
 )
 def test_an_unknown_session_is_404_everywhere(service: Any, problem: Any, method: str, suffix: str) -> None:
     answer = service.http.request(

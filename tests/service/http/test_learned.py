@@ -158,19 +158,20 @@ def test_there_is_no_history_without_a_safeguard(
 
 
 @pytest.mark.parametrize(("solver", "mode"), [("hybrid", "mpm"), ("neural", "neural")])
-def test_a_sketch_steers_and_the_session_follows_the_plan(
+def test_a_sketch_steers_as_its_trajectory_says(
     learned: Service, create: Callable[..., str], solver: str, mode: str
 ) -> None:
     path = create(solver=solver)
     assert _advance(learned, path, 42)["mode"] == "neural"
     before = _positions(learned, path)
-    plan = learned.http.post(f"{path}/sketches", params={"stride": 5}, json=ARROW).json()
-    assert plan["first_frame"] == 42
+    motion = learned.http.post(f"{path}/trajectories", params={"stride": 5}, json=ARROW).json()
+    assert motion["first_frame"] == 42
     assert np.array_equal(_positions(learned, path), before)
+    assert learned.http.post(f"{path}/sketches", json=ARROW).json()["first_frame"] == 42
     body = _advance(learned, path, 40)
-    assert body["mode"] == mode
-    assert np.array_equal(_positions(learned, path), np.array(plan["positions"][-1], dtype=np.float32))
-    assert plan["displacement"] == pytest.approx([0.1, 0.1], abs=0.002)
+    assert (body["mode"], body["control"]["phase"]) == (mode, "done")
+    assert np.array_equal(_positions(learned, path), np.array(motion["positions"][-1], dtype=np.float32))
+    assert motion["displacement"] == pytest.approx([0.1, 0.1], abs=0.005)
     reasons = [row["reason"] for row in learned.http.get(f"{path}/decisions").json()["decisions"]]
     assert reasons == (["warm-up", "force"] if solver == "hybrid" else [])
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from hybridmpm.control import parse_strokes
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.http import answers, requests, sketch_answers
 from hybridmpm_service.http import learned_answers as learned
@@ -27,6 +26,8 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}/decisions"),
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),
+    ("delete", "/v1/sessions/{session_id}/sketches"),
+    ("post", "/v1/sessions/{session_id}/trajectories"),
 }
 
 
@@ -85,9 +86,10 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     for name in (
         "CreateSession",
         "AdvanceSession",
-        "SteerSession",
+        "SketchRequest",
         "SessionBody",
         "ParticlesBody",
+        "SketchBody",
         "TrajectoryBody",
     ):
         assert schemas[name]["examples"], name
@@ -98,12 +100,13 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     [
         requests.CreateSession,
         requests.AdvanceSession,
-        requests.SteerSession,
+        requests.SketchRequest,
         answers.SessionBody,
         answers.ScenarioBody,
         answers.ParticlesBody,
         learned.DecisionBody,
         learned.ModelBody,
+        sketch_answers.SketchBody,
         sketch_answers.TrajectoryBody,
     ],
 )
@@ -117,11 +120,11 @@ def test_the_examples_of_requests_work(service: Any) -> None:
         answer = service.http.post("/v1/sessions", json=example)
         assert answer.status_code == 201, answer.text
         path = answer.json()["links"]["self"]
+        for sketch in requests.SketchRequest.model_json_schema()["examples"]:
+            assert service.http.post(f"{path}/sketches", json=sketch).status_code == 200
         for advance in requests.AdvanceSession.model_json_schema()["examples"]:
             assert service.http.post(f"{path}/advance", json=advance).status_code == 200
         service.http.delete(path)
-    for sketch in requests.SteerSession.model_json_schema()["examples"]:
-        assert parse_strokes(sketch["strokes"])
 
 
 def test_it_is_served(service: Any, document: dict[str, Any]) -> None:

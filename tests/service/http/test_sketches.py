@@ -1,25 +1,17 @@
-"""A sketch comes in, its trajectory comes out, and the session follows it to the bit."""
+"""A sketch comes in and steers the session; what cannot be followed is refused in words."""
 
 import io
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
-from tests.service.conftest import SMALL_SCENE
 
-from hybridmpm import MpmSolver, Scene
-from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Reached, render_png
-from hybridmpm_service.http.sketch_answers import thinned_force, trajectory_arrays
+from hybridmpm.control import Arrow, Ellipse, render_png
 
-NPZ = {"Accept": "application/x-npz"}
 ARROW: dict[str, Any] = {"points": [[0.5, 0.5], [0.6, 0.55]], "kind": "arrow"}
 ARROW_PNG = render_png(Arrow(np.array(ARROW["points"])))
-
-
-def _arrays(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return dict(file)
 
 
 def _png(image: Image.Image) -> bytes:
@@ -34,118 +26,150 @@ def _one_pixel() -> bytes:
     return _png(image)
 
 
-def test_the_answer_describes_the_controlled_motion(service: Any, path: str) -> None:
+def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None:
     service.http.post(f"{path}/advance", json={"frames": 4})
-    answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 25})
+    answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 45, "hold": 3})
     assert answer.status_code == 200
     body = answer.json()
     assert body["sketch"] == {"kind": "arrow", "points": ARROW["points"]}
-    assert (body["frames"], body["first_frame"]) == (25, 4)
-    assert body["frame_indices"] == [0, 10, 20, 25]
-    assert len(body["positions"]) == 4
-    assert len(body["centroids"]) == 26
-    np.testing.assert_allclose(body["target_displacement"], [0.1, 0.05])
-    np.testing.assert_allclose(body["displacement"], [0.1, 0.05], atol=5e-3)
-    np.testing.assert_allclose(
-        body["displacement"], np.subtract(body["centroids"][-1], body["centroids"][0]), atol=1e-12
-    )
-    session = service.http.get(path).json()
-    assert session["control"] == {"kind": "arrow", "first_frame": 4, "frames_done": 0, "frames": 25}
-    assert session["centroid"] == pytest.approx(body["centroids"][0])
+    assert (body["number"], body["method"]) == (1, "analytic")
+    assert "least force" in body["reason"]
+    assert (body["frames"], body["hold"], body["first_frame"], body["drawn_frame"]) == (45, 3, 4, 4)
+    assert not {"positions", "force", "centroids"} & set(body)
+    needs = body["needs"]
+    assert 0 < needs["rms"] <= needs["acceleration"] <= needs["cap"] == 15
+    assert (needs["reachable"], needs["obstructions"]) == (True, [])
+    assert "g in 45 frames" in needs["text"]
+    start = service.http.get(path).json()["centroid"]
+    np.testing.assert_allclose(body["goal"]["path"], [start, np.add(start, [0.1, 0.05])], atol=1e-4)
+    assert (body["goal"]["drawn"], body["goal"]["region"]) == (None, None)
+    control = {
+        "number": 1,
+        "kind": "arrow",
+        "phase": "steering",
+        "method": "analytic",
+        "first_frame": 4,
+        "frames_done": 0,
+        "frames": 45,
+        "hold": 3,
+        "inside": None,
+        "inside_drawn": None,
+        "miss": None,
+    }
+    assert service.http.get(path).json()["control"] == control
+    end = service.http.post(f"{path}/advance", json={"frames": 45}).json()
+    assert end["control"] == control | {
+        "phase": "holding",
+        "frames_done": 45,
+        "miss": pytest.approx(0, abs=0.005),
+    }
+    np.testing.assert_allclose(end["centroid"], np.add(start, [0.1, 0.05]), atol=0.005)
+    service.http.post(f"{path}/advance", json={"frames": 10})
+    control = service.http.get(path).json()["control"]
+    assert (control["phase"], control["frames_done"]) == ("done", 48)
 
 
-@pytest.mark.parametrize("as_png", [False, True])
-def test_the_session_follows_the_trajectory_bit_for_bit(service: Any, path: str, *, as_png: bool) -> None:
-    address = f"{path}/sketches?stride=1"
-    if as_png:
-        answer = service.http.post(
-            address, files={"sketch": ("s.png", ARROW_PNG)}, data={"frames": "12"}, headers=NPZ
-        )
-    else:
-        answer = service.http.post(address, json={"strokes": [ARROW], "frames": 12}, headers=NPZ)
-    assert answer.headers["content-type"] == "application/x-npz"
-    plan = _arrays(answer.content)
-    assert plan["positions"].dtype == np.float32
-    assert plan["frame_indices"].tolist() == list(range(13))
-    for frame in range(1, 13):
-        moved = _arrays(service.http.post(f"{path}/advance", json={}, headers=NPZ).content)
-        assert np.array_equal(moved["positions"], plan["positions"][frame])
+def test_an_oval_is_answered_as_drawn_and_as_grown(service: Any, path: str) -> None:
+    angles = np.linspace(0, 2 * np.pi, 40)
+    points = np.stack([0.5 + 0.05 * np.cos(angles), 0.14 + 0.05 * np.sin(angles)], axis=1).tolist()
+    body = service.http.post(f"{path}/sketches", json={"strokes": [{"points": points}]}).json()
+    assert body["sketch"]["kind"] == "ellipse"
+    assert body["frames"] == body["needs"]["suggested_frames"]
+    assert body["needs"]["scale"] > 1
+    drawn, grown = (np.array(body["goal"][name]) for name in ("drawn", "region"))
+    assert np.ptp(drawn[:, 0]) == pytest.approx(0.1, abs=0.005)
+    assert np.ptp(grown[:, 0]) == pytest.approx(0.1 * body["needs"]["scale"], abs=0.005)
+    assert min(drawn[:, 1].min(), grown[:, 1].min()) == pytest.approx(0.1)
+    assert body["needs"]["taken"] > 0
+    end = service.http.post(f"{path}/advance", json={"frames": body["frames"]}).json()["control"]
+    assert end["inside"] > 0.85
+    assert 0 < end["inside_drawn"] < end["inside"]
+
+
+def test_a_goal_out_of_reach_is_said_in_words_and_aimed_at_all_the_same(service: Any, path: str) -> None:
+    body = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 5, "cap": 3}).json()
+    assert not body["needs"]["reachable"]
+    assert [one["reason"] for one in body["needs"]["obstructions"]] == ["time"]
+    assert "frames would do" in body["needs"]["obstructions"][0]["message"]
+    assert service.http.get(path).json()["control"]["phase"] == "out_of_reach"
+
+
+def test_an_oval_where_no_fluid_can_be_is_refused(service: Any, problem: Any, path: str) -> None:
+    points = [[0.02, 0.02], [0.06, 0.02], [0.06, 0.06], [0.02, 0.06], [0.02, 0.02]]
+    answer = service.http.post(f"{path}/sketches", json={"strokes": [{"points": points, "kind": "ellipse"}]})
+    found = problem(answer, 422)
+    assert found["type"] == "urn:hybridmpm:problem:bad-sketch"
+    assert "draw it where the fluid can be" in found["detail"]
     assert service.http.get(path).json()["control"] is None
 
 
-def test_the_force_of_an_npz_gives_the_trajectory_in_the_library(service: Any, path: str) -> None:
-    body = {"strokes": [ARROW], "frames": 12}
-    plan = _arrays(service.http.post(f"{path}/sketches?stride=1", json=body, headers=NPZ).content)
-    assert (plan["force"].shape, plan["force"].dtype) == ((2,), np.float32)
-    solver = MpmSolver(Scene.parse(SMALL_SCENE))
-    assert np.array_equal(solver.rollout(12, plan["force"]), plan["positions"])
-
-
-def test_a_force_that_changes_is_thinned_as_the_positions_are() -> None:
-    force = np.arange(7 * 3 * 2, dtype=np.float32).reshape(7, 3, 2)
-    plan = ControlledTrajectory(
-        ids=np.arange(3, dtype=np.uint64),
-        positions=np.zeros((8, 3, 2), dtype=np.float32),
-        force=force,
-        mean_force=force.mean(axis=1, dtype=np.float64),
-        target_displacement=np.zeros(2),
-        displacement=np.zeros(2),
-        centroids=np.zeros((8, 2)),
-        first_frame=0,
-        reached=Reached(inside=None, inside_drawn=None, miss=0.0, rms=0.0, peak=0.0),
-        ending="done",
-    )
-    assert trajectory_arrays(plan, 3)["frame_indices"].tolist() == [0, 3, 6, 7]
-    assert np.array_equal(thinned_force(plan, 3), force[[0, 3, 6]])
-    assert np.array_equal(thinned_force(plan, 1), force)
-
-
-def test_the_trajectory_is_followed_however_frames_are_asked_for(service: Any, path: str) -> None:
-    answer = service.http.post(
-        f"{path}/sketches?stride=40", json={"strokes": [ARROW], "frames": 40}, headers=NPZ
-    )
-    end = _arrays(answer.content)["positions"][-1]
-    service.http.post(f"{path}/advance", json={"frames": 13})
+def test_a_playing_session_goes_on_and_is_steered(service: Any, path: str) -> None:
     with service.stream(path) as stream:
-        stream.send(type="step", frames=7)
-        while stream.text("status")["session"]["frame"] < 20:
-            pass
-        assert stream.text("status")["session"]["control"]["frames_done"] == 20
         stream.send(type="speed", value=1.0)
         stream.send(type="play")
-        while stream.text("status")["session"]["control"] is not None:
+        while stream.text("status")["session"]["frame"] < 5:
             pass
-        stream.send(type="pause")
-        while stream.text("status")["session"]["playing"]:
+        body = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 40}).json()
+        assert 5 <= body["drawn_frame"] <= body["first_frame"]
+        while (control := stream.text("status")["session"]["control"]) is None or control["phase"] != "done":
             pass
-    frame = service.http.get(path).json()["frame"]
-    twin = service.create()
-    service.http.post(f"{twin}/sketches", json={"strokes": [ARROW], "frames": 40})
-    reached = _arrays(service.http.post(f"{twin}/advance", json={"frames": 40}, headers=NPZ).content)[
-        "positions"
-    ]
-    assert np.array_equal(reached, end)
-    if frame > 40:
-        service.http.post(f"{twin}/advance", json={"frames": frame - 40})
-    both = [_arrays(service.http.get(f"{one}/particles", headers=NPZ).content) for one in (path, twin)]
-    assert np.array_equal(both[0]["positions"], both[1]["positions"])
+        assert (control["first_frame"], control["frames_done"]) == (body["first_frame"], 40)
+
+
+def test_a_session_tells_its_viewers_that_a_sketch_is_prepared(service: Any, path: str) -> None:
+    seen = []
+    with service.stream(path) as stream:
+        stream.text("status")
+        service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 8, "method": "constant"})
+        while not seen or seen[-1] not in {"steering", "out_of_reach"}:
+            control = stream.text("status")["session"]["control"]
+            seen.append(None if control is None else control["phase"])
+    assert "preparing" in seen
 
 
 def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
     oval = Ellipse(np.array([0.55, 0.45]), np.array([0.12, 0.08]), 0.3)
-    answer = service.http.post(f"{path}/sketches", files={"sketch": ("s.png", render_png(oval))})
+    form = {"frames": "60", "hold": "5", "cap": "7.5", "strength": "0.5", "fill": "shrink", "seed": "4"}
+    files = {"sketch": ("s.png", render_png(oval))}
+    answer = service.http.post(f"{path}/sketches", files=files, data=form | {"method": "analytic"})
+    assert answer.status_code == 200, answer.text
     body = answer.json()
     assert body["sketch"]["kind"] == "ellipse"
-    assert body["frames"] == 100
+    assert (body["frames"], body["hold"], body["needs"]["cap"]) == (60, 5, 3.75)
+    assert body["reason"] == "asked for"
     np.testing.assert_allclose(body["sketch"]["center"], [0.55, 0.45], atol=0.003)
 
 
 def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
     service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
     service.http.post(f"{path}/advance", json={"frames": 5})
-    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 10})
+    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 60})
     control = service.http.get(path).json()["control"]
-    assert control == {"kind": "arrow", "first_frame": 5, "frames_done": 0, "frames": 10}
+    assert (control["number"], control["first_frame"], control["frames_done"]) == (2, 5, 0)
+
+
+def test_a_sketch_can_be_taken_back(service: Any, path: str) -> None:
+    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
+    assert service.http.delete(f"{path}/sketches").status_code == 204
+    assert service.http.get(path).json()["control"] is None
+    assert service.http.delete(f"{path}/sketches").status_code == 204
+
+
+def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
+    service: Any, problem: Any, path: str
+) -> None:
+    slow = {"strokes": [ARROW], "frames": 40, "method": "shooting"}
+    with ThreadPoolExecutor() as pool:
+        first = pool.submit(service.http.post, f"{path}/sketches", json=slow)
+        with service.stream(path) as stream:
+            while stream.text("status")["session"]["control"] is None:
+                pass
+        second = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 40})
+        assert second.json()["number"] == 2
+        found = problem(first.result(), 409)
+    assert found["type"] == "urn:hybridmpm:problem:sketch-dropped"
+    assert "a newer sketch has replaced" in found["detail"]
+    assert service.http.get(path).json()["control"]["number"] == 2
 
 
 @pytest.mark.parametrize(
@@ -160,6 +184,22 @@ def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
         ({"strokes": [ARROW | {"widths": [3]}]}, "body.strokes[0]", "one per point"),
         ({"strokes": [ARROW], "frames": 0}, "body.frames", "equal to 1"),
         ({"strokes": [ARROW], "frames": 401}, "body.frames", "[1, 400]"),
+        (
+            {"strokes": [ARROW], "frames": 400, "hold": 1},
+            "body.frames",
+            "[1, 399] for this session with",
+        ),
+        ({"strokes": [ARROW], "hold": 400}, "body.hold", "[0, 399]"),
+        ({"strokes": [ARROW], "hold": -1}, "body.hold", "equal to 0"),
+        ({"strokes": [ARROW], "method": "magic"}, "body.method", "auto, none, constant, analytic"),
+        ({"strokes": [ARROW], "cap": 0}, "body.cap", "greater than 0"),
+        ({"strokes": [ARROW], "cap": 1001}, "body.cap", "equal to 1000"),
+        ({"strokes": [ARROW], "strength": 0}, "body.strength", "greater than 0"),
+        ({"strokes": [ARROW], "strength": 1.1}, "body.strength", "equal to 1"),
+        ({"strokes": [ARROW], "fill": "half"}, "body.fill", "'even' or 'shrink'"),
+        ({"strokes": [ARROW], "seed": -1}, "body.seed", "equal to 0"),
+        ({"strokes": [ARROW], "seed": 2**32}, "body.seed", "less than 4294967296"),
+        ({"strokes": [ARROW], "budget": 2}, "body.budget", "not permitted"),
         ({"strokes": [ARROW], "frames": "many"}, "body.frames", "integer"),
         ({"points": [[0.5, 0.5], [0.6, 0.5]]}, "body.strokes", "required"),
         ([], "body", "valid"),
@@ -168,9 +208,10 @@ def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
 def test_bad_strokes_are_refused_with_field_and_range(
     service: Any, problem: Any, path: str, *, body: Any, field: str, message: str
 ) -> None:
-    found = problem(service.http.post(f"{path}/sketches", json=body), 422)
-    assert found["errors"][0]["field"] == field
-    assert message in found["errors"][0]["message"]
+    for suffix in ("sketches", "trajectories"):
+        found = problem(service.http.post(f"{path}/{suffix}", json=body), 422)
+        assert found["errors"][0]["field"] == field
+        assert message in found["errors"][0]["message"]
     assert service.http.get(path).json()["control"] is None
 
 
@@ -218,6 +259,10 @@ def test_a_file_that_is_too_large_is_413(service: Any, problem: Any, path: str) 
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "-3"}}, "body.frames"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "9" * 500}}, "body.frames"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "0"}}, "body.frames"),
+        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"cap": "nan"}}, "body.cap"),
+        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"strength": "much"}}, "body.strength"),
+        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"method": "magic"}}, "body.method"),
+        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"strokes": "[]"}}, "body.strokes"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "\u0663"}}, "body.frames"),
     ],
 )
@@ -241,9 +286,3 @@ def test_another_format_is_415_and_says_what_is_taken(
 ) -> None:
     answer = service.http.post(f"{path}/sketches", content=ARROW_PNG, headers={"Content-Type": content_type})
     assert "multipart/form-data" in problem(answer, 415)["detail"]
-
-
-@pytest.mark.parametrize("stride", ["0", "-1", "x"])
-def test_a_bad_stride_is_named(service: Any, problem: Any, path: str, stride: str) -> None:
-    answer = service.http.post(f"{path}/sketches?stride={stride}", json={"strokes": [ARROW]})
-    assert problem(answer, 422)["errors"][0]["field"] == "query.stride"

@@ -98,6 +98,56 @@ def test_steered_frames_are_marked(service: Any, path: str) -> None:
         assert not decode(message).steered
 
 
+def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> None:
+    def moved() -> float:
+        before = service.http.get(path).json()["centroid"][0]
+        after = service.http.post(f"{path}/advance", json={"frames": 1}).json()["centroid"][0]
+        return float(after - before)
+
+    with service.stream(path) as stream:
+        stream.send(type="push", point=[0.9, 0.9], velocity=[9, 9], radius=0.1)
+        stream.send(type="push", point=[0.5, 0.5], velocity=[2.0, 0.0], radius=0.1)
+        stream.send(type="speed", value=0.5)
+        while stream.text("status")["session"]["speed"] != 0.5:
+            pass
+        service.http.post(f"{path}/advance", json={"frames": 4})
+        pushed = moved()
+        assert pushed > 1e-4
+        stream.send(type="push_end")
+        stream.send(type="speed", value=0.25)
+        while stream.text("status")["session"]["speed"] != 0.25:
+            pass
+        assert moved() == pytest.approx(moved(), rel=0.05)
+        assert service.http.get(path).json()["control"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "message"),
+    [
+        ({"point": [0.5]}, "point", "at least 2 items"),
+        ({"point": [0.5, 0.5, 0.5]}, "point", "must have 2 numbers in this session, got 3"),
+        ({"velocity": [0, 0, 0]}, "velocity", "must have 2 numbers in this session, got 3"),
+        ({"point": [0.5, 1.5]}, "point[1]", "equal to 1"),
+        ({"velocity": [0, 101]}, "velocity[1]", "equal to 100"),
+        ({"radius": 0}, "radius", "greater than 0"),
+        ({"radius": 2}, "radius", "equal to 1"),
+        ({"cap": 0}, "cap", "greater than 0"),
+        ({"velocity": None}, "velocity", "array"),
+        ({"force": 1}, "force", "not permitted"),
+    ],
+)
+def test_a_bad_push_is_refused_with_its_field(
+    service: Any, path: str, change: dict[str, Any], field: str, message: str
+) -> None:
+    command: dict[str, Any] = {"type": "push", "point": [0.5, 0.5], "velocity": [0, 0], "radius": 0.1}
+    with service.stream(path) as stream:
+        stream.send(**(command | change))
+        detail = stream.text("problem")["detail"]
+    assert detail.startswith(f"{field}: ")
+    assert message in detail
+    assert service.session(path).simulation.hand is None
+
+
 @pytest.mark.parametrize(
     ("message", "detail"),
     [

@@ -5,11 +5,9 @@ import threading
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
-from hybridmpm import Box, MpmSolver, Scene, SceneError
-from hybridmpm.control import Arrow
+from hybridmpm import Box, Scene, SceneError
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import (
     SessionBusyError,
@@ -18,7 +16,7 @@ from hybridmpm_service.errors import (
     UnavailableError,
 )
 from hybridmpm_service.sessions.manager import SessionManager
-from hybridmpm_service.sessions.session import MAX_WAITING
+from hybridmpm_service.sessions.worker import MAX_WAITING
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 
@@ -191,32 +189,6 @@ def test_a_session_does_not_expire_while_a_call_is_worked_on() -> None:
     _run(scene, idle_seconds=100)
 
 
-def test_a_plan_is_given_up_when_its_session_is_deleted(monkeypatch: pytest.MonkeyPatch) -> None:
-    inside, gate = threading.Event(), threading.Event()
-    advance, frames = MpmSolver.advance, 0
-
-    def held(solver: MpmSolver, count: int = 1, force: object = None) -> None:
-        nonlocal frames
-        frames += count
-        inside.set()
-        assert gate.wait(60)
-        advance(solver, count, force)  # type: ignore[arg-type]
-
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        monkeypatch.setattr(MpmSolver, "advance", held)
-        sketch = Arrow(np.array([[0.5, 0.5], [0.6, 0.5]]))
-        planning = asyncio.create_task(session.steer(sketch, 100))
-        assert await asyncio.to_thread(inside.wait, 60)
-        await manager.delete(session.id)
-        gate.set()
-        with pytest.raises(SessionNotFoundError):
-            await planning
-
-    _run(scene)
-    assert frames == 1
-
-
 def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
@@ -233,15 +205,19 @@ def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
     _run(scene)
 
 
-def test_the_time_of_planning_is_not_owed_to_the_player(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_player_gives_way_to_commands_after_a_frame() -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-
-        def slow(*_: object) -> None:
-            clock.now = 10
-
-        monkeypatch.setattr(session.simulation, "steer", slow)
-        await session.steer(Arrow(np.array([[0.5, 0.5], [0.6, 0.5]])), 1)
-        assert session._player._pace.due(clock.now) == 0
+        gate = threading.Event()
+        holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
+        session._player.start()
+        turn = asyncio.create_task(session._player.take_turn(100))
+        await asyncio.sleep(0)
+        looking = asyncio.create_task(session.particles())
+        await asyncio.sleep(0)
+        gate.set()
+        await holding
+        assert await turn == 1
+        assert (await looking).frame == 1
 
     _run(scene)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from hybridmpm import Box, DomainError, MpmSolver, NeuralPhysics, Scene
-from hybridmpm.control import Arrow, follow
+from hybridmpm.control import Arrow, Ellipse, follow, prepare, push
+from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.physics.free_fall import FreeFall
+from hybridmpm.simulator import Simulator
 from hybridmpm_service.sessions.frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
@@ -18,21 +20,7 @@ SCENE = Scene(
     bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
 )
 ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
-
-
-class _Recorded:
-    """A method, and its law, that plays back forces."""
-
-    name = "recorded"
-
-    def __init__(self, forces: Any) -> None:
-        self._forces = forces
-
-    def plan(self, *_: Any) -> "_Recorded":
-        return self
-
-    def force(self, _: Any, index: int) -> Any:
-        return self._forces[index]
+OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 
 
 class _Clock:
@@ -61,62 +49,157 @@ def test_it_computes_what_the_library_computes() -> None:
 
 
 def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
-    simulation = _simulation()
+    simulation, solver = _simulation(), MpmSolver(SCENE)
     simulation.advance(3)
-    plan = simulation.steer(ARROW, 10)
+    solver.advance(3)
+    guidance = prepare(simulation.copy(), ARROW, frames=40, hold=2)
+    steered = simulation.steer(guidance, 1)
+    assert (steered.number, steered.first_frame, steered.guidance) == (1, 3, guidance)
     control = simulation.look().control
     assert control is not None
-    assert (control.kind, control.first_frame, control.frames_done, control.frames) == ("arrow", 3, 0, 10)
-    simulation.advance(4)
-    assert np.array_equal(simulation.particles().positions, plan.positions[4])
-    simulation.advance(6)
+    assert (control.kind, control.phase, control.method) == ("arrow", "steering", "analytic")
+    assert (control.first_frame, control.frames_done, control.frames, control.hold) == (3, 0, 40, 2)
+    simulation.advance(40)
+    control = simulation.look().control
+    assert control is not None
+    assert (control.phase, control.frames_done, control.inside) == ("holding", 40, None)
+    simulation.advance(2)
     view = simulation.look()
-    assert view.control is None
+    assert view.control is not None
+    assert (view.control.phase, view.control.frames_done) == ("done", 42)
     assert decode(view.message).steered
-    assert np.array_equal(simulation.particles().positions, plan.positions[10])
-    free = MpmSolver(SCENE)
-    free.advance(3)
-    free.advance(10, plan.force)
-    free.advance(1)
+    solver.advance(42, guidance)
     simulation.advance(1)
-    assert not decode(simulation.look().message).steered
-    assert np.array_equal(simulation.particles().positions, free.positions)
-
-
-def test_a_force_may_change_from_frame_to_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulation, solver = _simulation(), MpmSolver(SCENE)
-    force = np.random.default_rng(1).normal(size=(4, solver.particle_count, 2)).astype(np.float32)
-    law = _Recorded(force)
-    monkeypatch.setattr(
-        "hybridmpm_service.sessions.simulation.follow",
-        lambda solver, sketch, _, **more: follow(solver, sketch, law, **more),
-    )
-    simulation.steer(ARROW, 4)
-    simulation.advance(5)
-    solver.advance(4, force)
     solver.advance(1)
+    assert not decode(simulation.look().message).steered
     assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
-def test_a_newer_sketch_replaces_an_older_one() -> None:
+def test_what_was_reached_is_what_following_the_sketch_reports() -> None:
+    simulation, solver = _simulation(), MpmSolver(SCENE)
+    simulation.steer(prepare(simulation.copy(), OVAL, frames=60), 1)
+    simulation.advance(60)
+    control = simulation.look().control
+    reached = follow(solver, OVAL, frames=60).run().reached
+    assert control is not None
+    assert (control.inside, control.inside_drawn) == (reached.inside, reached.inside_drawn)
+    assert control.inside is not None
+    assert control.inside > 0.9
+    assert control.miss == pytest.approx(reached.miss)
+
+
+def test_late_input_costs_little_for_the_goal_is_aimed_at_from_where_the_particles_are() -> None:
+    inside = []
+    for late in (0, 8):
+        simulation = _simulation()
+        guidance = prepare(simulation.copy(), OVAL, frames=60)
+        simulation.advance(late)
+        assert simulation.steer(guidance, 1).first_frame == late
+        simulation.advance(60)
+        control = simulation.look().control
+        assert control is not None
+        assert control.inside is not None
+        inside.append(control.inside)
+    assert inside[1] >= inside[0] - 0.01
+
+
+def test_a_goal_that_is_out_of_reach_is_called_so() -> None:
     simulation = _simulation()
-    simulation.steer(ARROW, 10)
+    guidance = prepare(simulation.copy(), ARROW, frames=5, cap=2)
+    assert not guidance.needs().reachable
+    simulation.steer(guidance, 1)
+    simulation.advance(3)
+    control = simulation.look().control
+    assert control is not None
+    assert control.phase == "out_of_reach"
     simulation.advance(2)
-    plan = simulation.steer(Arrow(np.array([[0.5, 0.5], [0.45, 0.5]])), 5)
-    simulation.advance(5)
+    control = simulation.look().control
+    assert control is not None
+    assert control.phase == "done"
+    assert control.miss is not None
+    assert control.miss > 0.05
+
+
+def test_a_newer_sketch_replaces_an_older_one() -> None:
+    simulation, solver = _simulation(), MpmSolver(SCENE)
+    first = prepare(simulation.copy(), ARROW, frames=10)
+    simulation.steer(first, 1)
+    simulation.advance(2)
+    second = prepare(simulation.copy(), Arrow(np.array([[0.5, 0.5], [0.45, 0.5]])), frames=5)
+    simulation.steer(second, 2)
+    simulation.advance(6)
+    solver.advance(2, first)
+    solver.advance(6, second)
+    control = simulation.look().control
+    assert control is not None
+    assert (control.number, control.phase, control.frames_done) == (2, "done", 5)
+    assert np.array_equal(simulation.particles().positions, solver.positions)
+
+
+def test_a_sketch_that_is_taken_back_steers_no_more() -> None:
+    simulation, solver = _simulation(), MpmSolver(SCENE)
+    guidance = prepare(simulation.copy(), ARROW, frames=10)
+    simulation.steer(guidance, 1)
+    simulation.advance(4)
+    simulation.release()
+    simulation.advance(4)
+    solver.advance(4, guidance)
+    solver.advance(4)
     assert simulation.look().control is None
-    assert np.array_equal(simulation.particles().positions, plan.positions[-1])
+    assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
 def test_reset_goes_back_to_the_start_without_control() -> None:
     simulation = _simulation()
     start = simulation.particles().positions
-    simulation.steer(ARROW, 10)
+    simulation.steer(prepare(simulation.copy(), ARROW, frames=10), 1)
+    simulation.hand = push((0.5, 0.5), (1, 0), 0.1)
     simulation.advance(2)
     simulation.reset()
     view = simulation.look()
     assert (view.frame, view.control, view.last_frame) == (0, None, None)
     assert np.array_equal(simulation.particles().positions, start)
+    simulation.advance(5)
+    solver = MpmSolver(SCENE)
+    solver.advance(5)
+    assert np.array_equal(simulation.particles().positions, solver.positions)
+
+
+@pytest.mark.parametrize("method", ["none", "constant", "analytic"])
+def test_a_hand_pushes_beside_a_sketch(method: str) -> None:
+    simulation, solver = _simulation(), MpmSolver(SCENE)
+    hand = push((0.5, 0.5), (1.0, 0.5), 0.08)
+    guidance = prepare(simulation.copy(), ARROW, method=method, frames=40)
+    simulation.steer(guidance, 1)
+    simulation.hand = hand
+    simulation.advance(3)
+    simulation.hand = None
+    simulation.advance(2)
+
+    def both(now: Simulator) -> Any:
+        force = guidance(now)
+        return hand(now) if force is None else force + hand(now)  # type: ignore[operator]
+
+    solver.advance(3, both)
+    solver.advance(2, guidance)
+    assert np.array_equal(simulation.particles().positions, solver.positions)
+
+
+def test_a_sketch_wakes_regions_that_sleep() -> None:
+    pool = Scene(
+        dim=2,
+        resolution=32,
+        bodies=(Box(lower=(0.1, 0.1), upper=(0.9, 0.2), material="sand"),),
+    )
+    solver = MpmSolver(pool, sleep=Sleep())
+    solver.advance(400)
+    assert solver.asleep.mean() > 0.9
+    simulation = Simulation(ChosenSolver(solver), clock=_Clock())
+    start = simulation.look().centroid
+    arrow = Arrow(np.array([[0.5, 0.2], [0.5, 0.4]]))
+    simulation.steer(prepare(simulation.copy(), arrow), 1)
+    simulation.advance(100)
+    assert simulation.look().centroid[1] > start[1] + 0.1
 
 
 def test_a_failing_frame_leaves_the_state_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,1 @@
+"""Sketches of a session: prepared beside it, then steering it."""

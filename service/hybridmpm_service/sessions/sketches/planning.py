@@ -1,0 +1,158 @@
+"""Planning beside a session that goes on: on copies of its simulator, in threads of their own."""
+
+from collections.abc import Callable
+from typing import Any
+
+from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
+from hybridmpm.simulator import Simulator
+from hybridmpm_service.errors import SketchDroppedError
+from hybridmpm_service.sessions.view import Control
+from hybridmpm_service.sessions.worker import Worker
+
+
+def planned(
+    simulator: Simulator,
+    sketch: Sketch,
+    *,
+    most: int,
+    frames: int | None = None,
+    hold: int = 0,
+    **settings: Any,
+) -> Guidance:
+    """Return the guidance of a sketch, with `frames` and `hold` together at most `most`.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        In the state that the sketch was drawn on; it does not change.
+    sketch : Arrow or Ellipse
+    most : int > hold
+        Largest number of frames. If `frames` is None, it is what the sketch needs, but no more than this.
+    frames, hold : int
+        As `hybridmpm.control.prepare` takes them.
+    **settings
+        The others of `prepare`.
+
+    Raises
+    ------
+    ConfigError, SketchError, SimulationError
+        As `prepare`.
+    """
+    guidance = prepare(simulator, sketch, frames=frames, hold=hold, **settings)
+    if guidance.total_frames <= most:
+        return guidance
+    return prepare(simulator, sketch, frames=most - hold, hold=hold, **settings)
+
+
+class Preparation:
+    """A sketch that is being prepared. Safe to use from several threads.
+
+    Parameters
+    ----------
+    number : int
+        Number of the sketch in its session.
+    sketch : Arrow or Ellipse
+    check_open : callable
+        Raises once the session is closed.
+    """
+
+    def __init__(self, number: int, sketch: Sketch, check_open: Callable[[], None]) -> None:
+        self.control = Control(number=number, kind=sketch.kind, phase="preparing")
+        """What the session says of the sketch meanwhile."""
+        self._check_open = check_open
+        self._why_dropped: str | None = None
+
+    def drop(self, why: str) -> None:
+        """Let the preparation end at its next check."""
+        self._why_dropped = why
+
+    def check(self) -> None:
+        """Raise if the sketch was dropped or the session is closed: neither waits for a plan's end."""
+        self._check_open()
+        if self._why_dropped is not None:
+            raise SketchDroppedError(self._why_dropped)
+
+
+class Planner:
+    """Plans the sketches of one session, one at a time, and computes trajectories. Belongs to the event loop.
+
+    Parameters
+    ----------
+    session : str
+        Name of the session.
+    check_open : callable
+        Raises once the session is closed.
+    on_change : callable
+        Called when a preparation begins or ends.
+    """
+
+    def __init__(
+        self, session: str, *, check_open: Callable[[], None], on_change: Callable[[], None]
+    ) -> None:
+        self._check_open = check_open
+        self._on_change = on_change
+        self._sketches = Worker("sketches", session, check_open)
+        self._trajectories = Worker("trajectories", session, check_open)
+        self._count = 0
+        self._preparation: Preparation | None = None
+
+    @property
+    def control(self) -> Control | None:
+        """The sketch that is being prepared; None without one."""
+        return None if self._preparation is None else self._preparation.control
+
+    def begin(self, sketch: Sketch) -> Preparation:
+        """Begin with a sketch in the place of one that is being prepared; end it with `end`."""
+        self.drop("a newer sketch has replaced this one before it began to steer")
+        self._count += 1
+        self._preparation = Preparation(self._count, sketch, self._check_open)
+        self._on_change()
+        return self._preparation
+
+    def end(self, preparation: Preparation) -> None:
+        """Note that a sketch is no longer being prepared."""
+        if self._preparation is preparation:
+            self._preparation = None
+            self._on_change()
+
+    def drop(self, why: str) -> None:
+        """Give up the sketch that is being prepared, if there is one."""
+        if self._preparation is not None:
+            self._preparation.drop(why)
+            self._preparation = None
+
+    async def prepare(
+        self, preparation: Preparation, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
+    ) -> Guidance:
+        """Plan a sketch on a copy of the simulator; parameters and errors as `planned`.
+
+        Raises
+        ------
+        SketchDroppedError
+            The preparation was dropped.
+        """
+
+        def plan() -> Guidance:
+            preparation.check()
+            return planned(twin, sketch, most=most, on_frame=preparation.check, **settings)
+
+        return await self._sketches.run(plan)
+
+    async def trajectory(
+        self, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
+    ) -> tuple[Guidance, ControlledTrajectory]:
+        """Let a copy of the simulator follow a sketch to the end; parameters and errors as `planned`."""
+
+        def trace() -> tuple[Guidance, ControlledTrajectory]:
+            guidance = planned(twin, sketch, most=most, on_frame=self._check_open, **settings)
+            following = Following(twin, guidance)
+            for _ in following:
+                self._check_open()
+            return guidance, following.result
+
+        return await self._trajectories.run(trace)
+
+    def end_threads(self, *, wait: bool) -> None:
+        """Take no more plans; with `wait` return only after the threads have ended."""
+        self._sketches.end(wait=wait)
+        self._trajectories.end(wait=wait)

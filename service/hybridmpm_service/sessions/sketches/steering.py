@@ -1,0 +1,81 @@
+"""A sketch that steers a simulation: who asked for it, how far it is, and what was reached."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hybridmpm.control import Guidance
+from hybridmpm.simulator import Simulator
+from hybridmpm_service.sessions.view import Control, Phase
+
+
+@dataclass(frozen=True)
+class Steered:
+    """What is answered to a sketch that steers from now on."""
+
+    number: int
+    """Number of the sketch in its session."""
+    first_frame: int
+    """Frame of the session from which on it steers."""
+    guidance: Guidance
+    """The sketch as it was understood and planned."""
+
+
+class Steering:
+    """A guidance that acts from a frame on, which may be later than the one that it was prepared for.
+
+    The frames of the guidance are counted from that frame. Its law looks at the actual state, so the goal is
+    aimed at from wherever the particles have come to meanwhile, and no frame is lost.
+
+    Parameters
+    ----------
+    number : int
+        Number of the sketch in its session.
+    guidance : Guidance
+    simulator : Simulator
+        It is steered from its next frame on.
+    """
+
+    def __init__(self, number: int, guidance: Guidance, simulator: Simulator) -> None:
+        self._guidance = guidance
+        self._simulator = simulator
+        self.control = Control(
+            number=number,
+            kind=guidance.sketch.kind,
+            phase=self._phase_at(0),
+            method=guidance.method,
+            first_frame=simulator.frame,
+            frames=guidance.frames,
+            hold=guidance.hold,
+        )
+        """How far it is."""
+
+    def force(self) -> Any:
+        """Return the force of the next frame, as `Simulator.advance` takes it."""
+        return self._guidance.law.force(self._simulator, self.control.frames_done)
+
+    def count(self) -> Control:
+        """Note that a frame was computed, and return how far it is now."""
+        done = self.control.frames_done + 1
+        self.control = replace(self.control, frames_done=done, phase=self._phase_at(done))
+        if done == self._guidance.frames:
+            self.control = self._with_reached(self.control)
+        return self.control
+
+    def _phase_at(self, done: int) -> Phase:
+        guidance = self._guidance
+        if done < guidance.frames:
+            return "steering" if guidance.needs().reachable else "out_of_reach"
+        return "holding" if done < guidance.total_frames else "done"
+
+    def _with_reached(self, control: Control) -> Control:
+        goal, x = self._guidance.goal, self._simulator.positions.astype(np.float64)
+        weight = goal.cloud.weight
+        inside, drawn = goal.inside(x), goal.inside_drawn(x)
+        return replace(
+            control,
+            inside=None if inside is None else float(weight @ inside),
+            inside_drawn=None if drawn is None else float(weight @ drawn),
+            miss=float(np.linalg.norm(weight @ x - goal.path[-1])),
+        )
