@@ -161,6 +161,16 @@ def test_stroke_widths_run_from_start_to_end(page: Page) -> None:
     assert _call(page, "sketch/sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
 
 
+def test_a_hand_is_as_fast_as_its_latest_samples_in_simulated_time(page: Page) -> None:
+    samples = [{"point": [0.1 * i, 0.5], "time": 1 + 0.02 * i} for i in range(6)]
+    # Over the last 80 ms: three steps of 0.1 m in 60 ms.
+    assert _call(page, "sketch/hand.js", "velocityOf", samples, 1.1) == pytest.approx([5, 0])
+    assert _call(page, "sketch/hand.js", "velocityOf", samples, 1.3) == [0, 0]
+    assert _call(page, "sketch/hand.js", "velocityOf", samples[:1], 1.0) == [0, 0]
+    assert _call(page, "sketch/hand.js", "simulated", [0.3, 0.4], 0.25) == pytest.approx([1.2, 1.6])
+    assert _call(page, "sketch/hand.js", "simulated", [3, 4], 0.25) == pytest.approx([3, 4])
+
+
 def test_orbit_view_projects_as_its_matrix_says(page: Page) -> None:
     script = """async (point) => {
       const { OrbitView } = await import("/stage/camera.js");

@@ -131,7 +131,7 @@ def test_a_sketch_puts_mpm_in_the_networks_place(open_page: Open, service: LiveS
     visit.drag([(0.5, 0.4), (0.5, 0.5)])
     visit.wait_for("body.control === 'following'")
     visit.press_until(".", "body.frame === '41' && body.mode === 'mpm'")
-    expect(visit.page.locator("#decision-reason")).to_have_text("a sketch steers")
+    expect(visit.page.locator("#decision-reason")).to_have_text("a sketch or a push steers")
 
 
 def test_a_network_that_fails_says_what_to_do(open_page: Open, service: LiveService) -> None:

@@ -9,13 +9,16 @@ import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
 import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
+import { Hand } from "./sketch/hand.js";
 import { StagePointer } from "./sketch/pointer.js";
+import { depthOfWidth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
 
 const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const overlay = document.getElementById("overlay");
+const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const asSeed = (text) => (/^\d{1,9}$/.test(text ?? "") ? Number(text) : 0);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
 let chosen = {
@@ -28,6 +31,8 @@ let scene = null; // the scene of the hello message
 let sessionId = null; // the session that the stage shows
 let playing = null; // whether the session plays; null as long as that is unknown
 let tool = "arrow";
+let speed = 0.25; // simulated seconds per second that the player aims at
+let centroid = null; // centre of mass, as the newest status says
 let startsPlaying = false; // whether to play once the session is live: this page has created it
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
@@ -35,17 +40,29 @@ let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
-  plan: (stroke, frames) => session.steer(stroke, frames),
+  plan: (stroke) => session.steer(stroke),
+  release: () => session.release().catch(messages.toast),
   dim: () => scene.dim,
   widths: controls.depthWidths,
   changed: refreshSteering,
   refused: messages.toast,
+  planned: ({ needs }) => {
+    if (needs.reachable) return;
+    const detail = needs.obstructions.map(({ message }) => capitalised(message)).join(". ");
+    messages.toast({ title: "Out of reach", detail: `${detail}.`, advice: "The fluid goes as near as it can.", hint: true });
+  },
   tooSmall: () => messages.toast({ title: "That stroke is very short", advice: "Press, drag a few centimetres, release.", hint: true }),
 });
-const stage = new Stage(document.getElementById("view"), steering, query.get("renderer"));
+const hand = new Hand({
+  speed: () => speed,
+  push: (push) => session.send({ type: "push", ...push }),
+  end: () => session.send({ type: "push_end" }),
+  changed: refreshSteering,
+});
+const stage = new Stage(document.getElementById("view"), steering, hand, query.get("renderer"));
 
 function refreshSteering() {
-  showSteering(steering, { live: session.state === "live", playing, dim: scene?.dim ?? 2, tool });
+  showSteering(steering, { live: session.state === "live", playing, dim: scene?.dim ?? 2, tool, centroid });
   stage.invalidate();
 }
 
@@ -82,7 +99,9 @@ function bannerOf(state, seconds, problem) {
 
 function onHello(hello) {
   if (hello.session.id !== sessionId) showSession(hello);
-  controls.showSpeed(hello.session.speed);
+  speed = hello.session.speed;
+  centroid = hello.session.centroid;
+  controls.showSpeed(speed);
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
   setPlaying(hello.session.playing);
@@ -108,6 +127,9 @@ function showSession(hello) {
 function onStatus(status) {
   livePanel.showStatus(status);
   showWho(status.session, status.history);
+  speed = status.session.speed;
+  centroid = status.session.centroid;
+  steering.note(status.session.control);
   setPlaying(status.session.playing);
 }
 
@@ -135,7 +157,7 @@ function showNewest() {
     livePanel.showFrame(frame);
     messages.hideSkeleton();
     steering.follow(frame.frame);
-    if (steering.phase === "following") refreshSteering();
+    if (steering.plan !== null && steering.phase !== "done") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
     messages.toast({ title: "This page and the server do not match", detail: error.message, advice: "Reload the page." });
@@ -193,17 +215,28 @@ function sampleOf({ at, time }) {
   return { point: stage.view.unproject(...at).map(clamp), time };
 }
 
+/** In 3D a hand pushes at the depth that a stroke would begin at. */
+function inDepth({ point, time }) {
+  if (scene.dim === 2) return { point, time };
+  const { lower, upper } = scene.walls;
+  return { point: [...point, lower[2] + depthOfWidth(controls.depthWidths()[0]) * (upper[2] - lower[2])], time };
+}
+
 const pointer = new StagePointer(overlay, {
   mode: () => (scene?.dim === 3 && tool === "orbit" ? "orbit" : "stroke"),
   begin: (sample) => {
     if (session.state !== "live") return;
     // Strokes are taken in the front view: whoever draws does not want to wait for the camera.
     if (stage.view.settle(Infinity)) stage.invalidateView();
-    steering.begin(tool, sampleOf(sample));
+    if (tool === "push") hand.begin(inDepth(sampleOf(sample)));
+    else steering.begin(tool, sampleOf(sample));
   },
-  extend: (samples) => steering.extend(samples.map(sampleOf)),
-  finish: () => steering.finish(),
-  cancel: () => steering.clear(),
+  extend: (samples) => {
+    if (hand.point !== null) hand.extend(samples.map((sample) => inDepth(sampleOf(sample))));
+    else steering.extend(samples.map(sampleOf));
+  },
+  finish: () => (hand.point === null ? steering.finish() : hand.finish()),
+  cancel: () => (hand.point === null ? steering.clear() : hand.finish()),
   orbit: (dx, dy) => {
     stage.view.orbit(dx, dy);
     stage.invalidateView();
@@ -231,11 +264,11 @@ controls.bindControls({
     speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
   },
   tool: chooseTool,
-  undo: () => steering.clear(),
+  undo: () => steering.takeBack(),
   switchKind: () => steering.switchKind(),
   escape: () => {
-    if (steering.phase === "drawing") pointer.abort();
-    else if (steering.phase !== "planning") steering.clear();
+    if (steering.phase === "drawing" || hand.point !== null) pointer.abort();
+    else steering.takeBack();
   },
 });
 

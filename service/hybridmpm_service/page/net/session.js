@@ -63,10 +63,14 @@ export class SessionClient {
     return true;
   }
 
-  /** Ask the server to follow a stroke for `frames` frames. Resolves to its plan without the particles. */
-  steer(stroke, frames) {
-    // The page draws the particles of the stream, so only the two frames that are always sent come back.
-    return request("POST", `${this.path}/sketches?stride=${frames}`, { strokes: [stroke], frames });
+  /** Let a stroke steer the simulation. Resolves to how it was understood, what it takes and where it leads. */
+  steer(stroke) {
+    return request("POST", `${this.path}/sketches`, { strokes: [stroke] });
+  }
+
+  /** Let no sketch steer the simulation any more. */
+  release() {
+    return request("DELETE", `${this.path}/sketches`);
   }
 
   /** Try again at once instead of waiting for the next attempt. */

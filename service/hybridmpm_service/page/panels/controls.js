@@ -89,6 +89,7 @@ function bindKeys(actions) {
     a: () => actions.tool("arrow"),
     o: () => actions.tool("oval"),
     f: () => actions.tool("free"),
+    p: () => actions.tool("push"),
     v: () => actions.tool("orbit"),
     "?": () => byId("help").showModal(),
   };

@@ -22,7 +22,7 @@ export function showDrawing(framesPerSecond) {
 
 const threeDigits = (value) => value.toFixed(value < 10 ? 2 : value < 100 ? 1 : 0);
 
-/** A playing session stands still while its thread plans a sketch. */
+/** A session that has just begun to play has no pace yet. */
 function measuredText(playing, measured) {
   if (!playing) return "paused";
   return measured > 0 ? `${speedText(measured)} real time` : "waiting";

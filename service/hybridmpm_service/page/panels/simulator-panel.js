@@ -12,7 +12,7 @@ const REASONS = {
   density: "particles crowded",
   divergence: "the flow diverged",
   energy: "energy grew",
-  force: "a sketch steers",
+  force: "a sketch or a push steers",
   impact: "an impact",
   "non-finite": "the network failed",
   outside: "particles left the box",

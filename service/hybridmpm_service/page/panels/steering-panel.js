@@ -6,10 +6,12 @@ const signed = (value) => `${value < 0 ? "−" : ""}${Math.abs(value).toFixed(1)
 const centimetres = (vector) => `(${vector.map((value) => signed(100 * value)).join(", ")}) cm`;
 const lengthText = (metres) => (metres < 0.01 ? `${(1000 * metres).toFixed(1)} mm` : `${(100 * metres).toFixed(1)} cm`);
 
-/** A warning where walls or the limit of the acceleration keep the fluid away from the target. */
-function missText(steering) {
-  const { miss } = steering.deviation();
-  return miss > 0.25 * Math.hypot(...steering.plan.target_displacement) ? `, will end ${lengthText(miss)} away` : "";
+const percent = (share) => `${(100 * share).toFixed(share > 0.995 ? 1 : 0)} %`;
+
+/** What was reached when the sketch's frames were over; empty as long as the server has not said it. */
+function reachedText({ reached }) {
+  if (reached === null) return "";
+  return reached.inside === null ? `${lengthText(reached.miss)} from the target` : `${percent(reached.inside)} inside`;
 }
 
 /** The line under the picture, for each phase of steering. */
@@ -21,40 +23,44 @@ function steerText(steering, { live, playing, dim, tool }) {
     case "staged":
       return `Taken for an ${kind}`;
     case "planning":
-      return "Steering…";
+      return "Planning…";
     case "following":
       if (!playing) return `Paused: play to follow the ${kind}`;
-      return `Following the ${kind}${missText(steering)}`;
-    case "done": {
-      const { miss, degrees } = steering.deviation();
-      return `Done: ${lengthText(miss)} from the target, ${degrees.toFixed(1)}° off`;
-    }
+      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going as near as it can";
+    case "holding":
+      return `Holding: ${reachedText(steering) || kind}`;
+    case "done":
+      return `Done${steering.reached === null ? "" : `: ${reachedText(steering)}`}`;
     default:
       if (!live) return "Waiting for the simulation";
       if (dim === 3 && tool === "orbit") return "Drag to look around. Pick arrow or oval to steer.";
-      return tool === "oval" ? "Drag across an oval, or trace one, where the fluid should gather" : "Draw on the picture: the fluid follows";
+      if (tool === "push") return playing ? "Drag through the fluid to push it" : "Paused: play, then drag to push the fluid";
+      return tool === "oval" ? "Drag or trace an oval for the fluid to fill" : "Draw on the picture: the fluid follows";
   }
 }
 
 export function showSteering(steering, context) {
-  const { phase, plan } = steering;
+  const { phase, plan, framesDone } = steering;
+  const steers = phase === "following" || phase === "holding";
   document.body.dataset.control = phase;
   setText("steer-text", steerText(steering, context));
-  setText("steer-count", phase === "following" ? `${steering.framesDone} / ${plan.frames}` : "");
+  setText("steer-count", steers ? `${framesDone} / ${plan.frames + plan.hold}` : "");
   byId("switch-kind").hidden = phase !== "staged";
   setText("switch-kind", steering.sketch?.kind === "arrow" ? "Make it an oval" : "Make it an arrow");
-  byId("undo").hidden = !["staged", "following", "done"].includes(phase);
-  setText("undo", phase === "staged" ? "Undo" : "Clear");
+  byId("undo").hidden = ["idle", "drawing"].includes(phase);
+  setText("undo", phase === "staged" ? "Undo" : phase === "done" ? "Clear" : "Let go");
   const progress = byId("steer-progress");
-  progress.hidden = phase !== "following";
+  progress.hidden = !steers;
   byId("plan-card").hidden = plan === null;
   if (plan === null) return;
-  progress.max = plan.frames;
-  progress.value = steering.framesDone;
-  const [start, now] = [plan.centroids[0], plan.centroids[steering.framesDone]];
-  setText("wanted", centimetres(plan.target_displacement));
-  setText("moved", centimetres(now.map((value, axis) => value - start[axis])));
-  const force = plan.mean_force[Math.min(steering.framesDone, plan.frames - 1)];
-  setText("force", `${Math.hypot(...force).toFixed(1)} m/s²`);
-  setText("deviation", lengthText(steering.deviation().miss));
+  progress.max = plan.frames + plan.hold;
+  progress.value = framesDone;
+  const { path } = plan.goal;
+  const from = (point) => point.map((value, axis) => value - path[0][axis]);
+  setText("wanted", centimetres(from(path.at(-1))));
+  setText("moved", centimetres(from(context.centroid)));
+  setText("need", `${plan.needs.acceleration.toFixed(1)} g of ${plan.needs.cap} g`);
+  setText("reached-name", `After ${plan.frames} frames`);
+  setText("reached", reachedText(steering) || "–");
+  setText("needs-text", plan.needs.obstructions.map(({ message }) => `Out of reach: ${message}.`).join(" "));
 }

@@ -1,28 +1,29 @@
-// The life of a sketch: drawn, perhaps staged for a moment, planned by the server, followed, done.
+// The life of a sketch: drawn, perhaps staged for a moment, planned by the server, followed, held, done.
 
 import { classify, isDrawable, ovalFrom, strokeOf } from "./sketch.js";
 
-/** Frames that a sketch steers: 0.25 s of simulated time, the service's default horizon. */
-export const FRAMES = 100;
 const STAGE_MS = 1100; // time in which the user may correct the guess for a freehand stroke
 
 /**
  * One sketch after the other. Its phases are "idle", "drawing", "staged" (the guess is shown, not yet sent),
- * "planning" (the server computes), "following" and "done".
+ * "planning" (the server plans while the simulation goes on), "following", "holding" and "done".
  */
 export class Steering {
   phase = "idle";
   sketch = null; // {kind, points, widths: [start, end]}
   plan = null; // the service's answer
   framesDone = 0; // number of frames that the sketch has steered so far
+  reached = null; // {inside, miss} once the frames of the sketch are over
   #tool = "arrow";
   #samples = []; // points of the stroke in progress: {point, time}
   #stageTimer = 0;
   #lastFrame = 0;
+  #seen = false; // whether the server has said that this sketch steers
   #attempt = 0; // number of the present sketch, which tells answers to replaced ones apart
   #handlers;
 
-  /** @param handlers {plan(stroke, frames) -> promise, dim(), widths(), changed(), refused(problem), tooSmall()} */
+  /** @param handlers {plan(stroke) -> promise, release(), dim(), widths(), changed(), refused(problem), planned(plan),
+   *   tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -37,7 +38,7 @@ export class Steering {
     this.#attempt += 1;
     this.#tool = tool;
     this.#samples = [sample];
-    this.plan = null;
+    this.#forget();
     this.#updateSketch();
     this.#enter("drawing");
   }
@@ -94,11 +95,11 @@ export class Steering {
     const serial = this.#attempt;
     try {
       const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
-      const plan = await this.#handlers.plan(stroke, FRAMES);
+      const plan = await this.#handlers.plan(stroke);
       if (serial !== this.#attempt) return;
       this.plan = plan;
-      this.framesDone = 0;
       this.#enter("following");
+      this.#handlers.planned(plan);
     } catch (problem) {
       if (serial !== this.#attempt) return;
       this.clear();
@@ -106,37 +107,59 @@ export class Steering {
     }
   }
 
-  /** Take the sketch off the picture. A motion that the server follows already goes on. */
+  /** Take the sketch back: if the server plans or follows it, it lets go. */
+  takeBack() {
+    if (["planning", "following", "holding"].includes(this.phase)) this.#handlers.release();
+    this.clear();
+  }
+
+  /** Take the sketch off the picture, and leave the server as it is. */
   clear() {
     clearTimeout(this.#stageTimer);
     this.#attempt += 1;
     this.sketch = null;
-    this.plan = null;
-    this.framesDone = 0;
+    this.#forget();
     this.#enter("idle");
+  }
+
+  #forget() {
+    this.plan = null;
+    this.reached = null;
+    this.framesDone = 0;
+    this.#seen = false;
   }
 
   /** Note that a frame is shown, and so how much of the plan has been followed. */
   follow(frame) {
     const wasReset = frame < this.#lastFrame;
     this.#lastFrame = frame;
-    if (this.phase !== "following" && this.phase !== "done") return;
+    if (this.plan === null) return;
     if (wasReset) {
       this.clear();
       return;
     }
+    const { frames, hold, first_frame: first } = this.plan;
     // The picture may still be behind the frame at which the plan begins.
-    this.framesDone = Math.min(this.plan.frames, Math.max(0, frame - this.plan.first_frame));
-    if (this.phase === "following" && this.framesDone === this.plan.frames) this.#enter("done");
+    this.framesDone = Math.min(frames + hold, Math.max(0, frame - first));
+    const phase = this.framesDone < frames ? "following" : this.framesDone < frames + hold ? "holding" : "done";
+    if (phase !== this.phase) this.#enter(phase);
   }
 
-  /** Distance [m] between the planned end of the centre of mass and the target, and angle between both ways. */
-  deviation() {
-    const { displacement, target_displacement: target } = this.plan;
-    const norm = (vector) => Math.hypot(...vector);
-    const miss = norm(displacement.map((value, axis) => value - target[axis]));
-    const dot = displacement.reduce((sum, value, axis) => sum + value * target[axis], 0);
-    const cosine = dot / Math.max(norm(displacement) * norm(target), 1e-9);
-    return { miss, degrees: (Math.acos(Math.min(1, Math.max(-1, cosine))) * 180) / Math.PI };
+  /** Note what the server says of the newest sketch: what was reached, or that somebody else has ended it. */
+  note(control) {
+    if (this.plan === null) return;
+    if (control?.number === this.plan.number) {
+      this.#seen = true;
+      if (control.miss === null || this.reached !== null) return;
+      this.reached = { inside: control.inside, miss: control.miss };
+      this.#handlers.changed();
+    } else if (this.#seen && control?.phase !== "preparing") {
+      this.clear();
+    }
   }
+}
+
+/** The outline that a stroke of the oval tool means: a traced one as it is, else the oval between both ends. */
+function ovalOf(points) {
+  return classify(points) === "ellipse" ? points : ovalBetween(points[0], points.at(-1));
 }

@@ -1,10 +1,10 @@
-// Sketches and the motion planned from them, painted over the particles.
+// Sketches, where they lead, and the hand that pushes, painted over the particles.
 
 import { arrowHead, depthOfWidth, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
 import { trace, traceWorld } from "./lines.js";
 
 const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
-const PATH_COLOR = "#ffffff";
+const HAND_COLOR = "#58b9ff";
 
 /** Points of a sketch on the stage [px]; in 3D each at the depth that its stroke width means. */
 function project(view, scene, sketch) {
@@ -108,35 +108,50 @@ export function drawGuess(context, view, scene, sketch) {
 }
 
 /**
- * Draw a plan: where the centre of mass starts, where it is wanted, and its way so far.
+ * Draw where a sketch leads: what is to be filled, and the way of the centre of mass.
  *
- * @param plan the service's answer to the sketch
- * @param framesDone number of frames that the sketch has steered so far
+ * @param goal of the service's answer to the sketch
  */
-export function drawPlan(context, view, plan, framesDone) {
-  const start = plan.centroids[0];
-  const target = start.map((value, axis) => value + plan.target_displacement[axis]);
+export function drawGoal(context, view, goal) {
   context.save();
+  if (goal.region !== null) {
+    context.strokeStyle = COLORS.ellipse;
+    context.fillStyle = COLORS.ellipse;
+    context.lineWidth = 1.5;
+    context.setLineDash([5, 5]);
+    traceWorld(context, view, goal.region, true);
+    context.stroke();
+    context.globalAlpha = 0.1;
+    context.fill();
+    context.globalAlpha = 1;
+  }
   context.lineCap = "round";
   context.strokeStyle = "rgb(255 255 255 / 0.65)";
   context.lineWidth = 1.5;
   context.setLineDash([2, 6]);
-  traceWorld(context, view, [start, target]);
+  traceWorld(context, view, goal.path);
   context.stroke();
   context.setLineDash([]);
-  drawTarget(context, ...view.project(target));
-
-  const way = plan.centroids.slice(0, framesDone + 1);
-  context.shadowColor = "rgb(0 0 0 / 0.7)";
-  context.shadowBlur = 4;
-  context.strokeStyle = PATH_COLOR;
-  context.lineWidth = 2.5;
-  traceWorld(context, view, way);
-  context.stroke();
   context.fillStyle = "rgb(255 255 255 / 0.7)";
-  drawDot(context, view.project(start), 3);
-  context.fillStyle = PATH_COLOR;
-  drawDot(context, view.project(way.at(-1)), 5.5);
+  drawDot(context, view.project(goal.path[0]), 3);
+  drawTarget(context, ...view.project(goal.path.at(-1)));
+  context.restore();
+}
+
+/** Draw the hand that pushes the fluid. */
+export function drawHand(context, view, point, radius) {
+  const [px, py] = view.project(point);
+  context.save();
+  context.strokeStyle = HAND_COLOR;
+  context.fillStyle = HAND_COLOR;
+  context.lineWidth = 1.5;
+  context.beginPath();
+  context.arc(px, py, radius * view.pixelsPerMetre, 0, 2 * Math.PI);
+  context.stroke();
+  context.globalAlpha = 0.1;
+  context.fill();
+  context.globalAlpha = 1;
+  drawDot(context, [px, py], 3);
   context.restore();
 }
 

@@ -1,7 +1,8 @@
 // The picture: three canvases on top of each other, which are drawn again when something has changed.
 
+import { RADIUS } from "../sketch/hand.js";
 import { FlatView, OrbitView } from "./camera.js";
-import { drawFittedEllipse, drawGuess, drawPlan, drawSketch } from "./drawing.js";
+import { drawFittedEllipse, drawGoal, drawGuess, drawHand, drawSketch } from "./drawing.js";
 import { SpeedEstimate, spacingOf } from "./particles.js";
 import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
@@ -18,12 +19,14 @@ export class Stage {
   #speeds = null;
   #time = 0; // simulated time of the frame that is shown [s]
   #steering;
+  #hand;
   #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
-  constructor(element, steering, wantedRenderer) {
+  constructor(element, steering, hand, wantedRenderer) {
     this.#element = element;
     this.#steering = steering;
+    this.#hand = hand;
     const { renderer, canvas } = createRenderer(element.querySelector("#particles"), wantedRenderer);
     this.#renderer = renderer;
     this.#canvases = {
@@ -111,14 +114,15 @@ export class Stage {
 
   #drawOverlay() {
     const context = this.#clear(this.#canvases.overlay);
-    const { sketch, plan, phase, framesDone } = this.#steering;
+    const { sketch, plan, phase } = this.#steering;
     drawForeground(context, this.view, this.#scene, this.#time);
     if (sketch !== null) {
-      const faded = phase === "following" || phase === "done";
+      const faded = plan !== null;
       drawSketch(context, this.view, this.#scene, sketch, faded ? 0.55 : 1);
       if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
       if (phase === "drawing" || phase === "staged") drawGuess(context, this.view, this.#scene, sketch);
     }
-    if (plan !== null) drawPlan(context, this.view, plan, framesDone);
+    if (plan !== null) drawGoal(context, this.view, plan.goal);
+    if (this.#hand.point !== null) drawHand(context, this.view, this.#hand.point, RADIUS);
   }
 }

@@ -1,0 +1,64 @@
+// A hand in the fluid: while it is held, the server is told where it is and how fast it moves.
+
+/** Radius within which the hand pushes [m]. */
+export const RADIUS = 0.08;
+const SEND_MS = 33; // faster than frames are played at the usual speeds
+const WINDOW_SECONDS = 0.08; // time over which the velocity is measured: one step of a mouse is too coarse
+const MAX_SPEED = 5; // m/s of simulated time; a quick flick in slow motion would tear the fluid apart
+
+/** Velocity [m per second of the wall clock] over the latest samples {point, time}; 0 once they are old. */
+export function velocityOf(samples, now) {
+  const recent = samples.filter((sample) => now - sample.time < WINDOW_SECONDS);
+  if (recent.length < 2) return samples[0].point.map(() => 0);
+  const [first, last] = [recent[0], recent.at(-1)];
+  const seconds = Math.max(now - first.time, 1e-3);
+  return last.point.map((value, axis) => (value - first.point[axis]) / seconds);
+}
+
+/** The same velocity in simulated time, which passes `speed` times as fast, and at most as fast as is allowed. */
+export function simulated(velocity, speed) {
+  const size = Math.hypot(...velocity) / speed;
+  const factor = size > MAX_SPEED ? MAX_SPEED / size : 1;
+  return velocity.map((value) => (value / speed) * factor);
+}
+
+export class Hand {
+  point = null; // where the hand is; null while it is not held
+  #samples = [];
+  #timer = 0;
+  #handlers;
+
+  /** @param handlers {speed() -> simulated seconds per second, push({point, velocity, radius}), end(), changed()} */
+  constructor(handlers) {
+    this.#handlers = handlers;
+  }
+
+  begin(sample) {
+    this.#samples = [sample];
+    this.point = sample.point;
+    clearInterval(this.#timer);
+    this.#timer = setInterval(() => this.#send(), SEND_MS);
+    this.#send();
+    this.#handlers.changed();
+  }
+
+  extend(samples) {
+    if (this.point === null) return;
+    this.#samples = [...this.#samples, ...samples].slice(-64);
+    this.point = samples.at(-1).point;
+    this.#handlers.changed();
+  }
+
+  finish() {
+    if (this.point === null) return;
+    clearInterval(this.#timer);
+    this.point = null;
+    this.#handlers.end();
+    this.#handlers.changed();
+  }
+
+  #send() {
+    const velocity = simulated(velocityOf(this.#samples, performance.now() / 1000), this.#handlers.speed());
+    this.#handlers.push({ point: this.point, velocity, radius: RADIUS });
+  }
+}
