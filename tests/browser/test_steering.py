@@ -130,7 +130,7 @@ def test_a_drag_pushes_the_fluid_as_long_as_it_is_held(open_page: Open, service:
     visit.press_until("p", "body.tool === 'push'")
     sent.clear()
     visit.drag([(0.3 + 0.02 * step, 0.4) for step in range(11)], release=False)
-    visit.eventually(lambda: bool(sent) and sent[-1]["velocity"] == [0, 0])
+    visit.eventually(lambda: bool(sent) and sent[-1]["velocity"] == [0, 0] and sent[-1]["point"][0] > 0.495)
     visit.page.mouse.up()
     visit.eventually(lambda: sent[-1]["type"] == "push_end")
     pushes = sent[:-1]

@@ -35,7 +35,7 @@ function steerText(steering, { live, playing, dim, tool }) {
       if (!live) return "Waiting for the simulation";
       if (dim === 3 && tool === "orbit") return "Drag to look around. Pick arrow or oval to steer.";
       if (tool === "push") return playing ? "Drag through the fluid to push it" : "Paused: play, then drag to push the fluid";
-      return tool === "oval" ? "Drag or trace an oval for the fluid to fill" : "Draw on the picture: the fluid follows";
+      return tool === "oval" ? "Drag across an oval, or trace one, for the fluid to fill" : "Draw on the picture: the fluid follows";
   }
 }
 

@@ -158,8 +158,3 @@ export class Steering {
     }
   }
 }
-
-/** The outline that a stroke of the oval tool means: a traced one as it is, else the oval between both ends. */
-function ovalOf(points) {
-  return classify(points) === "ellipse" ? points : ovalBetween(points[0], points.at(-1));
-}
