@@ -261,18 +261,23 @@ class Session:
         for mailbox in self._mailboxes:
             mailbox.close(code, reason)
 
-    async def close(self, code: int, reason: str, *, wait: bool = False) -> None:
+    def close(self, code: int, reason: str) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        With `wait` this returns only after the threads have ended. Plans end at their next frame.
+        The threads end after the frame that they are computing: see `ended`.
         """
         self._closed = True
         self._player.stop()
         for task in self._tasks:
             task.cancel()
         self.end_streams(code, reason)
-        for end in (self._planner.end_threads, self._worker.end):
-            await asyncio.to_thread(end, wait=wait)
+        self._planner.stop()
+        self._worker.end()
+
+    async def ended(self) -> None:
+        """Wait until the threads of a closed session have ended."""
+        await self._planner.ended()
+        await self._worker.ended()
 
     @contextlib.contextmanager
     def _in_use(self) -> Iterator[None]:

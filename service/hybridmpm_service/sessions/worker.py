@@ -69,6 +69,10 @@ class Worker:
             self._waiting -= 1
             self._queued.discard(place)
 
-    def end(self, *, wait: bool) -> None:
-        """Take no more jobs; with `wait` return only after those that were taken."""
-        self._thread.shutdown(wait=wait)
+    def end(self) -> None:
+        """Take no more jobs; those that were taken are still run."""
+        self._thread.shutdown(wait=False)
+
+    async def ended(self) -> None:
+        """Wait until the jobs that were taken before `end` have been run."""
+        await asyncio.to_thread(self._thread.shutdown, wait=True)

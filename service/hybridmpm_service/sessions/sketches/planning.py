@@ -152,7 +152,12 @@ class Planner:
 
         return await self._trajectories.run(trace)
 
-    def end_threads(self, *, wait: bool) -> None:
-        """Take no more plans; with `wait` return only after the threads have ended."""
-        self._sketches.end(wait=wait)
-        self._trajectories.end(wait=wait)
+    def stop(self) -> None:
+        """Take no more plans."""
+        self._sketches.end()
+        self._trajectories.end()
+
+    async def ended(self) -> None:
+        """Wait until the threads have ended after `stop`."""
+        await self._sketches.ended()
+        await self._trajectories.ended()
