@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import hybridmpm
-from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError, scenarios
+from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError, _native, scenarios
 from hybridmpm.bench.peers.loading import SOLVERS, check_peer
 from hybridmpm.bench.peers.process import Worker
 from hybridmpm.bench.report import provenance, timing
@@ -24,9 +24,9 @@ from hybridmpm.cli.bench import speed
 
 SOURCE = {"machine", "date", "commit", "command"}
 FIELDS = SOURCE | {
-    "dim", "material", "particles", "resolution", "frame", "threads", "substeps", "ns_per_particle_substep",
-    "spread", "ms_per_frame", "build_ns", "build_ratio", "peer", "peer_ns", "peer_threads", "peer_setting",
-    "ratio", "slowdown", "loaded",
+    "dim", "material", "particles", "resolution", "frame", "threads", "instructions", "substeps",
+    "ns_per_particle_substep", "spread", "ms_per_frame", "build_ns", "build_ratio", "peer", "peer_ns",
+    "peer_threads", "peer_setting", "ratio", "slowdown", "loaded",
 }  # fmt: skip
 
 
@@ -52,9 +52,8 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
         assert (row["substeps"], row["resolution"]) == ((17, 128) if row["dim"] == 2 else (9, 64))
         per_frame = row["ms_per_frame"] * 1e6 / (row["particles"] * row["substeps"])
         assert row["ns_per_particle_substep"] == pytest.approx(per_frame, rel=0.01)
-        assert row["command"] == " ".join(
-            ["hybridmpm bench mpm", *arguments[:4], "--frame 120", *arguments[4:], "--repeats 1"]
-        )
+        given = [*arguments[:4], "--frame 120", *arguments[4:], "--instructions avx512"]
+        assert row["command"] == " ".join(["hybridmpm bench mpm", *given, "--repeats 1"])
         rivals = ("build_ns", "build_ratio", "peer", "peer_ns", "peer_threads", "peer_setting", "ratio")
         assert [row[name] for name in rivals] == [None] * 7
         assert row["spread"] == 0
@@ -100,6 +99,16 @@ def test_another_build_is_measured_beside_this_one(tmp_path: Path, monkeypatch: 
     result = CliRunner().invoke(cli, ["bench", "mpm", "--build", str(tmp_path)])
     assert result.exit_code == 2
     assert "holds no build of hybridmpm: python/hybridmpm/_native*.so is missing" in result.output
+
+
+def test_instructions_have_their_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mpm, "CASES", mpm.CASES[:1])
+    in_use = mpm.MpmSettings(instructions=mpm.INSTRUCTIONS).instructions_in_use()
+    assert in_use == list(mpm.INSTRUCTIONS[: len(in_use)])
+    every = [word for name in mpm.INSTRUCTIONS for word in ("--instructions", name)]
+    _, rows = bench(tmp_path, "mpm", "--particles", "216", "--threads", "1", *every)
+    assert [row["instructions"] for row in rows] == in_use
+    assert _native.limit_instructions("avx512") == in_use[-1]
 
 
 def test_failures_in_another_process_are_told() -> None:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybridmpm import _native
 from hybridmpm._support import charts
 from hybridmpm.bench.peers.loading import SOLVERS, check_peer
 from hybridmpm.bench.peers.process import Worker
@@ -27,6 +28,8 @@ from hybridmpm.scene import Scene
 
 CASES: tuple[tuple[int, str], ...] = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
 """Dimension and material of each row."""
+INSTRUCTIONS = ("portable", "avx2", "avx512")
+"""Sets of vector instructions, the narrowest first."""
 LARGEST_SLOWDOWN = 1.15
 """Slowdown [-] of the machine from which on a row counts as measured under load."""
 
@@ -45,6 +48,9 @@ class MpmSettings:
     """Frames before the measurement; after 120 the block has hit the floor and is spreading."""
     threads: tuple[int, ...] = (1, 2)
     """Numbers of threads of our solver; each has its row."""
+    instructions: tuple[str, ...] = INSTRUCTIONS[-1:]
+    """Widest vector instructions that our solver may use, of `INSTRUCTIONS`; each has its row, unless the
+    processor lacks it, but for the last."""
     repeats: int = 25
     """Number of timings, whose lower quartile is reported."""
     peers: tuple[str, ...] = ()
@@ -55,7 +61,14 @@ class MpmSettings:
     @property
     def count(self) -> int:
         """Number of rows."""
-        return len(CASES) * len(self.particles) * len(self.run_up) * len(self.threads)
+        sizes = len(CASES) * len(self.particles) * len(self.run_up)
+        return sizes * len(self.threads) * len(self.instructions_in_use())
+
+    def instructions_in_use(self) -> list[str]:
+        """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
+        in_use = [_native.limit_instructions(widest) for widest in self.instructions]
+        _native.limit_instructions(INSTRUCTIONS[-1])
+        return list(dict.fromkeys(in_use))
 
     def check(self) -> None:
         """Raise a ConfigError where a peer is not installed, or the other build has no extension."""
@@ -66,6 +79,19 @@ class MpmSettings:
                 f"{self.build} holds no build of hybridmpm: python/hybridmpm/_native*.so is missing; "
                 "make it there with `maturin develop --release --skip-install`"
             )
+
+
+class _Own(NamedTuple):
+    """Our solver with a number of threads and a set of instructions."""
+
+    solver: MpmSolver
+    threads: int
+    instructions: str
+
+    def restore(self, state: bytes) -> None:
+        """Go back to a state, and use these instructions from now on."""
+        _native.limit_instructions(self.instructions)
+        self.solver.restore(state)
 
 
 class _Rival(NamedTuple):
@@ -120,10 +146,15 @@ class _Case:
 
     def __init__(self, scene: Scene, run_up: int, settings: MpmSettings) -> None:
         self._scene, self._run_up, self._settings = scene, run_up, settings
-        self._solvers = [
-            MpmSolver(scene, substeps="reference", threads=threads) for threads in settings.threads
+        solvers = {
+            threads: MpmSolver(scene, substeps="reference", threads=threads) for threads in settings.threads
+        }
+        self._own = [
+            _Own(solver, threads, instructions)
+            for instructions in settings.instructions_in_use()
+            for threads, solver in solvers.items()
         ]
-        first = self._solvers[0]
+        first = self._own[0].solver
         first.advance(run_up)
         require_sane(first)
         self._start, self._count = first.snapshot(), first.particle_count
@@ -138,9 +169,9 @@ class _Case:
         builds = [] if build is None else self._builds(build)
         timed = [
             TimedSimulation(
-                restore=partial(solver.restore, self._start), advance=solver.advance, frames=self._frames
+                restore=partial(own.restore, self._start), advance=own.solver.advance, frames=self._frames
             )
-            for solver in self._solvers
+            for own in self._own
         ] + [
             TimedSimulation(
                 restore=partial(rival.worker.call, "restore", rival.setting),
@@ -149,28 +180,36 @@ class _Case:
             )
             for rival in (*rivals, *builds)
         ]
-        times = time_per_frame(timed, self._settings.repeats)
+        try:
+            times = time_per_frame(timed, self._settings.repeats)
+        finally:
+            _native.limit_instructions(INSTRUCTIONS[-1])
         self._require_agreement(rivals)
-        mine, theirs = times[: len(self._solvers)], times[len(self._solvers) :]
+        mine, theirs = times[: len(self._own)], times[len(self._own) :]
         compared = self._compared(rivals, theirs)
-        others: Sequence[FrameTime | None] = theirs[len(rivals) :] or [None] * len(mine)
+        others = {int(rival.setting): time for rival, time in zip(builds, theirs[len(rivals) :], strict=True)}
         return [
             {
                 "particles": self._count,
                 "resolution": self._scene.resolution,
                 "frame": self._run_up,
-                "threads": threads,
+                "threads": own.threads,
+                "instructions": own.instructions,
                 "substeps": self._substeps,
                 "ns_per_particle_substep": self._ns(time),
                 "spread": round(time.spread, 3),
                 "ms_per_frame": round(time.seconds * 1e3, 4),
-                "build_ns": None if other is None else self._ns(other),
-                "build_ratio": None if other is None else round(time.seconds / other.seconds, 3),
+                **self._beside_the_build(time, others.get(own.threads)),
                 **compared,
                 "ratio": compared["peer_ns"] and round(compared["peer_ns"] / self._ns(time), 2),
             }
-            for threads, time, other in zip(self._settings.threads, mine, others, strict=True)
+            for own, time in zip(self._own, mine, strict=True)
         ]
+
+    def _beside_the_build(self, mine: FrameTime, other: FrameTime | None) -> dict[str, float | None]:
+        if other is None:
+            return {"build_ns": None, "build_ratio": None}
+        return {"build_ns": self._ns(other), "build_ratio": round(mine.seconds / other.seconds, 3)}
 
     def _ns(self, time: FrameTime) -> float:
         return round(time.seconds * 1e9 / (self._count * self._substeps), 2)
@@ -210,7 +249,7 @@ class _Case:
         }
 
     def _require_agreement(self, rivals: Sequence[_Rival]) -> None:
-        ours = self._solvers[0].positions
+        ours = self._own[0].solver.positions
         for rival in rivals:
             theirs = rival.worker.call("positions", rival.setting)
             require_agreement(ours, theirs, self._scene, rival.label.removesuffix("_ns"))
@@ -232,8 +271,10 @@ def require_agreement(ours: np.ndarray, theirs: np.ndarray, scene: Scene, peer: 
 def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw time per particle-substep against particles, ours by threads and the peer's, as SVG and PNG.
 
-    Raises as `charts.panels` and `charts.save`.
+    Ours are those with the widest vector instructions. Raises as `charts.panels` and `charts.save`.
     """
+    widest = max((row["instructions"] for row in rows), key=INSTRUCTIONS.index)
+    rows = [row for row in rows if row["instructions"] == widest]
     cases = list(dict.fromkeys((row["dim"], row["material"]) for row in rows))
     figure, axes = charts.panels(columns=min(2, len(cases)), rows=math.ceil(len(cases) / 2))
     for panel, (dim, material) in zip(axes.flat, cases, strict=True):

@@ -29,8 +29,8 @@ from hybridmpm.cli.bench.options import (
 )
 
 _MPM_COLUMNS = (
-    "dim", "material", "particles", "frame", "threads", "substeps", "ns_per_particle_substep", "spread",
-    "ms_per_frame", "slowdown", "loaded",
+    "dim", "material", "particles", "frame", "threads", "instructions", "substeps", "ns_per_particle_substep",
+    "spread", "ms_per_frame", "slowdown", "loaded",
 )  # fmt: skip
 _PEER_COLUMNS = ("peer", "peer_setting", "peer_ns", "ratio")
 _BUILD_COLUMNS = ("build_ns", "build_ratio")
@@ -66,6 +66,14 @@ _least_option = number_option("--repeats", 1, 1000, 9, "Number of timings, the l
 )
 @numbers_option("--threads", 1, 1024, mpm_bench.MpmSettings.threads, "Number of threads of our solver.")
 @click.option(
+    "--instructions",
+    type=click.Choice(mpm_bench.INSTRUCTIONS),
+    multiple=True,
+    default=mpm_bench.MpmSettings.instructions,
+    show_default=True,
+    help="Widest vector instructions that our solver may use. May be given several times.",
+)
+@click.option(
     "--peer",
     "peers",
     type=click.Choice(SOLVERS),
@@ -92,6 +100,7 @@ def mpm(
     particles: tuple[int, ...],
     frame: tuple[int, ...],
     threads: tuple[int, ...],
+    instructions: tuple[str, ...],
     peers: tuple[str, ...],
     build: Path | None,
     repeats: int,
@@ -105,13 +114,20 @@ def mpm(
     before or after.
     """
     settings = mpm_bench.MpmSettings(
-        particles=particles, run_up=frame, threads=threads, repeats=repeats, peers=peers, build=build
+        particles=particles,
+        run_up=frame,
+        threads=threads,
+        instructions=instructions,
+        repeats=repeats,
+        peers=peers,
+        build=build,
     )
     settings.check()
     options = {
         "particles": particles,
         "frame": frame,
         "threads": threads,
+        "instructions": instructions,
         "repeats": (repeats,),
         "peer": peers,
     }
