@@ -86,11 +86,10 @@ def test_water_is_as_deep_as_it_was(
 ) -> None:
     """Waves that are left count as depth with half of their energy; those of a dam fade slowly.
 
-    Their height comes and goes, so long runs are judged in the mean of a whole wave.
+    Their height comes and goes, so runs are judged in the mean of a whole wave.
     """
     boxes = tuple(box(lower, upper, seed=SEED + i) for i, (lower, upper) in enumerate(bodies))
-    window = SLOSH if frames > 4000 else 100
-    assert abs(extra_depth(settled(frames, resolution=resolution, bodies=boxes), window)) < bound
+    assert abs(extra_depth(settled(frames, resolution=resolution, bodies=boxes), SLOSH)) < bound
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ from pathlib import Path
 from hybridmpm.bench.staleness.python_sources import ALL
 from hybridmpm.errors import ConfigError
 
-_MPM, _NEIGHBORS, _NEURAL = "mpm", "neighbors", "neural"
+_MPM, _NEIGHBORS, _NEURAL, _GUIDANCE = "mpm", "neighbors", "neural", "guidance"
 
 CRATES: dict[str, str | None] = {
     "BatchError": None,
@@ -40,6 +40,12 @@ CRATES: dict[str, str | None] = {
     "AccelerationSignal": _NEURAL,
     "answer_weights": _NEURAL,
     "relaxed": _NEURAL,
+    "FreeSpace": _GUIDANCE,
+    "Matching": _GUIDANCE,
+    "Timing": _GUIDANCE,
+    "Tracks": _GUIDANCE,
+    "least_acceleration": _GUIDANCE,
+    "match_to_region": _GUIDANCE,
     "hand_out_times": "threads",
 }
 """Folder below rust/ of the crate that does a name's work; None where no figure depends on the name."""

@@ -55,17 +55,17 @@ pub fn logarithm<const D: usize>(a: &Symmetrics<D>, smallest: f32) -> Split<D> {
             relative.shear[k][i] *= inverse;
         }
     }
+    // Not `max`, which would hide a NaN.
+    let floored = |x: f32| if x < smallest { smallest } else { x };
     let invariants = Invariants::of(&relative);
     let mut result = relative.series(&LOGARITHM, &invariants);
     for i in 0..LANES {
-        result.mean[i] += ln(split.mean[i]);
+        result.mean[i] += ln(floored(split.mean[i]));
     }
     let near = invariants.within(LARGEST_OF_LOGARITHM);
     if all(&near) {
         return result;
     }
-    // Not `max`, which would hide a NaN.
-    let floored = |x: f32| if x < smallest { smallest } else { x };
     let exact = Split::of(&Spectrum::of(a).map(|x| ln(floored(x))));
     exact.replace_by(&result, &near)
 }

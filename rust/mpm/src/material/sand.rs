@@ -25,6 +25,10 @@ pub struct Sand {
 /// survives.
 const SMALLEST_SQUARE: f32 = 1.0e-8;
 
+/// Log of the largest volume gain that is remembered, 22 000 times the volume: a grain that flies alone would else gain
+/// more in each substep, until its volume overflows.
+const LARGEST_GAIN: f32 = 10.0;
+
 impl Sand {
     /// `friction_angle` in degrees.
     pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
@@ -63,7 +67,12 @@ impl Sand {
             }
             strain.mean[i] = if apart { 0.0 } else { trace / D as f32 };
             let remembered = apart & self.volume_correction;
-            gained[i] = if remembered { trace } else { 0.0 };
+            let gain = if trace < LARGEST_GAIN {
+                trace
+            } else {
+                LARGEST_GAIN
+            };
+            gained[i] = if remembered { gain } else { 0.0 };
         }
     }
 
