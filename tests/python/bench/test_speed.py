@@ -62,7 +62,7 @@ def test_rows_on_screen_and_in_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "package", ["warp", *(pytest.param(name, marks=pytest.mark.long) for name in SOLVERS[:2])]
+    "package", [SOLVERS[0], *(pytest.param(name, marks=pytest.mark.long) for name in SOLVERS[1:])]
 )
 def test_peers_are_measured_beside_ours(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -8,10 +8,14 @@ const lengthText = (metres) => (metres < 0.01 ? `${(1000 * metres).toFixed(1)} m
 
 const percent = (share) => `${(100 * share).toFixed(share > 0.995 ? 1 : 0)} %`;
 
-/** What was reached when the sketch's frames were over; empty as long as the server has not said it. */
-function reachedText({ reached }) {
+/**
+ * What was reached when the sketch's frames were over; empty as long as the server has not said it. An arrow is about
+ * the centre of mass, also where the fluid has become a disc at its tip.
+ */
+function reachedText({ sketch, reached }) {
   if (reached === null) return "";
-  return reached.inside === null ? `${lengthText(reached.miss)} from the target` : `${percent(reached.inside)} inside`;
+  const oval = sketch?.kind === "ellipse" && reached.inside !== null;
+  return oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
 }
 
 /** The line under the picture, for each phase of steering. */
