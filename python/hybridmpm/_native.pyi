@@ -143,7 +143,7 @@ class Material:
         poisson_ratio : float in (-1, 0.5)
             nu [-].
         friction_angle : float in (0, 90)
-            Internal friction angle [degrees].
+            Friction angle in triaxial compression [degrees].
         wall_friction : float >= 0
             Coulomb coefficient against box walls and obstacles that name none.
         volume_correction : bool

@@ -92,7 +92,9 @@ class Sand(Record):
     youngs_modulus: Modulus = Field(1e6, description="Young's modulus E [Pa].")
     poisson_ratio: PoissonRatio = Field(0.2, description="Poisson's ratio nu [-].")
     friction_angle: Annotated[float, Range(0, 90, "degrees", open_low=True, open_high=True)] = Field(
-        45.0, description="Internal friction angle of the sand [degrees]."
+        45.0,
+        description="Friction angle of the sand in triaxial compression [degrees]. In 2D, where "
+        "strain is plane, 30 act as 27.5, 45 as 45.4.",
     )
     volume_correction: bool = Field(
         default=True,

@@ -40,7 +40,8 @@ def test_data_are_in_order() -> None:
 
 
 def test_bands_at_an_aspect_of_two() -> None:
-    assert column_collapse.runout_band(2.0) == pytest.approx((2.4, 3.6))
+    assert column_collapse.sand_runout(2.0) == pytest.approx(2.4)
+    assert column_collapse.beads_runout(2.0) == pytest.approx(3.6)
     assert column_collapse.height_band(2.0) == pytest.approx((0.83, 1.72), abs=0.01)
 
 
@@ -48,6 +49,10 @@ def test_friction_angle_in_plane_strain() -> None:
     # With alpha = sqrt(2/3) 2 sin(phi) / (3 - sin(phi)), 45 degrees are 45.4 in plane strain.
     assert column_collapse.angle_for_sand(45.4) == pytest.approx(45.0, abs=0.1)
     assert column_collapse.angle_for_sand(27.5) == pytest.approx(30.0, abs=0.1)
+
+
+def test_friction_angle_of_grains_at_rest() -> None:
+    assert column_collapse.plane_strain_angle(30.0) == pytest.approx(35.26, abs=0.01)
 
 
 def test_the_command_prints_every_figure() -> None:
