@@ -1,7 +1,8 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
 `parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. `prepare` tells what it takes
-to follow one, `follow` lets a simulator do it frame by frame. `push` is a local force.
+to follow one, `follow` lets a simulator do it frame by frame. `push` is a local force. `reversed_case` makes
+an example of control whose true end is known, and `Oracle` follows it by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
@@ -10,7 +11,9 @@ from hybridmpm.control.guidance import Guidance, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.method import Method, Task
+from hybridmpm.control.methods.oracle import Oracle
 from hybridmpm.control.push import Push, push
+from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
 from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
@@ -29,8 +32,10 @@ __all__ = [
     "Method",
     "Needs",
     "Obstruction",
+    "Oracle",
     "Push",
     "Reached",
+    "ReversedCase",
     "Sketch",
     "Stroke",
     "Task",
@@ -42,4 +47,6 @@ __all__ = [
     "push",
     "render_png",
     "resume",
+    "reversed_case",
+    "reversed_from_seed",
 ]

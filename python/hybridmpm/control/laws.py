@@ -11,6 +11,7 @@ from hybridmpm import _native
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.control.goal.ways import Motion
+from hybridmpm.control.reversal.retrace import Retraced
 from hybridmpm.errors import SnapshotError
 from hybridmpm.simulator import Simulator
 
@@ -157,7 +158,9 @@ class Tracked:
         return present[known], force
 
 
-LAWS: dict[str, type[Unforced | Uniform | Tracked]] = {law.name: law for law in (Unforced, Uniform, Tracked)}
+LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced]] = {
+    law.name: law for law in (Unforced, Uniform, Tracked, Retraced)
+}
 """Laws of the library by name."""
 
 

@@ -127,6 +127,15 @@ def depth_of_width(width: float, back: float, front: float) -> float:
     return back + min(max(fraction, 0.0), 1.0) * (front - back)
 
 
+def width_of_depth(depth: float, back: float, front: float) -> float:
+    """Return the stroke width [pixels] that stands for a depth z [m]: the inverse of `depth_of_width`.
+
+    A depth beyond a wall counts as that of the wall.
+    """
+    fraction = min(max((depth - back) / (front - back), 0.0), 1.0)
+    return WIDTH_AT_BACK + fraction * (WIDTH_AT_FRONT - WIDTH_AT_BACK)
+
+
 def _frozen(values: npt.ArrayLike) -> Floats:
     """Return a read-only float64 copy, so that nobody can change the values after they are checked."""
     try:

@@ -1,0 +1,48 @@
+"""The oracle: it knows the way that the sketch stands for. A bound for all that see the sketch alone."""
+
+import numpy as np
+
+from hybridmpm.control.methods.method import Task
+from hybridmpm.control.reversal.case import ReversedCase
+from hybridmpm.control.reversal.retrace import Retraced
+from hybridmpm.errors import ConfigError
+from hybridmpm.simulator import Simulator
+
+
+class Oracle:
+    """Leads the particles of a reversed case back along their true way.
+
+    `follow(case.simulator(), case.sketch, Oracle(case), frames=case.frames, cap=case.cap).run()` gives
+    `case.positions` by `case.forces`, to the bit. A lower cap gives the best that this law does with it.
+
+    Parameters
+    ----------
+    case : ReversedCase
+    """
+
+    name = "oracle"
+
+    def __init__(self, case: ReversedCase) -> None:
+        self._case = case
+
+    def plan(self, simulator: Simulator, task: Task) -> Retraced:
+        """Return the law along the true way.
+
+        Raises
+        ------
+        ConfigError
+            The simulator is not in the state in which the case starts, or the frames are not those of the
+            case.
+        """
+        case = self._case
+        if task.frames != case.frames:
+            raise ConfigError(
+                f"the oracle knows the way for frames = {case.frames}, those of its case, got {task.frames}"
+            )
+        x = simulator.positions
+        if x.shape != case.truth[0].shape or not np.array_equal(x, case.positions[0]):
+            raise ConfigError(
+                "the oracle knows the way of its case alone: follow with case.simulator(), which is in the "
+                "state in which that starts"
+            )
+        return case.law(task.cap)

@@ -1,0 +1,22 @@
+"""Reversed control data: a fluid led back to where it came from, with the sketch that asks for it.
+
+Paper, section 3.2.2. A forward run gives a past, `reversed_case` turns it into an example of control: the
+state at its start, a sketch of the state at its end, and forces that lead from one to the other. The method
+`Oracle` follows such a sketch by these forces; no controller that sees the sketch alone can know them.
+"""
+
+from hybridmpm.control.reversal.case import KINDS, STARTS, Kind, ReversedCase, Start, reversed_case
+from hybridmpm.control.reversal.draw import reversed_from_seed
+from hybridmpm.control.reversal.smoothing import smoothed, step_cosines
+
+__all__ = [
+    "KINDS",
+    "STARTS",
+    "Kind",
+    "ReversedCase",
+    "Start",
+    "reversed_case",
+    "reversed_from_seed",
+    "smoothed",
+    "step_cosines",
+]
