@@ -64,7 +64,7 @@ def dataset() -> None:
 @click.option(
     "--frames",
     type=click.IntRange(min=1),
-    help="Number of frames to simulate. Default: the number that the scenes suggest.",
+    help="Number of frames to simulate. Default: the number that the scenes suggest; with --control 100.",
 )
 @click.option(
     "--stride",
@@ -100,6 +100,11 @@ def dataset() -> None:
     help="Root mean square of a random acceleration that stirs the particles [m/s^2]; it is stored, too.",
 )
 @click.option(
+    "--control",
+    is_flag=True,
+    help="Make examples of control: fluids that are led back to where they were, with sketches of that.",
+)
+@click.option(
     "--executor",
     type=click.Choice(["threads", "ray"]),
     default="threads",
@@ -132,6 +137,7 @@ def generate(
     max_compression: float | None,
     substeps: "Substeps | None",
     force: float,
+    control: bool,
     executor: str,
     threads: int | None,
     ray_address: str,
@@ -153,6 +159,7 @@ def generate(
         max_compression=max_compression,
         substeps=substeps or ("reference" if max_compression is None else "cfl"),
         force=force,
+        control=control,
     )
     tenth = max(1, trajectories // 10)
     seeds = data.Seeds(
@@ -234,6 +241,7 @@ def _summary(total: data.Statistics, digests: list[str]) -> dict[str, Any]:
         "particles": [min(total.particles, default=0), max(total.particles, default=0)],
         "types": {NAMES[number]: count for number, count in sorted(total.types.items())},
         **total.metadata(),
+        **({"control": dict(sorted(total.controls.items()))} if total.controls else {}),
         "digest": metadata.digest_of(digests),
     }
 
@@ -287,7 +295,10 @@ def view(
     width: int,
     speed: float,
 ) -> None:
-    """Draw trajectories of DIR: a .png is a sheet with a row for each, a .gif or .mp4 is a film of one."""
+    """Draw trajectories of DIR: a .png is a sheet with a row for each, a .gif or .mp4 is a film of one.
+
+    Rows of controlled trajectories begin with their sketch.
+    """
     film = out.suffix.lower() in {".gif", ".mp4"}
     if out.suffix.lower() != ".png" and not film:
         raise click.UsageError(f"--out: files end in .png, .gif or .mp4; got {out.name!r}.")
@@ -310,7 +321,8 @@ def view(
             f"{split} {number}" if one.seed is None else f"seed {one.seed}"
             for number, one in zip(numbers, shown, strict=True)
         ]
-        write_sheet(out, recordings, labels, moments=moments, width=width)
+        sketches = [None if one.control is None else one.control.picture for one in shown]
+        write_sheet(out, recordings, labels, moments=moments, width=width, sketches=sketches)
     click.echo(f"wrote {out}")
 
 

@@ -5,6 +5,7 @@ the trajectories of a data set, also of another project's, as `Trajectory`. docs
 files. HDF5 needs h5py: `pip install 'hybridmpm[data]'`.
 """
 
+from hybridmpm.data.control import Control
 from hybridmpm.data.convert import Converted, convert
 from hybridmpm.data.formats import FORMATS, Format, detect
 from hybridmpm.data.generation.executors import RayTasks, Threads
@@ -18,6 +19,7 @@ from hybridmpm.data.trajectory import Trajectory
 
 __all__ = [
     "FORMATS",
+    "Control",
     "Converted",
     "Format",
     "Plan",

@@ -19,7 +19,7 @@ class Converted:
     trajectories: dict[str, int]
     """Number of trajectories written, by split."""
     lost: tuple[str, ...]
-    """Those of "force", "mass" and "scene" that the source has and the target format cannot store."""
+    """Those of "force", "mass", "scene" and "control" that the source has and the target cannot store."""
 
 
 def convert(
@@ -73,7 +73,9 @@ def convert(
             for trajectory in origin.read(source, split, None):
                 statistics[split].add(trajectory)
                 present.update(
-                    key for key in ("force", "mass", "scene") if getattr(trajectory, key) is not None
+                    key
+                    for key in ("force", "mass", "scene", "control")
+                    if getattr(trajectory, key) is not None
                 )
                 yield trajectory
                 on_progress(1)

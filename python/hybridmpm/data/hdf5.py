@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.data.control import Control
 from hybridmpm.data.trajectory import Place, Trajectory
-from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.errors import ConfigError, DataError, SketchError
 from hybridmpm.scene import Scene
 
 _CHUNK_BYTES = 2**18
@@ -132,6 +133,8 @@ def write_trajectory(group: Any, trajectory: Trajectory, types: npt.NDArray[np.i
         group["scene"] = trajectory.scene.model_dump_json(exclude_none=True)
     if trajectory.seed is not None:
         group.attrs["seed"] = trajectory.seed
+    if trajectory.control is not None:
+        _write_control(group, trajectory.control)
     group.attrs["digest"] = trajectory.digest
 
 
@@ -157,11 +160,37 @@ def read_trajectory(file: Any, group: str, path: Path, types: npt.NDArray[np.int
         mass=optional("mass"),
         seed=int(attributes["seed"]) if "seed" in attributes else None,
         scene=None if scene is None else Scene.from_json(scene),
+        control=_read_control(file, group, path) if f"{group}/sketch" in file else None,
         place=Place(str(path)).under(group),
     )
     if "digest" in attributes and attributes["digest"] != trajectory.digest:
         raise DataError(f"{path}: {group} is damaged: its data do not match its digest")
     return trajectory
+
+
+def _write_control(group: Any, control: Control) -> None:
+    for key, array in control.arrays.items():
+        write_array(group, key, array)
+    for key, text in control.texts.items():
+        group[key] = text
+    write_array(group, "picture", np.frombuffer(control.picture, dtype=np.uint8))
+    group.attrs.update(control.attributes)
+
+
+def _read_control(file: Any, group: str, path: Path) -> Control:
+    """Read what `_write_control` wrote; where a key is missing or damaged, raises `DataError`."""
+    arrays = {
+        key: read_array(file, f"{group}/{key}", path).astype(np.float32, copy=False)
+        for key in ("velocity", "target", "smoothed_force")
+    }
+    texts = {key: read_text(file, f"{group}/{key}", path) or "" for key in ("sketch", "stroke")}
+    picture = read_array(file, f"{group}/picture", path).astype(np.uint8, copy=False).tobytes()
+    try:
+        return Control.read(texts, dict(file[group].attrs), arrays, picture)
+    except KeyError as error:
+        raise DataError(f"{path}: the attribute {error} of {group} is missing") from None
+    except (ValueError, SketchError) as error:
+        raise DataError(f"{path}: {group} has a damaged sketch: {error}") from None
 
 
 def file_bytes(trajectory: Trajectory, group: str) -> bytes:

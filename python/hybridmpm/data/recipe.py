@@ -8,6 +8,7 @@ from typing import Any
 from hybridmpm import scenarios
 from hybridmpm._native import SOLVER_VERSION, __version__
 from hybridmpm._support.arguments import whole
+from hybridmpm.control.reversal import DEFAULT_FRAMES, MAX_DRAWN_FRAMES
 from hybridmpm.data.template import SceneTemplate
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import Substeps
@@ -46,12 +47,16 @@ class Recipe:
     """Rule for substeps, as in `MpmSolver`; "reference" is the rule of the ground truth."""
     force: float = 0.0
     """Root mean square [m/s^2] of a smooth random acceleration that stirs all particles and is stored."""
+    control: bool = False
+    """Whether the trajectories are reversed cases of control (`control.reversed_from_seed`) of `frames`
+    frames; 100 if that is None."""
 
     def __post_init__(self) -> None:
         if (self.scenario is None) == (self.template is None):
             raise ConfigError("a recipe needs a scenario or a scene template, and only one of them")
         whole("stride", self.stride, 1, _MAX_FRAMES)
-        frames = whole("frames", self._suggested() if self.frames is None else self.frames, 1, _MAX_FRAMES)
+        most = MAX_DRAWN_FRAMES if self.control else _MAX_FRAMES
+        frames = whole("frames", self._suggested() if self.frames is None else self.frames, 1, most)
         object.__setattr__(self, "frames", frames)
         if frames % self.stride or frames // self.stride + 1 < _MIN_STATES:
             raise ConfigError(
@@ -63,6 +68,11 @@ class Recipe:
             raise ConfigError(f"force must be in [0, {MAX_FORCE:g}] m/s^2, got {self.force}")
         if self.force and self.stride > 1:
             raise ConfigError("force needs stride 1: each row of the stored force acts over one frame")
+        if self.control and (self.force or self.stride > 1):
+            raise ConfigError(
+                "control needs stride 1 and no random force, since the force that controls is stored for "
+                f"each frame; got stride {self.stride} and force {self.force:g}"
+            )
         self.scene(0)
 
     @property
@@ -88,6 +98,8 @@ class Recipe:
         return {"hybridmpm": __version__, "solver_version": SOLVER_VERSION, **dataclasses.asdict(self)}
 
     def _suggested(self) -> int:
+        if self.control:
+            return DEFAULT_FRAMES
         if self.scenario is not None:
             return scenarios.describe(self.scenario).frames
         return self.scene(0).frames

@@ -69,6 +69,8 @@ class Statistics:
     """Number of states of each trajectory."""
     types: dict[int, int] = field(default_factory=dict)
     """Number of particles of each type, over all trajectories."""
+    controls: dict[str, int] = field(default_factory=dict)
+    """Number of controlled trajectories by their sketch and start, e.g. "arrow, live"."""
 
     def add(self, trajectory: Trajectory) -> None:
         """Add a trajectory.
@@ -93,6 +95,9 @@ class Statistics:
         self.states.append(states)
         for number, members in zip(*np.unique(trajectory.types, return_counts=True), strict=True):
             self.types[int(number)] = self.types.get(int(number), 0) + int(members)
+        if trajectory.control is not None:
+            name = trajectory.control.name
+            self.controls[name] = self.controls.get(name, 0) + 1
 
     def metadata(self) -> dict[str, list[float]]:
         """Return the statistics of velocities and accelerations under DeepMind's keys."""

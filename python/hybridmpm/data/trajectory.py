@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.data.control import Control
 from hybridmpm.errors import DataError
 from hybridmpm.scene import Scene
 
@@ -21,11 +22,14 @@ class Place:
     types: str = "particle_type"
     force: str = "force"
     mass: str = "mass"
+    velocity: str = "velocity"
+    target: str = "target"
+    smoothed_force: str = "smoothed_force"
 
     def under(self, group: str) -> "Place":
         """Return the place whose keys are in an HDF5 group."""
-        keys = (f"{group}/{key}" for key in (self.position, self.types, self.force, self.mass))
-        return Place(self.file, *keys)
+        keys = {key: f"{group}/{value}" for key, value in vars(self).items() if key != "file"}
+        return Place(self.file, **keys)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +54,8 @@ class Trajectory:
     """Seed of the trajectory; None where unknown."""
     scene: Scene | None = None
     """Scene that was simulated; None where unknown."""
+    control: Control | None = None
+    """What the force is an example of; None where it is not one of control."""
     place: Place = Place("trajectory")
     """Origin of the trajectory, for error messages."""
 
@@ -74,9 +80,23 @@ class Trajectory:
                 f"{place.file}: {place.mass} must have shape {self.types.shape}, got {self.mass.shape}"
             )
 
+        if self.control is not None:
+            self._check_control(self.control)
+
+    def _check_control(self, control: Control) -> None:
+        place = self.place
+        if self.force is None:
+            raise DataError(f"{place.file}: {place.force} is missing, and {place.velocity} is of a control")
+        shapes = {"velocity": self.positions.shape[1:], "target": self.positions.shape[1:]}
+        for key, array in control.arrays.items():
+            name, expected = getattr(place, key), shapes.get(key, self.force.shape)
+            if array.shape != expected:
+                raise DataError(f"{place.file}: {name} must have shape {expected}, got {array.shape}")
+            _refuse_not_finite(array if array.ndim == 3 else array[None], place, name)
+
     @property
     def digest(self) -> str:
-        """SHA-256 of positions, types and force with their shapes; equal data have it in any format."""
+        """SHA-256 of positions, types, force and control; equal data have it in any format."""
         total = hashlib.sha256()
         for name, array in (
             ("position", self.positions.astype("<f4", copy=False)),
@@ -86,6 +106,8 @@ class Trajectory:
             if array is not None:
                 total.update(f"{name} {array.dtype.str} {array.shape}\n".encode())
                 total.update(np.ascontiguousarray(array).data)
+        if self.control is not None:
+            self.control.digest_into(total)
         return total.hexdigest()
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from hybridmpm._support.files import replacing
+from hybridmpm.data.control import pixels
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.recording import Recording
 from hybridmpm.render import side_by_side, view_of
@@ -55,7 +56,13 @@ def recording_of(trajectory: Trajectory, about: Mapping[str, Any]) -> Recording:
 
 
 def write_sheet(
-    path: Path, recordings: Sequence[Recording], labels: Sequence[str], *, moments: int, width: int
+    path: Path,
+    recordings: Sequence[Recording],
+    labels: Sequence[str],
+    *,
+    moments: int,
+    width: int,
+    sketches: Sequence[bytes | None] = (),
 ) -> None:
     """Write a .png with one row for each recording: `moments` pictures, evenly spread over its time.
 
@@ -69,13 +76,16 @@ def write_sheet(
         Number of pictures in a row.
     width : int
         Width of a picture [pixels].
+    sketches : sequence of PNG, optional
+        Picture to begin each row with; None for rows without.
 
     Raises
     ------
     ExportError
         The file cannot be written.
     """
-    rows = [_row(*pair, moments, width) for pair in zip(recordings, labels, strict=True)]
+    begun = sketches or [None] * len(recordings)
+    rows = [_row(*parts, moments, width) for parts in zip(recordings, labels, begun, strict=True)]
     widest = max(row.shape[1] for row in rows)
     white = np.full((_GAP, widest, 3), 255, dtype=np.uint8)
     parts = [part for row in rows for part in (white, _padded(row, widest))][1:]
@@ -83,7 +93,9 @@ def write_sheet(
         Image.fromarray(np.concatenate(parts)).save(part, optimize=True)
 
 
-def _row(recording: Recording, label: str, moments: int, width: int) -> npt.NDArray[np.uint8]:
+def _row(
+    recording: Recording, label: str, sketch: bytes | None, moments: int, width: int
+) -> npt.NDArray[np.uint8]:
     view = view_of(recording.scene, recording.types, width)
     pictures: list[npt.NDArray[np.uint8]] = []
     for state in np.linspace(0, len(recording.frames) - 1, moments).round().astype(int):
@@ -93,6 +105,10 @@ def _row(recording: Recording, label: str, moments: int, width: int) -> npt.NDAr
         size = max(10, width // 20)
         ImageDraw.Draw(picture).text((size, size // 2), text, fill=(235, 240, 250), font_size=size)
         pictures.append(np.asarray(picture))
+    if sketch is not None:
+        height = len(pictures[0])
+        drawn = Image.fromarray(pixels(sketch)).convert("RGB").resize((height, height))
+        pictures.insert(0, np.asarray(drawn))
     return side_by_side(pictures)
 
 

@@ -5,12 +5,22 @@ state at its start, a sketch of the state at its end, and forces that lead from 
 `Oracle` follows such a sketch by these forces; no controller that sees the sketch alone can know them.
 """
 
-from hybridmpm.control.reversal.case import KINDS, STARTS, Kind, ReversedCase, Start, reversed_case
-from hybridmpm.control.reversal.draw import reversed_from_seed
+from hybridmpm.control.reversal.case import (
+    DEFAULT_FRAMES,
+    KINDS,
+    STARTS,
+    Kind,
+    ReversedCase,
+    Start,
+    reversed_case,
+)
+from hybridmpm.control.reversal.draw import MAX_DRAWN_FRAMES, reversed_from_seed
 from hybridmpm.control.reversal.smoothing import smoothed, step_cosines
 
 __all__ = [
+    "DEFAULT_FRAMES",
     "KINDS",
+    "MAX_DRAWN_FRAMES",
     "STARTS",
     "Kind",
     "ReversedCase",

@@ -10,14 +10,14 @@ import numpy.typing as npt
 from hybridmpm import metrics
 from hybridmpm._support.arguments import whole
 from hybridmpm.control.checks import positive
-from hybridmpm.control.goal.cloud import EARTH, Cloud
+from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 from hybridmpm.control.reversal.retrace import Retraced
 from hybridmpm.control.reversal.sketches import arrow_of, oval_of
 from hybridmpm.control.reversal.smoothing import smoothed
 from hybridmpm.control.sketch.sketch import Sketch
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver, Substeps
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Scene, Walls
 
 Floats32 = npt.NDArray[np.float32]
 Start = Literal["live", "reversed"]
@@ -125,6 +125,7 @@ def reversed_case(
     frames: int = DEFAULT_FRAMES,
     start: Start = "live",
     kind: Kind = "oval",
+    shortest_arrow: float | None = None,
     cap: float = DEFAULT_CAP,
     substeps: Substeps = "reference",
     r_p: float = 1.0,
@@ -148,6 +149,9 @@ def reversed_case(
         Whether the particles keep their velocities when control starts, or begin with the negative ones.
     kind : "oval" or "arrow"
         What the sketch is.
+    shortest_arrow : float > 0, optional
+        Distance [m] that the centre of mass must come in the front view; else the sketch is an oval, whatever
+        `kind` says. If absent, an arrow is refused that has no length.
     cap : float in (0, 1000]
         Largest force on a particle [g].
     substeps, r_p
@@ -178,13 +182,13 @@ def reversed_case(
     if kind not in KINDS:
         raise ConfigError(f'kind must be "oval" or "arrow", got {kind!r}')
     cap = positive("cap", cap, _MAX_CAP)
+    if shortest_arrow is not None:
+        shortest_arrow = positive("shortest_arrow", shortest_arrow)
     _require_reversible(scene)
     solver = MpmSolver(scene, substeps=substeps, r_p=r_p)
     truth = _past(solver, control_frame, frames, on_frame)[::-1].copy()
     weight = Cloud.of(solver).weight
-    sketch = (
-        arrow_of(truth, weight, scene.walls) if kind == "arrow" else oval_of(truth[-1], weight, scene.walls)
-    )
+    sketch = _sketch(truth, weight, scene.walls, kind, shortest_arrow)
     if start == "reversed":
         solver.prescribe(solver.positions, -solver.velocities, control_frame)
     snapshot, velocities = solver.snapshot(), solver.velocities
@@ -220,6 +224,15 @@ def _require_reversible(scene: Scene) -> None:
     if scene.is_open or moving:
         found = "obstacles that move" if moving else "emitters or sinks"
         raise ConfigError(f"a scene with {found} does not run backwards: remove them")
+
+
+def _sketch(
+    truth: Floats32, weight: Floats, walls: Walls, kind: Kind, shortest_arrow: float | None
+) -> Sketch:
+    distance = float(np.linalg.norm(weight @ (truth[-1] - truth[0])[:, :2]))
+    if kind == "arrow" and distance >= (shortest_arrow or 0.0):
+        return arrow_of(truth, weight, walls)
+    return oval_of(truth[-1], weight, walls)
 
 
 def _past(solver: MpmSolver, control_frame: int, frames: int, on_frame: Callable[[], object]) -> Floats32:

@@ -17,13 +17,18 @@ from hybridmpm.control.reversal.case import (
     reversed_case,
 )
 from hybridmpm.mpm import Substeps
+from hybridmpm.scene import Scene
 
+MAX_DRAWN_FRAMES = 5_000
+"""Largest number of frames of a drawn case; control starts at most twice as many frames into the scene."""
+SHORTEST_ARROW = 0.12
+"""Shortest arrow that is drawn [m]; shorter ones have no room for a head, so ovals stand for them."""
 _SALT = 2**22
 """Number that the generator of a case gets besides the seed."""
 
 
 def reversed_from_seed(
-    scenario: str,
+    scenario: str | Scene,
     seed: int,
     *,
     frames: int = DEFAULT_FRAMES,
@@ -41,13 +46,14 @@ def reversed_from_seed(
 
     Parameters
     ----------
-    scenario : str
-        Name of a scenario.
+    scenario : str or Scene
+        Name of a scenario whose scene is drawn, or a scene that was drawn from the seed by other means.
     seed : int
         Seed of scene and case. By convention seeds below 10**6 are for training, those from 10**6 on for
         validation, those from 1.1 * 10**6 on for tests.
     start, kind : optional
-        As in `reversed_case`; drawn from the seed if absent.
+        As in `reversed_case`; drawn from the seed if absent. A fluid whose centre of mass comes less far than
+        12 cm is not given an arrow.
     frames, cap, substeps, r_p, on_frame
         As in `reversed_case`.
 
@@ -58,8 +64,8 @@ def reversed_from_seed(
     ConfigError, SketchError, SimulationError
         As `reversed_case`.
     """
-    frames = whole("frames", frames, 2, 5_000)
-    scene = scenarios.get(scenario, seed)
+    frames = whole("frames", frames, 2, MAX_DRAWN_FRAMES)
+    scene = scenario if isinstance(scenario, Scene) else scenarios.get(scenario, seed)
     rng = np.random.default_rng([_SALT, seed])
     control_frame = frames + int(rng.integers(frames, endpoint=True))
     # All are drawn whatever was given, so that a choice does not change the others.
@@ -70,6 +76,7 @@ def reversed_from_seed(
         frames=frames,
         start=drawn_start if start is None else start,
         kind=drawn_kind if kind is None else kind,
+        shortest_arrow=SHORTEST_ARROW if kind is None else None,
         cap=cap,
         substeps=substeps,
         r_p=r_p,

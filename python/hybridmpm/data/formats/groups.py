@@ -47,7 +47,7 @@ def _format(name: str, text: str, incoming: Mapping[int, int], outgoing: Mapping
         count=_count,
         read=read,
         write=write,
-        keeps=frozenset({"force", "mass", "scene"}),
+        keeps=frozenset({"force", "mass", "scene", "control"}),
     )
 
 

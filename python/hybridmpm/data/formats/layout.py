@@ -26,7 +26,7 @@ class Format:
     write: Write | None
     """Write a split whole or not at all; raises `ExportError`. None if the format can only be read."""
     keeps: frozenset[str]
-    """Those of "force", "mass" and "scene" that the format can store besides positions and types."""
+    """Those of "force", "mass", "scene" and "control" that the format stores besides positions and types."""
 
 
 def files_as_splits(suffix: str) -> Callable[[Path], list[str]]:

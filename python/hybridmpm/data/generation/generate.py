@@ -161,7 +161,7 @@ def _estimated_bytes(recipe: Recipe, todo: Sequence[int]) -> int:
     if not todo:
         return 0
     sampled = todo[:: max(1, len(todo) // _SAMPLED)]
-    arrays = 2 if recipe.force else 1
+    arrays = 3 if recipe.control else 2 if recipe.force else 1
     total = 0
     for seed in sampled:
         scene = recipe.scene(seed)

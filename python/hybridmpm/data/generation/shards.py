@@ -78,8 +78,8 @@ class Shards:
             with replacing(note) as part:
                 part.write_text(json.dumps(wanted) + "\n", encoding="utf-8")
             return
-        # The first solver's data do not name it.
-        there = {"solver_version": 1} | there
+        # The first solver's data do not name it, and the first data sets were none of control.
+        there = {"solver_version": 1, "control": False} | there
         differing = [key for key in wanted if there.get(key) != wanted[key]]
         if differing:
             pairs = ", ".join(f"{key} = {there.get(key)!r}, not {wanted[key]!r}" for key in differing[:3])

@@ -5,14 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.data.generation.controlled import controlled
+from hybridmpm.data.generation.solids import Solids
 from hybridmpm.data.recipe import Recipe
-from hybridmpm.data.trajectory import Place, Trajectory
-from hybridmpm.downsampling.merging import spacing_at
+from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
-from hybridmpm.scene.kinematic import kinematic_particles
-from hybridmpm.scene.particle_types import KINEMATIC
 
 _AT_ONCE = 25
 """Number of frames after which `stop` is asked again."""
@@ -31,7 +30,7 @@ class StoppedError(Exception):
 
 
 def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: False) -> Trajectory:
-    """Simulate the scene of a seed.
+    """Simulate the scene of a seed; with `recipe.control` back to where it came from, see `controlled`.
 
     The trajectory has the particles of the solver first, then the obstacles as particles of type 3
     (kinematic). `stop()` is asked every few frames.
@@ -45,33 +44,29 @@ def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: Fa
     StoppedError
         `stop()` was true.
     """
+    if recipe.control:
+
+        def on_frame() -> None:
+            if stop():
+                raise StoppedError
+
+        return controlled(recipe, seed, on_frame)
     scene = recipe.scene(seed)
-    solver = _solver(scene, recipe)
-    solids = kinematic_particles(scene, spacing_at(scene, recipe.r_p))
-    fluid, count = solver.particle_count, solver.particle_count + len(solids)
-    positions = np.empty((recipe.states, count, scene.dim), dtype=np.float32)
-    positions[:, fluid:] = solids
-    force = np.zeros((recipe.states - 1, count, scene.dim), dtype=np.float32) if recipe.force else None
+    solver, solids = _solver(scene, recipe), Solids.of(scene, recipe.r_p)
+    positions = np.empty((recipe.states, solver.particle_count, scene.dim), dtype=np.float32)
+    force = np.zeros((recipe.states - 1, *positions.shape[1:]), dtype=np.float32) if recipe.force else None
     stirring = RandomForce(scene.dim, recipe.force, seed)
-    positions[0, :fluid] = solver.positions
+    positions[0] = solver.positions
     for state in range(1, recipe.states):
         if force is not None:
-            force[state - 1, :fluid] = stirring.at(positions[state - 1, :fluid], solver.time)
-            solver.advance(1, force[state - 1, :fluid])
+            force[state - 1] = stirring.at(positions[state - 1], solver.time)
+            solver.advance(1, force[state - 1])
         else:
             _advance(solver, recipe.stride, stop)
-        positions[state, :fluid] = solver.positions
+        positions[state] = solver.positions
         if state % _AT_ONCE == 0 and stop():
             raise StoppedError
-    return Trajectory(
-        positions=positions,
-        types=np.concatenate([solver.materials.astype(np.int64), np.full(len(solids), KINEMATIC, np.int64)]),
-        force=force,
-        mass=np.concatenate([solver.mass, np.zeros(len(solids), np.float32)]),
-        seed=seed,
-        scene=scene,
-        place=Place(f"seed {seed}"),
-    )
+    return solids.trajectory(solver, positions, force=force, seed=seed)
 
 
 def _solver(scene: Scene, recipe: Recipe) -> MpmSolver:
