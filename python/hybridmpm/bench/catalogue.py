@@ -24,5 +24,6 @@ BENCHES: dict[str, Origin] = {
     "safeguard": Origin(modules=("hybridmpm.bench.hybrid.safeguard",), data=(_WEIGHTS,)),
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
+    "reversal": Origin(modules=("hybridmpm.bench.reversal.reversal",)),
 }
 """Modules and data by the name of the command, which is that of its file in docs/results."""

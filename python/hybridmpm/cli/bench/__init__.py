@@ -8,6 +8,7 @@ from hybridmpm.bench.catalogue import BENCHES
 from hybridmpm.bench.staleness.results import dated_results
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
+from hybridmpm.cli.bench.reversal import reversal
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 from hybridmpm.cli.bench.sweep import sweep
@@ -56,7 +57,7 @@ def _print_stale(folder: Path) -> None:
 
 _COMMANDS = (
     mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
-    hybrid,
+    hybrid, reversal,
 )  # fmt: skip
 
 for command in _COMMANDS:

@@ -1,0 +1,1 @@
+"""How well reversed control data lead back to where the fluid was."""
