@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.simulator import Simulator
 
-BANDWIDTH = (150.0, 300.0)
+BANDWIDTH = (100.0, 300.0)
 """How fast an error of the position is made up for, at the start and at the end [1/s]."""
 _VELOCITY = 1.0
 """Weight of an error of the velocity, over that of an error of the position [-]."""
