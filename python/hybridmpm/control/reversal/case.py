@@ -177,29 +177,19 @@ def reversed_case(
             f"control_frame must be at least frames = {frames}, the length of the past that is reversed, got "
             f"{control_frame}"
         )
-    if start not in STARTS:
-        raise ConfigError(f'start must be "live" or "reversed", got {start!r}')
-    if kind not in KINDS:
-        raise ConfigError(f'kind must be "oval" or "arrow", got {kind!r}')
+    _require("start", start, STARTS)
+    _require("kind", kind, KINDS)
     cap = positive("cap", cap, _MAX_CAP)
     if shortest_arrow is not None:
         shortest_arrow = positive("shortest_arrow", shortest_arrow)
     _require_reversible(scene)
     solver = MpmSolver(scene, substeps=substeps, r_p=r_p)
     truth = _past(solver, control_frame, frames, on_frame)[::-1].copy()
-    weight = Cloud.of(solver).weight
-    sketch = _sketch(truth, weight, scene.walls, kind, shortest_arrow)
+    sketch = _sketch(truth, Cloud.of(solver).weight, scene.walls, kind, shortest_arrow)
     if start == "reversed":
         solver.prescribe(solver.positions, -solver.velocities, control_frame)
     snapshot, velocities = solver.snapshot(), solver.velocities
-    law = _retraced(scene, truth, cap)
-    positions, forces = [solver.positions], []
-    for index in range(frames):
-        on_frame()
-        forces.append(law.force(solver, index))
-        solver.advance(1, forces[-1])
-        positions.append(solver.positions)
-    applied = np.stack(forces)
+    positions, forces = _led(solver, _retraced(scene, truth, cap), frames, on_frame)
     return ReversedCase(
         scene=scene,
         seed=seed,
@@ -207,16 +197,22 @@ def reversed_case(
         start=start,
         sketch=sketch,
         truth=truth,
-        positions=np.stack(positions),
+        positions=positions,
         velocities=velocities,
-        forces=applied,
-        smoothed_forces=smoothed(applied),
+        forces=forces,
+        smoothed_forces=smoothed(forces),
         mass=solver.mass,
         cap=cap,
         substeps=substeps,
         r_p=r_p,
         snapshot=snapshot,
     )
+
+
+def _require(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        words = " or ".join(f'"{word}"' for word in allowed)
+        raise ConfigError(f"{name} must be {words}, got {value!r}")
 
 
 def _require_reversible(scene: Scene) -> None:
@@ -245,6 +241,19 @@ def _past(solver: MpmSolver, control_frame: int, frames: int, on_frame: Callable
         if frame >= control_frame - frames:
             states.append(solver.positions)
     return np.stack(states)
+
+
+def _led(
+    solver: MpmSolver, law: Retraced, frames: int, on_frame: Callable[[], object]
+) -> tuple[Floats32, Floats32]:
+    """Return the positions (T + 1, N, D) and forces (T, N, D) of a solver that follows a law."""
+    positions, forces = [solver.positions], []
+    for index in range(frames):
+        on_frame()
+        forces.append(law.force(solver, index))
+        solver.advance(1, forces[-1])
+        positions.append(solver.positions)
+    return np.stack(positions), np.stack(forces)
 
 
 def _retraced(scene: Scene, truth: Floats32, cap: float) -> Retraced:

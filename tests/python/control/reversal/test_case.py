@@ -79,7 +79,9 @@ def test_the_oracle_refuses_what_is_not_its_case() -> None:
         follow(case.simulator(), case.sketch, Oracle(case), frames=12)
     ahead = case.simulator()
     ahead.advance(1)
-    for other in (ahead, MpmSolver(scene(dim=2, material="sand"), r_p=0.5)):
+    other_way = reversed_case(scene(), control_frame=20, frames=10, start="reversed").simulator()
+    assert np.array_equal(other_way.positions, case.simulator().positions)
+    for other in (ahead, other_way, MpmSolver(scene(dim=2, material="sand"), r_p=0.5)):
         with pytest.raises(ConfigError, match=r"follow with case\.simulator\(\)"):
             follow(other, case.sketch, Oracle(case), frames=10)
 
