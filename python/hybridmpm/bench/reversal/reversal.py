@@ -172,5 +172,6 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         charts.plain_log_ticks(panel.xaxis)
     axes[0][0].set_ylabel("mean cosine between\nforces of successive frames")
     axes[1][0].set_ylabel("error at the end (grid RMSE)")
-    axes[0][0].legend(loc="lower right")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     charts.save(figure, file)
