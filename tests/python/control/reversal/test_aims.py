@@ -24,7 +24,7 @@ SEEDS = range(1_150_000, 1_150_006)
     ],
 )
 def test_the_true_end_is_reached_within_30_g(scenario: str, start: str, largest: float) -> None:
-    cases = [reversed_from_seed(scenario, seed, start=start, kind="oval") for seed in SEEDS]  # type: ignore[arg-type]
+    cases = [reversed_from_seed(scenario, seed, start=start, kind="oval") for seed in SEEDS]
     assert max(case.peak for case in cases) <= 30
     assert np.mean([case.error(case.positions[-1]) for case in cases]) < largest
     unforced = [case.error(case.simulator().rollout(case.frames)[-1]) for case in cases]

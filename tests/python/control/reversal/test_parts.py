@@ -30,7 +30,7 @@ def led(way: np.ndarray, u: np.ndarray, cap: float, hold: int = 0) -> tuple[Poin
     law = Retraced.along(way, frame_dt=DT, gravity=GRAVITY, cap=cap)
     points, forces = Points(way[0], u), []
     for index in range(len(way) - 1 + hold):
-        forces.append(law.force(points, index))  # type: ignore[arg-type]
+        forces.append(law.force(points, index))
         points.advance(forces[-1])
     return points, np.array(forces)
 
