@@ -6,13 +6,15 @@ result then has the shape (F,). Two states may differ in the number of particles
 
 - `grid_rmse`, `grid_nrmse` and `grid_node_error` compare the masses that `grid_mass` puts on a grid.
   `grid_rmse` is the default error of this library.
-- `sinkhorn_distance`, `centroid_error`, `neighbour_histogram_distance` and `energy_error` compare particles.
+- `sinkhorn_distance`, `transport_distance`, `centroid_error`, `neighbour_histogram_distance` and
+  `energy_error` compare particles.
 - `kinetic_energy`, `potential_energy`, `density_extremes` and `penetration_count` measure one state.
 - `compare` gives most of these errors between two recordings.
 - `other_jitter`, `held_still` and `merged_states` give recordings for the floor and the ceiling of an error.
 - `ErrorTable` collects means and standard errors over scenes, and paired differences between methods.
 """
 
+from hybridmpm.metrics.assignment import transport_distance
 from hybridmpm.metrics.bounds import held_still, merged_states, other_jitter
 from hybridmpm.metrics.grid import EMPTY_BELOW, grid_mass, grid_node_error, grid_nrmse, grid_rmse
 from hybridmpm.metrics.particles import (
@@ -48,4 +50,5 @@ __all__ = [
     "penetration_count",
     "potential_energy",
     "sinkhorn_distance",
+    "transport_distance",
 ]
