@@ -25,5 +25,6 @@ BENCHES: dict[str, Origin] = {
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
     "reversal": Origin(modules=("hybridmpm.bench.reversal.reversal",)),
+    "control": Origin(modules=("hybridmpm.bench.control.runner", "hybridmpm.bench.control.report.means")),
 }
 """Modules and data by the name of the command, which is that of its file in docs/results."""

@@ -1,0 +1,1 @@
+"""What is told of the runs: means beside aims, a chart, and contact sheets."""

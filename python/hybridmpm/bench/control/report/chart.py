@@ -1,0 +1,87 @@
+"""The chart of control: error against planning time, family by family."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hybridmpm._support import charts
+from hybridmpm.bench.control.entrants import FILLED, NAMES
+from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS
+from hybridmpm.bench.report.rows import Row
+
+_COLUMNS = 3
+_GREY = "#333333"
+_FAINT, _SMALL, _LARGE = 0.45, 4, 9
+
+
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw a panel for each family and kind of sketch, as SVG and PNG; raises as `charts` does.
+
+    Small points are the means of single scenarios, large ones their mean. The error is the final `grid_rmse`
+    where there is a truth, elsewhere the transport distance from the evenly filled sketch.
+    """
+    parts = [
+        (family, kind, mine)
+        for family in FAMILIES
+        for kind in KINDS[family]
+        if (mine := [row for row in rows if (row["family"], row["sketch"]) == (family, kind)])
+    ]
+    columns = min(_COLUMNS, len(parts))
+    figure, axes = charts.panels(columns, -(-len(parts) // columns), width=4.2, height=3.3)
+    methods = sorted({row["method"] for row in rows}, key=_order)
+    for panel in axes.flat[len(parts) :]:
+        panel.set_visible(False)
+    for (family, kind, mine), panel in zip(parts, axes.flat, strict=False):
+        measure = "error" if family == "reversed" else "transport"
+        for index, method in enumerate(one for one in methods if one != FILLED):
+            _draw(panel, [row for row in mine if row["method"] == method], measure, index)
+        floor = [row[measure] for row in mine if row["method"] == FILLED]
+        if floor and family == "reversed":
+            panel.axhline(sum(floor) / len(floor), color=_GREY, linestyle=":", linewidth=1.2)
+        name = f"{family}, {kind}s" if len(KINDS[family]) > 1 else family
+        panel.set(xscale="log", title=name, xlabel="planning time [ms]")
+        charts.plain_log_ticks(panel.xaxis)
+        if measure == "transport":
+            panel.set(yscale="log", ylabel="transport distance [m]")
+            charts.plain_log_ticks(panel.yaxis)
+        else:
+            panel.set(ylim=(0, 1.05 * panel.get_ylim()[1]), ylabel="final grid_rmse")
+    _legend(figure, [one for one in methods if one != FILLED], 1 + 2 * columns)
+    charts.save(figure, file)
+
+
+def _draw(panel: Any, rows: Sequence[Row], measure: str, index: int) -> None:
+    points = [row for row in rows if row[measure] is not None and row["plan_ms"] is not None]
+    if not points:
+        return
+    style = {
+        "color": charts.COLOURS[index % len(charts.COLOURS)],
+        "marker": charts.MARKERS[(index + index // len(charts.COLOURS)) % len(charts.MARKERS)],
+        "linestyle": "",
+    }
+    x, y = [row["plan_ms"] for row in points], [row[measure] for row in points]
+    spread = [row[f"{measure}_se"] or 0.0 for row in points]
+    panel.errorbar(x, y, spread, markersize=_SMALL, alpha=_FAINT, elinewidth=1, **style)
+    panel.plot([sum(x) / len(x)], [sum(y) / len(y)], markersize=_LARGE, zorder=3, **style)
+
+
+def _legend(figure: Any, methods: Sequence[str], columns: int) -> None:
+    from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
+
+    entries = [
+        Line2D(
+            [],
+            [],
+            linestyle="",
+            color=charts.COLOURS[index % len(charts.COLOURS)],
+            marker=charts.MARKERS[(index + index // len(charts.COLOURS)) % len(charts.MARKERS)],
+            label=name,
+        )
+        for index, name in enumerate(methods)
+    ]
+    entries.append(Line2D([], [], color=_GREY, linestyle=":", label="sketch perfectly filled"))
+    figure.legend(handles=entries, loc="outside upper center", ncols=min(columns, len(entries)))
+
+
+def _order(method: str) -> tuple[int, str]:
+    return (NAMES.index(method) if method in NAMES else len(NAMES), method)

@@ -1,0 +1,133 @@
+"""Means over the sketches of each family, scenario and kind, with paired standard errors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hybridmpm.bench.control.entrants import CONSTANT, Entrant
+from hybridmpm.bench.control.measures import naturalness
+from hybridmpm.bench.control.results import Runs
+from hybridmpm.bench.control.suite.cases import Case, cases
+from hybridmpm.bench.control.trial import MEASURES
+from hybridmpm.bench.report.rows import Row, significant
+from hybridmpm.errors import ConfigError
+from hybridmpm.metrics import ErrorTable, Estimate
+
+GAPS = ("error", "transport", "inside")
+"""Measures whose difference to the constant force is told, with its paired standard error."""
+_ORIGIN = ("machine", "date", "commit", "command")
+
+
+def means(runs: Runs, some: Sequence[Case], entrants: Sequence[Entrant]) -> list[Row]:
+    """Return a row for each family, scenario, kind of sketch and method that has run on any of the cases.
+
+    Each measure is the mean over sketches, `MEASURE_se` its standard error; `error_gap`, `transport_gap` and
+    `inside_gap` are mean differences to the constant force on the same sketches, with paired standard errors;
+    `wins` is the share of the sketches with a smaller error, or without truth a smaller transport distance,
+    than the constant force has. `count` of the suite's `suite_count` sketches were run, and the method
+    `failed` on some of them, which are left out. Origin is that of the first run.
+    """
+    rows = []
+    for (family, scenario, kind), group in _groups(some).items():
+        whole = len([case for case in cases([family], [scenario]) if case.kind == kind])
+        table, found = ErrorTable(), runs.rows(group, [one.name for one in entrants])
+        for row in found:
+            if row["failed"] is None:
+                figures = {name: row[name] for name in MEASURES if row[name] is not None}
+                table.add(row["method"], str(row["seed"]), figures)
+        reals = _reals(runs, scenario) if family == "reversed" else None
+        for name in dict.fromkeys(row["method"] for row in found):
+            mine = [row for row in found if row["method"] == name]
+            rows.append(
+                {
+                    "scenario": scenario,
+                    "family": family,
+                    "sketch": kind,
+                    "method": name,
+                    "count": len(mine),
+                    "suite_count": whole,
+                    "failed": sum(row["failed"] is not None for row in mine),
+                    "threads": 1,
+                    **_figures(table, name),
+                    "wins": significant(_share(wins(found, name))),
+                    **_naturalness(runs, group, name, reals),
+                    **{field: mine[0][field] for field in _ORIGIN},
+                }
+            )
+    return rows
+
+
+def _groups(some: Sequence[Case]) -> dict[tuple[str, str, str], list[Case]]:
+    groups: dict[tuple[str, str, str], list[Case]] = {}
+    for case in some:
+        groups.setdefault((case.family, case.scenario, case.kind), []).append(case)
+    return groups
+
+
+def _figures(table: ErrorTable, name: str) -> Row:
+    row: Row = {}
+    for measure in MEASURES:
+        mean = _estimate(table, name, measure)
+        row[measure] = significant(mean.mean if mean else None)
+        row[f"{measure}_se"] = significant(mean.standard_error if mean else None, 2)
+    for measure in GAPS:
+        gap = None
+        if name != CONSTANT and all(_estimate(table, one, measure) for one in (name, CONSTANT)):
+            gap = table.difference(name, CONSTANT, measure)
+        row[f"{measure}_gap"] = significant(gap.mean if gap else None)
+        row[f"{measure}_gap_se"] = significant(gap.standard_error if gap else None, 2)
+    return row
+
+
+def _estimate(table: ErrorTable, name: str, measure: str) -> Estimate | None:
+    try:
+        return table.estimate(name, measure)
+    except ConfigError:
+        return None  # no sketch has this measure
+
+
+def _reals(runs: Runs, scenario: str) -> float | None:
+    """Return how well the classifier tells uncontrolled frames apart; None with too few seeds for halves."""
+    reference = runs.references(scenario)
+    if len(reference) < 2 * naturalness.LEAST_SEEDS:
+        return None
+    return naturalness.real_against_real(reference)
+
+
+def _naturalness(runs: Runs, group: Sequence[Case], name: str, reals: float | None) -> Row:
+    looks = runs.looks(group, name)
+    found = None
+    if (
+        reals is not None
+        and abs(reals - 0.5) <= naturalness.TOLERANCE
+        and len(looks) >= naturalness.LEAST_SEEDS
+    ):
+        found = naturalness.auc(looks, runs.references(group[0].scenario))
+    return {"naturalness": significant(found), "naturalness_of_reals": significant(reals)}
+
+
+def wins(rows: Sequence[Row], name: str) -> list[bool]:
+    """Tell for each sketch whether a method has a smaller error, or transport distance, than the constant.
+
+    Sketches on which one of both has failed, or has not run, are left out.
+    """
+    both = paired(rows, name)
+    measures = ["transport" if mine["error"] is None else "error" for mine, _ in both]
+    return [
+        bool(mine[measure] < constant[measure])
+        for (mine, constant), measure in zip(both, measures, strict=True)
+    ]
+
+
+def paired(rows: Sequence[Row], name: str) -> list[tuple[Row, Row]]:
+    """Return pairs of a method's row and that of the constant force on the same sketch."""
+    constant = {row["seed"]: row for row in rows if row["method"] == CONSTANT and row["failed"] is None}
+    return [
+        (row, constant[row["seed"]])
+        for row in rows
+        if row["method"] == name and row["failed"] is None and row["seed"] in constant
+    ]
+
+
+def _share(won: Sequence[bool]) -> float | None:
+    return float(np.mean(won)) if won else None

@@ -1,0 +1,117 @@
+"""Contact sheets: sketch, start, target, and what each method made of it, for the first of each kind."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw
+
+from hybridmpm._support.files import replacing
+from hybridmpm.bench.control.entrants import FILLED, Entrant
+from hybridmpm.bench.control.suite.cases import Case
+from hybridmpm.bench.control.suite.problems import problem
+from hybridmpm.bench.control.trial import run
+from hybridmpm.bench.report.rows import Progress
+from hybridmpm.control.sketch.render import render
+from hybridmpm.render import view_of
+from hybridmpm.render.flat import MARGIN
+from hybridmpm.scene import Scene
+
+_SIZE, _GAP, _HEAD, _SIDE = 170, 4, 16, 92
+"""Side of a picture, gaps, and room for titles above and on the left [pixels]."""
+_INK = (40, 40, 40)
+
+Picture = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a sheet."""
+
+    title: str
+    pictures: list[tuple[str, Picture]]
+    """Pictures with their titles."""
+
+
+def first_cases(some: Sequence[Case]) -> dict[str, list[Case]]:
+    """Return, for each family, the first case of each scenario and kind of sketch."""
+    found: dict[str, dict[tuple[str, str], Case]] = {}
+    for case in some:
+        found.setdefault(case.family, {}).setdefault((case.scenario, case.kind), case)
+    return {family: list(lines.values()) for family, lines in found.items()}
+
+
+def write_sheets(
+    folder: Path, some: Sequence[Case], entrants: Sequence[Entrant], *, budget: float, on_progress: Progress
+) -> list[Path]:
+    """Run the first case of each scenario once more, and write a sheet `control-FAMILY.png` for each family.
+
+    Raises
+    ------
+    ConfigError, SimulationError
+        As `trial.run`.
+    ExportError
+        A file cannot be written.
+    """
+    written = []
+    for family, lines in first_cases(some).items():
+        drawn = []
+        for case in lines:
+            drawn.append(_line(case, entrants, budget))
+            on_progress(1)
+        path = folder / f"control-{family}.png"
+        with replacing(path) as part:
+            _sheet(drawn).save(part, optimize=True)
+        written.append(path)
+    return written
+
+
+def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
+    ready = problem(case)
+    scene, start = ready.simulator.scene, ready.simulator
+    view = view_of(scene, start.materials, _SIZE)
+
+    def drawn(x: npt.NDArray[np.floating]) -> Picture:
+        return view.draw(x.astype(np.float32), np.zeros_like(x, dtype=np.float32), start.time)
+
+    pictures = [("sketch", _sketched(render(ready.sketch), scene)), ("start", drawn(start.positions))]
+    target = ready.truth
+    for entrant in (one for one in entrants if one.enters(case.family)):
+        if entrant.name == FILLED and ready.truth is None:
+            continue  # that is the target
+        trial = run(ready, entrant, budget=budget)
+        if target is None:
+            target = trial.goal.ways.places.astype(np.float32)
+        pictures.append((entrant.name, drawn(start.positions[:0] if trial.end is None else trial.end)))
+    if target is not None:
+        pictures.insert(2, ("target", drawn(target)))
+    return Line(f"{case.scenario}\n{case.kind}\nseed {case.seed}", pictures)
+
+
+def _sketched(raster: Picture, scene: Scene) -> Picture:
+    """Cut the part of a raster of the world that a view of the scene shows."""
+    lower, upper = np.array(scene.walls.lower[:2]), np.array(scene.walls.upper[:2])
+    margin = MARGIN * float((upper - lower).max())
+    (left, bottom), (right, top) = lower - margin, upper + margin
+    rows, columns = raster.shape[:2]
+    box = (left * columns, (1 - top) * rows, right * columns, (1 - bottom) * rows)
+    picture = Image.fromarray(raster[..., :3]).resize((_SIZE, _SIZE), Image.Resampling.LANCZOS, box)
+    return np.asarray(picture)
+
+
+def _sheet(lines: Sequence[Line]) -> Image.Image:
+    columns = max(len(line.pictures) for line in lines)
+    step = _SIZE + _GAP
+    sheet = Image.new("RGB", (_SIDE + columns * step, len(lines) * (step + _HEAD)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for row, line in enumerate(lines):
+        top = row * (step + _HEAD)
+        pen.text((4, top + _HEAD + 4), line.title, fill=_INK)
+        for column, (title, picture) in enumerate(line.pictures):
+            left = _SIDE + column * step
+            pen.text((left, top + 2), title, fill=_INK)
+            # Views of 3D scenes are wider than high.
+            sheet.paste(Image.fromarray(picture), (left, top + _HEAD + (_SIZE - picture.shape[0]) // 2))
+    return sheet

@@ -1,0 +1,1 @@
+"""The suite: which sketches are drawn on which states of which scenes."""

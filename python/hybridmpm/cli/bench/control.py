@@ -1,0 +1,164 @@
+"""`hybridmpm bench control`."""
+
+from pathlib import Path
+
+import click
+
+from hybridmpm import scenarios
+from hybridmpm.bench.control.entrants import CONSTANT, NAMES, entrant
+from hybridmpm.bench.control.report.aims import compared_with_aims, compared_with_paper
+from hybridmpm.bench.control.report.chart import chart
+from hybridmpm.bench.control.report.means import means
+from hybridmpm.bench.control.report.sheets import first_cases, write_sheets
+from hybridmpm.bench.control.results import Runs
+from hybridmpm.bench.control.runner import BUDGET, ControlSettings, count_missing, measure
+from hybridmpm.bench.control.suite.cases import FAMILIES, cases
+from hybridmpm.bench.report.rows import Row
+from hybridmpm.cli.bench.options import (
+    chart_option,
+    json_option,
+    print_origin,
+    print_table,
+    save,
+    scenario_option,
+    source,
+)
+from hybridmpm.cli.progress import progress
+from hybridmpm.errors import ConfigError
+
+_COLUMNS = (
+    "scenario", "sketch", "method", "count", "error", "error_gap", "transport", "transport_gap", "inside",
+    "inside_later", "centroid_error", "direction_error", "path_error", "rms_ratio", "peak_ratio",
+    "fine_share", "density_ratio", "naturalness", "plan_ms", "first_frame_ms", "total_ms",
+)  # fmt: skip
+_AIM_COLUMNS = ("scenario", "sketch", "bodies", "method", "count", "aim", "measured", "se", "met")
+_PAPER_COLUMNS = (
+    "scenario", "sketch", "paper_baseline", "paper_learned", "paper_ratio", "best", "nrmse_constant",
+    "nrmse_best", "nrmse_ratio", "node_error_constant", "node_error_best", "node_error_ratio", "error_ratio",
+)  # fmt: skip
+
+
+@click.command()
+@click.option(
+    "--family",
+    "families",
+    type=click.Choice(FAMILIES),
+    multiple=True,
+    default=FAMILIES,
+    show_default=True,
+    help="Family of the sketches. May be given several times.",
+)
+@scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 50),
+    help="Number of sketches of each kind in each family and scenario. If absent, all: 50 of the reversed "
+    "family, 10 of the others.",
+)
+@click.option(
+    "--method",
+    "methods",
+    multiple=True,
+    default=NAMES,
+    show_default=True,
+    metavar="METHOD",
+    help="A method of the library, or MODULE:ATTRIBUTE for one of your own. May be given several times. The "
+    "constant force always takes part, because the others are held against it.",
+)
+@click.option(
+    "--budget",
+    type=click.FloatRange(0.05, 600),
+    default=BUDGET,
+    show_default=True,
+    help="Time that shooting, or a method of your own, may search for each sketch, in seconds.",
+)
+@click.option(
+    "--runs",
+    "runs_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Gather the runs in this file of JSON lines. Those that it holds are not run again.",
+)
+@json_option
+@chart_option
+@click.option(
+    "--sheets",
+    "sheets_folder",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Write contact sheets control-FAMILY.png into this folder; that runs one sketch of each kind again.",
+)
+def control(
+    *,
+    families: tuple[str, ...],
+    names: tuple[str, ...],
+    seeds: int | None,
+    methods: tuple[str, ...],
+    budget: float,
+    runs_file: Path | None,
+    json_file: Path | None,
+    chart_file: Path | None,
+    sheets_folder: Path | None,
+) -> None:
+    """Hold methods of control against each other on a fixed suite of sketches.
+
+    Five families: states that are led back to where they came from (reversed), free ovals, bent arrows, ovals
+    behind obstacles, and fluid in pieces that is to be gathered. docs/control-bench.md tells what each can
+    show, and how to enter a method of your own. With --runs an interrupted benchmark goes on where it
+    stopped.
+    """
+    some = cases(families, names, seeds)
+    if not some:
+        raise ConfigError(
+            f"the families {', '.join(families)} have no sketches in {', '.join(names)}: bent and gather "
+            "leave out ramps, reversed has water and sand in 2D and 3D"
+        )
+    entrants = [
+        entrant(name) for name in dict.fromkeys(methods if CONSTANT in methods else (CONSTANT, *methods))
+    ]
+    settings = ControlSettings(cases=some, entrants=entrants, budget=budget)
+    origin = source(
+        "control",
+        family=families if families != FAMILIES else (),
+        scenario=names if names != scenarios.NAMES else (),
+        seeds=(seeds,),
+        method=methods if methods != NAMES else (),
+        budget=(f"{budget:g}",),
+    )
+    runs = Runs(settings.shared(), runs_file)
+    with progress("Measuring", count_missing(settings, runs)) as bar:
+        measure(settings, runs, origin, bar.update)
+    rows = means(runs, some, entrants)
+    save(rows, json_file, chart_file, chart)
+    for family in dict.fromkeys(row["family"] for row in rows):
+        click.echo(f"\n{family}")
+        _print_means([row for row in rows if row["family"] == family])
+    _print_part("aims", compared_with_aims(runs.rows(some, (one.name for one in entrants))), _AIM_COLUMNS)
+    _print_part("beside the paper", compared_with_paper(rows), _PAPER_COLUMNS)
+    if sheets_folder is not None:
+        lines = sum(map(len, first_cases(some).values()))
+        with progress("Drawing", lines) as bar:
+            write_sheets(sheets_folder, some, entrants, budget=budget, on_progress=bar.update)
+    print_origin(origin)
+
+
+def _print_part(title: str, rows: list[Row], columns: tuple[str, ...]) -> None:
+    if rows:
+        click.echo(f"\n{title}")
+        print_table(rows, columns)
+
+
+def _print_means(rows: list[Row]) -> None:
+    """Print the means of a family, and paired standard errors of the differences to the constant force."""
+    shown = [column for column in _COLUMNS if any(row[column] is not None for row in rows)]
+    print_table([{column: _cell(row, column) for column in shown} for row in rows], shown)
+
+
+def _cell(row: Row, column: str) -> object:
+    value = row[column]
+    if value is None:
+        return "-"
+    if not column.endswith("_gap"):
+        return f"{value:.3g}" if isinstance(value, float) else value
+    spread = row[f"{column}_se"]
+    return f"{value:+.3f}" if spread is None else f"{value:+.3f}±{spread:.3f}"

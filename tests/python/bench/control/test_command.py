@@ -1,0 +1,200 @@
+"""`hybridmpm bench control`: it goes on where it stopped, and takes methods of others."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from hybridmpm import ConfigError, DataError
+from hybridmpm.bench.control.entrants import entrant
+from hybridmpm.bench.control.report.means import means
+from hybridmpm.bench.control.results import Runs
+from hybridmpm.bench.control.runner import ControlSettings, count_missing, measure
+from hybridmpm.bench.control.suite.cases import cases
+from hybridmpm.bench.control.trial import MEASURES
+from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.cli import cli
+
+pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
+
+SOURCE = Provenance(machine="m", date="2026-01-01", commit="c", command="control")
+CASES = cases(["gather"], ["water_2d"], seeds=2)
+SETTINGS = ControlSettings(cases=CASES, entrants=[entrant("none"), entrant("filled")])
+TIMES = ("plan_ms", "first_frame_ms", "total_ms")
+
+METHODS = """
+import numpy as np
+from hybridmpm.control import Law
+from hybridmpm.control.laws import Unforced
+
+class Idle:
+    name = "idle"
+    def plan(self, simulator, task):
+        return Unforced()
+
+class Raising(Idle):
+    def plan(self, simulator, task):
+        raise KeyError("weights")
+
+class WrongShape(Idle):
+    def plan(self, simulator, task):
+        return self
+    def force(self, simulator, index):
+        return np.zeros((3, 7), np.float32)
+
+class NoLaw(Idle):
+    def plan(self, simulator, task):
+        return None
+
+class Nameless:
+    def plan(self, simulator, task):
+        return Unforced()
+
+class Taken(Idle):
+    name = "analytic"
+
+number = 3
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put a module with methods of one's own where Python finds it."""
+    (tmp_path / "my_control.py").write_text(METHODS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+
+def ignore(_: int) -> None:
+    pass
+
+
+def invoke(*words: str) -> Result:
+    return CliRunner().invoke(cli, ["bench", "control", *words], prog_name="hybridmpm")
+
+
+def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{name: value for name, value in row.items() if name not in TIMES} for row in rows]
+
+
+def test_an_interrupted_benchmark_goes_on_and_ends_with_the_same_rows(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+
+    def stop_after_two(_: int, left: list[int] = [2]) -> None:  # noqa: B006 - counts down
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+
+    runs = Runs(SETTINGS.shared(), file)
+    assert count_missing(SETTINGS, runs) == 4
+    with pytest.raises(KeyboardInterrupt):
+        measure(SETTINGS, runs, SOURCE, stop_after_two)
+    with file.open("a") as out:
+        out.write('{"run": {"family": "gath')  # the machine went off amid a line
+    again = Runs(SETTINGS.shared(), file)
+    assert count_missing(SETTINGS, again) == 2
+    measure(SETTINGS, again, SOURCE, ignore)
+    whole = Runs(SETTINGS.shared())
+    measure(SETTINGS, whole, SOURCE, ignore)
+    names = ["none", "filled"]
+    expected = without_times(whole.rows(CASES, names))
+    assert len(expected) == 4
+    assert without_times(again.rows(CASES, names)) == expected
+    assert without_times(Runs(SETTINGS.shared(), file).rows(CASES, names)) == expected
+    assert [look.shape for look in again.looks(CASES, "none")] == [(4, 13)] * 2
+
+
+def test_runs_of_other_settings_and_damaged_files_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+    Runs(SETTINGS.shared(), file)
+    with pytest.raises(ConfigError, match=r"holds runs with budget = 2\.0, not 5: take the same settings"):
+        Runs(SETTINGS.shared() | {"budget": 5}, file)
+    with pytest.raises(ConfigError, match=r"suite = .*, not other"):
+        Runs(SETTINGS.shared() | {"suite": "other"}, file)
+    file.write_text("no runs\n")
+    with pytest.raises(DataError, match="is no file of runs, or damaged"):
+        Runs(SETTINGS.shared(), file)
+
+
+def test_differences_to_the_constant_force_are_paired() -> None:
+    runs = Runs(SETTINGS.shared())
+    for case, constant in zip(CASES, (0.4, 0.2), strict=True):
+        for name, value in (("constant", constant), ("none", constant - 0.1)):
+            blank: dict[str, Any] = dict.fromkeys(MEASURES)
+            head = {
+                "family": "gather", "scenario": "water_2d", "sketch": "oval", "seed": case.seed,
+                "method": name, "failed": None,
+            }  # fmt: skip
+            runs.add(SOURCE.stamped(head | blank | {"transport": value}), [])
+    constant, none = means(runs, CASES, [entrant("constant"), entrant("none")])
+    assert none["transport"] == pytest.approx(0.2)
+    assert none["transport_se"] == pytest.approx(0.1)
+    assert (none["transport_gap"], none["transport_gap_se"]) == (-0.1, pytest.approx(0, abs=1e-12))
+    assert (none["wins"], none["count"], none["suite_count"]) == (1.0, 2, 10)
+    assert constant["transport_gap"] is None
+
+
+@pytest.mark.usefixtures("mine")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nothing", "method must be one of none, constant, .* or MODULE:ATTRIBUTE for a method of your own"),
+        ("absent_module:Method", "the module absent_module cannot be imported .*PYTHONPATH"),
+        ("my_control:Absent", "the module my_control has no attribute Absent"),
+        ("my_control:number", "must be a method or make one when it is called, got 3"),
+        ("my_control:Nameless", "must have a text `name` and a function `plan"),
+        ("my_control:Taken", "the name 'analytic' is taken"),
+    ],
+)
+def test_a_method_that_is_none_is_refused_before_anything_runs(name: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        entrant(name)
+
+
+@pytest.mark.usefixtures("mine")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Raising", "idle is broken, in gather/water_2d/oval/.*: KeyError: 'weights'"),
+        ("WrongShape", r"idle is broken, .*\(3, 7\)"),
+        ("NoLaw", "idle is broken, .* must return a law"),
+    ],
+)
+def test_a_method_that_breaks_is_told_with_its_case_and_its_error(name: str, message: str) -> None:
+    settings = ControlSettings(cases=CASES[:1], entrants=[entrant(f"my_control:{name}")])
+    with pytest.raises(ConfigError, match=message):
+        measure(settings, Runs(settings.shared()), SOURCE, ignore)
+
+
+@pytest.mark.usefixtures("mine")
+def test_the_command_holds_ones_own_method_against_the_others(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    rows_file, picture = tmp_path / "rows.json", tmp_path / "control.svg"
+    words = [
+        *("--family", "gather", "--scenario", "water_2d", "--seeds", "1", "--method", "analytic"),
+        *("--method", "filled", "--method", "my_control:Idle", "--json", str(rows_file)),
+        *("--chart", str(picture), "--sheets", str(tmp_path)),
+    ]
+    done = invoke(*words)
+    assert done.exit_code == 0, done.output
+    rows = {row["method"]: row for row in json.loads(rows_file.read_text())}
+    assert set(rows) == {"constant", "analytic", "filled", "idle"}
+    needed = {
+        "scenario", "family", "sketch", "method", "error", "error_se", "transport", "inside", "inside_later",
+        "rms_g", "bound_g", "peak_g", "naturalness", "first_frame_ms", "total_ms", "machine", "threads",
+        "date", "commit", "command",
+    }  # fmt: skip
+    assert all(needed <= set(row) for row in rows.values())
+    assert rows["analytic"]["inside"] > 0.9 > rows["idle"]["inside"]
+    assert rows["filled"]["transport"] < rows["analytic"]["transport"] < rows["constant"]["transport"]
+    assert rows["idle"]["naturalness"] is None
+    assert all(row["count"] == 1 < row["suite_count"] for row in rows.values())
+    assert picture.with_suffix(".png").stat().st_size > 10_000
+    assert (tmp_path / "control-gather.png").stat().st_size > 5_000
+
+
+def test_families_without_sketches_in_a_scenario_are_told() -> None:
+    done = invoke("--family", "bent", "--scenario", "sand_ramps_2d")
+    assert done.exit_code == 2
+    assert "have no sketches in sand_ramps_2d: bent and gather leave out ramps" in done.output

@@ -1,0 +1,68 @@
+"""The suite of control: every case is valid, and the same whenever it is drawn."""
+
+import numpy as np
+
+from hybridmpm import scenarios
+from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS, SCENARIOS, Case, cases, digest
+from hybridmpm.bench.control.suite.problems import problem
+from hybridmpm.control import Ellipse
+from hybridmpm.control.goal.room import Room
+
+FREE = [case for case in cases() if case.family != "reversed"]
+
+
+def test_the_suite_has_the_sketches_that_the_documentation_promises() -> None:
+    assert len(set(cases())) == len(cases()) == 4 * 2 * 50 + 10 * (7 + 5 + 7 + 5)
+    for family in FAMILIES:
+        for scenario in SCENARIOS[family]:
+            for kind in KINDS[family]:
+                mine = [case for case in cases([family], [scenario]) if case.kind == kind]
+                assert len(mine) == (50 if family == "reversed" else 10)
+                assert len(cases([family], [scenario], seeds=3)) == 3 * len(KINDS[family])
+
+
+def test_its_seeds_are_those_of_tests_alone() -> None:
+    assert min(case.seed for case in cases()) > 1_100_000
+
+
+def test_the_digest_is_the_same_each_time_and_tells_versions_apart() -> None:
+    before = digest()
+    digest.cache_clear()
+    assert digest() == before != digest(0)
+
+
+def test_every_start_fits_its_scenario_and_its_sketch_the_room() -> None:
+    for case in FREE:
+        start = case.start()
+        info = scenarios.describe(case.scenario)
+        volume = sum(body.measure for body in start.scene.bodies)
+        assert start.scene.dim == info.dim
+        assert 1000 < volume / start.scene.spacing**info.dim < 1.02 * info.max_particles
+        points = start.sketch.outline(64) if isinstance(start.sketch, Ellipse) else start.sketch.points
+        middle = start.sketch.center if isinstance(start.sketch, Ellipse) else points.mean(axis=0)
+        assert (np.abs(points - 0.5) < 0.45).all()
+        inside = np.append(middle, [0.5] * (info.dim - 2))[None]
+        assert Room(start.scene, 0.0).is_free(inside).all(), case
+
+
+def test_obstacles_lie_between_or_belong_to_the_scenario() -> None:
+    for case in FREE:
+        has_obstacles = bool(case.start().scene.obstacles)
+        assert has_obstacles == (case.family == "obstacles" or "ramps" in case.scenario)
+
+
+def test_a_case_is_the_same_to_the_bit_each_time() -> None:
+    case = Case("gather", "sand_3d", "oval", 1_240_001)
+    one, two = problem(case), problem(case)
+    np.testing.assert_array_equal(one.simulator.positions, two.simulator.positions)
+    assert one.simulator.frame == 5
+    assert one.truth is None
+
+
+def test_a_reversed_case_knows_where_it_came_from() -> None:
+    case = cases(["reversed"], ["water_2d"], seeds=1)[0]
+    ready = problem(case)
+    assert ready.truth is not None
+    moved = np.linalg.norm(ready.simulator.positions.mean(axis=0) - ready.truth.mean(axis=0))
+    assert moved > 0.05
+    assert ready.frames == 100
