@@ -1,6 +1,7 @@
 """`hybridmpm bench control`: it goes on where it stopped, and takes methods of others."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -198,3 +199,18 @@ def test_families_without_sketches_in_a_scenario_are_told() -> None:
     done = invoke("--family", "bent", "--scenario", "sand_ramps_2d")
     assert done.exit_code == 2
     assert "have no sketches in sand_ramps_2d: bent and gather leave out ramps" in done.output
+
+
+def test_the_method_of_the_documentation_can_be_entered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = Path(__file__).parents[4] / "docs" / "control-bench.md"
+    (example,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "my_springs.py").write_text(example)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    settings = ControlSettings(cases=CASES[:1], entrants=[entrant("my_springs:Springs")])
+    runs = Runs(settings.shared())
+    measure(settings, runs, SOURCE, ignore)
+    (row,) = runs.rows(CASES[:1], ["springs"])
+    assert row["inside"] > 0.5
+    assert row["peak_g"] <= 15.001

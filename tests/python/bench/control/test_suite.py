@@ -1,11 +1,12 @@
 """The suite of control: every case is valid, and the same whenever it is drawn."""
 
 import numpy as np
+import pytest
 
 from hybridmpm import scenarios
 from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS, SCENARIOS, Case, cases, digest
 from hybridmpm.bench.control.suite.problems import problem
-from hybridmpm.control import Ellipse
+from hybridmpm.control import Ellipse, prepare
 from hybridmpm.control.goal.room import Room
 
 FREE = [case for case in cases() if case.family != "reversed"]
@@ -66,3 +67,12 @@ def test_a_reversed_case_knows_where_it_came_from() -> None:
     moved = np.linalg.norm(ready.simulator.positions.mean(axis=0) - ready.truth.mean(axis=0))
     assert moved > 0.05
     assert ready.frames == 100
+
+
+@pytest.mark.long
+def test_every_sketch_can_be_followed_from_its_start() -> None:
+    for case in FREE:
+        ready = problem(case)
+        needs = prepare(ready.simulator, ready.sketch, method="none").needs()
+        assert not [one for one in needs.obstructions if one.reason in {"wall", "obstacle"}], case
+        assert needs.acceleration < 7, case

@@ -41,6 +41,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         name = f"{family}, {kind}s" if len(KINDS[family]) > 1 else family
         panel.set(xscale="log", title=name, xlabel="planning time [ms]")
         charts.plain_log_ticks(panel.xaxis)
+        panel.tick_params(labelsize=8)
         if measure == "transport":
             panel.set(yscale="log", ylabel="transport distance [m]")
             charts.plain_log_ticks(panel.yaxis)
