@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.files import replacing
 from hybridmpm.bench.control.suite.cases import Case
 from hybridmpm.bench.report.rows import Row
 from hybridmpm.errors import ConfigError, DataError, ExportError
@@ -89,9 +90,8 @@ class Runs:
             self._looks[key] = np.array(looks)
 
     def _read(self, file: Path, settings: dict[str, Any]) -> None:
-        text = file.read_text(encoding="utf-8")
-        whole, _, rest = text.rpartition("\n")
         try:
+            whole, _, rest = file.read_text(encoding="utf-8").rpartition("\n")
             entries = [json.loads(line) for line in whole.splitlines()]
             there = entries[0]["settings"]
         except (ValueError, IndexError, KeyError, TypeError):
@@ -103,7 +103,8 @@ class Runs:
                     "or another file"
                 )
         if rest:
-            self._repair(file, whole + "\n")
+            with replacing(file) as part:
+                part.write_text(whole + "\n", encoding="utf-8")
         try:
             for entry in entries[1:]:
                 if "run" in entry:
@@ -113,12 +114,6 @@ class Runs:
                     self._references.setdefault(entry["reference"], {})[entry["seed"]] = looks
         except (KeyError, TypeError, ValueError):
             raise DataError(f"{file} is damaged; take another one") from None
-
-    def _repair(self, file: Path, text: str) -> None:
-        try:
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise ExportError(f"cannot write {file}: {error.strerror or error}") from error
 
     def _write(self, entry: dict[str, Any]) -> None:
         if self._file is None:

@@ -10,7 +10,7 @@ from hybridmpm.bench.control.entrants import FILLED, ORACLE, Entrant, broken
 from hybridmpm.bench.control.measures.end_state import EndStates, distance_from_path
 from hybridmpm.bench.control.measures.forces import least_force, measure_forces
 from hybridmpm.bench.control.measures.naturalness import features
-from hybridmpm.bench.control.suite.problems import Problem
+from hybridmpm.bench.control.suite.problems import ORACLE_CAP, Problem
 from hybridmpm.bench.report.rows import Row, significant
 from hybridmpm.control import Following, follow, prepare
 from hybridmpm.control.goal.goal import Goal
@@ -21,8 +21,6 @@ HOLD = 20
 """Frames for which the goal is kept after it was reached."""
 CAP = 15.0
 """Largest acceleration of a particle [g]."""
-ORACLE_CAP = 30.0
-"""Largest acceleration of a particle by the oracle [g]."""
 LOOKS = 4
 """Frames of each run that naturalness is judged by, at equal distances."""
 MEASURES = (

@@ -10,11 +10,13 @@ from hybridmpm import scenarios
 from hybridmpm.bench.control.suite.cases import Case
 from hybridmpm.control import Method, Sketch
 from hybridmpm.control.methods.oracle import Oracle
-from hybridmpm.control.reversal import reversed_from_seed
+from hybridmpm.control.reversal import reversed_case
 from hybridmpm.mpm import MpmSolver
 
 HORIZON = 100
 """Frames in which reversed cases are led back, as in the paper."""
+ORACLE_CAP = 30.0
+"""Largest acceleration of a particle by the oracle [g]."""
 _APART = 25
 """Frames between two uncontrolled frames."""
 
@@ -62,7 +64,7 @@ def uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:
     These are the stages through which reversed cases are led and which they would come to by themselves:
     from a horizon before the frame at which control would start to a horizon after it.
     """
-    start = int(np.random.default_rng(seed).integers(HORIZON, 2 * HORIZON, endpoint=True))
+    start = _control_frame(seed)
     solver = MpmSolver(scenarios.get(scenario, seed))
     for frame in range(start - HORIZON + _APART, start + HORIZON + 1, _APART):
         solver.advance(frame - solver.frame)
@@ -70,7 +72,18 @@ def uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:
 
 
 def _reversed(case: Case) -> Problem:
-    found = reversed_from_seed(
-        case.scenario, case.seed, frames=HORIZON, start="live", kind=case.kind, substeps="cfl"
+    found = reversed_case(
+        scenarios.get(case.scenario, case.seed),
+        control_frame=_control_frame(case.seed),
+        frames=HORIZON,
+        start="live",
+        kind=case.kind,
+        cap=ORACLE_CAP,
+        substeps="cfl",
     )
     return Problem(case, found.simulator(), found.sketch, found.frames, found.target, Oracle(found))
+
+
+def _control_frame(seed: int) -> int:
+    """Draw the frame at which control starts in a reversed case."""
+    return int(np.random.default_rng(seed).integers(HORIZON, 2 * HORIZON, endpoint=True))
