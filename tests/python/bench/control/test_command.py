@@ -136,6 +136,21 @@ def test_differences_to_the_constant_force_are_paired() -> None:
     assert constant["transport_gap"] is None
 
 
+def test_a_family_of_several_scenarios_has_a_row_for_all_its_sketches() -> None:
+    runs, some = Runs(SETTINGS.shared()), cases(["gather"], ["water_2d", "sand_3d"], seeds=1)
+    for case, value in zip(some, (0.4, 0.2), strict=True):
+        blank: dict[str, Any] = dict.fromkeys(MEASURES)
+        head = {
+            "family": "gather", "scenario": case.scenario, "sketch": "oval", "seed": case.seed,
+            "method": "constant", "failed": None,
+        }  # fmt: skip
+        runs.add(SOURCE.stamped(head | blank | {"transport": value}), [])
+    rows = {row["scenario"]: row for row in means(runs, some, [entrant("constant")])}
+    assert set(rows) == {"water_2d", "sand_3d", "all"}
+    assert rows["all"]["transport"] == pytest.approx(0.3)
+    assert (rows["all"]["count"], rows["all"]["suite_count"]) == (2, 20)
+
+
 @pytest.mark.usefixtures("mine")
 @pytest.mark.parametrize(
     ("name", "message"),

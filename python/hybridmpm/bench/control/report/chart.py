@@ -6,6 +6,7 @@ from typing import Any
 
 from hybridmpm._support import charts
 from hybridmpm.bench.control.entrants import FILLED, NAMES
+from hybridmpm.bench.control.report.means import ALL
 from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS
 from hybridmpm.bench.report.rows import Row
 
@@ -17,8 +18,8 @@ _FAINT, _SMALL, _LARGE = 0.45, 4, 9
 def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw a panel for each family and kind of sketch, as SVG and PNG; raises as `charts` does.
 
-    Small points are the means of single scenarios, large ones their mean. The error is the final `grid_rmse`
-    where there is a truth, elsewhere the transport distance from the evenly filled sketch.
+    Small points are the means of single scenarios, large ones those of all sketches. The error is the final
+    `grid_rmse` where there is a truth, elsewhere the transport distance from the evenly filled sketch.
     """
     parts = [
         (family, kind, mine)
@@ -37,7 +38,8 @@ def chart(rows: Sequence[Row], file: Path) -> None:
             _draw(panel, [row for row in mine if row["method"] == method], measure, index)
         floor = [row[measure] for row in mine if row["method"] == FILLED]
         if floor and family == "reversed":
-            panel.axhline(sum(floor) / len(floor), color=_GREY, linestyle=":", linewidth=1.2)
+            # The last row is that of all scenarios, or of the only one.
+            panel.axhline(floor[-1], color=_GREY, linestyle=":", linewidth=1.2)
         name = f"{family}, {kind}s" if len(KINDS[family]) > 1 else family
         panel.set(xscale="log", title=name, xlabel="planning time [ms]")
         charts.plain_log_ticks(panel.xaxis)
@@ -60,10 +62,12 @@ def _draw(panel: Any, rows: Sequence[Row], measure: str, index: int) -> None:
         "marker": charts.MARKERS[(index + index // len(charts.COLOURS)) % len(charts.MARKERS)],
         "linestyle": "",
     }
-    x, y = [row["plan_ms"] for row in points], [row[measure] for row in points]
-    spread = [row[f"{measure}_se"] or 0.0 for row in points]
-    panel.errorbar(x, y, spread, markersize=_SMALL, alpha=_FAINT, elinewidth=1, **style)
-    panel.plot([sum(x) / len(x)], [sum(y) / len(y)], markersize=_LARGE, zorder=3, **style)
+    for row in points:
+        at = [row["plan_ms"]], [row[measure]], [row[f"{measure}_se"] or 0.0]
+        if row["scenario"] == ALL or len(points) == 1:
+            panel.errorbar(*at, markersize=_LARGE, zorder=3, **style)
+        else:
+            panel.errorbar(*at, markersize=_SMALL, alpha=_FAINT, elinewidth=1, **style)
 
 
 def _legend(figure: Any, methods: Sequence[str], columns: int) -> None:

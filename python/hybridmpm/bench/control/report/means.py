@@ -15,11 +15,15 @@ from hybridmpm.metrics import ErrorTable, Estimate
 
 GAPS = ("error", "transport", "inside")
 """Measures whose difference to the constant force is told, with its paired standard error."""
+ALL = "all"
+"""Stands for all scenarios of a family."""
 _ORIGIN = ("machine", "date", "commit", "command")
 
 
 def means(runs: Runs, some: Sequence[Case], entrants: Sequence[Entrant]) -> list[Row]:
     """Return a row for each family, scenario, kind of sketch and method that has run on any of the cases.
+
+    Where a family has several scenarios, rows of the scenario `ALL` tell the means over the sketches of all.
 
     Each measure is the mean over sketches, `MEASURE_se` its standard error; `error_gap`, `transport_gap` and
     `inside_gap` are mean differences to the constant force on the same sketches, with paired standard errors;
@@ -27,40 +31,54 @@ def means(runs: Runs, some: Sequence[Case], entrants: Sequence[Entrant]) -> list
     than the constant force has. `count` of the suite's `suite_count` sketches were run, and the method
     `failed` on some of them, which are left out. Origin is that of the first run.
     """
+    judged = dict.fromkeys(case.scenario for case in some if case.family == "reversed")
+    reals = {scenario: _reals(runs, scenario) for scenario in judged}
+    names = [one.name for one in entrants]
     rows = []
     for (family, scenario, kind), group in _groups(some).items():
-        whole = len([case for case in cases([family], [scenario]) if case.kind == kind])
-        table, found = ErrorTable(), runs.rows(group, [one.name for one in entrants])
-        for row in found:
-            if row["failed"] is None:
-                figures = {name: row[name] for name in MEASURES if row[name] is not None}
-                table.add(row["method"], str(row["seed"]), figures)
-        reals = _reals(runs, scenario) if family == "reversed" else None
+        found = runs.rows(group, names)
+        table = _table(found)
+        head = {"scenario": scenario, "family": family, "sketch": kind}
+        names_of_group = {case.scenario for case in group}
+        whole = len([case for case in cases([family], names_of_group) if case.kind == kind])
+        soundness = reals.get(scenario) if family == "reversed" else None
         for name in dict.fromkeys(row["method"] for row in found):
             mine = [row for row in found if row["method"] == name]
+            counts = {"count": len(mine), "suite_count": whole}
+            failed = sum(row["failed"] is not None for row in mine)
             rows.append(
                 {
-                    "scenario": scenario,
-                    "family": family,
-                    "sketch": kind,
+                    **head,
                     "method": name,
-                    "count": len(mine),
-                    "suite_count": whole,
-                    "failed": sum(row["failed"] is not None for row in mine),
+                    **counts,
+                    "failed": failed,
                     "threads": 1,
                     **_figures(table, name),
                     "wins": significant(_share(wins(found, name))),
-                    **_naturalness(runs, group, name, reals),
+                    **_naturalness(runs, group, name, soundness),
                     **{field: mine[0][field] for field in _ORIGIN},
                 }
             )
     return rows
 
 
+def _table(rows: Sequence[Row]) -> ErrorTable:
+    table = ErrorTable()
+    for row in rows:
+        if row["failed"] is None:
+            figures = {name: row[name] for name in MEASURES if row[name] is not None}
+            table.add(row["method"], f"{row['scenario']} {row['seed']}", figures)
+    return table
+
+
 def _groups(some: Sequence[Case]) -> dict[tuple[str, str, str], list[Case]]:
     groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in some:
         groups.setdefault((case.family, case.scenario, case.kind), []).append(case)
+    for family, kind in dict.fromkeys((case.family, case.kind) for case in some):
+        whole = [case for case in some if (case.family, case.kind) == (family, kind)]
+        if len({case.scenario for case in whole}) > 1:
+            groups[family, ALL, kind] = whole
     return groups
 
 
@@ -121,12 +139,15 @@ def wins(rows: Sequence[Row], name: str) -> list[bool]:
 
 def paired(rows: Sequence[Row], name: str) -> list[tuple[Row, Row]]:
     """Return pairs of a method's row and that of the constant force on the same sketch."""
-    constant = {row["seed"]: row for row in rows if row["method"] == CONSTANT and row["failed"] is None}
+    there = [row for row in rows if row["failed"] is None]
+    constant = {_sketch(row): row for row in there if row["method"] == CONSTANT}
     return [
-        (row, constant[row["seed"]])
-        for row in rows
-        if row["method"] == name and row["failed"] is None and row["seed"] in constant
+        (row, constant[_sketch(row)]) for row in there if row["method"] == name and _sketch(row) in constant
     ]
+
+
+def _sketch(row: Row) -> tuple[str, int]:
+    return row["scenario"], row["seed"]
 
 
 def _share(won: Sequence[bool]) -> float | None:

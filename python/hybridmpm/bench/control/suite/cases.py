@@ -56,7 +56,7 @@ _STILL: dict[str, tuple[int, ...]] = {
     "sand_3d": (0, 3, 14, 19, 27, 33, 37, 41, 53),
 }
 """Reversed seeds, counted from the first, that are left out. In the front view their centre of mass moves by
-less than 5 cm in the 100 frames, so that a sketch would ask for nothing. Of the others the first 50 are taken."""
+less than 5 cm in the 100 frames, so that a sketch would ask for nothing."""
 REFERENCE_SEEDS = range(1_250_000, 1_250_100)
 """Seeds of the uncontrolled scenes that naturalness is judged by."""
 
