@@ -27,8 +27,8 @@ from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 
 _COLUMNS = (
-    "scenario", "sketch", "method", "count", "error", "error_gap", "transport", "transport_gap", "inside",
-    "inside_later", "centroid_error", "direction_error", "path_error", "rms_ratio", "peak_ratio",
+    "scenario", "sketch", "method", "count", "error", "error_gap", "transport", "transport_gap", "wins",
+    "inside", "inside_later", "centroid_error", "direction_error", "path_error", "rms_ratio", "peak_ratio",
     "fine_share", "density_ratio", "naturalness", "plan_ms", "first_frame_ms", "total_ms",
 )  # fmt: skip
 _AIM_COLUMNS = ("scenario", "sketch", "bodies", "method", "count", "aim", "measured", "se", "met")
