@@ -27,9 +27,9 @@ from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 
 _COLUMNS = (
-    "scenario", "sketch", "method", "count", "error", "error_gap", "transport", "transport_gap", "wins",
-    "inside", "inside_later", "centroid_error", "direction_error", "path_error", "rms_ratio", "peak_ratio",
-    "fine_share", "density_ratio", "naturalness", "plan_ms", "first_frame_ms", "total_ms",
+    "scenario", "sketch", "method", "count", "failed", "error", "error_gap", "transport", "transport_gap",
+    "wins", "inside", "inside_later", "centroid_error", "direction_error", "path_error", "rms_ratio",
+    "peak_ratio", "fine_share", "density_ratio", "naturalness", "plan_ms", "first_frame_ms", "total_ms",
 )  # fmt: skip
 _AIM_COLUMNS = ("scenario", "sketch", "bodies", "method", "count", "aim", "measured", "se", "met")
 _PAPER_COLUMNS = (
@@ -149,8 +149,11 @@ def _print_part(title: str, rows: list[Row], columns: tuple[str, ...]) -> None:
 
 
 def _print_means(rows: list[Row]) -> None:
-    """Print the means of a family, and paired standard errors of the differences to the constant force."""
-    shown = [column for column in _COLUMNS if any(row[column] is not None for row in rows)]
+    """Print the means of a family, and paired standard errors of the differences to the constant force.
+
+    Columns that hold nothing, such as that of failures where there is none, are left out.
+    """
+    shown = [column for column in _COLUMNS if any(row[column] for row in rows)]
     print_table([{column: _cell(row, column) for column in shown} for row in rows], shown)
 
 
