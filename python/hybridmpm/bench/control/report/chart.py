@@ -6,11 +6,16 @@ from typing import Any
 
 from hybridmpm._support import charts
 from hybridmpm.bench.control.entrants import FILLED, NAMES
-from hybridmpm.bench.control.report.means import ALL
+from hybridmpm.bench.control.report.means import ALL, judged_by
 from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS
 from hybridmpm.bench.report.rows import Row
 
 _COLUMNS = 3
+_LABELS = {
+    "error": "final grid_rmse",
+    "path_error": "distance from the way [m]",
+    "transport": "transport distance [m]",
+}
 _GREY = "#333333"
 _FAINT, _SMALL, _LARGE = 0.45, 4, 9
 
@@ -18,8 +23,8 @@ _FAINT, _SMALL, _LARGE = 0.45, 4, 9
 def chart(rows: Sequence[Row], file: Path) -> None:
     """Draw a panel for each family and kind of sketch, as SVG and PNG; raises as `charts` does.
 
-    Small points are the means of single scenarios, large ones those of all sketches. The error is the final
-    `grid_rmse` where there is a truth, elsewhere the transport distance from the evenly filled sketch.
+    Small points are the means of single scenarios, large ones those of all sketches. The error is what the
+    family is judged by, see `judged_by`.
     """
     parts = [
         (family, kind, mine)
@@ -33,7 +38,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     for panel in axes.flat[len(parts) :]:
         panel.set_visible(False)
     for (family, kind, mine), panel in zip(parts, axes.flat, strict=False):
-        measure = "error" if family == "reversed" else "transport"
+        measure = judged_by(family)
         for index, method in enumerate(one for one in methods if one != FILLED):
             _draw(panel, [row for row in mine if row["method"] == method], measure, index)
         floor = [row[measure] for row in mine if row["method"] == FILLED]
@@ -44,11 +49,12 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         panel.set(xscale="log", title=name, xlabel="planning time [ms]")
         charts.plain_log_ticks(panel.xaxis)
         panel.tick_params(labelsize=8)
-        if measure == "transport":
-            panel.set(yscale="log", ylabel="transport distance [m]")
-            charts.plain_log_ticks(panel.yaxis)
+        panel.set(ylabel=_LABELS[measure])
+        if measure == "error":
+            panel.set(ylim=(0, 1.05 * panel.get_ylim()[1]))
         else:
-            panel.set(ylim=(0, 1.05 * panel.get_ylim()[1]), ylabel="final grid_rmse")
+            panel.set(yscale="log")
+            charts.plain_log_ticks(panel.yaxis)
     _legend(figure, [one for one in methods if one != FILLED], 1 + 2 * columns)
     charts.save(figure, file)
 

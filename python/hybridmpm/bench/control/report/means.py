@@ -13,8 +13,9 @@ from hybridmpm.bench.report.rows import Row, significant
 from hybridmpm.errors import ConfigError
 from hybridmpm.metrics import ErrorTable, Estimate
 
-GAPS = ("error", "transport", "inside")
+GAPS = ("error", "transport", "path_error", "inside")
 """Measures whose difference to the constant force is told, with its paired standard error."""
+_JUDGED_BY = {"reversed": "error", "bent": "path_error"}
 ALL = "all"
 """Stands for all scenarios of a family."""
 _ORIGIN = ("machine", "date", "commit", "command")
@@ -25,10 +26,10 @@ def means(runs: Runs, some: Sequence[Case], entrants: Sequence[Entrant]) -> list
 
     Where a family has several scenarios, rows of the scenario `ALL` tell the means over the sketches of all.
 
-    Each measure is the mean over sketches, `MEASURE_se` its standard error; `error_gap`, `transport_gap` and
-    `inside_gap` are mean differences to the constant force on the same sketches, with paired standard errors;
-    `wins` is the share of the sketches with a smaller error, or without truth a smaller transport distance,
-    than the constant force has. `count` of the suite's `suite_count` sketches were run, and the method
+    Each measure is the mean over sketches, `MEASURE_se` its standard error; `error_gap`, `transport_gap`,
+    `path_error_gap` and `inside_gap` are mean differences to the constant force on the same sketches, with
+    paired standard errors; `wins` is the share of the sketches on which `judged_by` of the family is smaller
+    than for the constant force. `count` of the suite's `suite_count` sketches were run, and the method
     `failed` on some of them, which are left out. Origin is that of the first run.
     """
     judged = dict.fromkeys(case.scenario for case in some if case.family == "reversed")
@@ -125,16 +126,26 @@ def _naturalness(runs: Runs, group: Sequence[Case], name: str, reals: float | No
 
 
 def wins(rows: Sequence[Row], name: str) -> list[bool]:
-    """Tell for each sketch whether a method has a smaller error, or transport distance, than the constant.
+    """Tell for each sketch whether a method is better than the constant force, by `judged_by` of its family.
 
-    Sketches on which one of both has failed, or has not run, are left out.
+    Sketches on which one of both has failed, or has not run, are left out. So is a method without a run,
+    which has no way, where the way counts.
     """
-    both = paired(rows, name)
-    measures = ["transport" if mine["error"] is None else "error" for mine, _ in both]
+    both = [(mine, constant, judged_by(mine["family"])) for mine, constant in paired(rows, name)]
     return [
         bool(mine[measure] < constant[measure])
-        for (mine, constant), measure in zip(both, measures, strict=True)
+        for mine, constant, measure in both
+        if mine[measure] is not None
     ]
+
+
+def judged_by(family: str) -> str:
+    """Return the measure by which a family is judged first.
+
+    That is the error against the truth where there is one, along bent arrows the distance from the drawn way,
+    which a shape that is carried straight to the tip misses, and else the transport distance.
+    """
+    return _JUDGED_BY.get(family, "transport")
 
 
 def paired(rows: Sequence[Row], name: str) -> list[tuple[Row, Row]]:
