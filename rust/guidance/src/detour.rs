@@ -1,6 +1,7 @@
 //! Which way particles go whose straight way is blocked: down a field of distances to the goal.
 
 use crate::free_space::FreeSpace;
+use crate::sight::Sight;
 
 /// Steps of the grid over which a direction is taken, so that ways round corners are smooth.
 const STEPS: usize = 4;
@@ -8,7 +9,7 @@ const STEPS: usize = 4;
 /// The shortest ways to a goal from everywhere, on the grid of a free space.
 #[derive(Debug, Clone)]
 pub struct Detour<const D: usize> {
-    space: FreeSpace<D>,
+    sight: Sight<D>,
     /// The way on from each node, also from those in obstacles.
     ways: Vec<WayOn<D>>,
 }
@@ -24,7 +25,7 @@ pub struct WayOn<const D: usize> {
 
 impl<const D: usize> Detour<D> {
     /// Ways to the nearest of `goals`.
-    pub fn new(space: FreeSpace<D>, goals: &[[f64; D]]) -> Self {
+    pub fn new(space: &FreeSpace<D>, goals: &[[f64; D]]) -> Self {
         let lengths = space.lengths_to(goals);
         let ways = (0..lengths.len())
             .map(|node| {
@@ -43,16 +44,19 @@ impl<const D: usize> Detour<D> {
                 }
             })
             .collect();
-        Self { space, ways }
+        Self {
+            sight: Sight::new(space),
+            ways,
+        }
     }
 
     /// The way on from `x`, if something is between it and `aim` and a way is known.
+    #[inline]
     pub fn around(&self, x: &[f32; D], aim: &[f32; D]) -> Option<WayOn<D>> {
-        let (from, to) = (x.map(f64::from), aim.map(f64::from));
-        if self.space.reaches(&from, &to) {
+        if self.sight.reaches(x, aim) {
             return None;
         }
-        let way = self.ways[self.space.nearest(&from)];
+        let way = self.ways[self.sight.nearest(x)];
         (way.length.is_finite() && way.length > 0.0).then_some(way)
     }
 }
@@ -78,14 +82,14 @@ mod tests {
 
     #[test]
     fn what_is_seen_needs_no_detour() {
-        let detour = Detour::new(room(), &[[0.8, 0.2]]);
+        let detour = Detour::new(&room(), &[[0.8, 0.2]]);
         assert!(detour.around(&[0.6, 0.2], &[0.8, 0.2]).is_none());
         assert!(detour.around(&[0.2, 0.8], &[0.8, 0.8]).is_none());
     }
 
     #[test]
     fn the_way_on_leads_up_the_wall_and_down_behind_it() {
-        let detour = Detour::new(room(), &[[0.8, 0.2]]);
+        let detour = Detour::new(&room(), &[[0.8, 0.2]]);
         let before = detour.around(&[0.44, 0.2], &[0.8, 0.2]).unwrap();
         assert!(before.direction[1] > 0.8, "{:?}", before.direction);
         assert!((before.length - 0.95).abs() < 0.15, "{}", before.length);

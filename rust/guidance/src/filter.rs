@@ -1,81 +1,97 @@
 //! A force as smooth as a coarse grid: from the particles to its nodes, and back.
 
-/// Replaces each particle's acceleration by that of the grid; the momentum that they give is as before.
+/// Means of an acceleration, weighted by mass, in the nodes of a grid over [0, 1]^D; weights are linear.
 ///
-/// `x` lies in [0, 1]^D; what lies outside counts as on its edge. `cells` is the number of cells per metre. Weights
-/// are linear.
-pub fn smooth<const D: usize>(x: &[[f32; D]], mass: &[f32], cells: u32, force: &mut [[f32; D]]) {
-    let strides: [usize; D] = std::array::from_fn(|axis| (cells as usize + 1).pow(axis as u32));
-    let mut nodes = vec![Node::<D>::EMPTY; (cells as usize + 1).pow(D as u32)];
-    let (scale, last) = (cells as f32, (cells - 1) as f32);
-    let places: Vec<Place<D>> = x
-        .iter()
-        .map(|x| Place::of(x, scale, last, &strides))
-        .collect();
-    for ((place, &mass), force) in places.iter().zip(mass).zip(&*force) {
+/// First all particles `add` theirs, then `finish`, then each particle reads it `at` its place. The momentum that the
+/// particles get in all is as before.
+pub struct Filter<const D: usize> {
+    /// Cells per metre.
+    scale: f32,
+    /// Largest number of a cell along an axis.
+    last: f32,
+    /// How far the corners of a cell are from its lowest node.
+    corners: [usize; 8],
+    strides: [usize; D],
+    /// Four numbers each, so that they are one vector: D of momentum, then the mass.
+    nodes: Vec<[f32; 4]>,
+}
+
+impl<const D: usize> Filter<D> {
+    pub fn new(cells: u32) -> Self {
+        let side = cells as usize + 1;
+        let strides: [usize; D] = std::array::from_fn(|axis| side.pow(axis as u32));
+        let corner = |corner: usize| (0..D).map(|axis| (corner >> axis & 1) * strides[axis]).sum();
+        Self {
+            scale: cells as f32,
+            last: (cells - 1) as f32,
+            corners: std::array::from_fn(corner),
+            strides,
+            nodes: vec![[0.0; 4]; side.pow(D as u32)],
+        }
+    }
+
+    /// Where a point lies among the nodes; what is outside counts as on the edge.
+    #[inline]
+    pub fn place(&self, x: &[f32; D]) -> Place<D> {
+        let mut base = 0;
+        let mut weights = [[0.0; 2]; D];
+        for axis in 0..D {
+            let at = (x[axis] * self.scale).clamp(0.0, self.scale);
+            // Not negative, so the integer part is the floor.
+            let cell = (at as u32 as f32).min(self.last);
+            base += cell as usize * self.strides[axis];
+            weights[axis] = [1.0 - (at - cell), at - cell];
+        }
+        Place { base, weights }
+    }
+
+    /// Adds the acceleration of a particle.
+    #[inline]
+    pub fn add(&mut self, place: &Place<D>, mass: f32, force: &[f32; D]) {
+        let mut share = [0.0; 4];
+        share[..D].copy_from_slice(force);
+        share[D] = 1.0;
         for corner in 0..1_usize << D {
             let weight = mass * place.weight(corner);
-            let node = &mut nodes[place.node(corner, &strides)];
-            node.mass += weight;
-            for axis in 0..D {
-                node.momentum[axis] += weight * force[axis];
+            let node = &mut self.nodes[place.base + self.corners[corner]];
+            for (sum, share) in node.iter_mut().zip(share) {
+                *sum += weight * share;
             }
         }
     }
-    for node in nodes.iter_mut().filter(|node| node.mass > 0.0) {
-        for axis in 0..D {
-            node.momentum[axis] /= node.mass;
+
+    /// Makes means of the sums.
+    pub fn finish(&mut self) {
+        for node in self.nodes.iter_mut().filter(|node| node[D] > 0.0) {
+            let per_mass = 1.0 / node[D];
+            node.iter_mut().for_each(|number| *number *= per_mass);
         }
     }
-    for (place, force) in places.iter().zip(force) {
-        let mut smooth = [0.0; D];
+
+    /// The mean acceleration at a place.
+    #[inline]
+    pub fn at(&self, place: &Place<D>) -> [f32; D] {
+        let mut smooth = [0.0; 4];
         for corner in 0..1_usize << D {
             let weight = place.weight(corner);
-            let node = &nodes[place.node(corner, &strides)];
-            for axis in 0..D {
-                smooth[axis] += weight * node.momentum[axis];
+            let node = &self.nodes[place.base + self.corners[corner]];
+            for (sum, number) in smooth.iter_mut().zip(node) {
+                *sum += weight * number;
             }
         }
-        *force = smooth;
+        std::array::from_fn(|axis| smooth[axis])
     }
-}
-
-/// What the particles give to a node; the momentum then becomes the mean acceleration.
-#[derive(Clone, Copy)]
-struct Node<const D: usize> {
-    momentum: [f32; D],
-    mass: f32,
-}
-
-impl<const D: usize> Node<D> {
-    const EMPTY: Self = Self {
-        momentum: [0.0; D],
-        mass: 0.0,
-    };
 }
 
 /// Where a particle lies among the nodes.
-struct Place<const D: usize> {
+pub struct Place<const D: usize> {
+    /// The lowest node of its cell.
     base: usize,
     /// Along each axis the weights of the lower and the upper nodes.
     weights: [[f32; 2]; D],
 }
 
 impl<const D: usize> Place<D> {
-    #[inline]
-    fn of(x: &[f32; D], scale: f32, last: f32, strides: &[usize; D]) -> Self {
-        let mut base = 0;
-        let mut weights = [[0.0; 2]; D];
-        for axis in 0..D {
-            let at = (x[axis] * scale).clamp(0.0, scale);
-            // Not negative, so the integer part is the floor.
-            let cell = (at as u32 as f32).min(last);
-            base += cell as usize * strides[axis];
-            weights[axis] = [1.0 - (at - cell), at - cell];
-        }
-        Self { base, weights }
-    }
-
     #[inline]
     fn weight(&self, corner: usize) -> f32 {
         let mut weight = 1.0;
@@ -84,20 +100,22 @@ impl<const D: usize> Place<D> {
         }
         weight
     }
-
-    #[inline]
-    fn node(&self, corner: usize, strides: &[usize; D]) -> usize {
-        let mut node = self.base;
-        for axis in 0..D {
-            node += (corner >> axis & 1) * strides[axis];
-        }
-        node
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn smooth(x: &[[f32; 2]], mass: &[f32], force: &mut [[f32; 2]]) {
+        let mut filter = Filter::new(32);
+        for ((x, &mass), force) in x.iter().zip(mass).zip(&*force) {
+            filter.add(&filter.place(x), mass, force);
+        }
+        filter.finish();
+        for (x, force) in x.iter().zip(force) {
+            *force = filter.at(&filter.place(x));
+        }
+    }
 
     fn cloud(count: usize) -> Vec<[f32; 2]> {
         (0..count)
@@ -114,7 +132,7 @@ mod tests {
     fn a_uniform_force_passes_unchanged() {
         let x = cloud(300);
         let mut force = vec![[3.0, -2.0]; 300];
-        smooth(&x, &[0.5; 300], 32, &mut force);
+        smooth(&x, &[0.5; 300], &mut force);
         assert!(
             force
                 .iter()
@@ -136,7 +154,7 @@ mod tests {
                 .sum()
         };
         let before = total(&force);
-        smooth(&x, &mass, 32, &mut force);
+        smooth(&x, &mass, &mut force);
         assert!((total(&force) - before).abs() < 1e-4 * before);
         let rough: f32 = force.iter().map(|f| (f[0] - 5.0).powi(2)).sum::<f32>() / 2000.0;
         assert!(rough < 0.5, "{rough}");

@@ -12,9 +12,6 @@ pub struct FreeSpace<const D: usize> {
     spacing: f64,
     counts: [usize; D],
     distance: Vec<f64>,
-    /// Largest coordinates of a node in units of the spacing, and how far neighbours are apart in `distance`.
-    last: [f64; D],
-    strides: [usize; D],
     /// Steps to the neighbours of a node, on each axis -1, 0 or 1, with their lengths [m].
     steps: Vec<([isize; D], f64)>,
 }
@@ -23,8 +20,6 @@ pub struct FreeSpace<const D: usize> {
 const CLEARANCE: f64 = 0.5;
 /// Ways closer to an obstacle than this many spacings are counted longer, so that others go first.
 const COMFORT: f64 = 2.0;
-/// How far ahead `reaches` looks [spacings]; what is farther is seen in time.
-const SIGHT: f64 = 8.0;
 /// How far a point in an obstacle, or close to one, may be from the free node that stands for it [spacings].
 const REACH: isize = 4;
 
@@ -61,15 +56,11 @@ impl<const D: usize> FreeSpace<D> {
                 )
             })
             .collect();
-        let last = counts.map(|count| (count - 1) as f64);
-        let strides = std::array::from_fn(|axis| counts[axis + 1..].iter().product());
         Ok(Self {
             lower,
             spacing,
             counts,
             distance,
-            last,
-            strides,
             steps,
         })
     }
@@ -135,39 +126,6 @@ impl<const D: usize> FreeSpace<D> {
             }
         });
         best.1
-    }
-
-    /// Whether nothing solid is between two points. Quicker than `sees`, and content with less room: the steps
-    /// along the line are as long as the nearest obstacle is far, and it is not looked far ahead.
-    pub(crate) fn reaches(&self, from: &[f64; D], to: &[f64; D]) -> bool {
-        let length = crate::partition::square_distance(from, to).sqrt();
-        // A point is at most this far from the node nearest to it.
-        let half_diagonal = 0.5 * self.spacing * (D as f64).sqrt();
-        let mut done = 0.0;
-        while done < length.min(SIGHT * self.spacing) {
-            let s = done / length;
-            let x = std::array::from_fn(|axis| from[axis] + s * (to[axis] - from[axis]));
-            let mut distance = self.distance[self.nearest(&x)] - half_diagonal;
-            if distance < self.spacing {
-                distance = self.distance_at(&x);
-                if distance < 0.0 && done > 0.0 {
-                    return false;
-                }
-            }
-            done += distance.max(0.5 * self.spacing);
-        }
-        true
-    }
-
-    /// The node nearest to a point.
-    pub(crate) fn nearest(&self, x: &[f64; D]) -> usize {
-        let mut node = 0;
-        for axis in 0..D {
-            let at =
-                ((x[axis] - self.lower[axis]) / self.spacing + 0.5).clamp(0.0, self.last[axis]);
-            node += at as usize * self.strides[axis];
-        }
-        node
     }
 
     /// Whether the straight line between two points keeps clear of obstacles, but for its ends.
@@ -298,6 +256,28 @@ impl<const D: usize> FreeSpace<D> {
             node /= self.counts[axis];
         }
         place
+    }
+
+    /// How far neighbours along each axis are apart among the nodes.
+    pub(crate) fn strides(&self) -> [usize; D] {
+        std::array::from_fn(|axis| self.counts[axis + 1..].iter().product())
+    }
+
+    pub(crate) fn counts(&self) -> [usize; D] {
+        self.counts
+    }
+
+    pub(crate) fn lower(&self) -> [f64; D] {
+        self.lower
+    }
+
+    pub(crate) fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Signed distance of the obstacles in each node [m].
+    pub(crate) fn distances(&self) -> impl Iterator<Item = f64> + '_ {
+        self.distance.iter().copied()
     }
 
     pub(crate) fn point(&self, node: usize) -> [f64; D] {

@@ -13,6 +13,7 @@ mod free_space;
 mod matching;
 mod partition;
 mod paths;
+mod sight;
 mod spline;
 mod tracks;
 

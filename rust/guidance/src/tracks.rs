@@ -2,7 +2,7 @@
 
 use crate::detour::{Detour, WayOn};
 use crate::error::GuidanceError;
-use crate::filter::smooth;
+use crate::filter::{Filter, Place};
 use crate::free_space::FreeSpace;
 use crate::paths::Paths;
 
@@ -60,7 +60,7 @@ impl<const D: usize> Tracks<D> {
         path: Vec<u32>,
         offset: Vec<[f32; D]>,
         law: Law<D>,
-        space: Option<FreeSpace<D>>,
+        space: Option<&FreeSpace<D>>,
     ) -> Result<Self, GuidanceError> {
         paths.check()?;
         if path.len() != offset.len() {
@@ -120,19 +120,7 @@ impl<const D: usize> Tracks<D> {
         let pulls: Vec<Pull<D>> = (0..self.paths.starts.len() - 1)
             .map(|path| self.pull(path, time))
             .collect();
-        let one = |row: usize, x: &[f32; D], v: &[f32; D]| -> [f32; D] {
-            let (pull, offset) = (&pulls[self.path[row] as usize], &self.offset[row]);
-            if let Some(detour) = &self.detour {
-                let aim = std::array::from_fn(|axis| pull.aim[axis] + offset[axis]);
-                if let Some(way) = detour.around(x, &aim) {
-                    return self.led_on(&way, v, pull.left);
-                }
-            }
-            std::array::from_fn(|axis| {
-                pull.constant[axis] + pull.stiffness * (offset[axis] - x[axis])
-                    - pull.damping * v[axis]
-            })
-        };
+        let one = |row: usize, x: &[f32; D], v: &[f32; D]| self.wanted(&pulls, row, x, v);
         let states = x.iter().zip(v);
         let mut force: Vec<[f32; D]> = match rows {
             None => states
@@ -145,22 +133,44 @@ impl<const D: usize> Tracks<D> {
                 .collect(),
         };
         if self.law.cells > 0 {
-            smooth(x, mass, self.law.cells, &mut force);
+            self.smooth(x, mass, &mut force);
         }
+        let largest = self.law.cap * self.law.cap;
         for force in &mut force {
-            let size = force
-                .iter()
-                .map(|number| number * number)
-                .sum::<f32>()
-                .sqrt();
-            if size > self.law.cap {
-                let scale = self.law.cap / size;
-                for number in force {
-                    *number *= scale;
-                }
+            let square: f32 = force.iter().map(|number| number * number).sum();
+            if square > largest {
+                let scale = self.law.cap / square.sqrt();
+                force.iter_mut().for_each(|number| *number *= scale);
             }
         }
         force
+    }
+
+    /// The acceleration of one particle before smoothing and cap.
+    #[inline]
+    fn wanted(&self, pulls: &[Pull<D>], row: usize, x: &[f32; D], v: &[f32; D]) -> [f32; D] {
+        let (pull, offset) = (&pulls[self.path[row] as usize], &self.offset[row]);
+        if let Some(detour) = &self.detour {
+            let aim = std::array::from_fn(|axis| pull.aim[axis] + offset[axis]);
+            if let Some(way) = detour.around(x, &aim) {
+                return self.led_on(&way, v, pull.left);
+            }
+        }
+        std::array::from_fn(|axis| {
+            pull.constant[axis] + pull.stiffness * (offset[axis] - x[axis]) - pull.damping * v[axis]
+        })
+    }
+
+    fn smooth(&self, x: &[[f32; D]], mass: &[f32], force: &mut [[f32; D]]) {
+        let mut filter = Filter::new(self.law.cells);
+        let places: Vec<Place<D>> = x.iter().map(|x| filter.place(x)).collect();
+        for ((place, &mass), force) in places.iter().zip(mass).zip(&*force) {
+            filter.add(place, mass, force);
+        }
+        filter.finish();
+        for (place, force) in places.iter().zip(force) {
+            *force = filter.at(place);
+        }
     }
 
     fn pull(&self, path: usize, time: f32) -> Pull<D> {

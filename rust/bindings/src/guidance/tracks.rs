@@ -36,7 +36,7 @@ impl Arrays<'_> {
         &self,
         gravity: &[f32],
         settings: (f32, f32, u32, f32),
-        space: Option<FreeSpace<D>>,
+        space: Option<&FreeSpace<D>>,
     ) -> PyResult<Tracks<D>> {
         let (shortest, ahead, cells, cap) = settings;
         let law = Law {
@@ -105,11 +105,11 @@ impl PyTracks {
         let inner = match (dim, space) {
             (2, None) => AnyTracks::Plane(arrays.tracks(&gravity, settings, None)?),
             (2, Some(AnySpace::Plane(room))) => {
-                AnyTracks::Plane(arrays.tracks(&gravity, settings, Some(room.clone()))?)
+                AnyTracks::Plane(arrays.tracks(&gravity, settings, Some(room))?)
             }
             (3, None) => AnyTracks::Space(arrays.tracks(&gravity, settings, None)?),
             (3, Some(AnySpace::Space(room))) => {
-                AnyTracks::Space(arrays.tracks(&gravity, settings, Some(room.clone()))?)
+                AnyTracks::Space(arrays.tracks(&gravity, settings, Some(room))?)
             }
             _ => return Err(other_dimension(dim)),
         };
@@ -169,10 +169,10 @@ impl PyTracks {
         let force = py.detach(|| match &self.inner {
             AnyTracks::Plane(tracks) => tracks
                 .force(x.as_chunks().0, v.as_chunks().0, mass, time, rows)
-                .concat(),
+                .into_flattened(),
             AnyTracks::Space(tracks) => tracks
                 .force(x.as_chunks().0, v.as_chunks().0, mass, time, rows)
-                .concat(),
+                .into_flattened(),
         });
         force.into_pyarray(py).reshape([present, self.dim])
     }
