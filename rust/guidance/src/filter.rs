@@ -20,7 +20,11 @@ impl<const D: usize> Filter<D> {
     pub fn new(cells: u32) -> Self {
         let side = cells as usize + 1;
         let strides: [usize; D] = std::array::from_fn(|axis| side.pow(axis as u32));
-        let corner = |corner: usize| (0..D).map(|axis| (corner >> axis & 1) * strides[axis]).sum();
+        let corner = |corner: usize| {
+            (0..D)
+                .map(|axis| (corner >> axis & 1) * strides[axis])
+                .sum()
+        };
         Self {
             scale: cells as f32,
             last: (cells - 1) as f32,

@@ -142,7 +142,7 @@ impl<const D: usize> FreeSpace<D> {
     }
 
     /// Signed distance of the obstacles at a point, linear between nodes.
-    fn distance_at(&self, x: &[f64; D]) -> f64 {
+    pub(crate) fn distance_at(&self, x: &[f64; D]) -> f64 {
         let mut base = [0; D];
         let mut place = [0.0; D];
         for axis in 0..D {

@@ -4,8 +4,12 @@ use crate::free_space::FreeSpace;
 
 /// How far ahead is looked [spacings]; what is farther is seen in time.
 const AHEAD: f32 = 8.0;
-/// Shortest step along a line of sight [spacings].
-const STEP: f32 = 0.5;
+/// Distance of the points along a line that are looked at [spacings].
+const STEP: f32 = 0.75;
+/// Cells of the map for each spacing, by dimension.
+const CELLS: [usize; 4] = [0, 1, 4, 2];
+/// Digits of a fixed-point number behind the point.
+const DIGITS: u32 = 16;
 
 /// The obstacles of a free space, in units of its spacing and in single precision.
 #[derive(Debug, Clone)]
@@ -13,107 +17,107 @@ pub struct Sight<const D: usize> {
     lower: [f32; D],
     /// Nodes per metre.
     scale: f32,
-    /// Largest coordinates of a node, and of the lowest node of a cell.
+    /// Largest coordinates of a node.
     last: [f32; D],
-    last_cell: [f32; D],
     strides: [usize; D],
-    /// How far the corners of a cell are from its lowest node.
-    corners: [usize; 8],
     /// Signed distance of the obstacles in each node.
     distance: Vec<f32>,
+    /// Which cells of a finer grid are solid in their middle.
+    solid: Vec<bool>,
+    solid_strides: [usize; D],
 }
 
 impl<const D: usize> Sight<D> {
     pub fn new(space: &FreeSpace<D>) -> Self {
-        let (counts, strides) = (space.counts(), space.strides());
-        let corner = |corner: usize| {
-            (0..D)
-                .filter(|&axis| corner >> axis & 1 == 1 && counts[axis] > 1)
-                .map(|axis| strides[axis])
-                .sum()
-        };
         let scale = 1.0 / space.spacing();
+        let counts = space.counts();
+        let sides = counts.map(|count| (count - 1) * CELLS[D] + 1);
+        let solid_strides: [usize; D] =
+            std::array::from_fn(|axis| sides[axis + 1..].iter().product());
+        let solid = (0..sides.iter().product::<usize>()).map(|flat| {
+            let x = std::array::from_fn(|axis| {
+                let along = flat / solid_strides[axis] % sides[axis];
+                space.lower()[axis] + space.spacing() * along as f64 / CELLS[D] as f64
+            });
+            space.distance_at(&x) < 0.0
+        });
         Self {
             lower: space.lower().map(|lower| lower as f32),
             scale: scale as f32,
             last: counts.map(|count| (count - 1) as f32),
-            last_cell: counts.map(|count| count.saturating_sub(2) as f32),
-            strides,
-            corners: std::array::from_fn(corner),
+            strides: space.strides(),
             distance: space.distances().map(|d| (d * scale) as f32).collect(),
+            solid: solid.collect(),
+            solid_strides,
         }
     }
 
     /// Whether nothing solid is between two points [m], as far as is looked ahead.
     ///
-    /// The steps along the line are as long as the nearest obstacle is far. A particle that touches one sees past it.
+    /// A particle that touches an obstacle sees past it.
     #[inline]
     pub fn reaches(&self, from: &[f32; D], to: &[f32; D]) -> bool {
-        let start: [f32; D] =
-            std::array::from_fn(|axis| (from[axis] - self.lower[axis]) * self.scale);
-        let along: [f32; D] = std::array::from_fn(|axis| (to[axis] - from[axis]) * self.scale);
+        let start = self.in_grid(from);
+        let goal = self.in_grid(to);
+        let along: [f32; D] = std::array::from_fn(|axis| goal[axis] - start[axis]);
         let square: f32 = along.iter().map(|along| along * along).sum();
+        let length = square.sqrt();
         let free = self.at_least(&start);
-        free >= AHEAD || (free > 0.0 && free * free >= square) || self.walk(&start, &along, square.sqrt())
+        if free >= length.min(AHEAD) {
+            return true;
+        }
+        let share = (AHEAD / length).min(1.0);
+        let end = std::array::from_fn(|axis| start[axis] + share * along[axis]);
+        // Most lines are free because the balls around their ends are, which together are as long.
+        let length = share * length;
+        free.max(0.0) + self.at_least(&end) >= length || self.is_free(&start, &end, length)
     }
 
-    /// Steps along a line from `start`, in units of the spacing.
-    fn walk(&self, start: &[f32; D], along: &[f32; D], length: f32) -> bool {
-        let (end, per_length) = (length.min(AHEAD), 1.0 / length.max(1e-9));
-        let mut done = 0.0;
-        while done < end {
-            let x = std::array::from_fn(|axis| start[axis] + done * per_length * along[axis]);
-            let distance = self.distance_at(&x);
-            if distance < 0.0 && done > 0.0 {
-                return false;
+    /// Whether the points between two others are free; in units of the spacing, as is the distance of the two.
+    ///
+    /// Steps as long as the nearest obstacle is far would be fewer, but each would have to wait for the one before.
+    fn is_free(&self, start: &[f32; D], end: &[f32; D], length: f32) -> bool {
+        let count = (length / STEP).ceil().max(1.0);
+        let unit = CELLS[D] as f32 * (1_i64 << DIGITS) as f32;
+        let half = 1_i64 << (DIGITS - 1);
+        let mut at: [i64; D] = std::array::from_fn(|axis| (start[axis] * unit) as i64 + half);
+        let step: [i64; D] =
+            std::array::from_fn(|axis| ((end[axis] - start[axis]) * unit / count) as i64);
+        (1..count as u32).all(|_| {
+            let mut cell = 0;
+            for axis in 0..D {
+                at[axis] += step[axis];
+                cell += (at[axis] >> DIGITS) as usize * self.solid_strides[axis];
             }
-            done += distance.max(STEP);
-        }
-        true
+            !self.solid[cell]
+        })
     }
 
     /// The node nearest to a point [m].
     #[inline]
     pub fn nearest(&self, x: &[f32; D]) -> usize {
-        let at: [f32; D] = std::array::from_fn(|axis| (x[axis] - self.lower[axis]) * self.scale);
-        self.node(&at)
+        self.node(&self.in_grid(x))
+    }
+
+    /// A point [m] in units of the spacing; what is beyond the grid counts as on its edge.
+    #[inline]
+    fn in_grid(&self, x: &[f32; D]) -> [f32; D] {
+        std::array::from_fn(|axis| {
+            ((x[axis] - self.lower[axis]) * self.scale).clamp(0.0, self.last[axis])
+        })
     }
 
     #[inline]
     fn node(&self, at: &[f32; D]) -> usize {
-        let mut node = 0;
-        for axis in 0..D {
-            node += (at[axis] + 0.5).clamp(0.0, self.last[axis]) as u32 as usize * self.strides[axis];
-        }
-        node
+        (0..D)
+            .map(|axis| (at[axis] + 0.5) as u32 as usize * self.strides[axis])
+            .sum()
     }
 
     /// A bound from below of the distance at a point, which is at most half a diagonal from the nearest node.
     #[inline]
     fn at_least(&self, at: &[f32; D]) -> f32 {
         self.distance[self.node(at)] - 0.5 * (D as f32).sqrt()
-    }
-
-    /// The distance at a point, linear between nodes.
-    #[inline]
-    fn distance_at(&self, at: &[f32; D]) -> f32 {
-        let mut base = 0;
-        let mut weights = [[0.0; 2]; D];
-        for axis in 0..D {
-            let at = at[axis].clamp(0.0, self.last[axis]);
-            let cell = (at as u32 as f32).min(self.last_cell[axis]);
-            base += cell as usize * self.strides[axis];
-            weights[axis] = [1.0 - (at - cell), at - cell];
-        }
-        let mut distance = 0.0;
-        for corner in 0..1_usize << D {
-            let mut weight = 1.0;
-            for axis in 0..D {
-                weight *= weights[axis][corner >> axis & 1];
-            }
-            distance += weight * self.distance[base + self.corners[corner]];
-        }
-        distance
     }
 }
 
