@@ -48,6 +48,10 @@ impl<'a> Force<'a> {
                            uniform force of D numbers";
             return Err(MpmError::parameter("frames", allowed, frames));
         }
+        // Without a stop at the first that is not, so that vectors of them are looked at.
+        if numbers.iter().fold(true, |all, a| all & a.is_finite()) {
+            return Ok(());
+        }
         match numbers.iter().find(|a| !a.is_finite()) {
             Some(bad) => Err(MpmError::parameter("force", "finite", bad)),
             None => Ok(()),
@@ -87,7 +91,18 @@ impl<const D: usize> FrameForce<'_, D> {
         match self {
             Self::None => 0.0,
             Self::Uniform(a) => norm(a.as_slice()),
-            Self::PerParticle(all) => all.chunks_exact(D).map(norm).fold(0.0, f32::max),
+            Self::PerParticle(all) => {
+                let (rows, _) = all.as_chunks::<D>();
+                // Squares in as many lanes as a vector has: this is done in every frame.
+                let mut squares = [0.0_f32; 8];
+                for rows in rows.chunks(squares.len()) {
+                    for (largest, row) in squares.iter_mut().zip(rows) {
+                        let square = row.iter().map(|a| a * a).sum::<f32>();
+                        *largest = if square > *largest { square } else { *largest };
+                    }
+                }
+                squares.into_iter().fold(0.0, f32::max).sqrt()
+            }
         }
     }
 

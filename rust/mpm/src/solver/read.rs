@@ -2,7 +2,7 @@
 
 use super::frame_loop::Solver;
 use crate::diagnostics::Diagnostics;
-use crate::linalg::{Matrix, Vector};
+use crate::linalg::Lanes;
 use crate::openings::EmitterStatus;
 use crate::particles::{Activity, with_group};
 
@@ -38,24 +38,35 @@ impl<const D: usize> Solver<D> {
 
     /// Writes N x D positions [m] in the caller's order.
     pub fn write_positions(&self, out: &mut [f32]) {
-        self.scatter(out, D, |x, _, _, into| into.copy_from_slice(x.as_slice()));
+        for group in &self.state.groups {
+            with_group!(group, group => for (block, _) in group.blocks() {
+                write_rows(&block.x, &block.id[..block.count], out);
+            });
+        }
     }
 
     /// Writes N x D velocities [m/s] in the caller's order.
     pub fn write_velocities(&self, out: &mut [f32]) {
-        self.scatter(out, D, |_, v, _, into| into.copy_from_slice(v.as_slice()));
+        for group in &self.state.groups {
+            with_group!(group, group => for (block, _) in group.blocks() {
+                write_rows(&block.v, &block.id[..block.count], out);
+            });
+        }
     }
 
     /// Writes N x D x D APIC matrices [1/s], row-major, in the caller's order.
     pub fn write_affine(&self, out: &mut [f32]) {
-        self.scatter(out, D * D, |_, _, c, into| {
-            for (row, values) in into.chunks_exact_mut(D).enumerate() {
-                values
-                    .iter_mut()
-                    .enumerate()
-                    .for_each(|(column, value)| *value = c[(row, column)]);
-            }
-        });
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
+                let into = &mut out[p.id as usize * D * D..][..D * D];
+                for (row, values) in into.chunks_exact_mut(D).enumerate() {
+                    values
+                        .iter_mut()
+                        .enumerate()
+                        .for_each(|(column, value)| *value = p.affine[(row, column)]);
+                }
+            });
+        }
     }
 
     /// Writes for N particles in the caller's order whether they sleep.
@@ -76,21 +87,19 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    fn scatter(
-        &self,
-        out: &mut [f32],
-        width: usize,
-        write: impl Fn(&Vector<D>, &Vector<D>, &Matrix<D>, &mut [f32]),
-    ) {
-        for group in &self.state.groups {
-            with_group!(group, group => for p in group.particles() {
-                write(&p.x, &p.v, &p.affine, &mut out[p.id as usize * width..][..width]);
-            });
-        }
-    }
-
     /// Totals over all particles.
     pub fn diagnostics(&self) -> Diagnostics {
         Diagnostics::of(&self.state, &self.settings.gravity)
+    }
+}
+
+/// Writes one vector for each particle of a block into the row of its index.
+fn write_rows<const D: usize>(columns: &[Lanes; D], ids: &[u32], out: &mut [f32]) {
+    let (rows, _) = out.as_chunks_mut::<D>();
+    for (lane, &id) in ids.iter().enumerate() {
+        let row = &mut rows[id as usize];
+        for axis in 0..D {
+            row[axis] = columns[axis][lane];
+        }
     }
 }

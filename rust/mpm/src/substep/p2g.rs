@@ -213,10 +213,17 @@ impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
                 }
             }
             FrameForce::PerParticle(all) => {
-                for i in 0..block.count.min(LANES) {
-                    let a = &all[block.id[i] as usize * D..][..D];
+                let (rows, _) = all.as_chunks::<D>();
+                let mut a = [[0.0; LANES]; D];
+                for (i, &id) in block.id[..block.count.min(LANES)].iter().enumerate() {
+                    let row = &rows[id as usize];
                     for axis in 0..D {
-                        v[axis][i] += self.step.dt * a[axis];
+                        a[axis][i] = row[axis];
+                    }
+                }
+                for axis in 0..D {
+                    for (v, a) in v[axis].iter_mut().zip(a[axis]) {
+                        *v += self.step.dt * a;
                     }
                 }
             }
