@@ -62,11 +62,20 @@ pub fn match_to_region<const D: usize>(
         Groups::of(&places, sizes.groups),
     );
     let fields = space.map(|space| Fields::new(space, &to));
+    // What depends on one of the two alone changes no assignment. This is what the shift from all groups to all
+    // places costs; without it far fewer ways compete for the same places.
+    let shift: [f64; D] = {
+        let (from, to) = (middle(&from.centers), middle(&to.centers));
+        std::array::from_fn(|axis| 2.0 * (to[axis] - from[axis]))
+    };
+    let along = |x: &[f64; D]| (0..D).map(|axis| shift[axis] * x[axis]).sum::<f64>();
     let cost = |row: usize, column: usize| {
-        let straight = square_distance(&from.centers[row], &to.centers[column]);
-        fields.as_ref().map_or(straight, |fields| {
-            fields.cost(&from.centers[row], column, straight)
-        })
+        let (start, end) = (&from.centers[row], &to.centers[column]);
+        let straight = square_distance(start, end);
+        let way = fields
+            .as_ref()
+            .map_or(straight, |fields| fields.cost(start, column, straight));
+        way + along(start) - along(end)
     };
     let partner = assign(sizes.groups, sizes.groups, cost);
     let mut matching = Matching {
@@ -99,6 +108,12 @@ pub fn match_to_region<const D: usize>(
         );
     }
     Ok(matching)
+}
+
+/// Mean of points.
+fn middle<const D: usize>(points: &[[f64; D]]) -> [f64; D] {
+    let count = points.len() as f64;
+    std::array::from_fn(|axis| points.iter().map(|x| x[axis]).sum::<f64>() / count)
 }
 
 /// How many groups there are, and how many places each has.
