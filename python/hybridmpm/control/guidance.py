@@ -248,9 +248,8 @@ def prepare(
     if budget is not None:
         budget = positive("budget", budget, 3600.0)
     goal = goal_of(sketch, Cloud.of(simulator), simulator.scene, fill=fill)
-    if frames is None:
-        frames = goal.suggested_frames(largest)
     needs = goal.needs(frames, largest)
+    frames = needs.frames
     planner, reason = chosen(method, goal, needs, budget)
     task = Task(
         goal=goal,

@@ -20,7 +20,9 @@ _MISFIT = 0.02
 """Share of the particles that may be carried into walls or obstacles before the shape is made to fit."""
 _EASE = 5.0
 """Acceleration that counts as easy in any case [g]."""
-_LADDER = range(40, 401, 5)
+_LADDER = np.arange(40, 401, 5)
+_PARTS = 6
+"""Parts of the ladder that are looked at in one go; most searches end in the first or the second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Goal:
         frames = 100
         # Ways that are slowed down are not timed as well as ways that are timed anew, but nearly.
         for _ in range(2):
-            frames = self._fewest_frames(easy, frames) or _LADDER[-1]
+            frames = self._fewest_frames(easy, frames) or int(_LADDER[-1])
         return frames
 
     def _fewest_frames(self, acceleration: float, known: int) -> int | None:
@@ -75,15 +77,17 @@ class Goal:
         It is exact near `known` frames, and everywhere if all ways are straight.
         """
         motion = self.ways.timed(known * self.cloud.frame_dt)
-        for frames in _LADDER:
-            if motion.effort(self.cloud.gravity, slower=frames / known).acceleration <= acceleration:
-                return frames
+        for frames in np.array_split(_LADDER, _PARTS):
+            enough = motion.slowed(frames / known, self.cloud.gravity) <= acceleration
+            if enough.any():
+                return int(frames[np.argmax(enough)])
         return None
 
-    def needs(self, frames: int, cap: float) -> Needs:
-        """Return what the goal takes in a number of frames under a cap [g]."""
-        effort = self.ways.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
+    def needs(self, frames: int | None, cap: float) -> Needs:
+        """Return what the goal takes in a number of frames, the suggested one if None, under a cap [g]."""
         suggested = self.suggested_frames(cap)
+        frames = suggested if frames is None else frames
+        effort = self.ways.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
         obstructions = list(self._closed_in())
         if effort.acceleration > cap:
             obstructions.append(self._too_weak(frames, effort.acceleration, cap))

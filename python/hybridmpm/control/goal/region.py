@@ -71,11 +71,12 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
     side = (wanted / (_CELLS_PER_PARTICLE[len(oval.center)] * particles)) ** (1 / len(oval.center))
     grown = max(1.0, (volume / oval.volume) ** (1 / len(oval.center)))
     cells, level = np.empty((0, len(oval.center))), np.empty(0)
-    # A box in which the region probably lies, and else the whole room.
-    for lower, upper in (oval.box(1.3 * grown), (room.lower, room.upper)):
+    # Boxes in which the region lies, if less and less of the oval is free; the last one is the whole room.
+    for reach in (1.3, 2.0, 3.5, np.inf):
+        lower, upper = (room.lower, room.upper) if np.isinf(reach) else oval.box(reach * grown)
         cells = _cells(room, side, np.maximum(lower, room.lower), np.minimum(upper, room.upper))
         level = oval.level(cells)
-        if (level <= 1.3 * grown).sum() * side ** len(oval.center) >= volume:
+        if (level <= reach * grown).sum() * side ** len(oval.center) >= volume:
             break
     needed = min(len(level), max(1, round(volume / side ** len(oval.center))))
     fitting = float(np.partition(level, needed - 1)[needed - 1])

@@ -117,34 +117,78 @@ class Motion:
     v: Floats
     """Velocity in each corner (K, D) [m/s]."""
 
-    def effort(self, gravity: Floats, *, slower: float = 1.0) -> "Effort":
-        """Return the accelerations besides gravity that the motion takes, in g.
+    def effort(self, gravity: Floats) -> "Effort":
+        """Return the accelerations besides gravity that the motion takes, in g."""
+        pieces = self._pieces()
+        a0, a1 = (pieces.accelerations(end, np.ones(1), gravity)[0] for end in (0, 1))
+        peaks = self._peaks(pieces, np.ones(1), gravity)[0]
+        square = pieces.h / 3 * (a0**2 + a0 * a1 + a1**2).sum(axis=0)
+        mean_square = np.add.reduceat(square, pieces.firsts) / np.add.reduceat(pieces.h, pieces.firsts)
+        return Effort(
+            acceleration=float(_on_most(peaks[None], self.ways.weight)[0] / EARTH),
+            peak=float(peaks.max() / EARTH),
+            rms=float(np.sqrt(self.ways.weight @ mean_square) / EARTH),
+        )
 
-        With `slower` the times are that many times as long, and the first piece takes up the start velocity.
+    def slowed(self, factors: Floats, gravity: Floats) -> Floats:
+        """Return `Effort.acceleration` (S,) if the times are factors (S,) as long.
+
+        The first pieces take up the start velocity, whatever the factor.
         """
+        return _on_most(self._peaks(self._pieces(), factors, gravity), self.ways.weight) / EARTH
+
+    def _peaks(self, pieces: "_Pieces", factors: Floats, gravity: Floats) -> Floats:
+        """Return the largest acceleration of each group (S, G) [m/s^2] if times are factors (S,) as long."""
+        squares = [
+            (pieces.accelerations(end, factors, gravity) ** 2).sum(axis=1) for end in (0, 1)
+        ]  # (S, P)
+        return np.sqrt(np.maximum.reduceat(np.maximum(*squares), pieces.firsts, axis=1))
+
+    def _pieces(self) -> "_Pieces":
         ways = self.ways
         inner = np.ones(len(self.times), dtype=bool)
         inner[ways.starts[1:] - 1] = False
         left = np.flatnonzero(inner)
-        h = slower * np.diff(self.times)[left][:, None]
-        slope = np.diff(ways.corners, axis=0)[left] / h
-        v0, v1 = self.v[left] / slower, self.v[left + 1] / slower
+        h = np.diff(self.times)[left]
         firsts = np.searchsorted(left, ways.starts[:-1])
-        v0[firsts] = ways.velocity
-        a0 = (6 * slope - 4 * v0 - 2 * v1) / h - gravity
-        a1 = (2 * v0 + 4 * v1 - 6 * slope) / h - gravity
-        peak = np.sqrt(np.maximum((a0**2).sum(axis=1), (a1**2).sum(axis=1)))
-        square = h[:, 0] / 3 * (a0**2 + a0 * a1 + a1**2).sum(axis=1)
-        seconds = np.add.reduceat(h[:, 0], firsts)
-        mean_square = np.add.reduceat(square, firsts) / seconds
-        peaks = np.maximum.reduceat(peak, firsts)
-        order = np.argsort(peaks, kind="stable")
-        enough = int(np.searchsorted(np.cumsum(ways.weight[order]), _SHARE))
-        return Effort(
-            acceleration=float(peaks[order][min(enough, len(peaks) - 1)] / EARTH),
-            peak=float(peaks.max() / EARTH),
-            rms=float(np.sqrt(ways.weight @ mean_square) / EARTH),
+        slope = np.diff(ways.corners, axis=0)[left].T / h
+        v0, v1 = self.v[left].T.copy(), self.v[left + 1].T
+        v0[:, firsts] = 0
+        start = np.zeros_like(v0)
+        start[:, firsts] = ways.velocity.T
+        # A place is as far away as before, so a velocity on the way is as many times slower as it takes longer.
+        slowing = (6 * slope - 4 * v0 - 2 * v1) / h, (2 * v0 + 4 * v1 - 6 * slope) / h
+        lasting = -4 * start / h, 2 * start / h
+        return _Pieces(h, firsts, slowing, lasting)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Pieces (P,) of ways between corners, each with a linear acceleration in D dimensions."""
+
+    h: Floats
+    """How long each lasts (P,) [s]."""
+    firsts: npt.NDArray[np.intp]
+    """The first piece of each group (G,)."""
+    slowing: tuple[Floats, Floats]
+    """Parts (D, P) of the accelerations at both ends that fall with the square of the time [m/s^2]."""
+    lasting: tuple[Floats, Floats]
+    """Parts (D, P) that fall with the time: what takes up the start velocity [m/s^2]."""
+
+    def accelerations(self, end: int, factors: Floats, gravity: Floats) -> Floats:
+        """Return (S, D, P) at one end, 0 or 1, if times are factors (S,) as long [m/s^2]."""
+        per_time = 1 / factors[:, None, None]
+        return np.asarray(
+            per_time * (per_time * self.slowing[end] + self.lasting[end]) - gravity[:, None]
         )
+
+
+def _on_most(peaks: Floats, weight: Floats) -> Floats:
+    """Return the smallest numbers (S,) that peaks (S, G) stay below on 95 % of the mass."""
+    order = np.argsort(peaks, axis=1, kind="stable")
+    enough = (np.cumsum(weight[order], axis=1) < _SHARE).sum(axis=1)
+    last = np.minimum(enough, len(weight) - 1)[:, None]
+    return np.take_along_axis(np.take_along_axis(peaks, order, axis=1), last, axis=1)[:, 0]
 
 
 @dataclass(frozen=True)
