@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hybridmpm import data, export, scenarios
+from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.cli.simulate import SubstepsType
-from hybridmpm.cli.types import RatioType
 from hybridmpm.data import metadata
 from hybridmpm.data.view import recording_of, write_sheet
 from hybridmpm.scene.particle_types import NAMES

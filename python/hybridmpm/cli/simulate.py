@@ -8,8 +8,8 @@ import click
 import numpy as np
 
 from hybridmpm import export, scenarios, simulators
+from hybridmpm.cli.options import check_targets, targets_option, threads_option
 from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.errors import ExportError
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import Substeps
 from hybridmpm.physics.load import model_for
@@ -95,13 +95,7 @@ class SubstepsType(click.ParamType[Substeps, object]):
     show_default=True,
     help="Mean that --r-c is compared with, for hybrid: without calm particles (ours), or plain (paper).",
 )
-@click.option(
-    "--threads",
-    type=click.IntRange(1, 1024),
-    default=1,
-    show_default=True,
-    help="Number of threads; the result does not depend on it.",
-)
+@threads_option
 @click.option(
     "--every",
     type=click.IntRange(min=1),
@@ -109,14 +103,7 @@ class SubstepsType(click.ParamType[Substeps, object]):
     show_default=True,
     help="Number of frames from one recorded state to the next.",
 )
-@click.option(
-    "--out",
-    "targets",
-    type=click.Path(dir_okay=False, path_type=Path),
-    multiple=True,
-    metavar="FILE",
-    help="File to write; its suffix decides the content, see above. May be repeated.",
-)
+@targets_option
 @click.option(
     "--save",
     "save_file",
@@ -174,11 +161,7 @@ def simulate(
     %04d in it stands for a series of numbered files, one for each recorded state.
     """
     style = export.Style(width=width, speed=speed, strip=strip)
-    for target in targets:
-        try:
-            export.check_target(target)
-        except ExportError as error:
-            raise click.UsageError(f"--out: {error}.") from None
+    check_targets(targets)
     if save_file is not None and not save_file.parent.is_dir():
         raise click.UsageError(f"--save: the folder {save_file.parent} does not exist.")
     if resume_file is not None:

@@ -14,8 +14,8 @@ from click.core import ParameterSource
 from hybridmpm import SOLVER_VERSION, scenarios
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.devices import require_torch, torch_device
+from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import progress
-from hybridmpm.cli.types import RatioType
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.spec import NetworkSpec
 

@@ -181,6 +181,7 @@ def prepare(
     resolution: int = DEFAULT_RESOLUTION,
     budget: float | None = None,
     seed: int = 0,
+    most: int = 2 * MAX_FRAMES,
     on_frame: Callable[[], object] | None = None,
 ) -> Guidance:
     """Understand a sketch and plan how to follow it, from the present state. Nothing moves.
@@ -219,6 +220,8 @@ def prepare(
         Time for which "shooting" searches [s]; 2 if not given. With it "auto" may choose that method.
     seed : int in [0, 2**32)
         Seed of what a method draws at random.
+    most : int in [hold + 1, 20000]
+        Largest number of frames, those of `hold` among them, that is chosen where `frames` is not given.
     on_frame : callable, optional
         Called before each frame of a trial. What it raises ends the planning, except that a SimulationError
         only ends the trial.
@@ -245,10 +248,13 @@ def prepare(
         "resolution": whole("resolution", resolution, 0, 256),
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
+    longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
     if budget is not None:
         budget = positive("budget", budget, 3600.0)
     goal = goal_of(sketch, Cloud.of(simulator), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
+    if frames is None and needs.frames > longest:
+        needs = goal.needs(longest, largest)
     frames = needs.frames
     planner, reason = chosen(method, goal, needs, budget)
     task = Task(

@@ -6,7 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, Box, BoxObstacle, MpmSolver, Scene, SegmentObstacle, SketchError, _native
+from hybridmpm import (
+    Ball,
+    Box,
+    BoxObstacle,
+    ConfigError,
+    MpmSolver,
+    Scene,
+    SegmentObstacle,
+    SketchError,
+    _native,
+)
 from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.path import arrow_path
 
@@ -38,6 +48,16 @@ def test_every_particle_gets_a_place_of_its_own_in_the_oval(dim: int) -> None:
     np.testing.assert_allclose(places.mean(axis=0)[:2], [0.6, 0.6], atol=2e-3)
     level = region.oval.level(places) / region.scale
     assert np.mean(level**2) == pytest.approx(dim / (dim + 2), abs=0.02)
+
+
+def test_the_number_of_frames_that_is_chosen_can_be_limited() -> None:
+    solver = _solver()
+    free = prepare(solver, _oval(0.6, 0.6), hold=10)
+    assert prepare(solver, _oval(0.6, 0.6), hold=10, most=free.total_frames).frames == free.frames
+    assert prepare(solver, _oval(0.6, 0.6), hold=10, most=30).frames == 20
+    assert prepare(solver, _oval(0.6, 0.6), hold=10, most=30).needs().frames == 20
+    with pytest.raises(ConfigError, match="most must be"):
+        prepare(solver, _oval(0.6, 0.6), hold=10, most=10)
 
 
 def test_an_oval_smaller_than_the_fluid_is_grown_in_the_same_shape() -> None:

@@ -140,6 +140,23 @@ def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
     np.testing.assert_allclose(body["sketch"]["center"], [0.55, 0.45], atol=0.003)
 
 
+def test_a_budget_is_spent_on_a_search(service: Any, path: str) -> None:
+    oval = [[0.6, 0.5], [0.5, 0.6], [0.4, 0.5], [0.5, 0.4], [0.6, 0.5]]
+    body = {
+        "strokes": [{"points": oval, "kind": "ellipse"}],
+        "method": "shooting",
+        "frames": 40,
+        "budget": 0.2,
+    }
+    answer = service.http.post(f"{path}/sketches", json=body).json()
+    assert answer["method"] == "shooting"
+    assert answer["planning_ms"] >= 200
+    tight = body | {"method": "auto", "frames": 10}
+    answer = service.http.post(f"{path}/sketches", json=tight).json()
+    assert answer["method"] == "shooting"
+    assert "0.2 s to search in" in answer["reason"]
+
+
 def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
     service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
     service.http.post(f"{path}/advance", json={"frames": 5})
@@ -199,7 +216,9 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
         ({"strokes": [ARROW], "fill": "half"}, "body.fill", "'even' or 'shrink'"),
         ({"strokes": [ARROW], "seed": -1}, "body.seed", "equal to 0"),
         ({"strokes": [ARROW], "seed": 2**32}, "body.seed", "less than 4294967296"),
-        ({"strokes": [ARROW], "budget": 2}, "body.budget", "not permitted"),
+        ({"strokes": [ARROW], "budget": 0}, "body.budget", "greater than 0"),
+        ({"strokes": [ARROW], "budget": 31}, "body.budget", "equal to 30"),
+        ({"strokes": [ARROW], "resolution": 32}, "body.resolution", "not permitted"),
         ({"strokes": [ARROW], "frames": "many"}, "body.frames", "integer"),
         ({"points": [[0.5, 0.5], [0.6, 0.5]]}, "body.strokes", "required"),
         ([], "body", "valid"),

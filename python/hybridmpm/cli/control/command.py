@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from hybridmpm import export, scenarios
+from hybridmpm.cli.options import check_targets, targets_option, threads_option
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.control import (
     METHODS,
@@ -19,7 +20,7 @@ from hybridmpm.control import (
     parse_strokes,
 )
 from hybridmpm.control.goal.region import Fill
-from hybridmpm.errors import ConfigError, ExportError, SketchError
+from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording
 from hybridmpm.scene import Scene
@@ -83,21 +84,8 @@ from hybridmpm.scene import Scene
     type=float,
     help="Time for which shooting may search, in seconds. With it, auto may choose shooting.",
 )
-@click.option(
-    "--threads",
-    type=click.IntRange(1, 1024),
-    default=1,
-    show_default=True,
-    help="Number of threads; the result does not depend on it.",
-)
-@click.option(
-    "--out",
-    "targets",
-    type=click.Path(dir_okay=False, path_type=Path),
-    multiple=True,
-    metavar="FILE",
-    help="File to write; its suffix decides the content, see above. May be repeated.",
-)
+@threads_option
+@targets_option
 @click.pass_context
 def control(
     ctx: click.Context,
@@ -121,11 +109,7 @@ def control(
     The suffix of each --out FILE decides its content: .npz has positions and forces of all frames, .gif or
     .mp4 a film, .png a picture of the last state, .ply or .vtp the particles of the last state.
     """
-    for target in targets:
-        try:
-            export.check_target(target)
-        except ExportError as error:
-            raise click.UsageError(f"--out: {error}.") from None
+    check_targets(targets)
     sketch = _sketch(sketch_file)
     chosen = scenarios.get(scene, seed) if scene in scenarios.NAMES else _scene(scene)
     solver = MpmSolver(chosen, threads=threads)

@@ -139,9 +139,7 @@ class Motion:
 
     def _peaks(self, pieces: "_Pieces", factors: Floats, gravity: Floats) -> Floats:
         """Return the largest acceleration of each group (S, G) [m/s^2] if times are factors (S,) as long."""
-        squares = [
-            (pieces.accelerations(end, factors, gravity) ** 2).sum(axis=1) for end in (0, 1)
-        ]  # (S, P)
+        squares = [(pieces.accelerations(end, factors, gravity) ** 2).sum(axis=1) for end in (0, 1)]  # (S, P)
         return np.sqrt(np.maximum.reduceat(np.maximum(*squares), pieces.firsts, axis=1))
 
     def _pieces(self) -> "_Pieces":
@@ -156,7 +154,7 @@ class Motion:
         v0[:, firsts] = 0
         start = np.zeros_like(v0)
         start[:, firsts] = ways.velocity.T
-        # A place is as far away as before, so a velocity on the way is as many times slower as it takes longer.
+        # Velocities on the way are as many times lower as it takes longer; that at the start is given.
         slowing = (6 * slope - 4 * v0 - 2 * v1) / h, (2 * v0 + 4 * v1 - 6 * slope) / h
         lasting = -4 * start / h, 2 * start / h
         return _Pieces(h, firsts, slowing, lasting)
@@ -178,9 +176,7 @@ class _Pieces:
     def accelerations(self, end: int, factors: Floats, gravity: Floats) -> Floats:
         """Return (S, D, P) at one end, 0 or 1, if times are factors (S,) as long [m/s^2]."""
         per_time = 1 / factors[:, None, None]
-        return np.asarray(
-            per_time * (per_time * self.slowing[end] + self.lasting[end]) - gravity[:, None]
-        )
+        return np.asarray(per_time * (per_time * self.slowing[end] + self.lasting[end]) - gravity[:, None])
 
 
 def _on_most(peaks: Floats, weight: Floats) -> Floats:

@@ -10,40 +10,6 @@ from hybridmpm_service.sessions.view import Control
 from hybridmpm_service.sessions.worker import Worker
 
 
-def planned(
-    simulator: Simulator,
-    sketch: Sketch,
-    *,
-    most: int,
-    frames: int | None = None,
-    hold: int = 0,
-    **settings: Any,
-) -> Guidance:
-    """Return the guidance of a sketch, with `frames` and `hold` together at most `most`.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        In the state that the sketch was drawn on; it does not change.
-    sketch : Arrow or Ellipse
-    most : int > hold
-        Largest number of frames. If `frames` is None, it is what the sketch needs, but no more than this.
-    frames, hold : int
-        As `hybridmpm.control.prepare` takes them.
-    **settings
-        The others of `prepare`.
-
-    Raises
-    ------
-    ConfigError, SketchError, SimulationError
-        As `prepare`.
-    """
-    guidance = prepare(simulator, sketch, frames=frames, hold=hold, **settings)
-    if guidance.total_frames <= most:
-        return guidance
-    return prepare(simulator, sketch, frames=most - hold, hold=hold, **settings)
-
-
 class Preparation:
     """A sketch that is being prepared. Safe to use from several threads.
 
@@ -124,27 +90,41 @@ class Planner:
     async def prepare(
         self, preparation: Preparation, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
     ) -> Guidance:
-        """Plan a sketch on a copy of the simulator; parameters and errors as `planned`.
+        """Plan a sketch on a copy of the simulator.
+
+        Parameters
+        ----------
+        preparation : Preparation
+            From `begin`.
+        twin : Simulator
+            In the state that the sketch was drawn on; it does not change.
+        sketch : Arrow or Ellipse
+        most : int
+            Largest number of frames if none is asked for, `hold` included.
+        **settings
+            The others of `hybridmpm.control.prepare`.
 
         Raises
         ------
         SketchDroppedError
             The preparation was dropped.
+        ConfigError, SketchError, SimulationError
+            As `hybridmpm.control.prepare`.
         """
 
         def plan() -> Guidance:
             preparation.check()
-            return planned(twin, sketch, most=most, on_frame=preparation.check, **settings)
+            return prepare(twin, sketch, most=most, on_frame=preparation.check, **settings)
 
         return await self._sketches.run(plan)
 
     async def trajectory(
         self, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
     ) -> tuple[Guidance, ControlledTrajectory]:
-        """Let a copy of the simulator follow a sketch to the end; parameters and errors as `planned`."""
+        """Let a copy of the simulator follow a sketch to the end; parameters and errors as in `prepare`."""
 
         def trace() -> tuple[Guidance, ControlledTrajectory]:
-            guidance = planned(twin, sketch, most=most, on_frame=self._check_open, **settings)
+            guidance = prepare(twin, sketch, most=most, on_frame=self._check_open, **settings)
             following = Following(twin, guidance)
             for _ in following:
                 self._check_open()
