@@ -154,8 +154,8 @@ class SketchSettings(Request):
         default=None,
         gt=0,
         le=MAX_BUDGET,
-        description="Time for which shooting may search for a better plan [s]; 2 if absent. With it, auto may "
-        "choose shooting.",
+        description="Time for which shooting may search for a better plan [s]; 2 if absent. With it, auto "
+        "may choose shooting.",
         examples=[2.0],
     )
     seed: int = Field(
