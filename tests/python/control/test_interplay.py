@@ -102,6 +102,26 @@ def test_a_hybrid_follows_by_mpm_and_says_why() -> None:
     assert hybrid.frame == 270
 
 
+def test_a_hybrid_returns_to_its_network_once_the_motion_has_been_calm_for_a_window() -> None:
+    # After the sketch the block falls freely, which is what the network "zero" knows.
+    scene = Scene(dim=2, bodies=[Box(lower=(0.3, 0.4), upper=(0.45, 0.55), material="water")])
+    hybrid = HybridSimulator(scene, "zero", window=10)
+    hybrid.advance(30)
+    assert hybrid.mode == "neural"
+    follow(hybrid, Arrow(np.array([[0.4, 0.3], [0.5, 0.5]])), frames=60).run()
+    assert hybrid.mode == "mpm"
+    hybrid.advance(80)
+    assert hybrid.mode == "neural"
+    assert [(decision.mode, decision.reason) for decision in hybrid.log[-2:]] == [
+        ("mpm", "force"),
+        ("neural", "calm"),
+    ]
+    # Two windows until the force is no longer in the safeguard, one more of calm.
+    assert hybrid.log[-2].frame == 30
+    assert hybrid.log[-1].frame >= 90 + 3 * 10
+    assert hybrid.log[-1].value == pytest.approx(1.0, abs=0.1)
+
+
 def test_particles_that_come_later_are_left_alone() -> None:
     emitter = RoundEmitter(center=(0.7, 0.85), radius=0.03, velocity=(0.0, -1.0), material="water")
     body = Box(lower=(0.2, 0.2), upper=(0.35, 0.35), material="water")

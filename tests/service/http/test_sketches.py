@@ -151,7 +151,7 @@ def test_a_budget_is_spent_on_a_search(service: Any, path: str) -> None:
     answer = service.http.post(f"{path}/sketches", json=body).json()
     assert answer["method"] == "shooting"
     assert answer["planning_ms"] >= 200
-    tight = body | {"frames": 10}
+    tight = body | {"method": "auto", "frames": 10}
     answer = service.http.post(f"{path}/sketches", json=tight).json()
     assert answer["method"] == "shooting"
     assert "0.2 s to search in" in answer["reason"]
