@@ -19,6 +19,7 @@ from hybridmpm import (
 )
 from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.path import arrow_path
+from hybridmpm.control.laws import Tracked
 
 
 def _solver(dim: int = 2, **more: Any) -> MpmSolver:
@@ -107,6 +108,20 @@ def test_ways_lead_around_obstacles() -> None:
         crossing = way[np.argmax(way[:, 0])]
         assert crossing[0] > 0.7
     assert not goal.ways.cut_off.any()
+
+
+def test_a_goal_behind_an_obstacle_is_aimed_at_early_if_the_cap_allows() -> None:
+    ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.7, 0.45), thickness=0.04)
+    behind, free = _solver(obstacles=[ramp]), _solver()
+
+    def end(solver: MpmSolver, **settings: Any) -> float:
+        guidance = prepare(solver, _oval(0.3, 0.7), frames=200, **settings)
+        assert isinstance(guidance.law, Tracked)
+        return float(guidance.law.times.max() / (200 * solver.scene.frame_dt))
+
+    assert end(behind) == pytest.approx(0.85, abs=1e-3)
+    assert end(behind, cap=3.0) == pytest.approx(1.0, abs=1e-3)
+    assert end(free) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_goal_behind_an_obstacle_without_a_gap_is_out_of_reach() -> None:

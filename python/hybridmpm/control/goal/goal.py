@@ -45,6 +45,13 @@ class Goal:
         """Displacement of the centre of mass that the sketch asks for (D,) [m]."""
         return np.asarray(self.path[-1] - self.path[0])
 
+    @property
+    def leads_around(self) -> bool:
+        """Whether obstacles are in the way of particles that fill a region."""
+        return (
+            self.region is not None and not self.ways.together and bool((np.diff(self.ways.starts) > 2).any())
+        )
+
     def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
         """Tell which points (N, D) lie in the goal; (N,), None where an arrow carries the shape along.
 

@@ -1,7 +1,5 @@
 """The methods by name, and the rule by which "auto" chooses among them."""
 
-import numpy as np
-
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.needs import Needs
 from hybridmpm.control.methods.analytic import Analytic
@@ -52,8 +50,7 @@ def chosen(method: str | Method, goal: Goal, needs: Needs, budget: float | None)
 def _by_rule(goal: Goal, needs: Needs, budget: float | None) -> tuple[Method, str]:
     """Search only where the analytic plan may fall short, and where there is time for it."""
     tight = needs.acceleration > _TIGHT * needs.cap
-    detours = goal.region is not None and bool((np.diff(goal.ways.starts) > 2).any())
-    if budget is not None and (tight or detours):
+    if budget is not None and (tight or goal.leads_around):
         why = f"{needs.acceleration:.1f} g come near to the cap" if tight else "obstacles are in the way"
         return METHODS["shooting"], f"{why}, and there are {budget:g} s to search in"
     return METHODS["analytic"], "guidance from the actual state takes the least force and plans at once"

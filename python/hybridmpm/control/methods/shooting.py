@@ -9,6 +9,7 @@ from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.goal import Goal, goal_of
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
+from hybridmpm.control.methods.analytic import arrival
 from hybridmpm.control.methods.cma_es import minimise
 from hybridmpm.control.methods.method import Task
 from hybridmpm.downsampling.clustering import balanced_clusters
@@ -58,7 +59,9 @@ class Shooting:
         dim = simulator.dim
         scale = np.append(np.full(2 * dim, _SCALE), _TIMING)
         best = minimise(rung.miss, scale, go_on=lambda _: time.perf_counter() < end, seed=task.seed).x
-        laws = [task.tracked(task.goal.ways), _planned(task, task.goal.ways, best)]
+        laws = [
+            _planned(task, task.goal.ways, numbers, rung.arrival) for numbers in (np.zeros_like(best), best)
+        ]
         # The rung is not the simulator: both plans are tried on that, and as it is deterministic, the result
         # is never worse than the analytic plan.
         return min(laws, key=lambda law: _miss(simulator, task, law))
@@ -83,13 +86,15 @@ class _Rung:
                 sums = [np.bincount(labels, column) for column in whole[members].T]
                 merged[rows] = np.stack(sums, axis=1) / sizes
         self._solver.prescribe(x, v, simulator.frame)
+        self.arrival = arrival(task)
+        """Share of the frames in which the analytic plan reaches the goal."""
         goal = goal_of(task.goal.sketch, Cloud.of(self._solver), scene, fill=task.fill)
         self._task = dataclasses.replace(task, goal=goal)
 
     def miss(self, numbers: Floats) -> float:
         """Return how far a plan misses the goal; infinite where it fails."""
         task = self._task
-        return _miss(self._solver, task, _planned(task, task.goal.ways, numbers))
+        return _miss(self._solver, task, _planned(task, task.goal.ways, numbers, self.arrival))
 
 
 def _miss(simulator: Simulator, task: Task, law: Tracked) -> float:
@@ -108,13 +113,13 @@ def _miss(simulator: Simulator, task: Task, law: Tracked) -> float:
     return outside + float(np.sqrt(square))
 
 
-def _planned(task: Task, ways: Ways, numbers: Floats) -> Tracked:
-    """Return the law of ways with a shift (D,), a bow (D,) and a share of the frames."""
+def _planned(task: Task, ways: Ways, numbers: Floats, arrival: float) -> Tracked:
+    """Return the law of ways with a shift (D,), a bow (D,) and what is added to the share of the frames."""
     dim = task.goal.cloud.dim
     shift, bow = numbers[:dim], numbers[dim : 2 * dim]
-    share = float(np.clip(1 + numbers[-1], _LATEST, 1))
+    share = float(np.clip(arrival + numbers[-1], _LATEST, 1))
     if not numbers.any():
-        return task.tracked(ways)
+        return task.tracked(ways, share=share)
     return task.tracked(_bent(ways, task.goal, shift, bow), share=share)
 
 
