@@ -61,7 +61,7 @@ class Oval:
     def level(self, x: Floats) -> Floats:
         """Return for points (N, D) how many times as large the oval must be to reach each; (N,) [-]."""
         within = (x - self.center) @ (self.directions.T / self.axes)
-        return np.sqrt(np.einsum("ij,ij->i", within, within))
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", within, within)))
 
     def box(self, scale: float) -> tuple[Floats, Floats]:
         """Return the corners (D,) of the box around the oval grown by a factor [m]."""
