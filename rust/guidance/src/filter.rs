@@ -68,7 +68,9 @@ impl<const D: usize> Filter<D> {
     pub fn finish(&mut self) {
         for node in self.nodes.iter_mut().filter(|node| node[D] > 0.0) {
             let per_mass = 1.0 / node[D];
-            node.iter_mut().for_each(|number| *number *= per_mass);
+            for number in node {
+                *number *= per_mass;
+            }
         }
     }
 

@@ -140,7 +140,9 @@ impl<const D: usize> Tracks<D> {
             let square: f32 = force.iter().map(|number| number * number).sum();
             if square > largest {
                 let scale = self.law.cap / square.sqrt();
-                force.iter_mut().for_each(|number| *number *= scale);
+                for number in force {
+                    *number *= scale;
+                }
             }
         }
         force
