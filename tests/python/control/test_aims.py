@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.python.control import judged
+from tests.python.control.judged import scenes
 
 from hybridmpm import Box, MpmSolver, Scene
 from hybridmpm.control import Arrow, follow
@@ -15,23 +15,23 @@ pytestmark = pytest.mark.long
 SEEDS = range(1000, 1006)
 
 
-@pytest.mark.parametrize("make", judged.FREE.values(), ids=judged.FREE)
-def test_free_ovals_hold_the_mass_at_the_end_and_later(make: judged.Maker) -> None:
-    found = [judged.shares(make, seed) for seed in SEEDS]
+@pytest.mark.parametrize("make", scenes.FREE.values(), ids=scenes.FREE)
+def test_free_ovals_hold_the_mass_at_the_end_and_later(make: scenes.Maker) -> None:
+    found = [scenes.shares(make, seed) for seed in SEEDS]
     ends, laters = [one.end for one in found], [one.later for one in found]
     assert np.mean(ends) > 0.99
     assert min(ends) > 0.97
     assert np.mean(laters) > 0.95
 
 
-@pytest.mark.parametrize("make", judged.OVER_RAMPS.values(), ids=judged.OVER_RAMPS)
-def test_ovals_over_ramps_hold_most_of_the_mass(make: judged.Maker) -> None:
-    assert np.mean([judged.shares(make, seed).end for seed in SEEDS]) > 0.85
+@pytest.mark.parametrize("make", scenes.OVER_RAMPS.values(), ids=scenes.OVER_RAMPS)
+def test_ovals_over_ramps_hold_most_of_the_mass(make: scenes.Maker) -> None:
+    assert np.mean([scenes.shares(make, seed).end for seed in SEEDS]) > 0.85
 
 
-@pytest.mark.parametrize("make", judged.FREE.values(), ids=judged.FREE)
-def test_a_sketch_that_acts_late_costs_next_to_nothing(make: judged.Maker) -> None:
-    assert np.mean([judged.lateness(make, seed) for seed in SEEDS]) < 0.01
+@pytest.mark.parametrize("make", scenes.FREE.values(), ids=scenes.FREE)
+def test_a_sketch_that_acts_late_costs_next_to_nothing(make: scenes.Maker) -> None:
+    assert np.mean([scenes.lateness(make, seed) for seed in SEEDS]) < 0.01
 
 
 def _flying_blocks() -> Iterator[tuple[MpmSolver, np.random.Generator]]:
@@ -75,6 +75,6 @@ def test_bent_arrows_are_followed_all_the_way() -> None:
 def test_single_bodies_take_little_more_than_the_least_force() -> None:
     ratios = []
     for solver, rng in _flying_blocks():
-        following = follow(solver, judged.oval(rng, solver))
+        following = follow(solver, scenes.oval(rng, solver))
         ratios.append(following.run().reached.rms / following.guidance.needs().rms)
     assert np.mean(ratios) < 1.1

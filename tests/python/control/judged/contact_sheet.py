@@ -1,6 +1,6 @@
 """Draws docs/images/control.png: five sketches, and the start, the middle and the end of following each.
 
-`python -m tests.python.control.contact_sheet docs/images/control.png` writes it. It is the same in every run.
+`python -m tests.python.control.judged.contact_sheet docs/images/control.png` writes it, the same in every run.
 """
 
 import argparse
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
-from tests.python.control import judged
+from tests.python.control.judged import scenes
 
 from hybridmpm import Box, MpmSolver, Scene, SegmentObstacle
 from hybridmpm.control import Arrow, Ellipse, Sketch, follow
@@ -26,9 +26,9 @@ Picture = npt.NDArray[np.uint8]
 def cases() -> Iterator[tuple[MpmSolver, Sketch]]:
     """Yield a pool, a heap of sand, two puddles, a fluid under ramps, and a block that a bent arrow leads."""
     rng = np.random.default_rng(7)
-    yield judged.pool(7, rng), Ellipse(np.array([0.5, 0.6]), np.array([0.16, 0.12]), 0.3)
-    yield judged.sand(7, rng), Ellipse(np.array([0.45, 0.62]), np.array([0.18, 0.11]), 2.6)
-    yield judged.puddles(7, rng), Ellipse(np.array([0.5, 0.5]), np.array([0.17, 0.12]), 0.0)
+    yield scenes.pool(7, rng), Ellipse(np.array([0.5, 0.6]), np.array([0.16, 0.12]), 0.3)
+    yield scenes.sand(7, rng), Ellipse(np.array([0.45, 0.62]), np.array([0.18, 0.11]), 2.6)
+    yield scenes.puddles(7, rng), Ellipse(np.array([0.5, 0.5]), np.array([0.17, 0.12]), 0.0)
     ramps = [
         SegmentObstacle(start=(0.2, 0.34), end=(0.48, 0.28), thickness=0.02),
         SegmentObstacle(start=(0.55, 0.42), end=(0.82, 0.5), thickness=0.02),
