@@ -1,6 +1,6 @@
 """Draws docs/images/control.png: five sketches, and the start, the middle and the end of following each.
 
-`python -m tests.python.control.judged.contact_sheet docs/images/control.png` writes it, the same in every run.
+`python -m tests.python.control.judged.contact_sheet docs/images/control.png` writes it, always the same.
 """
 
 import argparse
