@@ -16,6 +16,7 @@ __all__ = [
     "AccelerationHistory",
     "AccelerationSignal",
     "BatchError",
+    "Carrier",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -663,6 +664,129 @@ class Solver:
 
     def copy(self) -> Solver:
         """Return an independent solver in the same state."""
+
+@final
+class Carrier:
+    """All N particles of a scene, carried along by n few; see `hybridmpm.downsampling.Carrier`.
+
+    Thread safe: calls on one carrier wait for each other, with the GIL released. Methods that take the few
+    take their `ids` (n,), ascending, positions `x` (n, D) [m], velocity gradients `affine` (n, D, D) [1/s],
+    if known, and masses `mass` (n,) [kg].
+    """
+
+    def __new__(
+        cls,
+        solver: Solver,
+        *,
+        resolution: int,
+        emitters: Sequence[Emitter] = (),
+        max_particles: int | None = None,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        material: npt.NDArray[np.uint8],
+        mass: npt.NDArray[np.float32],
+        volume: npt.NDArray[np.float32],
+    ) -> Carrier:
+        """Take the particles of a scene at frame 0.
+
+        Parameters
+        ----------
+        solver : Solver
+            Solver of the scene at frame 0 with the grid of the few. Its particles are the few.
+        resolution : int
+            Cells per metre of the scene's own grid.
+        emitters : sequence of Emitter
+            Emitters of the particles that are carried, one for each of the solver's.
+        max_particles : int, optional
+            Emitters add no particles beyond this number.
+        x, v, material, mass, volume
+            As for `Solver`.
+
+        Raises
+        ------
+        ConfigError
+            A number is out of range, or arrays disagree.
+        """
+
+    @property
+    def every(self) -> int:
+        """Frames from one carry to the next."""
+
+    @property
+    def frame(self) -> int:
+        """Frame of the latest carry."""
+
+    @property
+    def particle_count(self) -> int:
+        """Number N of particles."""
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) that particles keep for good, ascending."""
+
+    @property
+    def mass(self) -> npt.NDArray[np.float32]:
+        """Masses (N,) [kg]; a copy."""
+
+    @property
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Indices (N,) into the materials; a copy."""
+
+    @property
+    def emitters(self) -> list[str]:
+        """What each emitter did in the latest frame."""
+
+    def carry(
+        self,
+        frame: int,
+        *,
+        ids: npt.NDArray[np.uint64],
+        x: npt.NDArray[np.float32],
+        affine: npt.NDArray[np.float32] | None = None,
+        mass: npt.NDArray[np.float32],
+    ) -> None:
+        """Carry all particles to a frame after the latest carry, at whose end the few are as given.
+
+        Raises
+        ------
+        ConfigError
+            The frame is not after the latest carry, or the arrays disagree or are not finite.
+        """
+
+    def positions(
+        self,
+        frame: int,
+        *,
+        ids: npt.NDArray[np.uint64],
+        x: npt.NDArray[np.float32],
+        affine: npt.NDArray[np.float32] | None = None,
+        mass: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Return positions (N, D) [m] at a frame from the latest carry on; raises as `carry`."""
+
+    def velocities(
+        self,
+        frame: int,
+        *,
+        ids: npt.NDArray[np.uint64],
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        affine: npt.NDArray[np.float32] | None = None,
+        mass: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Return velocities (N, D) [m/s] at such a frame; `v` (n, D) are those of the few."""
+
+    def gather_force(self, force: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Return accelerations (n, D) [m/s^2] of the few at the latest carry, from the many's (N, D)."""
+
+    def snapshot(self) -> bytes:
+        """Complete state, without the few."""
+
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene; raises `SnapshotError`."""
+
+    def copy(self) -> Carrier:
+        """Return an independent carrier in the same state."""
 
 def advance_all(
     solvers: Sequence[Solver],

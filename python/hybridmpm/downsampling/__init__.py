@@ -3,7 +3,8 @@
 r_p is the number of particles after merging over the number before; r_t is the number of frames in a step.
 """
 
+from hybridmpm.downsampling.carrier import Carrier
 from hybridmpm.downsampling.carry import strided, upsample
 from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution, merge
 
-__all__ = ["FEWEST_PER_CELL", "coarse_resolution", "merge", "strided", "upsample"]
+__all__ = ["FEWEST_PER_CELL", "Carrier", "coarse_resolution", "merge", "strided", "upsample"]

@@ -39,14 +39,14 @@ def merge(particles: Particles, r_p: float, *, seed: int = 0) -> Particles:
     -------
     Particles
         N_l = round(r_p N_h) particles, body by body; every body has at least one, so there may be more. For
-        r_p = 1 this is the object `particles` itself.
+        r_p = 1, and without particles, this is the object `particles` itself.
 
     Raises
     ------
     ConfigError
         `r_p` is out of range.
     """
-    if checked_ratio(r_p) == 1:
+    if checked_ratio(r_p) == 1 or len(particles.x) == 0:
         return particles
     bodies, sizes = np.unique(particles.body, return_counts=True)
     labels = np.empty(len(particles.x), dtype=np.int64)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hybridmpm import _native
+from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import SceneError
 from hybridmpm.scene import Emitter, Scene
 from hybridmpm.scene.sampling import JITTER
@@ -11,8 +12,11 @@ _PATTERNS = 16
 """Layers with jitter of their own; they are used in turn."""
 
 
-def native_emitters(scene: Scene) -> list[_native.Emitter]:
+def native_emitters(scene: Scene, r_p: float = 1.0) -> list[_native.Emitter]:
     """Build the core's emitters; a layer is one spacing thick, its back lies on the opening.
+
+    At a ratio `r_p` below 1 particles are larger and fewer, and layers thicker; the flow of mass is that of
+    the scene's own emitters.
 
     Raises
     ------
@@ -21,13 +25,13 @@ def native_emitters(scene: Scene) -> list[_native.Emitter]:
     """
     materials = scene.materials
     return [
-        _native_emitter(scene, index, emitter, materials.index(emitter.material))
+        _native_emitter(scene, index, emitter, materials.index(emitter.material), r_p)
         for index, emitter in enumerate(scene.emitters)
     ]
 
 
-def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int) -> _native.Emitter:
-    spacing = scene.spacing
+def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r_p: float) -> _native.Emitter:
+    spacing = spacing_at(scene, r_p)
     sites = emitter.sites(spacing) + 0.5 * spacing * emitter.direction
     for number, obstacle in enumerate(scene.obstacles):
         solid = obstacle.to_native()
@@ -35,7 +39,9 @@ def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int) -
             text = f"must open into free space, but obstacles[{number}] is in front of it"
             raise SceneError.of([(f"emitters[{index}]", text)])
     rng = np.random.default_rng(emitter.seed)
-    volume = spacing**scene.dim
+    # Of the material that the scene's own layers bring while this one moves on by its thickness.
+    own_layer = len(emitter.sites(scene.spacing)) * scene.spacing**scene.dim
+    volume = own_layer * (spacing / scene.spacing) / len(sites)
     return _native.Emitter(
         material=material,
         velocity=emitter.velocity,

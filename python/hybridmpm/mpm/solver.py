@@ -11,11 +11,13 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling.merging import checked_ratio, coarse_resolution, merge
+from hybridmpm.downsampling import Carrier
+from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError, CostlyMaterialWarning, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
+from hybridmpm.mpm import joint_state
+from hybridmpm.mpm.build import carrier_of, native_solver
 from hybridmpm.mpm.cost import costly_materials
-from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.scene.openings import EmitterStatus
@@ -45,6 +47,10 @@ class MpmSolver(Simulator):
     r_p : float in (0, 1]
         Ratio of the particles to those of the scene: they are merged (`downsampling.merge`), and the grid is
         coarsened until a cell holds two (`downsampling.coarse_resolution`).
+    carry : bool
+        With `r_p` below 1: carry all particles of the scene along with the few that are simulated
+        (`downsampling.Carrier`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        the whole scene, and forces are given for them; `coarse_positions` are those of the few.
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -84,6 +90,7 @@ class MpmSolver(Simulator):
         allow_unstable: bool = False,
         sleep: Sleep | None = None,
         r_p: float = 1.0,
+        carry: bool = False,
         threads: int = 1,
     ) -> None:
         self._scene = scene
@@ -96,42 +103,29 @@ class MpmSolver(Simulator):
         self._sleep = sleep
         self._allow_unstable = allow_unstable
         self._r_p = checked_ratio(r_p)
-        if self._r_p < 1 and scene.emitters:
-            raise ConfigError("r_p below 1 is for scenes without emitters: what they add is not merged")
-        particles = merge(scene.sample(), r_p)
         self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
         self._limit_told = False
-        self._solver = _native.Solver(
-            resolution=coarse_resolution(scene, r_p),
-            frame_dt=scene.frame_dt,
-            gravity=scene.gravity,
-            wall_lower=scene.walls.lower,
-            wall_upper=scene.walls.upper,
-            wall_contact=scene.walls.contact,
-            wall_friction=scene.walls.friction,
-            materials=[material.to_native(scene.potential_drop) for material in scene.materials],
-            obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
-            emitters=native_emitters(scene),
-            sinks=[sink.to_native() for sink in scene.sinks],
-            max_particles=scene.max_particles,
-            x=particles.x,
-            v=particles.v,
-            material=particles.material,
-            mass=particles.mass,
-            volume=particles.volume,
+        self._solver = native_solver(
+            scene,
             substeps=self._substeps,
             cfl=cfl,
-            sleep_speed=None if sleep is None else sleep.speed,
-            sleep_frames=1 if sleep is None else sleep.frames,
             allow_unstable=allow_unstable,
+            sleep=sleep,
+            r_p=self._r_p,
             threads=whole("threads", threads, 1, 1024),
         )
+        self._carrier = carrier_of(scene, self._solver, self._r_p, carry=carry)
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
                 warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
         for text in scene.thin_obstacles():
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
-        self._start = self._solver.snapshot()
+        self._start = self.snapshot()
+
+    @property
+    def _shown(self) -> _native.Solver | Carrier:
+        """Who knows the particles that are shown."""
+        return self._solver if self._carrier is None else self._carrier
 
     @property
     def scene(self) -> Scene:
@@ -171,52 +165,57 @@ class MpmSolver(Simulator):
     @property
     def particle_count(self) -> int:
         """Number N of particles at present."""
-        return self._solver.particle_count
+        return self._shown.particle_count
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
         """Numbers (N,) that particles keep for good, ascending: 0, 1, ... in the order in which they came."""
-        return self._solver.ids
+        return self._shown.ids
 
     @property
     def emitters(self) -> tuple[EmitterStatus, ...]:
         """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
-        return cast("tuple[EmitterStatus, ...]", tuple(self._solver.emitters))
+        return cast("tuple[EmitterStatus, ...]", tuple(self._shown.emitters))
 
     @property
     def positions(self) -> npt.NDArray[np.float32]:
         """Positions (N, D) [m]; a copy."""
-        return self._solver.positions
+        return self._shown.positions
 
     @property
     def velocities(self) -> npt.NDArray[np.float32]:
         """Velocities (N, D) [m/s]; a copy."""
-        return self._solver.velocities
+        return self._shown.velocities
+
+    @property
+    def coarse_positions(self) -> npt.NDArray[np.float32]:
+        """Positions (n, D) [m] of the particles that are simulated: without `carry` all; a copy."""
+        return self._solver.positions
 
     @property
     def affine(self) -> npt.NDArray[np.float32]:
-        """APIC matrices C (N, D, D) [1/s]; a copy."""
+        """APIC matrices C (n, D, D) [1/s] of the particles that are simulated; a copy."""
         return self._solver.affine
 
     @property
     def volume_ratio(self) -> npt.NDArray[np.float32]:
-        """Volume over rest volume (N,) [-]: J of water, det F of solids; a copy."""
+        """Volume over rest volume (n,) [-] of those simulated: J of water, det F of solids; a copy."""
         return self._solver.volume_ratio
 
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:
-        """Whether each particle (N,) sleeps; a copy. None does unless the solver was given a `Sleep`."""
+        """Whether each particle simulated (n,) sleeps; a copy. None does without a `Sleep`."""
         return self._solver.asleep
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
         """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return _read_only(self._types[self._solver.material])
+        return _read_only(self._types[self._shown.material])
 
     @property
     def mass(self) -> npt.NDArray[np.float32]:
         """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
-        return _read_only(self._solver.mass)
+        return _read_only(self._shown.mass)
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
@@ -224,15 +223,35 @@ class MpmSolver(Simulator):
         return self._solver.last_frame
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
-        if force.by_frame:
+        if self._carrier is not None:
+            self._advance_carried(frames, force, path)
+        elif force.by_frame:
             super()._advance(frames, force, path)
         else:
             # The core goes through all frames in one call.
             self._solver.advance(frames, force.array, path)
         self._tell_limit(stacklevel=4)
 
+    def _advance_carried(
+        self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None
+    ) -> None:
+        if force.by_frame or path is not None or (force.array is not None and force.array.ndim > 1):
+            super()._advance(frames, force, path)
+            return
+        carrier = cast("Carrier", self._carrier)
+        last = self.frame + frames
+        while self.frame < last:
+            self._solver.advance(min(carrier.frames_to_carry(), last - self.frame), force.array)
+            carrier.follow()
+
     def _advance_frame(self, force: npt.NDArray[np.float32] | None) -> None:
+        if self._carrier is None:
+            self._solver.advance(1, force)
+            return
+        if force is not None and force.ndim == 2:
+            force = self._carrier.gather_force(force)
         self._solver.advance(1, force)
+        self._carrier.follow()
 
     def prescribe(
         self,
@@ -264,8 +283,13 @@ class MpmSolver(Simulator):
         NonFiniteError, DomainError, InvertedError
             Naming the particle. The state is then the one before.
         ConfigError
-            Wrong shapes, or the scene has emitters, sinks or `sleep`.
+            Wrong shapes, or the solver has emitters, sinks, `sleep` or `carry`.
         """
+        if self._carrier is not None:
+            raise ConfigError(
+                "prescribe is for solvers without carry=True: nothing tells how the particles that are "
+                "carried would have moved meanwhile"
+            )
         return self._solver.prescribe(
             float32("x", x, "(N, D)"),
             float32("v", v, "(N, D)"),
@@ -276,7 +300,7 @@ class MpmSolver(Simulator):
 
     def _tell_limit(self, stacklevel: int) -> None:
         """Warn, once, where an emitter has stopped because of `max_particles`."""
-        if not self._limit_told and "full" in self._solver.emitters:
+        if not self._limit_told and "full" in self._shown.emitters:
             self._limit_told = True
             warnings.warn(
                 f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}",
@@ -286,7 +310,7 @@ class MpmSolver(Simulator):
 
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
-        return self._solver.snapshot()
+        return joint_state.encode(self._solver, self._carrier)
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene.
@@ -296,7 +320,7 @@ class MpmSolver(Simulator):
         SnapshotError
             The bytes are damaged or of another scene; the present state is then untouched.
         """
-        self._solver.restore(data)
+        joint_state.restore(self._solver, self._carrier, data)
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
@@ -305,6 +329,7 @@ class MpmSolver(Simulator):
             "allow_unstable": self._allow_unstable,
             "sleep": None if self._sleep is None else self._sleep.model_dump(),
             "r_p": self._r_p,
+            "carry": self._carrier is not None,
         }
 
     @classmethod
@@ -339,14 +364,16 @@ class MpmSolver(Simulator):
         """Return an independent solver in the same state."""
         twin = copy.copy(self)
         twin._solver = self._solver.copy()  # noqa: SLF001 - of this very class
+        if self._carrier is not None:
+            twin._carrier = self._carrier.copy(twin._solver)  # noqa: SLF001
         return twin
 
     def reset(self) -> None:
         """Go back to frame 0."""
-        self._solver.restore(self._start)
+        self.restore(self._start)
 
     def diagnostics(self) -> _native.Diagnostics:
-        """Mass, momentum, energies and extremes over all particles, at this instant."""
+        """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._solver.diagnostics()
 
 

@@ -66,7 +66,7 @@ fn select<const D: usize, M: Constitutive<D>>(
     Group::new(model, material.wall_friction, &particles)
 }
 
-fn check_particles<const D: usize>(
+pub(crate) fn check_particles<const D: usize>(
     settings: &SolverSettings<D>,
     particles: Particles<'_>,
 ) -> Result<(), MpmError> {

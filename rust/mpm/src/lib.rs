@@ -6,6 +6,7 @@
 //! Python.
 
 mod boundary;
+mod carrying;
 mod diagnostics;
 mod error;
 mod force;
@@ -25,6 +26,7 @@ mod version;
 mod volume;
 
 pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
+pub use carrying::{CARRY_EVERY, Carrier, Few};
 pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;

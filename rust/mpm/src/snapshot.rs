@@ -115,7 +115,7 @@ fn is_numbered<const D: usize>(state: &SolverState<D>) -> bool {
     count == taken.len() && taken.iter().all(|&taken| taken)
 }
 
-fn write_population(population: &Population, out: &mut Vec<u8>) {
+pub(crate) fn write_population(population: &Population, out: &mut Vec<u8>) {
     let numbers = [population.ids.len() as u64, population.next_id];
     for number in numbers.iter().chain(&population.ids) {
         out.extend_from_slice(&number.to_le_bytes());
@@ -130,7 +130,7 @@ fn write_population(population: &Population, out: &mut Vec<u8>) {
 }
 
 /// Reads as many emitters as there are at present. None where there are more ids than bytes.
-fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Population> {
+pub(crate) fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Population> {
     let count = reader.u64();
     if count > reader.rest.len() as u64 / 8 {
         return None;
@@ -232,7 +232,7 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
     fnv1a(text.as_bytes())
 }
 
-fn fnv1a(bytes: &[u8]) -> u64 {
+pub(crate) fn fnv1a(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
@@ -240,8 +240,8 @@ fn fnv1a(bytes: &[u8]) -> u64 {
 
 /// Reads numbers off a slice. Past the end it answers zeros: the checksum has spoken before, and a group
 /// of another size is refused by its count.
-struct Reader<'a> {
-    rest: &'a [u8],
+pub(crate) struct Reader<'a> {
+    pub rest: &'a [u8],
 }
 
 impl Reader<'_> {
@@ -254,19 +254,19 @@ impl Reader<'_> {
         *head
     }
 
-    fn u32(&mut self) -> u32 {
+    pub fn u32(&mut self) -> u32 {
         u32::from_le_bytes(self.take())
     }
 
-    fn u64(&mut self) -> u64 {
+    pub fn u64(&mut self) -> u64 {
         u64::from_le_bytes(self.take())
     }
 
-    fn f64(&mut self) -> f64 {
+    pub fn f64(&mut self) -> f64 {
         f64::from_le_bytes(self.take())
     }
 
-    fn f32(&mut self) -> f32 {
+    pub fn f32(&mut self) -> f32 {
         f32::from_le_bytes(self.take())
     }
 }

@@ -77,7 +77,7 @@ impl<'py> Arrays<'py> {
         Ok(arrays)
     }
 
-    fn particles(&self) -> PyResult<Particles<'_>> {
+    pub fn particles(&self) -> PyResult<Particles<'_>> {
         let ratio = self.volume_ratio.as_ref();
         Ok(Particles {
             x: slice_of("x", &self.x)?,
@@ -162,7 +162,7 @@ impl Arguments<'_> {
 }
 
 /// The items of a list, all of which must have the scene's dimension.
-fn same_dim<'a, T: pyo3::PyClass, U>(
+pub fn same_dim<'a, T: pyo3::PyClass, U>(
     name: &str,
     dim: usize,
     list: &'a [PyRef<'_, T>],

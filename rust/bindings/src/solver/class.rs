@@ -37,6 +37,15 @@ impl PySolver {
         with_solver!(&mut *self.locked(), solver => solver.advance(frames, force, |_, _| ()))
     }
 
+    pub fn dimension(&self) -> usize {
+        self.dim
+    }
+
+    /// An independent solver in the same state.
+    pub fn twin(&self, py: Python<'_>) -> AnySolver {
+        self.detached(py, |any| any.clone())
+    }
+
     fn locked(&self) -> MutexGuard<'_, AnySolver> {
         self.inner.lock().expect("no panic under the lock")
     }
@@ -374,9 +383,8 @@ impl PySolver {
     }
 
     fn copy(&self, py: Python<'_>) -> Self {
-        let inner = Mutex::new(self.detached(py, |any| any.clone()));
         Self {
-            inner,
+            inner: Mutex::new(self.twin(py)),
             dim: self.dim,
             resolution: self.resolution,
             frame_dt: self.frame_dt,

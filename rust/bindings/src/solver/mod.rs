@@ -1,12 +1,14 @@
-//! `Solver`, its reports, and batches of solvers.
+//! `Solver`, its reports, batches of solvers, and particles that a solver carries.
 
 mod any;
 mod batch;
 mod build;
+mod carrier;
 mod class;
 mod force;
 mod report;
 
 pub use batch::advance_all;
+pub use carrier::PyCarrier;
 pub use class::PySolver;
 pub use report::{PyDiagnostics, PyFrameReport, PyMotionReport};

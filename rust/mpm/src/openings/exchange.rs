@@ -3,7 +3,8 @@
 //! Both act on the state at the end of a frame and on its number alone, so they depend neither on threads nor
 //! on how a run is cut into calls.
 
-use super::emitter::{Emitter, EmitterStatus};
+use super::emitter::Emitter;
+use super::opening::{Crowd, Opening};
 use super::population::Population;
 use crate::boundary::{Obstacles, Shape};
 use crate::linalg::{Matrix, Vector};
@@ -50,8 +51,6 @@ pub(crate) struct FrameEnd<'a, const D: usize> {
     pub obstacles: &'a Obstacles<D>,
 }
 
-/// An opening that is this full of other material lets nothing out.
-const CROWDED: f32 = 0.25;
 /// Cells around a sink in which sleepers wake when it takes something.
 const WOKEN_CELLS: f32 = 8.0;
 
@@ -107,99 +106,38 @@ impl<const D: usize> FrameEnd<'_, D> {
                 group.append(&staying);
             });
         }
-        let mut kept = kept.iter();
-        population
-            .ids
-            .retain(|_| *kept.next().expect("one flag a particle"));
+        population.keep(&kept);
     }
 
     /// Adds the layers of an emitter that have become due.
     fn emit(&mut self, index: usize, openings: &Openings<D>) {
         let emitter = &openings.emitters[index];
         let mut flow = self.population.flows[index];
-        let frame_dt = f64::from(self.frame_dt);
-        let (begin, end) = (
-            (self.frame - 1) as f64 * frame_dt,
-            self.frame as f64 * frame_dt,
-        );
-        let last = end.min(emitter.stop);
-        let speed = f64::from(emitter.velocity.norm());
-        flow.travelled += speed * (last - begin.max(emitter.start)).max(0.0);
-        flow.status = if end <= emitter.start {
-            EmitterStatus::Waiting
-        } else if begin >= emitter.stop {
-            EmitterStatus::Ended
-        } else {
-            EmitterStatus::Running
+        let opening = Opening {
+            emitter,
+            frame: self.frame,
+            frame_dt: self.frame_dt,
+            room: openings
+                .max_particles
+                .saturating_sub(self.population.ids.len()),
         };
-        let (spacing, mut added) = (f64::from(emitter.spacing), Vec::new());
-        while flow.status == EmitterStatus::Running && flow.travelled >= spacing {
-            let offset = flow.travelled - spacing + speed * (end - last);
-            let layer = emitter.layer(offset, emitter.jitter_of(flow.layers));
-            let count = self.population.ids.len() + added.len() + layer.len();
-            let full = count > openings.max_particles;
-            if full || self.is_blocked(emitter, offset, &layer) {
-                flow.status = if full {
-                    EmitterStatus::Full
-                } else {
-                    EmitterStatus::Blocked
-                };
-                // What could not leave is not made up for; the next layer may leave at once.
-                flow.travelled = spacing;
-                break;
-            }
-            added.extend(layer);
-            flow.layers += 1;
-            flow.travelled -= spacing;
-        }
+        let added = opening.let_out(&mut flow, |offset, layer| {
+            let mut crowd = Crowd::around(emitter, offset, layer.len());
+            layer.iter().any(|x| self.obstacles.contains(x))
+                || self.groups.iter().any(|group| {
+                    with_group!(group, group => group.particles().any(|p| crowd.is_full_with(&p.x)))
+                })
+        });
         self.population.flows[index] = flow;
         if !added.is_empty() {
             self.add(emitter, &added);
         }
     }
 
-    /// Whether a layer would get into an obstacle, or into material that is already there.
-    fn is_blocked(&self, emitter: &Emitter<D>, offset: f64, layer: &[Vector<D>]) -> bool {
-        if layer.iter().any(|x| self.obstacles.contains(x)) {
-            return true;
-        }
-        // Of the even layer: with jitter the one before may come as near as half a spacing.
-        let even = emitter.layer(offset, &vec![Vector::zeros(); layer.len()]);
-        let reach = 0.5 * emitter.spacing;
-        let lower = even
-            .iter()
-            .fold(even[0], |low, x| low.inf(x))
-            .add_scalar(-reach);
-        let upper = even
-            .iter()
-            .fold(even[0], |high, x| high.sup(x))
-            .add_scalar(reach);
-        let most = CROWDED * layer.len() as f32;
-        let mut found = 0.0;
-        for group in &*self.groups {
-            with_group!(group, group => for p in group.particles() {
-                let close = |site: &Vector<D>| (p.x - site).norm_squared() < reach * reach;
-                let boxed = (0..D).all(|axis| p.x[axis] > lower[axis] && p.x[axis] < upper[axis]);
-                if boxed && even.iter().any(close) {
-                    found += 1.0;
-                    if found > most {
-                        return true;
-                    }
-                }
-            });
-        }
-        false
-    }
-
     /// Appends particles at rest density that move with the emitter's velocity.
     fn add(&mut self, emitter: &Emitter<D>, x: &[Vector<D>]) {
-        let population = &mut *self.population;
-        let first = population.ids.len() as u32;
-        population
-            .ids
-            .extend(population.next_id..population.next_id + x.len() as u64);
-        population.next_id += x.len() as u64;
-        population.emitted_mass += x.len() as f64 * f64::from(emitter.mass);
+        let first = self.population.ids.len() as u32;
+        self.population.add(x.len(), emitter.mass);
         *self.max_speed = self.max_speed.max(emitter.velocity.norm());
         let group = &mut self.groups[usize::from(emitter.material)];
         with_group!(group, group => append(group, emitter, x, first));

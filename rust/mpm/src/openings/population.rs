@@ -41,4 +41,19 @@ impl Population {
             flows: vec![flow; emitters],
         }
     }
+
+    /// Numbers particles that an emitter adds; each has this mass [kg].
+    pub fn add(&mut self, count: usize, mass: f32) {
+        let end = self.next_id + count as u64;
+        self.ids.extend(self.next_id..end);
+        self.next_id = end;
+        self.emitted_mass += count as f64 * f64::from(mass);
+    }
+
+    /// Forgets the particles that are not kept.
+    pub fn keep(&mut self, kept: &[bool]) {
+        let mut kept = kept.iter();
+        self.ids
+            .retain(|_| *kept.next().expect("one flag a particle"));
+    }
 }

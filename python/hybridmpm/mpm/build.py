@@ -1,0 +1,71 @@
+"""From a scene and settings to the compiled solver, and to the particles that it carries."""
+
+import math
+
+from hybridmpm import _native
+from hybridmpm.downsampling import Carrier
+from hybridmpm.downsampling.merging import coarse_resolution, merge
+from hybridmpm.errors import ConfigError
+from hybridmpm.mpm.emission import native_emitters
+from hybridmpm.mpm.sleep import Sleep
+from hybridmpm.scene import Scene
+
+
+def native_solver(
+    scene: Scene,
+    *,
+    substeps: str | int,
+    cfl: float | None,
+    allow_unstable: bool,
+    sleep: Sleep | None,
+    r_p: float,
+    threads: int,
+) -> _native.Solver:
+    """Build the solver of a scene's particles, merged at a ratio `r_p`; see `MpmSolver` for the settings."""
+    particles = merge(scene.sample(), r_p)
+    return _native.Solver(
+        resolution=coarse_resolution(scene, r_p),
+        frame_dt=scene.frame_dt,
+        gravity=scene.gravity,
+        wall_lower=scene.walls.lower,
+        wall_upper=scene.walls.upper,
+        wall_contact=scene.walls.contact,
+        wall_friction=scene.walls.friction,
+        materials=[material.to_native(scene.potential_drop) for material in scene.materials],
+        obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
+        emitters=native_emitters(scene, r_p),
+        sinks=[sink.to_native() for sink in scene.sinks],
+        # A part of them must not leave room for more material than all of them.
+        max_particles=max(math.ceil(r_p * scene.max_particles), len(particles.x)),
+        x=particles.x,
+        v=particles.v,
+        material=particles.material,
+        mass=particles.mass,
+        volume=particles.volume,
+        substeps=substeps,
+        cfl=cfl,
+        sleep_speed=None if sleep is None else sleep.speed,
+        sleep_frames=1 if sleep is None else sleep.frames,
+        allow_unstable=allow_unstable,
+        threads=threads,
+    )
+
+
+def carrier_of(scene: Scene, solver: _native.Solver, r_p: float, *, carry: bool) -> Carrier | None:
+    """Return who carries all particles of a scene along with those of a solver; None without `carry`.
+
+    Raises
+    ------
+    ConfigError
+        There is nothing to carry.
+    """
+    if not isinstance(carry, bool):
+        raise ConfigError(f"carry must be True or False, got {carry!r}")
+    if not carry:
+        return None
+    if r_p == 1:
+        raise ConfigError(
+            "carry=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
+            "the scene itself, so there is nothing to carry"
+        )
+    return Carrier(scene, solver, solver, native_emitters(scene))

@@ -1,0 +1,332 @@
+//! `Carrier`: all particles of a scene, carried by few.
+
+use std::sync::Mutex;
+
+use mpm::{Carrier, EmitterStatus, Few, Openings};
+use numpy::{
+    IntoPyArray, Ix1, Ix2, Ix3, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use super::any::AnySolver;
+use super::build::{Arrays, same_dim};
+use super::class::PySolver;
+use crate::convert::{array, slice_of};
+use crate::error::{NativeError, config_error};
+use crate::scene::{AnyEmitter, PyEmitter};
+
+#[derive(Clone)]
+enum AnyCarrier {
+    Plane(Box<Carrier<2>>),
+    Space(Box<Carrier<3>>),
+}
+
+/// Runs one expression on the carrier of whichever dimension.
+macro_rules! with_carrier {
+    ($any:expr, $carrier:ident => $body:expr) => {
+        match $any {
+            AnyCarrier::Plane($carrier) => $body,
+            AnyCarrier::Space($carrier) => $body,
+        }
+    };
+}
+
+/// All particles of a scene, carried by few.
+#[pyclass(frozen, name = "Carrier", module = "hybridmpm._native")]
+pub struct PyCarrier {
+    inner: Mutex<AnyCarrier>,
+    dim: usize,
+    every: u64,
+}
+
+/// The few as Python gives them.
+struct FewArrays<'py> {
+    ids: PyReadonlyArray1<'py, u64>,
+    x: PyReadonlyArray2<'py, f32>,
+    affine: Option<PyReadonlyArray3<'py, f32>>,
+    mass: PyReadonlyArray1<'py, f32>,
+}
+
+impl<'py> FewArrays<'py> {
+    fn new(
+        dim: usize,
+        ids: &Bound<'py, PyAny>,
+        x: &Bound<'py, PyAny>,
+        affine: Option<&Bound<'py, PyAny>>,
+        mass: &Bound<'py, PyAny>,
+    ) -> PyResult<Self> {
+        let vectors = format!("float32 of shape (N, {dim})");
+        let matrices = format!("float32 of shape (N, {dim}, {dim})");
+        let arrays = Self {
+            ids: array::<u64, Ix1>("ids", "uint64 of shape (N,)", ids)?,
+            x: array::<f32, Ix2>("x", &vectors, x)?,
+            affine: affine
+                .map(|affine| array::<f32, Ix3>("affine", &matrices, affine))
+                .transpose()?,
+            mass: array::<f32, Ix1>("mass", "float32 of shape (N,)", mass)?,
+        };
+        if arrays.x.shape()[1] != dim {
+            let got = arrays.x.shape();
+            return Err(config_error(format!(
+                "x must be {vectors}, got shape {got:?}"
+            )));
+        }
+        Ok(arrays)
+    }
+
+    fn few(&self) -> PyResult<Few<'_>> {
+        let affine = self.affine.as_ref();
+        Ok(Few {
+            ids: slice_of("ids", &self.ids)?,
+            x: slice_of("x", &self.x)?,
+            affine: affine.map(|a| slice_of("affine", a)).transpose()?,
+            mass: slice_of("mass", &self.mass)?,
+        })
+    }
+}
+
+impl PyCarrier {
+    /// Takes the lock with the GIL released.
+    fn detached<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut AnyCarrier) -> T + Send,
+    ) -> T {
+        py.detach(|| work(&mut self.inner.lock().expect("no panic under the lock")))
+    }
+}
+
+#[pymethods]
+impl PyCarrier {
+    #[new]
+    #[pyo3(signature = (solver, *, resolution, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
+        text_signature = "(solver, *, resolution, emitters=(), max_particles=None, x, v, material, mass, volume)")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python constructor"
+    )]
+    fn new(
+        py: Python<'_>,
+        solver: &PySolver,
+        resolution: usize,
+        emitters: Vec<PyRef<'_, PyEmitter>>,
+        max_particles: Option<usize>,
+        x: &Bound<'_, PyAny>,
+        v: &Bound<'_, PyAny>,
+        material: &Bound<'_, PyAny>,
+        mass: &Bound<'_, PyAny>,
+        volume: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let dim = solver.dimension();
+        let arrays = Arrays::new(dim, x, v, material, mass, volume, None)?;
+        let particles = arrays.particles()?;
+        /// The carrier in the dimension of one variant of the enumerations.
+        macro_rules! build {
+            ($variant:ident, $few:ident) => {{
+                let opening = |e: &PyEmitter| match &e.inner {
+                    AnyEmitter::$variant(e) => Some(e.clone()),
+                    _ => None,
+                };
+                let emitters = same_dim("emitters", dim, &emitters, opening)?;
+                let mut settings = $few.settings().clone();
+                let coarse_resolution = std::mem::replace(&mut settings.resolution, resolution);
+                settings.openings = Openings {
+                    emitters,
+                    max_particles: max_particles.unwrap_or(usize::MAX),
+                    ..settings.openings
+                };
+                let count = $few.count();
+                let (mut x, mut mass) = (vec![0.0; count * dim], vec![0.0; count]);
+                $few.write_positions(&mut x);
+                $few.write_masses(&mut mass);
+                let few = Few {
+                    ids: $few.ids(),
+                    x: &x,
+                    affine: None,
+                    mass: &mass,
+                };
+                let carrier =
+                    py.detach(|| Carrier::new(&settings, coarse_resolution, particles, &few));
+                AnyCarrier::$variant(Box::new(carrier.map_err(NativeError)?))
+            }};
+        }
+        let inner = match &solver.twin(py) {
+            AnySolver::Plane(few) => build!(Plane, few),
+            AnySolver::Space(few) => build!(Space, few),
+        };
+        let every = with_carrier!(&inner, carrier => carrier.every());
+        Ok(Self {
+            inner: Mutex::new(inner),
+            dim,
+            every,
+        })
+    }
+
+    #[getter]
+    fn every(&self) -> u64 {
+        self.every
+    }
+
+    #[getter]
+    fn frame(&self, py: Python<'_>) -> u64 {
+        self.detached(py, |any| with_carrier!(any, carrier => carrier.frame()))
+    }
+
+    #[getter]
+    fn particle_count(&self, py: Python<'_>) -> usize {
+        self.detached(py, |any| with_carrier!(any, carrier => carrier.count()))
+    }
+
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        let ids = self.detached(py, |any| with_carrier!(any, c => c.ids().to_vec()));
+        ids.into_pyarray(py)
+    }
+
+    #[getter]
+    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        let mass = self.detached(py, |any| {
+            with_carrier!(any, carrier => {
+                let mut out = vec![0.0; carrier.count()];
+                carrier.write_masses(&mut out);
+                out
+            })
+        });
+        mass.into_pyarray(py)
+    }
+
+    #[getter]
+    fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+        let material = self.detached(py, |any| {
+            with_carrier!(any, carrier => {
+                let mut out = vec![0; carrier.count()];
+                carrier.write_materials(&mut out);
+                out
+            })
+        });
+        material.into_pyarray(py)
+    }
+
+    #[getter]
+    fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
+        self.detached(
+            py,
+            |any| with_carrier!(any, c => c.emitters().map(EmitterStatus::name).collect()),
+        )
+    }
+
+    #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
+    fn carry<'py>(
+        &self,
+        py: Python<'py>,
+        frame: u64,
+        ids: &Bound<'py, PyAny>,
+        x: &Bound<'py, PyAny>,
+        affine: Option<&Bound<'py, PyAny>>,
+        mass: &Bound<'py, PyAny>,
+    ) -> PyResult<()> {
+        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
+        let few = arrays.few()?;
+        let carried = self.detached(
+            py,
+            |any| with_carrier!(any, carrier => carrier.carry(&few, frame)),
+        );
+        Ok(carried.map_err(NativeError)?)
+    }
+
+    #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
+    fn positions<'py>(
+        &self,
+        py: Python<'py>,
+        frame: u64,
+        ids: &Bound<'py, PyAny>,
+        x: &Bound<'py, PyAny>,
+        affine: Option<&Bound<'py, PyAny>>,
+        mass: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
+        let few = arrays.few()?;
+        let shown = self.detached(py, |any| {
+            with_carrier!(any, carrier => {
+                let mut out = vec![0.0; carrier.count() * self.dim];
+                carrier.write_positions(&few, frame, &mut out).map(|()| out)
+            })
+        });
+        self.vectors(py, shown.map_err(NativeError)?)
+    }
+
+    #[pyo3(signature = (frame, *, ids, x, v, affine=None, mass))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python method"
+    )]
+    fn velocities<'py>(
+        &self,
+        py: Python<'py>,
+        frame: u64,
+        ids: &Bound<'py, PyAny>,
+        x: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        affine: Option<&Bound<'py, PyAny>>,
+        mass: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
+        let few = arrays.few()?;
+        let v = array::<f32, Ix2>("v", &format!("float32 of shape (N, {})", self.dim), v)?;
+        let v = slice_of("v", &v)?;
+        let shown = self.detached(py, |any| {
+            with_carrier!(any, carrier => {
+                let mut out = vec![0.0; carrier.count() * self.dim];
+                carrier.write_velocities(&few, v, frame, &mut out).map(|()| out)
+            })
+        });
+        self.vectors(py, shown.map_err(NativeError)?)
+    }
+
+    fn gather_force<'py>(
+        &self,
+        py: Python<'py>,
+        force: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let force = array::<f32, Ix2>(
+            "force",
+            &format!("float32 of shape (N, {})", self.dim),
+            force,
+        )?;
+        let force = slice_of("force", &force)?;
+        let gathered = self.detached(
+            py,
+            |any| with_carrier!(any, carrier => carrier.gather_force(force)),
+        );
+        self.vectors(py, gathered.map_err(NativeError)?)
+    }
+
+    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let data = self.detached(py, |any| with_carrier!(any, carrier => carrier.snapshot()));
+        PyBytes::new(py, &data)
+    }
+
+    fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
+        let restored = self.detached(
+            py,
+            |any| with_carrier!(any, carrier => carrier.restore(data)),
+        );
+        Ok(restored.map_err(NativeError)?)
+    }
+
+    fn copy(&self, py: Python<'_>) -> Self {
+        Self {
+            inner: Mutex::new(self.detached(py, |any| any.clone())),
+            ..*self
+        }
+    }
+}
+
+impl PyCarrier {
+    fn vectors<'py>(&self, py: Python<'py>, out: Vec<f32>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let count = out.len() / self.dim;
+        out.into_pyarray(py).reshape([count, self.dim])
+    }
+}
