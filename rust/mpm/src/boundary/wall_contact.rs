@@ -6,18 +6,24 @@
 //! lambda >= 0 with u . n >= 0, friction for a tangential impulse of at most mu lambda. Uniform pressure
 //! p pushes node i with exactly -p w_i(x_w) per area, so fluid at rest stays at rest: a wall on the
 //! nearest node line would let it sink by up to half a cell.
+//!
+//! Contact begins where the face of the material is nearer to the wall than `REACH`. The masses of the middle and
+//! of the inner node tell: beside a plane face at a distance d from the wall their ratio is a function of d and of the place
+//! of the wall between nodes. So the reach is the same wherever the wall lies. A single node that has mass or not would
+//! give it away by up to a cell: material would stop at a third of a cell from one wall, at one and a third from another.
 
 use std::ops::Range;
 
 use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
+use super::wall_fill::cumulative;
 use super::walls::Walls;
 use crate::grid::{CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
-/// Where the outermost node has a weight below this, material may rest on the wall without touching
-/// that node, so contact then starts with the middle node.
-const WEAK_OUTER_WEIGHT: f32 = 0.06;
+/// Distance from the wall at which material begins to touch it [cells]. Material at rest on a wall, whose lowest particles
+/// are up to a third of a cell off it, has to touch; beyond, a coarse grid stops material sooner than a fine one.
+const REACH: f64 = 0.45;
 
 /// One wall on the grid.
 #[derive(Debug, Clone)]
@@ -29,6 +35,8 @@ struct Side {
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
     weights: [f32; 3],
+    /// Mass of the middle node over that of the inner one where material begins to touch the wall [-].
+    touching: f32,
     /// Middle nodes of the lines that may carry material, as ranges of memory in ascending order.
     lines: Vec<Range<usize>>,
 }
@@ -49,11 +57,14 @@ impl WallContact {
             if inward < 0.0 {
                 weights.reverse();
             }
+            // The face at the reach, in cells inward from the middle node.
+            let face = (xi - base - 1.0) * f64::from(inward) + REACH;
             Side {
                 axis,
                 inward,
                 middle: base as usize + 1,
                 weights,
+                touching: (cumulative(-face) / cumulative(1.0 - face)) as f32,
                 lines: Vec::new(),
             }
         };
@@ -155,12 +166,6 @@ impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
         let mut count = 0;
         let stride = self.window.layout.stride(self.side.axis) as isize;
         let outward = -stride * self.side.inward as isize;
-        // The node that shows whether material touches the wall.
-        let telling = if self.side.weights[0] < WEAK_OUTER_WEIGHT {
-            0
-        } else {
-            outward
-        };
         for range in self.lines {
             // One line, or lines of whole chunks.
             let (start, end) = (
@@ -168,14 +173,16 @@ impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
                 range.end - self.window.first,
             );
             for chunk in (start..end).step_by(CHUNK) {
-                if !self.window.dirty[(chunk as isize + telling) as usize / CHUNK] {
+                if !self.window.dirty[chunk / CHUNK] {
                     continue;
                 }
                 for middle in chunk..(chunk + CHUNK).min(end) {
                     let node = |step: isize| (middle as isize + step) as usize;
                     batch[count] = [node(outward), middle, node(-outward)];
-                    let mass = self.window.nodes[node(telling)].as_array()[3];
-                    count += usize::from(mass > SMALLEST_MASS);
+                    let mass = self.window.nodes[middle].as_array()[3];
+                    let inner = self.window.nodes[node(-outward)].as_array()[3];
+                    let touches = mass > SMALLEST_MASS && mass >= self.side.touching * inner;
+                    count += usize::from(touches);
                     if count == LANES {
                         self.push(&batch);
                         count = 0;
