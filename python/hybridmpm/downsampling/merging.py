@@ -136,7 +136,7 @@ def coarse_resolution(scene: Scene, r_p: float) -> int:
 
 
 def _shift_of_walls(scene: Scene, resolution: int) -> float:
-    """Return how far any wall lies from its place between the nodes of the scene's grid, at most 0.5 [cells]."""
+    """Return how far any wall is from its place between nodes of the scene's grid, at most 0.5 [cells]."""
     walls = np.array([*scene.walls.lower, *scene.walls.upper])
     shift = walls * (resolution - scene.resolution)
     # Rounded, so that equal shifts are equal.

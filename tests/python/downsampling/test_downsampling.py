@@ -116,7 +116,7 @@ def test_a_scene_with_one_particle_a_cell_keeps_its_grid() -> None:
 def test_ratios_too_small_for_the_walls_are_refused() -> None:
     box = Box(material="water", lower=(0.4, 0.2), upper=(0.6, 0.4))
     scene = Scene(dim=2, bodies=(box,), walls=Walls(lower=(0.375, 0.1), upper=(0.625, 0.9)))
-    # 16 cells per metre are 4 between the walls; of 16 to 20, 19 put the walls where 128 do, to an eighth of a cell.
+    # 16 cells per metre are 4 between the walls; 19 put the walls between nodes as 128 do, to 1/8 of a cell.
     least = 0.5 * (16 / 128) ** 2
     assert downsampling.coarse_resolution(scene, 1.001 * least) == 19
     with pytest.raises(ConfigError, match=r"r_p must be at least 0\.0078 in .* grid needs 16 cells"):

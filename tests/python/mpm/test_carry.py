@@ -1,5 +1,6 @@
 """A solver of few particles carries all particles of the scene along."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from hybridmpm.downsampling.splines import Stencils
 from hybridmpm.recording import record
 from hybridmpm.scene import BallObstacle, BoxObstacle, Motion
 from hybridmpm.simulators import make
+from hybridmpm.snapshots import read_state, write_state
 
 
 def carried(scene: Scene, r_p: float = 1 / 16, threads: int = 1) -> MpmSolver:
@@ -170,6 +172,18 @@ def test_states_go_on_with_the_same_bits(tmp_path: Path) -> None:
     solver.reset()
     np.testing.assert_array_equal(solver.positions, falling(2).sample().x)
     assert solver.frame == 0
+
+
+def test_files_that_know_nothing_of_carrying_are_read(tmp_path: Path) -> None:
+    solver = MpmSolver(falling(2), r_p=1 / 8)
+    solver.advance(5)
+    file = tmp_path / "state.hmpm"
+    solver.save(file)
+    saved = read_state(file)
+    settings = {name: value for name, value in saved.settings.items() if name != "carry"}
+    write_state(file, dataclasses.replace(saved, settings=settings))
+    again = MpmSolver.load(file)
+    np.testing.assert_array_equal(again.positions, solver.positions)
 
 
 def test_foreign_and_damaged_states_are_refused_and_change_nothing() -> None:

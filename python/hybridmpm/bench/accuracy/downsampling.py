@@ -38,6 +38,8 @@ class DownsamplingSettings:
     """Number of frames of each scene."""
     repeats: int = 5
     """Number of timings of each method; the lower quartile counts."""
+    carry: bool = False
+    """Whether solvers that carry all particles of the scene are measured, too."""
 
     def seeds(self, scenario: str) -> range:
         """Return the seeds of a scenario's scenes."""
@@ -54,11 +56,12 @@ def measure(settings: DownsamplingSettings, on_progress: Progress) -> Iterator[R
     """Measure each scenario and yield a row for each method and r_p; `on_progress` counts scenes.
 
     The truth is MPM with all particles and the ground truth's substeps. The methods are `mpm`, merged
-    particles on a coarse grid at CFL substeps; `upsampled`, all particles carried along by that; `merged`,
-    the truth merged state by state, which no method with so many particles can beat but by chance; `jitter`,
-    the truth with other jitter; `still`, the initial state held. Errors are means over the scenes, the fields
-    ending in `_se` their standard errors, `_difference` the mean difference to MPM with all particles on the
-    same scenes. `MEASURE_mean` is the mean over the rollout, `MEASURE_40` that of frame 40.
+    particles on a coarse grid at CFL substeps; `upsampled`, all particles carried along by its recording, and
+    `carried`, by the solver itself (`MpmSolver(carry=True)`, looked at every tenth frame); `merged`, the truth
+    merged state by state, which no method with so many particles can beat but by chance; `jitter`, the truth
+    with other jitter; `still`, the initial state held. Errors are means over the scenes, the fields ending in
+    `_se` their standard errors, `_difference` the mean difference to MPM with all particles on the same
+    scenes. `MEASURE_mean` is the mean over the rollout, `MEASURE_40` that of frame 40.
 
     Raises
     ------
@@ -105,15 +108,24 @@ def _measured_scene(
         began = time.perf_counter()
         states[f"upsampled {label}"] = _upsampled(run, true, solver.resolution)
         carrying[label] = (time.perf_counter() - began) / settings.frames
-    timed = [_timed(solver, settings) for solver in (truth, *solvers.values())]
-    times = time_per_frame(timed, settings.repeats)
-    seconds = {label: spent.seconds for label, spent in zip(("", *solvers), times, strict=True)}
+    carriers = {
+        f"carried {label}": MpmSolver(scene, r_p=r_p, carry=True)
+        for label, r_p in RATIOS.items()
+        if settings.carry and r_p < 1
+    }
+    for method, solver in carriers.items():
+        states[method] = record(solver, settings.frames, every=EVERY)
+    runs = {"": truth, **solvers, **carriers}
+    times = time_per_frame([_timed(solver, settings) for solver in runs.values()], settings.repeats)
+    seconds = {label: spent.seconds for label, spent in zip(runs, times, strict=True)}
     for method, recording in states.items():
         kind, _, label = method.partition(" ")
         fact = {"particles": float(len(recording.mass)), "resolution": float(scene.resolution)}
         if kind in {"mpm", "upsampled", "jitter"}:
             fact["ms_per_frame"] = 1e3 * (seconds[label] + (carrying[label] if kind == "upsampled" else 0.0))
-        if kind in {"mpm", "upsampled"}:
+        if kind == "carried":
+            fact["ms_per_frame"] = 1e3 * seconds[method]
+        if kind in {"mpm", "upsampled", "carried"}:
             fact["resolution"] = float(solvers[label].resolution)
         yield method, _errors(recording, true), fact
 
@@ -169,9 +181,16 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         mine = [row for row in rows if row["scenario"] == name]
         error, cost = axes[:, column]
         for index, (method, label) in enumerate(
-            (("mpm", "MPM"), ("upsampled", "MPM, carrying all particles"), ("merged", "truth, merged"))
+            (
+                ("mpm", "MPM"),
+                ("upsampled", "MPM, carried from its recording"),
+                ("merged", "truth, merged"),
+                ("carried", "MPM, carrying all particles"),
+            )
         ):
             points = [row for row in mine if row["method"] == method]
+            if not points:
+                continue
             style = {"marker": charts.MARKERS[index], "color": charts.COLOURS[index]}
             at = [row["r_p"] for row in points]
             means = [row["grid_rmse_mean"] for row in points]

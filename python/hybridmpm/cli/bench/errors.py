@@ -41,6 +41,7 @@ _MODELS_COLUMNS = (
 @number_option("--scenes-3d", 1, 1000, 3, "Number of scenes of each scenario in 3D.")
 @number_option("--frames", 20, 10_000, 200, "Number of frames of each scene.")
 @number_option("--repeats", 1, 1000, 9, "Number of timings, whose median is reported.")
+@click.option("--carry", is_flag=True, help="Measure solvers that carry all particles of the scene, too.")
 @json_option
 @chart_option
 def downsampling(
@@ -50,6 +51,7 @@ def downsampling(
     scenes_3d: int,
     frames: int,
     repeats: int,
+    carry: bool,
     json_file: Path | None,
     chart_file: Path | None,
 ) -> None:
@@ -59,10 +61,11 @@ def downsampling(
     of the error (merged, jitter) and its ceiling (still: the initial state held).
     """
     settings = downsampling_bench.DownsamplingSettings(
-        scenarios=names, scenes=scenes, scenes_3d=scenes_3d, frames=frames, repeats=repeats
+        scenarios=names, scenes=scenes, scenes_3d=scenes_3d, frames=frames, repeats=repeats, carry=carry
     )
     options = {"scenes": (scenes,), "scenes-3d": (scenes_3d,), "frames": (frames,), "repeats": (repeats,)}
-    origin = source("downsampling", scenario=names, **options)
+    command = "downsampling --carry" if carry else "downsampling"
+    origin = source(command, scenario=names, **options)
     rows = measured(partial(downsampling_bench.measure, settings), settings.count, origin)
     report(
         rows, _DOWNSAMPLING_COLUMNS, origin, json_file, chart_file=chart_file, draw=downsampling_bench.chart
