@@ -57,7 +57,7 @@ def measure(settings: DownsamplingSettings, on_progress: Progress) -> Iterator[R
 
     The truth is MPM with all particles and the ground truth's substeps. The methods are `mpm`, merged
     particles on a coarse grid at CFL substeps; `upsampled`, all particles carried along by its recording, and
-    `carried`, by the solver itself (`MpmSolver(carry=True)`, looked at every tenth frame); `merged`, the truth
+    `carried`, by the solver itself (`MpmSolver(carry=True)`, shown every tenth frame); `merged`, the truth
     merged state by state, which no method with so many particles can beat but by chance; `jitter`, the truth
     with other jitter; `still`, the initial state held. Errors are means over the scenes, the fields ending in
     `_se` their standard errors, `_difference` the mean difference to MPM with all particles on the same
