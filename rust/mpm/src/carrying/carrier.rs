@@ -9,7 +9,7 @@ use super::few::{Few, Past};
 use super::field::Field;
 use super::force::gather_force;
 use super::gather::{move_along, take_velocities};
-use super::snapshot;
+use super::snapshot::{self, CarrierState};
 use super::surfaces::Surfaces;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;
@@ -22,20 +22,6 @@ use threads::Team;
 
 /// Frames from one carry to the next, where no particles come and go.
 pub const CARRY_EVERY: u64 = 4;
-
-/// What a snapshot has to hold.
-#[derive(Debug, Clone)]
-pub struct CarrierState<const D: usize> {
-    /// The particles at the latest carry, in the order of their ids.
-    pub blocks: Vec<Block<D>>,
-    pub population: Population,
-    /// The few at the latest carry.
-    pub past: Past<D>,
-    /// Frame of the latest carry.
-    pub frame: u64,
-    /// Number of materials of the scene.
-    pub materials: usize,
-}
 
 /// All particles of a scene, carried along by the motion of few.
 #[derive(Debug, Clone)]

@@ -1,10 +1,10 @@
 //! Carried particles as bytes: magic, version, size of the scene, state, checksum. All little-endian.
 
-use super::block::{Carried, blocks, particles};
-use super::carrier::CarrierState;
+use super::block::{Block, Carried, blocks, particles};
 use super::few::Past;
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
+use crate::openings::Population;
 use crate::snapshot::{Reader, fnv1a, read_population, write_population};
 
 const MAGIC: &[u8; 8] = b"HMPMCARR";
@@ -12,6 +12,20 @@ const VERSION: u32 = 1;
 /// Magic, version, dimension, resolution.
 const HEADER: usize = 8 + 4 + 4 + 4;
 const CHECKSUM: usize = 8;
+
+/// What a snapshot has to hold.
+#[derive(Debug, Clone)]
+pub struct CarrierState<const D: usize> {
+    /// The particles at the latest carry, in the order of their ids.
+    pub blocks: Vec<Block<D>>,
+    pub population: Population,
+    /// The few at the latest carry.
+    pub past: Past<D>,
+    /// Frame of the latest carry.
+    pub frame: u64,
+    /// Number of materials of the scene.
+    pub materials: usize,
+}
 
 pub fn encode<const D: usize>(resolution: usize, state: &CarrierState<D>) -> Vec<u8> {
     let mut out = Vec::new();
