@@ -10,11 +10,8 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Particles, Scene
 from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS
 
-MOST_PER_CELL = 2
-"""Number of particles per cell of the coarsest grid that merged particles may have."""
-
-FEWEST_PER_CELL = 1.2
-"""Number of particles per cell of the finest grid that they may have; with less than 1, sand comes apart."""
+FEWEST_PER_CELL = 2
+"""Smallest number of particles per cell of a coarse grid; with fewer, bodies come apart."""
 
 MIN_RESOLUTION = 8
 """Resolution of the coarsest grid [cells/m]."""
@@ -107,11 +104,10 @@ def _combined(particles: Particles, labels: npt.NDArray[np.int64]) -> Particles:
 
 
 def coarse_resolution(scene: Scene, r_p: float) -> int:
-    """Return the cells per metre of the grid that fits particles merged at a ratio `r_p`.
+    """Return the cells per metre of the finest grid that fits particles merged at a ratio `r_p`.
 
-    Of the grids with `FEWEST_PER_CELL` to `MOST_PER_CELL` particles per cell it is the one whose nodes lie
-    about the walls most as those of the scene's grid do, and the coarsest of several. If the scene has fewer
-    particles per cell, so may the coarse grid. It is no finer than the scene's own grid.
+    The grid has at least `FEWEST_PER_CELL` particles per cell, or as many as the scene has if these are
+    fewer. It is no finer than the scene's own grid.
 
     Raises
     ------
@@ -119,25 +115,15 @@ def coarse_resolution(scene: Scene, r_p: float) -> int:
         `r_p` is out of range, or so small that the grid would have less than 8 cells per metre or less than 4
         between walls.
     """
-    sparse = MOST_PER_CELL / scene.particles_per_cell
-    coarsest: int = math.floor(scene.resolution * (checked_ratio(r_p) / sparse) ** (1 / scene.dim) + 1e-9)
-    if coarsest >= scene.resolution or r_p == 1:
+    sparse = FEWEST_PER_CELL / scene.particles_per_cell
+    finest: int = math.floor(scene.resolution * (checked_ratio(r_p) / sparse) ** (1 / scene.dim) + 1e-9)
+    if finest >= scene.resolution or r_p == 1:
         return scene.resolution
     narrowest = min(b - a for a, b in zip(scene.walls.lower, scene.walls.upper, strict=True))
-    needed = max(MIN_RESOLUTION, math.ceil(MIN_CELLS_BETWEEN_WALLS / narrowest))
-    if coarsest < needed:
+    coarsest = max(MIN_RESOLUTION, math.ceil(MIN_CELLS_BETWEEN_WALLS / narrowest))
+    if finest < coarsest:
         raise ConfigError(
-            f"r_p must be at least {sparse * (needed / scene.resolution) ** scene.dim:.2g} in this scene, "
-            f"whose grid needs {needed} cells per metre at {MOST_PER_CELL} particles each, got {r_p:g}"
+            f"r_p must be at least {sparse * (coarsest / scene.resolution) ** scene.dim:.2g} in this scene, "
+            f"whose grid needs {coarsest} cells per metre at {FEWEST_PER_CELL} particles each, got {r_p:g}"
         )
-    finest = math.floor(coarsest * (MOST_PER_CELL / FEWEST_PER_CELL) ** (1 / scene.dim))
-    candidates = range(coarsest, min(finest, scene.resolution) + 1)
-    return min(candidates, key=lambda resolution: _shift_of_walls(scene, resolution))
-
-
-def _shift_of_walls(scene: Scene, resolution: int) -> float:
-    """Return how far any wall is from its place between nodes of the scene's grid, at most 0.5 [cells]."""
-    walls = np.array([*scene.walls.lower, *scene.walls.upper])
-    shift = walls * (resolution - scene.resolution)
-    # Rounded, so that equal shifts are equal.
-    return float(np.round(np.abs(shift - np.rint(shift)).max(), 6))
+    return finest

@@ -46,7 +46,7 @@ class MpmSolver(Simulator):
         them, a force acts on them or a moving obstacle approaches. Not for ground truth.
     r_p : float in (0, 1]
         Ratio of the particles to those of the scene: they are merged (`downsampling.merge`), and the grid is
-        coarsened until a cell holds 1.2 to 2 (`downsampling.coarse_resolution`).
+        coarsened until a cell holds two (`downsampling.coarse_resolution`).
     carry : bool
         With `r_p` below 1: carry all particles of the scene along with the few that are simulated
         (`downsampling.Carrier`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of

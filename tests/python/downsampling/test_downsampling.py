@@ -83,29 +83,20 @@ def test_bad_ratios(r_p: float, drop: Scene) -> None:
         (2, 1, 128),
         (2, 1 / 1.75, 128),
         (2, 1 / 2, 128),
-        (2, 1 / 4, 98),
-        (2, 1 / 8, 68),
-        (2, 1 / 16, 48),
-        (2, 1 / 32, 38),
-        (2, 1 / 64, 28),
+        (2, 1 / 4, 90),
+        (2, 1 / 8, 64),
+        (2, 1 / 16, 45),
         (3, 1 / 4, 64),
-        (3, 1 / 8, 54),
-        (3, 1 / 16, 44),
-        # No grid with so many particles a cell has exactly the phase of the scene's.
-        (3, 1 / 64, 25),
+        (3, 1 / 16, 40),
     ],
 )
-def test_coarse_grids_hold_enough_and_keep_the_phase_of_the_walls(
-    dim: int, r_p: float, resolution: int
-) -> None:
+def test_coarse_grids_hold_two_particles_a_cell(dim: int, r_p: float, resolution: int) -> None:
     scene = scenarios.get(f"water_{dim}d", 1)
     assert downsampling.coarse_resolution(scene, r_p) == resolution
     solver = MpmSolver(scene, r_p=r_p)
     assert solver.resolution == resolution
     volume = sum(body.measure for body in scene.bodies)
-    assert solver.particle_count / (volume * resolution**dim) > 1.15
-    phase = np.array([0.1, 0.9]) * (resolution - scene.resolution)
-    assert np.abs(phase - np.rint(phase)).max() < 0.11
+    assert solver.particle_count / (volume * resolution**dim) > 1.95
 
 
 def test_a_scene_with_one_particle_a_cell_keeps_its_grid() -> None:
@@ -116,9 +107,9 @@ def test_a_scene_with_one_particle_a_cell_keeps_its_grid() -> None:
 def test_ratios_too_small_for_the_walls_are_refused() -> None:
     box = Box(material="water", lower=(0.4, 0.2), upper=(0.6, 0.4))
     scene = Scene(dim=2, bodies=(box,), walls=Walls(lower=(0.375, 0.1), upper=(0.625, 0.9)))
-    # 16 cells per metre are 4 between the walls; 19 put the walls between nodes as 128 do, to 1/8 of a cell.
+    # 16 cells per metre are 4 between the walls.
     least = 0.5 * (16 / 128) ** 2
-    assert downsampling.coarse_resolution(scene, 1.001 * least) == 19
+    assert downsampling.coarse_resolution(scene, 1.001 * least) == 16
     with pytest.raises(ConfigError, match=r"r_p must be at least 0\.0078 in .* grid needs 16 cells"):
         MpmSolver(scene, r_p=0.9 * least)
 
