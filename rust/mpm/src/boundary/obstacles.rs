@@ -116,7 +116,7 @@ impl<const D: usize> Obstacles<D> {
         if self.list.is_empty() {
             return;
         }
-        for &span in window.active {
+        for &span in window.active() {
             self.apply_to_span(window, span, material_friction);
         }
     }

@@ -18,7 +18,7 @@ use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::wall_fill::cumulative;
 use super::walls::Walls;
-use crate::grid::{CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
+use crate::grid::{ActiveSpans, CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
 /// Distance from the wall at which material begins to touch it [cells]. Material at rest on a wall, whose lowest particles
@@ -83,18 +83,32 @@ impl WallContact {
     }
 
     /// Finds the node lines across each wall that may carry material.
-    pub fn activate<const D: usize>(&mut self, active: &[Span], layout: &Layout<D>) {
+    pub fn activate<const D: usize>(&mut self, active: &ActiveSpans, layout: &Layout<D>) {
         for side in &mut self.sides {
             side.lines.clear();
-            for span in active {
+            let along = |span: &Span| {
                 let start = span.row * layout.row_length;
-                if side.axis == D - 1 {
-                    if span.lo < side.middle && side.middle + 1 < span.hi {
-                        side.lines
-                            .push(start + side.middle..start + side.middle + 1);
-                    }
-                } else if layout.row_coordinates(span.row)[side.axis] == side.middle {
-                    side.lines.push(start + span.lo..start + span.hi);
+                start + span.lo..start + span.hi
+            };
+            if side.axis == 0 {
+                let planes = side.middle..side.middle + 1;
+                side.lines
+                    .extend(active.of_planes(planes).iter().map(along));
+            } else if side.axis == D - 1 {
+                let reached = |span: &&Span| span.lo < side.middle && side.middle + 1 < span.hi;
+                let across = |span: &Span| {
+                    let middle = span.row * layout.row_length + side.middle;
+                    middle..middle + 1
+                };
+                let spans = active.all().iter().filter(reached);
+                side.lines.extend(spans.map(across));
+            } else {
+                for plane in 0..layout.extent {
+                    let row = plane * layout.rows_per_plane() + side.middle;
+                    let spans = active.of_planes(plane..plane + 1);
+                    let first = spans.partition_point(|span| span.row < row);
+                    let of_row = spans[first..].iter().take_while(|span| span.row == row);
+                    side.lines.extend(of_row.map(along));
                 }
             }
         }

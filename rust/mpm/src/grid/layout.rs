@@ -98,11 +98,12 @@ pub struct Span {
     pub hi: usize,
 }
 
-/// Lowest stencil node of a particle: its row, and its place on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+/// Lowest stencil node of a particle: its plane, its row within the plane, and its place on the row.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
-    pub row: u32,
-    pub column: u32,
+    pub plane: u16,
+    pub row: u16,
+    pub column: u16,
 }
 
 #[cfg(test)]

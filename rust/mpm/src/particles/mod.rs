@@ -3,6 +3,7 @@
 mod block;
 mod group;
 mod particle;
+mod places;
 mod slabs;
 mod sleep;
 mod sort;
@@ -12,6 +13,6 @@ pub use block::Block;
 pub(crate) use group::with_group;
 pub use group::{Group, MaterialGroup};
 pub use particle::{Activity, Particle};
-pub use slabs::{Slab, for_each_slab, fresh_planes};
+pub use slabs::{Slab, bands, for_each_slab, fresh_planes};
 pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};
-pub use sort::sort;
+pub use sort::Sorter;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::grid::{Grid, Layout, MARGIN, PADDING, Place, Window};
+use crate::grid::{Grid, MARGIN, PADDING, Window};
 use threads::Team;
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
@@ -64,15 +64,14 @@ pub fn cut(per_plane: &[usize], walls: &[usize]) -> Vec<Slab> {
     slabs
 }
 
-/// Number of particles whose stencil starts in each plane.
-pub fn count_planes<const D: usize>(places: &[Place], layout: &Layout<D>) -> Vec<usize> {
-    let mut per_row = vec![0u32; layout.row_count()];
-    for place in places {
-        per_row[place.row as usize] += 1;
-    }
-    let planes = per_row.chunks(layout.rows_per_plane());
-    planes
-        .map(|rows| rows.iter().sum::<u32>() as usize)
+/// The planes of a grid with this extent, cut as the slabs are. These tile the planes where stencils start, which end on
+/// later ones.
+pub fn bands(slabs: &[Slab], extent: usize) -> Vec<Range<usize>> {
+    let last = slabs.len().saturating_sub(1);
+    let hi = |index: usize, slab: &Slab| if index == last { extent } else { slab.hi };
+    let numbered = slabs.iter().enumerate();
+    numbered
+        .map(|(index, slab)| slab.lo..hi(index, slab))
         .collect()
 }
 

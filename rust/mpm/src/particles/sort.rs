@@ -1,146 +1,225 @@
 //! Sorting particles by cell.
 
+use std::ops::Range;
+
 use super::block::Block;
 use super::group::{MaterialGroup, Run, Sorted, with_group};
 use super::particle::Activity;
-use super::slabs::{Slab, count_planes, cut};
-use crate::grid::{Layout, Place, Stencils};
+use super::places::{Located, Places};
+use super::slabs::{Slab, cut};
+use crate::grid::{Layout, Place};
 use crate::linalg::LANES;
 use crate::material::State;
 use threads::Team;
 
-/// Sorts all particles that carry by the cell where their stencils start, and cuts the grid into slabs of about equal numbers of them.
-///
-/// The cut depends on the particles alone, never on the number of threads. Writes where these particles are,
-/// in no order, to `places`. No cut parts the planes of `walls` from their neighbours.
-pub fn sort<const D: usize>(
-    groups: &mut [MaterialGroup<D>],
-    layout: &Layout<D>,
-    walls: &[usize],
-    places: &mut Vec<Place>,
-    team: &Team,
-) -> Vec<Slab> {
-    places.clear();
-    let mut ends = Vec::with_capacity(2 * groups.len());
-    for group in groups.iter() {
-        with_group!(group, group => for blocks in [&group.awake.blocks, &group.border.blocks] {
-            find_places(blocks, layout, places);
-            ends.push(places.len());
-        });
-    }
-    let slabs = cut(&count_planes(places, layout), walls);
-    let mut start = 0;
-    let mut ends = ends.into_iter();
-    for group in groups {
-        with_group!(group, group => {
-            let vacant = group.particles().next().map(|first| group.vacant_like(&first));
-            for (sorted, activity) in [
-                (&mut group.awake, Activity::Awake),
-                (&mut group.border, Activity::Border),
-            ] {
-                let end = ends.next().expect("one end for each");
-                sort_blocks(sorted, activity, &places[start..end], &slabs, layout, vacant.as_ref(), team);
-                start = end;
-            }
-        });
-    }
-    slabs
+/// Sorts particles; kept to reuse its memory.
+#[derive(Debug, Clone, Default)]
+pub struct Sorter {
+    /// Shelf by shelf.
+    parts: Vec<Places>,
+    /// One for each slab.
+    orders: Vec<Order>,
 }
 
-fn find_places<const D: usize, S: State>(
-    blocks: &[Block<D, S>],
-    layout: &Layout<D>,
-    places: &mut Vec<Place>,
-) {
-    for block in blocks {
-        let base = Stencils::at(&block.x, layout).base;
-        places.extend((0..block.count).map(|lane| Place {
-            row: (0..D - 1).fold(0, |row, axis| row * layout.extent as u32 + base[axis][lane]),
-            column: base[D - 1][lane],
-        }));
-    }
+/// Blocks of one shelf of one group.
+struct Part {
+    group: usize,
+    awake: bool,
+    blocks: Range<usize>,
 }
 
-/// Stable counting sort, first by column and then by row; the order within a cell is the previous one. Each slab
-/// begins with a new block.
-fn sort_blocks<const D: usize, S: State>(
-    sorted: &mut Sorted<D, S>,
-    activity: Activity,
-    places: &[Place],
-    slabs: &[Slab],
-    layout: &Layout<D>,
-    vacant: Option<&Block<D, S>>,
-    team: &Team,
-) {
-    let mut next = vec![0u32; layout.row_count()];
-    for place in places {
-        next[place.row as usize] += 1;
-    }
-    let rows_per_plane = layout.rows_per_plane();
-    let (mut slot, mut runs) = (0, Vec::with_capacity(slabs.len()));
-    for slab in slabs {
-        let first = slot;
-        for row in &mut next[slab.lo * rows_per_plane..slab.hi * rows_per_plane] {
-            slot += std::mem::replace(row, slot);
+/// Smaller parts are not worth handing out.
+const SMALLEST_PART: usize = 16;
+
+impl Sorter {
+    /// Sorts all particles that carry by the cell where their stencils start, and cuts the grid into slabs of about equal numbers of them.
+    ///
+    /// The cut depends on the particles alone, never on the number of threads. No cut parts the planes of `walls` from
+    /// their neighbours.
+    pub fn sort<const D: usize>(
+        &mut self,
+        groups: &mut [MaterialGroup<D>],
+        layout: &Layout<D>,
+        walls: &[usize],
+        team: &Team,
+    ) -> Vec<Slab> {
+        let ends = self.find(groups, layout, team);
+        let count = |plane: usize| {
+            let of_plane = |part: &Places| part.of_planes(plane..plane + 1).len();
+            self.parts.iter().map(of_plane).sum()
+        };
+        let slabs = cut(&(0..layout.extent).map(count).collect::<Vec<_>>(), walls);
+        self.orders.resize_with(slabs.len(), Order::default);
+        let mut start = 0;
+        let mut ends = ends.into_iter();
+        for group in groups {
+            with_group!(group, group => {
+                let vacant = group.particles().next().map(|first| group.vacant_like(&first));
+                for (sorted, activity) in [
+                    (&mut group.awake, Activity::Awake),
+                    (&mut group.border, Activity::Border),
+                ] {
+                    let end = ends.next().expect("one end for each");
+                    let shelf = Shelf {
+                        parts: &self.parts[start..end],
+                        slabs: &slabs,
+                        layout,
+                        activity,
+                        vacant: vacant.as_ref(),
+                    };
+                    shelf.sort(sorted, &mut self.orders, team);
+                    start = end;
+                }
+            });
         }
-        runs.push(Run {
-            first_block: first as usize / LANES,
-            particles: (slot - first) as usize,
+        slabs
+    }
+
+    /// Where the stencils start that start in some planes, in no order.
+    pub fn places(&self, planes: Range<usize>) -> impl Iterator<Item = Place> {
+        let of_part = move |part| Places::of_planes(part, planes.clone());
+        let located = self.parts.iter().flat_map(of_part);
+        located.map(|located| located.place)
+    }
+
+    /// Finds all particles, on as many threads as are free, and returns where the parts of each shelf end.
+    fn find<const D: usize>(
+        &mut self,
+        groups: &[MaterialGroup<D>],
+        layout: &Layout<D>,
+        team: &Team,
+    ) -> Vec<usize> {
+        let (mut parts, mut ends) = (Vec::new(), Vec::new());
+        for (index, group) in groups.iter().enumerate() {
+            with_group!(group, group => for (awake, sorted) in [(true, &group.awake), (false, &group.border)] {
+                let count = sorted.blocks.len();
+                let share = if team.size() == 1 { count } else { count.div_ceil(4 * team.size()) };
+                let share = share.max(SMALLEST_PART);
+                parts.extend((0..count).step_by(share).map(|first| Part {
+                    group: index,
+                    awake,
+                    blocks: first..count.min(first + share),
+                }));
+                ends.push(parts.len());
+            });
+        }
+        self.parts.resize_with(parts.len(), Places::default);
+        let mut work: Vec<_> = parts.into_iter().zip(&mut self.parts).collect();
+        team.for_each(&mut work, |(part, places)| {
+            with_group!(&groups[part.group], group => {
+                let shelf = if part.awake { &group.awake } else { &group.border };
+                places.find(&shelf.blocks[part.blocks.clone()], part.blocks.start * LANES, layout);
+            });
         });
-        slot = slot.next_multiple_of(LANES as u32);
+        ends
     }
-    let in_place = runs == sorted.runs && places.is_sorted();
-    sorted.runs = runs;
-    let Some(vacant) = vacant.filter(|_| !in_place) else {
-        return;
-    };
-    // Which particle goes to which slot, first as numbers; then each new block fetches its own.
-    let mut sources = vec![VACANT; slot as usize];
-    for (source, row) in by_column(&sorted.blocks, places, layout) {
-        let slot = &mut next[row as usize];
-        sources[*slot as usize] = source;
-        *slot += 1;
-    }
-    sorted.scratch.resize(sources.len() / LANES, *vacant);
-    let blocks = &sorted.blocks;
-    let mut targets: Vec<_> = sorted
-        .scratch
-        .iter_mut()
-        .zip(sources.chunks(LANES))
-        .collect();
-    let share = targets.len().div_ceil(4 * team.size()).max(1);
-    let mut parts: Vec<_> = targets.chunks_mut(share).collect();
-    team.for_each(&mut parts, |part| {
-        part.iter_mut()
-            .for_each(|(target, sources)| fetch(target, sources, blocks, activity, vacant));
-    });
-    std::mem::swap(&mut sorted.blocks, &mut sorted.scratch);
 }
 
-/// The number and the row of each particle, in the order of columns.
-fn by_column<const D: usize, S: State>(
-    blocks: &[Block<D, S>],
-    places: &[Place],
-    layout: &Layout<D>,
-) -> Vec<(u32, u32)> {
-    let mut next = vec![0u32; layout.extent];
-    for place in places {
-        next[place.column as usize] += 1;
+/// The particles of one shelf, and where they are to go.
+struct Shelf<'a, const D: usize, S: State> {
+    parts: &'a [Places],
+    slabs: &'a [Slab],
+    layout: &'a Layout<D>,
+    activity: Activity,
+    /// None where there are no particles.
+    vacant: Option<&'a Block<D, S>>,
+}
+
+impl<const D: usize, S: State> Shelf<'_, D, S> {
+    /// Sorts the shelf. Each slab begins with a new block.
+    fn sort(&self, sorted: &mut Sorted<D, S>, orders: &mut [Order], team: &Team) {
+        let mut next = 0;
+        let run = |slab: &Slab| {
+            let of_part = |part: &Places| part.of_planes(slab.lo..slab.hi).len();
+            let run = Run {
+                first_block: next,
+                particles: self.parts.iter().map(of_part).sum(),
+            };
+            next = run.blocks().end;
+            run
+        };
+        let runs: Vec<_> = self.slabs.iter().map(run).collect();
+        let in_place = runs == sorted.runs && Places::all_in_order(self.parts);
+        sorted.runs = runs;
+        let Some(vacant) = self.vacant.filter(|_| !in_place) else {
+            return;
+        };
+        sorted.scratch.resize(next, *vacant);
+        let (blocks, mut rest) = (&sorted.blocks, &mut sorted.scratch[..]);
+        let mut work = Vec::with_capacity(self.slabs.len());
+        for ((slab, run), order) in self.slabs.iter().zip(&sorted.runs).zip(orders) {
+            let (targets, others) = rest.split_at_mut(run.blocks().len());
+            work.push((slab, targets, order));
+            rest = others;
+        }
+        team.for_each(&mut work, |(slab, targets, order)| {
+            order.find(self.parts, **slab, self.layout);
+            let filled = targets.iter_mut().zip(order.numbers.chunks(LANES));
+            filled.for_each(|(target, sources)| {
+                fetch(target, sources, blocks, self.activity, vacant);
+            });
+        });
+        std::mem::swap(&mut sorted.blocks, &mut sorted.scratch);
     }
-    let mut slot = 0;
-    for column in &mut next {
-        slot += std::mem::replace(column, slot);
+}
+
+/// The particles of one slab in the order of cells.
+#[derive(Debug, Clone, Default)]
+struct Order {
+    /// Their numbers before the sort.
+    numbers: Vec<u32>,
+    /// They in the order of columns; scratch.
+    by_column: Vec<Located>,
+    /// Where the next particle of each column or row goes; scratch.
+    next: Vec<u32>,
+}
+
+impl Order {
+    /// Stable counting sort, first by column and then by row; the order within a cell is the previous one.
+    fn find<const D: usize>(&mut self, parts: &[Places], slab: Slab, layout: &Layout<D>) {
+        let located = || {
+            let of_part = |part| Places::of_planes(part, slab.lo..slab.hi).iter();
+            parts.iter().flat_map(of_part)
+        };
+        let count = count_up(&mut self.next, layout.extent, || {
+            located().map(|located| located.place.column as usize)
+        });
+        self.by_column.resize(count, Located::default());
+        located().for_each(|located| {
+            let slot = &mut self.next[located.place.column as usize];
+            self.by_column[*slot as usize] = *located;
+            *slot += 1;
+        });
+        let in_plane = layout.rows_per_plane();
+        let row = |located: &Located| {
+            let Place { plane, row, .. } = located.place;
+            (plane as usize - slab.lo) * in_plane + row as usize
+        };
+        let rows = (slab.hi - slab.lo) * in_plane;
+        count_up(&mut self.next, rows, || self.by_column.iter().map(row));
+        self.numbers.resize(count, 0);
+        for located in &self.by_column {
+            let slot = &mut self.next[row(located)];
+            self.numbers[*slot as usize] = located.number;
+            *slot += 1;
+        }
     }
-    let mut ordered = vec![(0, 0); places.len()];
-    let numbers = blocks.iter().enumerate().flat_map(|(index, block)| {
-        (index * LANES..index * LANES + block.count).map(|number| number as u32)
-    });
-    for (number, place) in numbers.zip(places) {
-        let slot = &mut next[place.column as usize];
-        ordered[*slot as usize] = (number, place.row);
-        *slot += 1;
+}
+
+/// Sets `starts` to where each of `kinds` begins if all are put in order, and returns how many there are.
+fn count_up<I: Iterator<Item = usize>>(
+    starts: &mut Vec<u32>,
+    kinds: usize,
+    all: impl Fn() -> I,
+) -> usize {
+    starts.clear();
+    starts.resize(kinds, 0);
+    all().for_each(|kind| starts[kind] += 1);
+    let mut start = 0;
+    for number in starts {
+        start += std::mem::replace(number, start);
     }
-    ordered
+    start as usize
 }
 
 fn fetch<const D: usize, S: State>(
@@ -150,19 +229,12 @@ fn fetch<const D: usize, S: State>(
     activity: Activity,
     vacant: &Block<D, S>,
 ) {
-    let count = sources
-        .iter()
-        .take_while(|&&source| source != VACANT)
-        .count();
-    if count < LANES {
+    if sources.len() < LANES {
         *target = *vacant;
     }
-    target.count = count;
-    for (lane, &source) in sources.iter().enumerate().take(count) {
+    target.count = sources.len();
+    for (lane, &source) in sources.iter().enumerate() {
         let source = source as usize;
         target.set(lane, &blocks[source / LANES].get(source % LANES, activity));
     }
 }
-
-/// A slot behind the last particle of a slab.
-const VACANT: u32 = u32::MAX;

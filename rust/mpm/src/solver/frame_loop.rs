@@ -5,12 +5,12 @@ use std::sync::Arc;
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
-use crate::grid::{Grid, Place};
+use crate::grid::Grid;
 use crate::initial::{Particles, group};
 use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
-    MaterialGroup, PERIOD, Slab, Sleep, WakeCauses, count_calm, decide, sort, with_group,
+    MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide, with_group,
 };
 use crate::settings::SolverSettings;
 use crate::snapshot;
@@ -33,8 +33,7 @@ pub struct Solver<const D: usize> {
     pub(super) team: Arc<Team>,
     pub(super) grid: Grid<D>,
     pub(super) slabs: Vec<Slab>,
-    /// Scratch of `sort`.
-    pub(super) places: Vec<Place>,
+    pub(super) sorter: Sorter,
     pub(super) state: SolverState<D>,
     /// State before the frame in progress; kept to reuse its memory.
     pub(super) before: Vec<MaterialGroup<D>>,
@@ -77,7 +76,7 @@ impl<const D: usize> Solver<D> {
             team: Arc::new(Team::new(settings.threads)?),
             grid,
             slabs: Vec::new(),
-            places: Vec::new(),
+            sorter: Sorter::default(),
             before: Vec::new(),
             state: SolverState {
                 groups,
@@ -225,14 +224,15 @@ impl<const D: usize> Solver<D> {
     }
 
     pub(super) fn sort(&mut self) {
-        self.slabs = sort(
+        self.slabs = self.sorter.sort(
             &mut self.state.groups,
             &self.grid.layout,
             &self.walls.planes(),
-            &mut self.places,
             &self.team,
         );
-        self.grid.activate(&self.places);
+        let bands = bands(&self.slabs, self.grid.layout.extent);
+        let places = |planes| self.sorter.places(planes);
+        self.grid.activate(&bands, places, &self.team);
         self.walls.activate(&self.grid.active, &self.grid.layout);
     }
 

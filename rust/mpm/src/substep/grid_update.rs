@@ -5,7 +5,7 @@ use wide::f32x4;
 use crate::boundary::{MaterialFriction, Obstacles, WallContact};
 use crate::grid::{CHUNK, Grid, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
-use crate::particles::Slab;
+use crate::particles::{Slab, bands};
 use threads::Team;
 
 /// Everything that acts on grid velocities.
@@ -26,24 +26,17 @@ pub fn grid_update<const D: usize>(
     dt: f32,
     team: &Team,
 ) {
-    let last = slabs.len().saturating_sub(1);
-    // The slabs tile the planes where stencils begin; they end on later ones.
-    let planes = slabs.iter().enumerate().map(|(index, slab)| {
-        slab.lo..if index == last {
-            grid.layout.extent
-        } else {
-            slab.hi
-        }
-    });
-    let planes: Vec<_> = planes.collect();
-    team.for_each(&mut grid.windows(planes.into_iter()), |window| {
-        run_wide(Accelerate {
-            window,
-            gain: lanes(&(forces.gravity * dt), 0.0),
-        });
-        forces.obstacles.apply(window, &forces.material_friction);
-        forces.walls.apply(window, &forces.material_friction);
-    });
+    team.for_each(
+        &mut grid.windows(bands(slabs, grid.layout.extent).into_iter()),
+        |window| {
+            run_wide(Accelerate {
+                window,
+                gain: lanes(&(forces.gravity * dt), 0.0),
+            });
+            forces.obstacles.apply(window, &forces.material_friction);
+            forces.walls.apply(window, &forces.material_friction);
+        },
+    );
 }
 
 /// Divides by the masses, and adds what gravity gains.
@@ -57,18 +50,18 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
 
     #[inline(always)]
     fn run<Q: Quad>(self) {
+        let active = self.window.active();
         let Window {
             layout,
             first,
             nodes,
             dirty,
-            active,
             ..
         } = self.window;
         let gain = Q::repeat(self.gain);
         let (kept, momentum) = ([0.0, 0.0, 0.0, 1.0].into(), [1.0, 1.0, 1.0, 0.0].into());
         let (kept, momentum) = (Q::repeat(kept), Q::repeat(momentum));
-        for span in *active {
+        for span in active {
             let start = span.row * layout.row_length - *first;
             for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
                 // Spray leaves most nodes empty; nobody reads their velocity.

@@ -12,7 +12,7 @@ use crate::force::FrameForce;
 use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
-use crate::particles::{Activity, Group, MaterialGroup, Particle, sort};
+use crate::particles::{Activity, Group, MaterialGroup, Particle, Sorter, bands};
 use threads::Team;
 
 const RESOLUTION: usize = 16;
@@ -130,9 +130,10 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     let group = Group::new(water, 0.0, particles);
     let mut groups = vec![MaterialGroup::Water(group)];
     let team = Team::new(1).unwrap();
-    let mut places = Vec::new();
-    let slabs = sort(&mut groups, &layout, &[], &mut places, &team);
-    grid.activate(&places);
+    let mut sorter = Sorter::default();
+    let slabs = sorter.sort(&mut groups, &layout, &[], &team);
+    let bands = bands(&slabs, layout.extent);
+    grid.activate(&bands, |planes| sorter.places(planes), &team);
     p2g(
         &groups,
         &slabs,

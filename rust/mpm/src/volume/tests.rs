@@ -9,7 +9,7 @@ use crate::boundary::{Contact, ContactKind, Obstacle, Obstacles, Shape, Walls};
 use crate::grid::Grid;
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
-use crate::particles::{Activity, Group, MaterialGroup, Particle, Slab, sort};
+use crate::particles::{Activity, Group, MaterialGroup, Particle, Slab, Sorter, bands};
 use threads::Team;
 
 const RESOLUTION: usize = 32;
@@ -36,9 +36,10 @@ impl<const D: usize> Scene<D> {
     fn new(particles: &[Particle<D, f32>]) -> Self {
         let mut grid = Grid::new(RESOLUTION, false);
         let mut groups = vec![MaterialGroup::Water(Group::new(WATER, 0.0, particles))];
-        let (team, mut places) = (Team::new(1).unwrap(), Vec::new());
-        let slabs = sort(&mut groups, &grid.layout, &[], &mut places, &team);
-        grid.activate(&places);
+        let (team, mut sorter) = (Team::new(1).unwrap(), Sorter::default());
+        let slabs = sorter.sort(&mut groups, &grid.layout, &[], &team);
+        let bands = bands(&slabs, grid.layout.extent);
+        grid.activate(&bands, |planes| sorter.places(planes), &team);
         grid.clear();
         Self {
             groups,
