@@ -6,8 +6,10 @@
 
 mod error;
 mod pool;
+mod steps;
 mod team;
 
 pub use error::ThreadError;
 pub use pool::Pool;
+pub use steps::Step;
 pub use team::Team;

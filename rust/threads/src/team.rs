@@ -12,8 +12,8 @@
 
 use std::hint::spin_loop;
 use std::mem::transmute;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError, TryLockError};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
@@ -33,13 +33,6 @@ pub struct Team {
 
 /// Called with the number of the thread, 0 for the caller.
 type Job<'a> = dyn Fn(usize) + Sync + 'a;
-
-/// On a cache line of its own, so that threads that count do not disturb each other.
-#[repr(align(128))]
-struct Cursor {
-    next: AtomicUsize,
-    end: usize,
-}
 
 #[derive(Debug)]
 struct Shared {
@@ -106,45 +99,18 @@ impl Team {
         self.workers + 1
     }
 
-    /// Calls `work` on each item, on as many threads as are free.
-    ///
-    /// A thread begins with its own share of consecutive items, which is the same in each call: what it wrote
-    /// last time is still near it. Then it takes what others have not begun.
-    pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
-        let alone = self.workers == 0 || items.len() < 2;
-        let caller = match self.caller.try_lock() {
+    /// Keeps other callers from handing out work; None while another one does so.
+    pub(crate) fn try_begin(&self) -> Option<MutexGuard<'_, ()>> {
+        match self.caller.try_lock() {
             Ok(caller) => Some(caller),
             // The lock guards no data that a panic could have left half done.
             Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
             Err(TryLockError::WouldBlock) => None,
-        };
-        let Some(_caller) = caller.filter(|_| !alone) else {
-            items.iter_mut().for_each(work);
-            return;
-        };
-        let (count, threads) = (items.len(), self.size());
-        let share = |thread: usize| Cursor {
-            next: AtomicUsize::new(thread * count / threads),
-            end: (thread + 1) * count / threads,
-        };
-        let cursors: Vec<Cursor> = (0..threads).map(share).collect();
-        // Uncontended: each item is locked by the one thread that drew its number.
-        let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();
-        self.run(&|thread| {
-            for cursor in cursors[thread..].iter().chain(&cursors[..thread]) {
-                loop {
-                    let index = cursor.next.fetch_add(1, Ordering::Relaxed);
-                    if index >= cursor.end {
-                        break;
-                    }
-                    work(&mut items[index].lock().unwrap_or_else(PoisonError::into_inner));
-                }
-            }
-        });
+        }
     }
 
     /// Runs `job` on the caller and on each worker that comes before the caller is done.
-    fn run(&self, job: &Job<'_>) {
+    pub(crate) fn run(&self, job: &Job<'_>) {
         let shared = &self.shared;
         // SAFETY: only the lifetime changes. A worker uses the reference between entering the open phase and leaving
         // it; `Closing` closes the phase and waits for all to leave before `job` goes out of scope, also when the

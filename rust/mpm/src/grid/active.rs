@@ -2,8 +2,7 @@
 
 use std::ops::Range;
 
-use super::layout::{CHUNK, Layout, Place, Span};
-use super::nodes::MARGIN;
+use super::layout::{CHUNK, Layout, MARGIN, Place, Span};
 
 /// Active spans, ordered by row and then along it.
 #[derive(Debug, Clone)]

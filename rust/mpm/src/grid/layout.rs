@@ -8,6 +8,9 @@ pub const PADDING: usize = 4;
 /// Nodes that are swept together; spans consist of them.
 pub const CHUNK: usize = 8;
 
+/// Cells that a particle may move between two sorts without leaving the active rows.
+pub const MARGIN: usize = 1;
+
 /// Positions of nodes in memory. The last axis is contiguous; a *row* is one line of nodes along it,
 /// a *plane* all rows that share the first coordinate.
 #[derive(Debug, Clone, Copy)]

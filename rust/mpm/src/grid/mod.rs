@@ -4,8 +4,10 @@ mod active;
 mod layout;
 mod nodes;
 mod stencil;
+mod window;
 
 pub use active::ActiveSpans;
-pub use layout::{CHUNK, Layout, PADDING, Place, Span};
-pub use nodes::{Grid, MARGIN, SMALLEST_MASS, Window};
+pub use layout::{CHUNK, Layout, MARGIN, PADDING, Place, Span};
+pub use nodes::{Grid, SMALLEST_MASS};
 pub use stencil::{Stencil, Stencils, spline};
+pub use window::{View, Window};

@@ -1,57 +1,17 @@
 //! The background grid, and which part of it particles touch.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use wide::f32x4;
 
 use super::active::{ActiveSpans, Band, Reach};
 use super::layout::{CHUNK, Layout, Place, Span};
+use super::window::{SharedGrid, View, Window};
 use threads::Team;
 
 /// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
 pub const SMALLEST_MASS: f32 = 1.0e-30;
-/// Cells that a particle may move between two sorts without leaving the active rows.
-pub const MARGIN: usize = 1;
-
-/// Some planes of the grid, which one thread may write while others write other planes.
-#[derive(Debug)]
-pub struct Window<'a, const D: usize> {
-    pub layout: Layout<D>,
-    /// Memory index of the first node.
-    pub first: usize,
-    pub nodes: &'a mut [f32x4],
-    /// Empty unless materials differ in wall friction.
-    pub friction_mass: &'a mut [f32],
-    /// See `Grid`.
-    pub dirty: &'a mut [bool],
-    /// The planes.
-    pub planes: Range<usize>,
-    active: &'a ActiveSpans,
-}
-
-impl<'a, const D: usize> Window<'a, D> {
-    /// The active spans.
-    pub fn active(&self) -> &'a [Span] {
-        self.active.of_planes(self.planes.clone())
-    }
-
-    /// Zeroes the active nodes of some of the planes.
-    pub fn clear(&mut self, planes: Range<usize>) {
-        for span in self.active.of_planes(planes) {
-            let start = span.row * self.layout.row_length - self.first;
-            for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
-                if self.dirty[chunk] {
-                    self.dirty[chunk] = false;
-                    let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
-                    self.nodes[nodes.clone()].fill(f32x4::ZERO);
-                    if !self.friction_mass.is_empty() {
-                        self.friction_mass[nodes].fill(0.0);
-                    }
-                }
-            }
-        }
-    }
-}
 
 /// Mass and momentum after P2G; velocity after the grid update.
 #[derive(Debug, Clone)]
@@ -62,7 +22,7 @@ pub struct Grid<const D: usize> {
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
     /// Whether something has been written to a chunk of nodes since it was cleared; the others are zero.
-    dirty: Vec<bool>,
+    pub(super) dirty: Vec<bool>,
     pub active: ActiveSpans,
     reach: Reach,
     /// Scratch of `activate`.
@@ -112,6 +72,28 @@ impl<const D: usize> Grid<D> {
         let reach = &self.reach;
         team.for_each(&mut parts, |(band, planes)| band.find(reach, planes));
         self.active.gather(&self.bands);
+    }
+
+    /// Lends the grid to threads that take turns on its planes.
+    pub fn shared(&mut self) -> SharedGrid<'_, D> {
+        SharedGrid {
+            layout: self.layout,
+            nodes: self.nodes.as_mut_ptr(),
+            friction_mass: (!self.friction_mass.is_empty())
+                .then_some(self.friction_mass.as_mut_ptr()),
+            dirty: self.dirty.as_mut_ptr(),
+            active: &self.active,
+            borrowed: PhantomData,
+        }
+    }
+
+    /// All nodes.
+    pub fn view(&self) -> View<'_, D> {
+        View {
+            layout: self.layout,
+            first: 0,
+            nodes: &self.nodes,
+        }
     }
 
     /// Windows onto ranges of planes, given in ascending order without overlap.

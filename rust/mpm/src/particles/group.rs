@@ -29,6 +29,17 @@ impl<const D: usize, S: State> Sorted<D, S> {
         &self.blocks[self.runs[slab].blocks()]
     }
 
+    /// The blocks slab by slab.
+    pub fn by_slab(&mut self) -> Vec<&mut [Block<D, S>]> {
+        let mut rest = &mut self.blocks[..];
+        let cut = |run: &Run| {
+            let (mine, others) = std::mem::take(&mut rest).split_at_mut(run.blocks().len());
+            rest = others;
+            mine
+        };
+        self.runs.iter().map(cut).collect()
+    }
+
     fn copy_from(&mut self, from: &Self) {
         self.blocks.clone_from(&from.blocks);
         self.runs.clone_from(&from.runs);

@@ -13,6 +13,6 @@ pub use block::Block;
 pub(crate) use group::with_group;
 pub use group::{Group, MaterialGroup};
 pub use particle::{Activity, Particle};
-pub use slabs::{Slab, bands, for_each_slab, fresh_planes};
+pub use slabs::{COLOURS, Slab, bands, for_each_slab, fresh_planes};
 pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};
 pub use sort::Sorter;

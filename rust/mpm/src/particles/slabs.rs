@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::grid::{Grid, MARGIN, PADDING, Window};
-use threads::Team;
+use threads::{Step, Team};
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,12 +14,12 @@ pub struct Slab {
 
 impl Slab {
     /// The planes that its particles touch before the next sort.
-    fn reach(self) -> Range<usize> {
+    pub fn reach(self) -> Range<usize> {
         self.lo.saturating_sub(MARGIN)..self.hi + MARGIN + 2
     }
 }
 
-/// The planes that no slab has touched when `for_each_slab` comes to the one with this index.
+/// The planes that no slab has touched before the one with this index in the order of `COLOURS`.
 pub fn fresh_planes(slabs: &[Slab], index: usize) -> Range<usize> {
     let Range { mut start, mut end } = slabs[index].reach();
     // Those of the first colour come before both of their neighbours, those of the second after both.
@@ -75,22 +75,22 @@ pub fn bands(slabs: &[Slab], extent: usize) -> Vec<Range<usize>> {
         .collect()
 }
 
+/// Slabs of one colour touch different nodes and may be scattered side by side. Those of the second follow their neighbours,
+/// so each node sums in the same order whatever the number of threads.
+pub const COLOURS: [Step; 2] = [Step::EVEN, Step::ODD];
+
 /// Calls `scatter` for each slab, by its index, with the nodes that its particles touch.
-///
-/// Slabs of one colour touch different nodes and may run at once; colours follow each other, so each node
-/// sums in the same order whatever the number of threads.
 pub fn for_each_slab<const D: usize>(
     slabs: &[Slab],
     grid: &mut Grid<D>,
     team: &Team,
     scatter: impl Fn(usize, &mut Window<'_, D>) + Sync,
 ) {
-    for colour in 0..2 {
-        let of_colour = slabs.iter().enumerate().skip(colour).step_by(2);
-        let windows = grid.windows(of_colour.clone().map(|(_, slab)| slab.reach()));
-        let mut parts: Vec<_> = of_colour.map(|(index, _)| index).zip(windows).collect();
-        team.for_each(&mut parts, |(slab, window)| scatter(*slab, window));
-    }
+    let grid = grid.shared();
+    team.in_steps(slabs.len(), &COLOURS, |_, slab| {
+        // SAFETY: slabs of one colour have no plane in common, and those of the other that have are through or wait.
+        scatter(slab, &mut unsafe { grid.window(slabs[slab].reach()) });
+    });
 }
 
 #[cfg(test)]

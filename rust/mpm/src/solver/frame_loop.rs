@@ -15,7 +15,9 @@ use crate::particles::{
 use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
-use crate::substep::{Bound, FrameReport, GridForces, P2gStep, StepChooser, g2p, grid_update, p2g};
+use crate::substep::{
+    Bound, FrameReport, GridForces, Outcome, P2gStep, Stage, StepChooser, Substep,
+};
 use crate::volume::VolumeCorrection;
 use threads::Team;
 
@@ -205,8 +207,9 @@ impl<const D: usize> Solver<D> {
             }
             let end = start + f64::from(frame_dt - remaining + dt);
             self.obstacles.move_to(end, dt);
-            let outcome = self.substep(P2gStep { dt, force });
-            if !outcome {
+            let outcome = self.run(&Stage::ALL, P2gStep { dt, force });
+            self.state.max_speed = outcome.max_speed_squared.sqrt();
+            if !outcome.sound {
                 return Err(self.diagnose());
             }
             travelled += self.obstacles.travel(self.state.max_speed, dt);
@@ -252,38 +255,20 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Momentum to the grid, and what forces and contacts make of it there.
-    pub(super) fn move_grid(&mut self, step: P2gStep<'_, D>) {
-        p2g(
-            &self.state.groups,
-            &self.slabs,
-            &mut self.grid,
+    /// Takes the sorted particles and the grid through some stages of a substep.
+    pub(super) fn run(&mut self, stages: &[Stage], step: P2gStep<'_, D>) -> Outcome {
+        let substep = Substep {
             step,
-            &self.team,
-        );
-        let forces = GridForces {
-            gravity: self.settings.gravity,
-            walls: &self.walls,
-            obstacles: &self.obstacles,
-            material_friction: self.material_friction,
+            forces: GridForces {
+                gravity: self.settings.gravity,
+                walls: &self.walls,
+                obstacles: &self.obstacles,
+                material_friction: self.material_friction,
+            },
+            bounds: &self.bounds,
         };
-        grid_update(&mut self.grid, &self.slabs, &forces, step.dt, &self.team);
-    }
-
-    /// One substep; false when a particle is no longer sound.
-    fn substep(&mut self, step: P2gStep<'_, D>) -> bool {
-        self.move_grid(step);
-        let (groups, grid) = (&mut self.state.groups, &self.grid);
-        let outcome = g2p(
-            groups,
-            grid,
-            &self.bounds,
-            &self.obstacles,
-            step.dt,
-            &self.team,
-        );
-        self.state.max_speed = outcome.max_speed_squared.sqrt();
-        outcome.sound
+        let groups = &mut self.state.groups;
+        substep.run(stages, groups, &self.slabs, &mut self.grid, &self.team)
     }
 
     /// Names the particle that is no longer sound, the lowest index if there are several.

@@ -11,7 +11,7 @@ use crate::grid::{Grid, Stencils};
 use crate::linalg::{Kernel, LANES, Quad, Vector, norm, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
-use crate::substep::{P2gStep, gather};
+use crate::substep::{P2gStep, Stage, gather};
 
 /// What a prescribed motion does to affine matrices and materials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,10 +124,11 @@ impl<const D: usize> Solver<D> {
 
     /// Sets the affine matrices from the velocities and the affine matrices so far; returns the largest entry.
     fn transfer(&mut self) -> f32 {
-        self.move_grid(P2gStep {
+        let step = P2gStep {
             dt: 0.0,
             force: FrameForce::None,
-        });
+        };
+        self.run(&[Stage::P2g, Stage::GridUpdate], step);
         let mut largest = 0.0;
         for group in &mut self.state.groups {
             with_group!(group, group => {
@@ -207,7 +208,7 @@ impl<const D: usize, S: State> Kernel for Gradients<'_, D, S> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather::<Q, D>(self.grid, &stencils, count);
+            let sums = gather::<Q, D>(self.grid.view(), &stencils, count);
             for i in 0..count {
                 let v = sums.value(i).to_array();
                 for axis in 0..D {
@@ -244,7 +245,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Deform<'_, D, M> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
             let count = block.count.min(LANES);
-            let sums = gather::<Q, D>(self.grid, &stencils, count);
+            let sums = gather::<Q, D>(self.grid.view(), &stencils, count);
             // The density of a particle's own material, whatever the others weigh.
             let mut density = [0.0; LANES];
             for i in 0..count {

@@ -5,11 +5,10 @@
 use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles};
-use crate::grid::{Grid, Stencils};
+use crate::grid::{Layout, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, State};
-use crate::particles::{Activity, Block, MaterialGroup, with_group};
-use threads::Team;
+use crate::particles::{Activity, Block};
 
 /// What one substep did to a set of particles.
 #[derive(Debug, Clone, Copy)]
@@ -20,12 +19,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    const NOTHING: Self = Self {
+    pub const NOTHING: Self = Self {
         max_speed_squared: 0.0,
         sound: true,
     };
 
-    fn and(self, other: Self) -> Self {
+    pub fn and(self, other: Self) -> Self {
         Self {
             max_speed_squared: self.max_speed_squared.max(other.max_speed_squared),
             sound: self.sound && other.sound,
@@ -33,29 +32,25 @@ impl Outcome {
     }
 }
 
-/// Updates all particles from the grid's velocities, over a substep of `dt` [s].
-pub fn g2p<const D: usize>(
-    groups: &mut [MaterialGroup<D>],
-    grid: &Grid<D>,
+/// Updates blocks of one group from the grid's velocities, over a substep of `dt` [s].
+pub fn g2p<const D: usize, M: Constitutive<D>>(
+    blocks: &mut [Block<D, M::State>],
+    material: &M,
+    friction: f32,
+    grid: View<'_, D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
     dt: f32,
-    team: &Team,
 ) -> Outcome {
-    let mut outcome = Outcome::NOTHING;
-    for group in groups {
-        with_group!(group, group => {
-            let (material, friction) = (&group.material, group.wall_friction);
-            let share = group.awake.blocks.len().div_ceil(4 * team.size()).max(1);
-            let mut parts: Vec<_> = group.awake.blocks.chunks_mut(share).map(|blocks| (blocks, Outcome::NOTHING)).collect();
-            team.for_each(&mut parts, |(blocks, outcome)| {
-                *outcome = run_wide(GatherBlocks { blocks, material, friction, grid, bounds, obstacles, dt });
-            });
-            // A maximum and a conjunction do not depend on how the work was cut.
-            outcome = parts.iter().fold(outcome, |all, (_, part)| all.and(*part));
-        });
-    }
-    outcome
+    run_wide(GatherBlocks {
+        blocks,
+        material,
+        friction,
+        grid,
+        bounds,
+        obstacles,
+        dt,
+    })
 }
 
 /// Some blocks of one group.
@@ -63,7 +58,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     blocks: &'a mut [Block<D, M::State>],
     material: &'a M,
     friction: f32,
-    grid: &'a Grid<D>,
+    grid: View<'a, D>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
     dt: f32,
@@ -106,7 +101,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
             let sums = gather::<Q, D>(grid, &stencils, block.count.min(LANES));
-            let moved = move_block(block, &stencils, &sums, grid, bounds, dt);
+            let moved = move_block(block, &stencils, &sums, grid.layout, bounds, dt);
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
             material.deform(&mut block.state, &block.affine, dt);
             let ratios = material.volume_ratios(&block.state);
@@ -132,7 +127,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
 /// Sums over the nodes of the first `count` particles of a block.
 #[inline(always)]
 pub fn gather<Q: Quad, const D: usize>(
-    grid: &Grid<D>,
+    grid: View<'_, D>,
     stencils: &Stencils<D>,
     count: usize,
 ) -> Sums {
@@ -147,7 +142,7 @@ pub fn gather<Q: Quad, const D: usize>(
         }
     }
     for i in 0..count {
-        let start = stencils.start[i] as usize;
+        let start = stencils.start[i] as usize - grid.first;
         // The rows of nodes are summed first, then what is left of each row along it.
         let mut planes = [Q::zero(); 3];
         let mut moments = [Q::zero(); D];
@@ -205,11 +200,11 @@ fn move_block<const D: usize, S: State>(
     block: &mut Block<D, S>,
     stencils: &Stencils<D>,
     sums: &Sums,
-    grid: &Grid<D>,
+    layout: Layout<D>,
     bounds: &Bounds<D>,
     dt: f32,
 ) -> Moved {
-    let (dt, per_cell) = (f32x4::splat(dt), f32x4::splat(4.0 / grid.layout.dx()));
+    let (dt, per_cell) = (f32x4::splat(dt), f32x4::splat(4.0 / layout.dx()));
     let mut moved = Moved {
         max_speed_squared: f32x4::ZERO,
         outside: false,

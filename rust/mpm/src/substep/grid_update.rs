@@ -3,10 +3,8 @@
 use wide::f32x4;
 
 use crate::boundary::{MaterialFriction, Obstacles, WallContact};
-use crate::grid::{CHUNK, Grid, SMALLEST_MASS, Window};
+use crate::grid::{CHUNK, SMALLEST_MASS, Window};
 use crate::linalg::{Kernel, Quad, Vector, lanes, run_wide};
-use crate::particles::{Slab, bands};
-use threads::Team;
 
 /// Everything that acts on grid velocities.
 pub struct GridForces<'a, const D: usize> {
@@ -16,27 +14,19 @@ pub struct GridForces<'a, const D: usize> {
     pub material_friction: MaterialFriction,
 }
 
-/// Turns the grid's momentum into the velocity at the end of the substep.
-///
-/// Slabs are planes of the grid: what happens at their nodes depends on no other plane.
+/// Turns the momentum of some planes into the velocity at the end of a substep of `dt` [s]. What happens at their nodes
+/// depends on no other plane.
 pub fn grid_update<const D: usize>(
-    grid: &mut Grid<D>,
-    slabs: &[Slab],
+    window: &mut Window<'_, D>,
     forces: &GridForces<'_, D>,
     dt: f32,
-    team: &Team,
 ) {
-    team.for_each(
-        &mut grid.windows(bands(slabs, grid.layout.extent).into_iter()),
-        |window| {
-            run_wide(Accelerate {
-                window,
-                gain: lanes(&(forces.gravity * dt), 0.0),
-            });
-            forces.obstacles.apply(window, &forces.material_friction);
-            forces.walls.apply(window, &forces.material_friction);
-        },
-    );
+    run_wide(Accelerate {
+        window,
+        gain: lanes(&(forces.gravity * dt), 0.0),
+    });
+    forces.obstacles.apply(window, &forces.material_friction);
+    forces.walls.apply(window, &forces.material_friction);
 }
 
 /// Divides by the masses, and adds what gravity gains.

@@ -1,15 +1,17 @@
-//! The stages of one substep: `p2g`, `grid_update`, `g2p`, and how long it may be.
+//! The stages of one substep: `p2g`, `grid_update`, `g2p`, how threads share them, and how long it may be.
 
 mod g2p;
 mod grid_update;
 mod p2g;
+mod stages;
 mod timestep;
 #[cfg(test)]
 mod transfer_tests;
 
-pub use g2p::{g2p, gather};
-pub use grid_update::{GridForces, grid_update};
-pub use p2g::{P2gStep, for_each_row, p2g, scatter_row};
+pub use g2p::{Outcome, gather};
+pub use grid_update::GridForces;
+pub use p2g::{P2gStep, for_each_row, scatter_row};
+pub use stages::{Stage, Substep};
 pub use timestep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, StepChooser, Substeps, reference_substeps,
 };

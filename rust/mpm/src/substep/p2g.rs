@@ -5,11 +5,10 @@
 use wide::f32x4;
 
 use crate::force::FrameForce;
-use crate::grid::{CHUNK, Grid, Layout, Stencils, Window};
+use crate::grid::{CHUNK, Layout, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide, shear_index};
 use crate::material::{Constitutive, State};
-use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, fresh_planes, with_group};
-use threads::Team;
+use crate::particles::Block;
 
 /// What one substep needs besides the state.
 #[derive(Clone, Copy)]
@@ -19,35 +18,26 @@ pub struct P2gStep<'a, const D: usize> {
     pub force: FrameForce<'a, D>,
 }
 
-/// Clears the grid and adds all particles to it.
-pub fn p2g<const D: usize>(
-    groups: &[MaterialGroup<D>],
-    slabs: &[Slab],
-    grid: &mut Grid<D>,
+/// Adds blocks of one group to the grid, where their particles rub against walls with this friction.
+pub fn p2g<const D: usize, M: Constitutive<D>>(
+    blocks: &[Block<D, M::State>],
+    material: &M,
+    friction: f32,
+    window: &mut Window<'_, D>,
     step: P2gStep<'_, D>,
-    team: &Team,
 ) {
-    for_each_slab(slabs, grid, team, |slab, window| {
-        window.clear(fresh_planes(slabs, slab));
-        for group in groups {
-            with_group!(group, group => {
-                for blocks in [group.awake.of_slab(slab), group.border.of_slab(slab)] {
-                    run_wide(Scatter {
-                        blocks,
-                        material: &group.material,
-                        layout: window.layout,
-                        step,
-                        first: window.first,
-                        nodes: window.nodes,
-                        dirty: window.dirty,
-                    });
-                    if !window.friction_mass.is_empty() {
-                        scatter_friction(blocks, group.wall_friction, window);
-                    }
-                }
-            });
-        }
+    run_wide(Scatter {
+        blocks,
+        material,
+        layout: window.layout,
+        step,
+        first: window.first,
+        nodes: window.nodes,
+        dirty: window.dirty,
     });
+    if !window.friction_mass.is_empty() {
+        scatter_friction(blocks, friction, window);
+    }
 }
 
 /// The blocks of one group in one slab.

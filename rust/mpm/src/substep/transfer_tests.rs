@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 
-use super::g2p::g2p;
-use super::grid_update::{GridForces, grid_update};
-use super::p2g::{P2gStep, p2g};
+use super::grid_update::GridForces;
+use super::p2g::P2gStep;
+use super::stages::{Stage, Substep};
 use crate::boundary::{
     Bounds, Contact, ContactKind, MaterialFriction, Obstacles, WallContact, Walls,
 };
@@ -134,27 +134,25 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
     let slabs = sorter.sort(&mut groups, &layout, &[], &team);
     let bands = bands(&slabs, layout.extent);
     grid.activate(&bands, |planes| sorter.places(planes), &team);
-    p2g(
-        &groups,
-        &slabs,
-        &mut grid,
-        P2gStep {
+    let obstacles = Obstacles::new(Vec::new(), &walls, &layout);
+    let substep = Substep {
+        step: P2gStep {
             dt: 0.0,
             force: FrameForce::None,
         },
-        &team,
-    );
-    let momentum = grid.clone();
-    let obstacles = Obstacles::new(Vec::new(), &walls, &layout);
-    let forces = GridForces {
-        gravity: Vector::zeros(),
-        walls: &WallContact::new(&walls, &layout),
-        obstacles: &obstacles,
-        material_friction: MaterialFriction::Uniform(0.0),
+        forces: GridForces {
+            gravity: Vector::zeros(),
+            walls: &WallContact::new(&walls, &layout),
+            obstacles: &obstacles,
+            material_friction: MaterialFriction::Uniform(0.0),
+        },
+        bounds: &Bounds::new(walls, &layout),
     };
-    grid_update(&mut grid, &slabs, &forces, 0.0, &team);
-    let bounds = Bounds::new(walls, &layout);
-    assert!(g2p(&mut groups, &grid, &bounds, &obstacles, 0.0, &team).sound);
+    substep.run(&[Stage::P2g], &mut groups, &slabs, &mut grid, &team);
+    let momentum = grid.clone();
+    let rest = [Stage::GridUpdate, Stage::G2p];
+    let outcome = substep.run(&rest, &mut groups, &slabs, &mut grid, &team);
+    assert!(outcome.sound);
     let Some(MaterialGroup::Water(group)) = groups.pop() else {
         unreachable!()
     };

@@ -1,0 +1,143 @@
+//! The stages of a substep, slab by slab on several threads.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::g2p::{Outcome, g2p};
+use super::grid_update::{GridForces, grid_update};
+use super::p2g::{P2gStep, p2g};
+use crate::boundary::Bounds;
+use crate::grid::{Grid, View, Window};
+use crate::material::Constitutive;
+use crate::particles::{
+    Block, COLOURS, Group, MaterialGroup, Slab, bands, fresh_planes, with_group,
+};
+use threads::{Step, Team};
+
+/// A part of a substep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    P2g,
+    GridUpdate,
+    G2p,
+}
+
+impl Stage {
+    pub const ALL: [Self; 3] = [Self::P2g, Self::GridUpdate, Self::G2p];
+
+    /// The slabs that may go through it side by side, turn after turn.
+    fn steps(self) -> &'static [Step] {
+        match self {
+            Self::P2g => &COLOURS,
+            Self::GridUpdate | Self::G2p => &[Step::ALL],
+        }
+    }
+}
+
+/// What one substep needs besides particles and grid.
+pub struct Substep<'a, const D: usize> {
+    pub step: P2gStep<'a, D>,
+    pub forces: GridForces<'a, D>,
+    pub bounds: &'a Bounds<D>,
+}
+
+impl<const D: usize> Substep<'_, D> {
+    /// Takes sorted particles and the grid through some stages that follow each other.
+    ///
+    /// A slab enters a stage when it and its neighbours are through with the one before: what it touches lies in their
+    /// planes. Nobody waits for slabs further away.
+    pub fn run(
+        &self,
+        stages: &[Stage],
+        groups: &mut [MaterialGroup<D>],
+        slabs: &[Slab],
+        grid: &mut Grid<D>,
+        team: &Team,
+    ) -> Outcome {
+        let bands = bands(slabs, grid.layout.extent);
+        let grid = grid.shared();
+        let groups: Vec<_> = groups.iter_mut().map(cut).collect();
+        let outcomes: Vec<_> = slabs.iter().map(|_| Mutex::new(Outcome::NOTHING)).collect();
+        let of_stage = |&stage: &Stage| stage.steps().iter().map(move |&step| (stage, step));
+        let (stages, steps): (Vec<_>, Vec<_>) = stages.iter().flat_map(of_stage).unzip();
+        team.in_steps(slabs.len(), &steps, |number, slab| {
+            let reach = slabs[slab].reach();
+            // SAFETY of all: the planes within reach belong to the slab and its neighbours. In P2G slabs of one colour
+            // touch different planes; in the update of the grid each has its own band; in G2P all only read.
+            match stages[number] {
+                Stage::P2g => {
+                    let window = &mut unsafe { grid.window(reach) };
+                    window.clear(fresh_planes(slabs, slab));
+                    for group in &groups {
+                        group.p2g(slab, window, self.step);
+                    }
+                }
+                Stage::GridUpdate => {
+                    let window = &mut unsafe { grid.window(bands[slab].clone()) };
+                    grid_update(window, &self.forces, self.step.dt);
+                }
+                Stage::G2p => {
+                    let view = unsafe { grid.view(reach) };
+                    let of_groups = groups.iter().map(|group| group.g2p(slab, view, self));
+                    *unlocked(&outcomes[slab]) = of_groups.fold(Outcome::NOTHING, Outcome::and);
+                }
+            }
+        });
+        // A maximum and a conjunction do not depend on the order.
+        let outcomes = outcomes.iter().map(|outcome| *unlocked(outcome));
+        outcomes.fold(Outcome::NOTHING, Outcome::and)
+    }
+}
+
+/// Locks what only one thread works on at a time.
+fn unlocked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A group of any material, cut into slabs.
+trait Cut<const D: usize>: Sync {
+    fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>);
+    fn g2p(&self, slab: usize, grid: View<'_, D>, substep: &Substep<'_, D>) -> Outcome;
+}
+
+struct CutGroup<'a, const D: usize, M: Constitutive<D>> {
+    material: &'a M,
+    friction: f32,
+    /// Those that are awake, for whoever works on their slab.
+    awake: Vec<Mutex<&'a mut [Block<D, M::State>]>>,
+    border: Vec<&'a [Block<D, M::State>]>,
+}
+
+fn cut<const D: usize>(group: &mut MaterialGroup<D>) -> Box<dyn Cut<D> + '_> {
+    with_group!(group, group => {
+        let Group { material, wall_friction, awake, border, .. } = group;
+        Box::new(CutGroup {
+            material: &*material,
+            friction: *wall_friction,
+            awake: awake.by_slab().into_iter().map(Mutex::new).collect(),
+            border: border.by_slab().into_iter().map(|blocks| &*blocks).collect(),
+        })
+    })
+}
+
+impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
+    fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>) {
+        let awake = unlocked(&self.awake[slab]);
+        for blocks in [&**awake, self.border[slab]] {
+            p2g(blocks, self.material, self.friction, window, step);
+        }
+    }
+
+    fn g2p(&self, slab: usize, grid: View<'_, D>, substep: &Substep<'_, D>) -> Outcome {
+        let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
+        let awake = &mut unlocked(&self.awake[slab]);
+        g2p(
+            awake,
+            self.material,
+            self.friction,
+            grid,
+            bounds,
+            obstacles,
+            substep.step.dt,
+        )
+    }
+}

@@ -1,0 +1,197 @@
+//! Items that threads share, in one step or in several that follow each other item by item.
+
+use std::hint::spin_loop;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::team::Team;
+
+/// Work on the items `first`, `first + stride` and so on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Step {
+    pub first: usize,
+    pub stride: usize,
+}
+
+impl Step {
+    pub const ALL: Self = Self {
+        first: 0,
+        stride: 1,
+    };
+    pub const EVEN: Self = Self {
+        first: 0,
+        stride: 2,
+    };
+    pub const ODD: Self = Self {
+        first: 1,
+        stride: 2,
+    };
+
+    fn includes(self, item: usize) -> bool {
+        item >= self.first && (item - self.first).is_multiple_of(self.stride)
+    }
+
+    /// How many of its items come before this one.
+    fn count_before(self, item: usize) -> usize {
+        item.saturating_sub(self.first).div_ceil(self.stride)
+    }
+}
+
+/// Most steps of one call.
+const MAX_STEPS: usize = 4;
+
+/// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb each
+/// other.
+#[repr(align(128))]
+struct Share {
+    first: usize,
+    end: usize,
+    /// Whether its thread has come.
+    present: AtomicBool,
+    /// How many items of each step have been taken.
+    taken: [AtomicUsize; MAX_STEPS],
+}
+
+/// Number of the last step that an item is through with, from 1 on.
+#[repr(align(128))]
+struct Progress(AtomicUsize);
+
+impl Team {
+    /// Calls `work` on each item, on as many threads as are free.
+    pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
+        // Uncontended: each item is locked by the one thread that took its number.
+        let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();
+        self.in_steps(items.len(), &[Step::ALL], |_, item| {
+            work(&mut items[item].lock().unwrap_or_else(PoisonError::into_inner));
+        });
+    }
+
+    /// Calls `work` with the number of each of up to four steps and of each of its items, of which there are `count` in
+    /// all, on as many threads as are free.
+    ///
+    /// An item begins a step when it and its two neighbours are through with all earlier steps; items further away may be
+    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call: what it wrote last
+    /// time is still near it. Then it helps those that have more left.
+    ///
+    /// # Panics
+    /// Where `work` does.
+    pub fn in_steps(&self, count: usize, steps: &[Step], work: impl Fn(usize, usize) + Sync) {
+        let items = |step: &Step| (step.first..count).step_by(step.stride);
+        let Some(_caller) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
+            for (number, step) in steps.iter().enumerate() {
+                items(step).for_each(|item| work(number, item));
+            }
+            return;
+        };
+        let threads = self.size();
+        let share = |thread: usize| Share {
+            first: thread * count / threads,
+            end: (thread + 1) * count / threads,
+            present: AtomicBool::new(false),
+            taken: [const { AtomicUsize::new(0) }; MAX_STEPS],
+        };
+        let shares: Vec<_> = (0..threads).map(share).collect();
+        let progress: Vec<_> = (0..count).map(|_| Progress(AtomicUsize::new(0))).collect();
+        self.run(&|thread| {
+            shares[thread].present.store(true, Ordering::Relaxed);
+            for (number, step) in steps.iter().enumerate() {
+                for owner in (thread..threads).chain(0..thread) {
+                    while let Some(item) = shares[owner].take(number, *step, owner == thread) {
+                        wait_for_neighbours(&progress, &steps[..number], item);
+                        let _through = Through(&progress[item], number + 1);
+                        work(number, item);
+                    }
+                }
+            }
+        });
+    }
+}
+
+impl Share {
+    /// An item of a step that nobody has taken; None where its thread will come to what is left.
+    fn take(&self, number: usize, step: Step, mine: bool) -> Option<usize> {
+        let before = step.count_before(self.first);
+        let count = step.count_before(self.end) - before;
+        let taken = &self.taken[number];
+        // The last item is not worth moving what belongs to it from one core to another.
+        let left = count.saturating_sub(taken.load(Ordering::Relaxed));
+        if !mine && left < 2 && self.present.load(Ordering::Relaxed) {
+            return None;
+        }
+        let index = taken.fetch_add(1, Ordering::Relaxed);
+        // The first item comes last: it waits for the last one of another thread.
+        let place = before + (index + 1) % count.max(1);
+        (index < count).then_some(step.first + place * step.stride)
+    }
+}
+
+/// Waits until an item and its neighbours are through with the steps before. Whoever has taken one of these works on it or
+/// waits for a still earlier step: so somebody always goes on.
+fn wait_for_neighbours(progress: &[Progress], before: &[Step], item: usize) {
+    let around = item.saturating_sub(1)..(item + 2).min(progress.len());
+    for neighbour in around {
+        let last = before.iter().rposition(|step| step.includes(neighbour));
+        let needed = last.map_or(0, |number| number + 1);
+        let mut spins = 0u32;
+        while progress[neighbour].0.load(Ordering::Acquire) < needed {
+            // Its thread may have lost its core to another process.
+            spins += 1;
+            if spins.is_multiple_of(4096) {
+                std::thread::yield_now();
+            }
+            spin_loop();
+        }
+    }
+}
+
+/// Marks a step of an item as done when dropped, also by a panic: else others would wait for ever.
+struct Through<'a>(&'a Progress, usize);
+
+impl Drop for Through<'_> {
+    fn drop(&mut self) {
+        self.0.0.store(self.1, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_item_is_ahead_of_its_neighbours() {
+        let steps = [Step::EVEN, Step::ODD, Step::ALL, Step::ALL];
+        for (threads, count) in [(1, 5), (2, 1), (2, 2), (2, 16), (3, 7), (4, 16), (4, 3)] {
+            let team = Team::new(threads).unwrap();
+            for _ in 0..300 {
+                // The steps that each item has been through, one bit each.
+                let through: Vec<_> = (0..count).map(|_| AtomicUsize::new(0)).collect();
+                team.in_steps(count, &steps, |number, item| {
+                    let around = item.saturating_sub(1)..(item + 2).min(count);
+                    for neighbour in around {
+                        let expected = (0..number).filter(|&step| steps[step].includes(neighbour));
+                        let expected = expected.fold(0, |bits, step| bits | 1 << step);
+                        let bits = through[neighbour].load(Ordering::Relaxed);
+                        assert_eq!(bits & expected, expected, "{item} in step {number}");
+                    }
+                    let bits = through[item].fetch_or(1 << number, Ordering::Relaxed);
+                    assert_eq!(bits & 1 << number, 0, "twice");
+                });
+                for (item, bits) in through.iter().enumerate() {
+                    let first = if item.is_multiple_of(2) { 1 } else { 2 };
+                    assert_eq!(bits.load(Ordering::Relaxed), 0b1100 | first);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_panic_in_a_step_keeps_nobody_waiting() {
+        let team = Team::new(2).unwrap();
+        let attempt = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            team.in_steps(8, &[Step::ALL, Step::ALL], |number, item| {
+                assert!(number == 1 || item != 5, "on purpose");
+            });
+        }));
+        assert!(attempt.is_err());
+    }
+}
