@@ -13,6 +13,8 @@ pub struct Sorted<const D: usize, S: State> {
     pub blocks: Vec<Block<D, S>>,
     /// The other half of each sort; its content means nothing.
     pub(super) scratch: Vec<Block<D, S>>,
+    /// Whether the latest sort moved something; else it left `blocks` as they were.
+    pub(super) moved: bool,
     /// Where the particles of each slab are; empty before the first sort.
     pub(super) runs: Vec<Run>,
 }
@@ -21,6 +23,7 @@ impl<const D: usize, S: State> Sorted<D, S> {
     const EMPTY: Self = Self {
         blocks: Vec::new(),
         scratch: Vec::new(),
+        moved: false,
         runs: Vec::new(),
     };
 
@@ -38,6 +41,21 @@ impl<const D: usize, S: State> Sorted<D, S> {
             mine
         };
         self.runs.iter().map(cut).collect()
+    }
+
+    /// Gives the memory of these blocks to the next sort of `to`, and takes over where its particles are in its own.
+    fn lend(&mut self, to: &mut Self) {
+        std::mem::swap(&mut self.blocks, &mut to.scratch);
+        self.runs.clone_from(&to.runs);
+    }
+
+    /// Takes the blocks that the sort of `sorted` has read from.
+    fn take_unsorted(&mut self, sorted: &mut Self) {
+        if sorted.moved {
+            std::mem::swap(&mut self.blocks, &mut sorted.scratch);
+        } else {
+            self.blocks.clone_from(&sorted.blocks);
+        }
     }
 
     fn copy_from(&mut self, from: &Self) {
@@ -182,15 +200,39 @@ pub enum MaterialGroup<const D: usize> {
     Elastic(Group<D, Elastic>),
 }
 
+/// Runs one expression on two groups of the same material.
+macro_rules! with_both {
+    ($one:expr, $other:expr, ($a:ident, $b:ident) => $body:expr) => {
+        match ($one, $other) {
+            (MaterialGroup::Water($a), MaterialGroup::Water($b)) => $body,
+            (MaterialGroup::Sand($a), MaterialGroup::Sand($b)) => $body,
+            (MaterialGroup::Elastic($a), MaterialGroup::Elastic($b)) => $body,
+            _ => unreachable!("the groups of a solver keep their order"),
+        }
+    };
+}
+
 impl<const D: usize> MaterialGroup<D> {
     /// Takes over the particles of a group of the same material without allocating.
     pub fn copy_particles(&mut self, from: &Self) {
-        match (self, from) {
-            (Self::Water(to), Self::Water(from)) => to.copy_from(from),
-            (Self::Sand(to), Self::Sand(from)) => to.copy_from(from),
-            (Self::Elastic(to), Self::Elastic(from)) => to.copy_from(from),
-            _ => unreachable!("the groups of a solver keep their order"),
-        }
+        with_both!(self, from, (to, from) => to.copy_from(from));
+    }
+
+    /// Gives memory to the next sort of another group, to be followed by `take_unsorted`.
+    pub fn lend(&mut self, to: &mut Self) {
+        with_both!(self, to, (lender, to) => {
+            lender.awake.lend(&mut to.awake);
+            lender.border.lend(&mut to.border);
+        });
+    }
+
+    /// Takes the particles as they were before the sort of another group: a copy that costs nothing.
+    pub fn take_unsorted(&mut self, sorted: &mut Self) {
+        with_both!(self, sorted, (to, sorted) => {
+            to.awake.take_unsorted(&mut sorted.awake);
+            to.border.take_unsorted(&mut sorted.border);
+            to.asleep.clone_from(&sorted.asleep);
+        });
     }
 }
 

@@ -141,7 +141,9 @@ impl<const D: usize, S: State> Shelf<'_, D, S> {
         let runs: Vec<_> = self.slabs.iter().map(run).collect();
         let in_place = runs == sorted.runs && Places::all_in_order(self.parts);
         sorted.runs = runs;
-        let Some(vacant) = self.vacant.filter(|_| !in_place) else {
+        let vacant = self.vacant.filter(|_| !in_place);
+        sorted.moved = vacant.is_some();
+        let Some(vacant) = vacant else {
             return;
         };
         sorted.scratch.resize(next, *vacant);

@@ -110,13 +110,17 @@ impl<const D: usize> Solver<D> {
     }
 
     fn advance_frame(&mut self, force: FrameForce<'_, D>) -> Result<(), MpmError> {
-        self.remember();
         let max_speed = self.state.max_speed;
         // The clock of moving obstacles is a function of the frame's number.
         let start = self.state.frame as f64 * f64::from(self.settings.frame_dt);
         self.obstacles.move_to(start, 0.0);
+        // Sorting at the start of a frame makes a frame a function of the state alone.
         if let Some(sleep) = self.settings.sleep {
+            self.remember();
             self.let_sleep(sleep, force);
+            self.sort();
+        } else {
+            self.sort_and_remember();
         }
         match self.substeps(start, force) {
             Ok(report) => {
@@ -165,6 +169,18 @@ impl<const D: usize> Solver<D> {
         }
     }
 
+    /// Sorts the particles and keeps those before the sort, as `remember` does.
+    fn sort_and_remember(&mut self) {
+        if self.before.is_empty() {
+            self.remember();
+        }
+        let pairs = self.before.iter_mut().zip(&mut self.state.groups);
+        pairs.for_each(|(before, now)| before.lend(now));
+        self.sort();
+        let pairs = self.before.iter_mut().zip(&mut self.state.groups);
+        pairs.for_each(|(before, now)| before.take_unsorted(now));
+    }
+
     /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
     /// particles may have come.
     fn let_sleep(&mut self, sleep: Sleep, force: FrameForce<'_, D>) {
@@ -189,8 +205,6 @@ impl<const D: usize> Solver<D> {
         let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
         let mut remaining = frame_dt;
-        // Sorting at the start of a frame makes a frame a function of the state alone.
-        self.sort();
         let mut travelled = 0.0;
         if let Some(elapsed) = self.volume.as_ref().and_then(|v| v.due(self.state.frame)) {
             self.correct_volumes(elapsed);
