@@ -24,14 +24,19 @@ pub enum Stage {
 impl Stage {
     pub const ALL: [Self; 3] = [Self::P2g, Self::GridUpdate, Self::G2p];
 
-    /// The slabs that may go through it side by side, turn after turn.
-    fn steps(self) -> &'static [Step] {
+    /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are few:
+    /// threads wait less for the last.
+    fn steps(self, slabs: usize) -> &'static [Step] {
         match self {
             Self::P2g => &COLOURS,
+            Self::G2p if slabs < FEW_SLABS => &[Step::ALL; 2],
             Self::GridUpdate | Self::G2p => &[Step::ALL],
         }
     }
 }
+
+/// Fewer slabs are halved.
+const FEW_SLABS: usize = 8;
 
 /// What one substep needs besides particles and grid.
 pub struct Substep<'a, const D: usize> {
@@ -57,28 +62,34 @@ impl<const D: usize> Substep<'_, D> {
         let grid = grid.shared();
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
         let outcomes: Vec<_> = slabs.iter().map(|_| Mutex::new(Outcome::NOTHING)).collect();
-        let of_stage = |&stage: &Stage| stage.steps().iter().map(move |&step| (stage, step));
+        let of_stage = |&stage: &Stage| {
+            let steps = stage.steps(slabs.len());
+            let numbered = steps.iter().enumerate();
+            numbered.map(move |(turn, &step)| ((stage, turn, steps.len()), step))
+        };
         let (stages, steps): (Vec<_>, Vec<_>) = stages.iter().flat_map(of_stage).unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
             let reach = slabs[slab].reach();
             // SAFETY of all: the planes within reach belong to the slab and its neighbours. In P2G slabs of one colour
             // touch different planes; in the update of the grid each has its own band; in G2P all only read.
             match stages[number] {
-                Stage::P2g => {
+                (Stage::P2g, ..) => {
                     let window = &mut unsafe { grid.window(reach) };
                     window.clear(fresh_planes(slabs, slab));
                     for group in &groups {
                         group.p2g(slab, window, self.step);
                     }
                 }
-                Stage::GridUpdate => {
+                (Stage::GridUpdate, ..) => {
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
                     grid_update(window, &self.forces, self.step.dt);
                 }
-                Stage::G2p => {
+                (Stage::G2p, part, parts) => {
                     let view = unsafe { grid.view(reach) };
-                    let of_groups = groups.iter().map(|group| group.g2p(slab, view, self));
-                    *unlocked(&outcomes[slab]) = of_groups.fold(Outcome::NOTHING, Outcome::and);
+                    let outcome = &mut *unlocked(&outcomes[slab]);
+                    for group in &groups {
+                        *outcome = outcome.and(group.g2p(slab, (part, parts), view, self));
+                    }
                 }
             }
         });
@@ -96,7 +107,14 @@ fn unlocked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 /// A group of any material, cut into slabs.
 trait Cut<const D: usize>: Sync {
     fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>);
-    fn g2p(&self, slab: usize, grid: View<'_, D>, substep: &Substep<'_, D>) -> Outcome;
+    /// For one of so many parts of the slab.
+    fn g2p(
+        &self,
+        slab: usize,
+        part: (usize, usize),
+        grid: View<'_, D>,
+        substep: &Substep<'_, D>,
+    ) -> Outcome;
 }
 
 struct CutGroup<'a, const D: usize, M: Constitutive<D>> {
@@ -127,13 +145,23 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         }
     }
 
-    fn g2p(&self, slab: usize, grid: View<'_, D>, substep: &Substep<'_, D>) -> Outcome {
+    fn g2p(
+        &self,
+        slab: usize,
+        (part, parts): (usize, usize),
+        grid: View<'_, D>,
+        substep: &Substep<'_, D>,
+    ) -> Outcome {
         let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
         let awake = &mut unlocked(&self.awake[slab]);
+        let cut = |part: usize| part * awake.len() / parts;
+        let range = cut(part)..cut(part + 1);
+        let blocks = &mut awake[range];
+        let (material, friction) = (self.material, self.friction);
         g2p(
-            awake,
-            self.material,
-            self.friction,
+            blocks,
+            material,
+            friction,
             grid,
             bounds,
             obstacles,
