@@ -40,8 +40,8 @@ impl Step {
 /// Most steps of one call.
 const MAX_STEPS: usize = 5;
 
-/// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb each
-/// other.
+/// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb
+/// each other.
 #[repr(align(128))]
 struct Share {
     first: usize,
@@ -70,8 +70,8 @@ impl Team {
     /// all, on as many threads as are free.
     ///
     /// An item begins a step when it and its two neighbours are through with all earlier steps; items further away may be
-    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call: what it wrote last
-    /// time is still near it. Then it helps those that have more left.
+    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call: what it wrote
+    /// last time is still near it. Then it helps those that have more left.
     ///
     /// # Panics
     /// Where `work` does.

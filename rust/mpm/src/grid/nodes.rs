@@ -48,8 +48,8 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Recomputes the active spans from where the stencils start that start in some planes, band by band. Bands are planes
-    /// that follow each other, from the first to the last of the grid.
+    /// Recomputes the active spans. Bands are ranges of planes that tile the grid in ascending order; `places` tells where
+    /// the stencils start that start in such a range.
     ///
     /// Nodes that leave the spans are zeroed: contact with a wall looks one node beyond them, and what
     /// it finds there must not depend on the past.

@@ -75,8 +75,8 @@ pub fn bands(slabs: &[Slab], extent: usize) -> Vec<Range<usize>> {
         .collect()
 }
 
-/// Slabs of one colour touch different nodes and may be scattered side by side. Those of the second follow their neighbours,
-/// so each node sums in the same order whatever the number of threads.
+/// Slabs of one colour touch different nodes and may be scattered side by side. Those of the second colour follow their
+/// neighbours, so each node sums in the same order whatever the number of threads.
 pub const COLOURS: [Step; 2] = [Step::EVEN, Step::ODD];
 
 /// Calls `scatter` for each slab, by its index, with the nodes that its particles touch.

@@ -32,7 +32,8 @@ struct Part {
 const SMALLEST_PART: usize = 16;
 
 impl Sorter {
-    /// Sorts all particles that carry by the cell where their stencils start, and cuts the grid into slabs of about equal numbers of them.
+    /// Sorts all particles that carry by the cell where their stencils start, and cuts the grid into slabs of about equal
+    /// numbers of them.
     ///
     /// The cut depends on the particles alone, never on the number of threads. No cut parts the planes of `walls` from
     /// their neighbours.

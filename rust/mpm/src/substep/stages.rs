@@ -24,8 +24,8 @@ pub enum Stage {
 impl Stage {
     pub const ALL: [Self; 3] = [Self::P2g, Self::GridUpdate, Self::G2p];
 
-    /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are few:
-    /// threads wait less for the last.
+    /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are
+    /// few: threads wait less for the last.
     fn steps(self, slabs: usize) -> &'static [Step] {
         match self {
             Self::P2g => &COLOURS,
