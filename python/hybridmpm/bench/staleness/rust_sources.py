@@ -23,6 +23,7 @@ CRATES: dict[str, str | None] = {
     "SOLVER_VERSION": None,
     "__version__": None,
     "cpu_features": None,
+    "Carrier": _MPM,
     "Diagnostics": _MPM,
     "Emitter": _MPM,
     "FrameReport": _MPM,
