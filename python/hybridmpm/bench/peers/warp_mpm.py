@@ -14,7 +14,7 @@ from hybridmpm.bench.peers.conventions import checked_material, sand_constants
 from hybridmpm.bench.peers.warp_kernels import kernels
 from hybridmpm.scene import Scene, Water
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 NAME = f"warp {wp.__version__}"
 SETTINGS = {"plain": 1}
