@@ -28,10 +28,11 @@ test-python: setup $(VENV)/.dev ## tests of library, service and page on all cor
 test-all: test ## the default suite, then the long twins of its tests one by one
 	$(BIN)/pytest -m long
 
-lint: setup $(VENV)/.dev ## ruff, mypy --strict, clippy and rustfmt; changes nothing
+lint: setup $(VENV)/.dev ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest --concise hybridmpm._native
 	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo fmt --all --check
 

@@ -204,8 +204,13 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result
     return command
 
 
-def test_a_point_measured_without_training(run: Callable[..., Result], tmp_path: Path) -> None:
+def test_a_point_measured_without_training(
+    run: Callable[..., Result], tmp_path: Path, tiny_model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "rows.json"
+    # An export takes seconds; that of this network is done.
+    training = importlib.import_module("hybridmpm.bench.sweep.training")
+    monkeypatch.setattr(training, "to_onnx", lambda _simulator, _info: tiny_model.read_bytes())
     result = run("--points", TINY, "--json", str(file))
     assert result.exit_code == 0, result.output
     *references, untrained = json.loads(file.read_text())

@@ -180,7 +180,7 @@ def test_resumes_after_kill_9(tmp_path: Path, scene_file: Path) -> None:
     folder, undisturbed = tmp_path / "killed", tmp_path / "undisturbed"
     kills = 0
     for wanted in (2, 5):
-        process = subprocess.Popen(command(folder, scene_file, "--frames", 300), stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(command(folder, scene_file, "--frames", 150), stderr=subprocess.DEVNULL)
         while len(list((folder / "shards").glob("[0-9]*.h5"))) < wanted and process.poll() is None:
             time.sleep(0.002)
         process.send_signal(signal.SIGKILL)
@@ -189,12 +189,12 @@ def test_resumes_after_kill_9(tmp_path: Path, scene_file: Path) -> None:
         shards = list((folder / "shards").glob("[0-9]*.h5"))
         assert len(shards) >= wanted
         for path in shards:
-            assert Shards(folder).read(int(path.stem)).positions.shape[0] == 301
+            assert Shards(folder).read(int(path.stem)).positions.shape[0] == 151
     assert kills == 2
     # A half-written shard, as a kill between writing and renaming leaves it.
     (folder / "shards" / ".0000009.1.h5").write_bytes(shards[0].read_bytes()[:1000])
-    subprocess.run(command(folder, scene_file, "--frames", 300), check=True, capture_output=True)
-    subprocess.run(command(undisturbed, scene_file, "--frames", 300), check=True, capture_output=True)
+    subprocess.run(command(folder, scene_file, "--frames", 150), check=True, capture_output=True)
+    subprocess.run(command(undisturbed, scene_file, "--frames", 150), check=True, capture_output=True)
     assert sorted(path.name for path in folder.iterdir()) == ["metadata.json", "train.h5", "valid.h5"]
     assert metadata.read(folder) == metadata.read(undisturbed)
     for split, count in (("train", 10), ("valid", 1)):
