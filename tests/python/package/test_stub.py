@@ -6,6 +6,7 @@ from pathlib import Path
 import hybridmpm
 from hybridmpm import _native
 
+
 def test_stub_and_marker_are_shipped() -> None:
     package = Path(inspect.getfile(hybridmpm)).parent
     assert (package / "py.typed").exists()
