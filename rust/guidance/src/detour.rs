@@ -64,32 +64,18 @@ impl<const D: usize> Detour<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A room of a metre with a wall at x = 0.5 from the floor up to 0.6 m.
-    fn room() -> FreeSpace<2> {
-        let (spacing, count) = (1.0 / 64.0, 65);
-        let distance = (0..count * count)
-            .map(|flat| {
-                let (x, y) = (
-                    (flat / count) as f64 * spacing,
-                    (flat % count) as f64 * spacing,
-                );
-                (x - 0.5).hypot((y - 0.6).max(0.0)) - 0.01
-            })
-            .collect();
-        FreeSpace::new([0.0; 2], spacing, [count; 2], distance).unwrap()
-    }
+    use crate::free_space::tests::walled_room;
 
     #[test]
     fn what_is_seen_needs_no_detour() {
-        let detour = Detour::new(&room(), &[[0.8, 0.2]]);
+        let detour = Detour::new(&walled_room(), &[[0.8, 0.2]]);
         assert!(detour.around(&[0.6, 0.2], &[0.8, 0.2]).is_none());
         assert!(detour.around(&[0.2, 0.8], &[0.8, 0.8]).is_none());
     }
 
     #[test]
     fn the_way_on_leads_up_the_wall_and_down_behind_it() {
-        let detour = Detour::new(&room(), &[[0.8, 0.2]]);
+        let detour = Detour::new(&walled_room(), &[[0.8, 0.2]]);
         let before = detour.around(&[0.44, 0.2], &[0.8, 0.2]).unwrap();
         assert!(before.direction[1] > 0.8, "{:?}", before.direction);
         assert!((before.length - 0.95).abs() < 0.15, "{}", before.length);

@@ -287,8 +287,23 @@ impl<const D: usize> FreeSpace<D> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+
+    /// A room of a metre with a wall of 2 cm at x = 0.5 from the floor up to 0.6 m.
+    pub(crate) fn walled_room() -> FreeSpace<2> {
+        let (spacing, count) = (1.0 / 64.0, 65);
+        let distance = (0..count * count)
+            .map(|flat| {
+                let (x, y) = (
+                    (flat / count) as f64 * spacing,
+                    (flat % count) as f64 * spacing,
+                );
+                (x - 0.5).hypot((y - 0.6).max(0.0)) - 0.01
+            })
+            .collect();
+        FreeSpace::new([0.0; 2], spacing, [count; 2], distance).unwrap()
+    }
 
     /// A room of a metre with a wall at x = 0.5 from the floor up to a height.
     fn room(height: f64) -> FreeSpace<2> {

@@ -124,20 +124,10 @@ impl<const D: usize> Sight<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::free_space::tests::walled_room;
 
-    /// A room of a metre with a wall of 2 cm at x = 0.5 from the floor up to 0.6 m.
     fn sight() -> Sight<2> {
-        let (spacing, count) = (1.0 / 64.0, 65);
-        let distance = (0..count * count)
-            .map(|flat| {
-                let (x, y) = (
-                    (flat / count) as f64 * spacing,
-                    (flat % count) as f64 * spacing,
-                );
-                (x - 0.5).hypot((y - 0.6).max(0.0)) - 0.01
-            })
-            .collect();
-        Sight::new(&FreeSpace::new([0.0; 2], spacing, [count; 2], distance).unwrap())
+        Sight::new(&walled_room())
     }
 
     #[test]
