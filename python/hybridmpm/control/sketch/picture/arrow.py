@@ -3,7 +3,7 @@
 Lengths are in pixels of the 512-pixel raster, points are (x, y) with y down until the arrow is made.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,10 @@ from hybridmpm.errors import SketchError
 
 _BESIDE = 1.5
 """Distance from the edge of the line up to which ink counts as an unsteady line."""
+_LOOKS = 2
+"""Number of times that the head is looked for."""
+_NEAR_END = 0.4
+"""Place along the line, from 0 to 1, from which ink beside it may be the head at its end."""
 _CLEAR_HEAD = 8.0
 """Least ink beside the line [pixels] at the end that is the head."""
 _NO_HEAD = "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
@@ -53,6 +57,9 @@ _OTHER_HEAD = 0.5
 _MAX_STRAY = 0.1
 """Largest share of the ink that may lie neither on the line nor in the head."""
 _OTHER_LINES = "the arrow has other lines beside it: draw one arrow, longer than its head, and nothing else"
+_POINTED = 1.6
+"""Radius of a disc that fits a tip's sections a few pixels behind its front, over that of the foremost
+ones, from which the tip is a point. Drawn points have 1.68 and more."""
 _DIRECTION = 24.0
 """Length of line from which the direction of an end is taken."""
 _TOLERANCE = 1.5
@@ -82,14 +89,19 @@ def read_arrow(coverage: Floats, mask: Mask) -> Arrow:
     shaft = find_shaft(coverage, mask)
     if shaft.length < _MIN_LENGTH:
         raise SketchError(_TOO_SHORT)
-    beside, place = _beside(ink, shaft)
+    distance, nearest = shaft.distance(ink.pixels)
+    lines = (
+        _Line(shaft, distance, nearest),
+        _Line(shaft.reversed(), distance, len(shaft.points) - 1 - nearest),
+    )
+    heads = [_beside_end(ink, line) for line in lines]
     readings = [
         reading
-        for line, head in ((shaft, beside & (place > 0.4)), (shaft.reversed(), beside & (place < 0.6)))
-        if ink.amount[head].sum() >= _CLEAR_HEAD and (reading := _read(ink, line, head)) is not None
+        for line, head in zip(lines, heads, strict=True)
+        if (reading := _read(ink, line, head)) is not None
     ]
     if not readings:
-        raise SketchError(_NO_HEAD if shaft.length > _SHORT or not beside.any() else _TOO_SHORT)
+        raise SketchError(_NO_HEAD if shaft.length > _SHORT or not np.any(heads) else _TOO_SHORT)
     best = min(readings, key=lambda reading: reading.unexplained)
     if best.unexplained > _MAX_STRAY:
         raise SketchError(_OTHER_LINES)
@@ -112,6 +124,25 @@ class _Ink:
 
 
 @dataclass(frozen=True)
+class _Line:
+    """A line through the ink, from what may be its tail to what may be its tip."""
+
+    shaft: Shaft
+    distance: Floats
+    """Distance (N,) of each pixel of ink to the line."""
+    nearest: npt.NDArray[np.intp]
+    """Index (N,) of the point of the line that is nearest to the pixel."""
+
+
+@dataclass(frozen=True)
+class _Head:
+    """Where the ink beside the line is."""
+
+    center: Floats
+    radius: float
+
+
+@dataclass(frozen=True)
 class _Reading:
     """An arrow whose head is at one of the two ends of the line."""
 
@@ -123,46 +154,61 @@ class _Reading:
     """Share of the ink that is neither line nor head, plus the part of the line that has no ink."""
 
 
-def _beside(ink: _Ink, shaft: Shaft) -> tuple[npt.NDArray[np.bool_], Floats]:
-    """Return which pixels (N,) lie beside the line, and where along it (N,), from 0 at its start to 1.
+def _beside_end(ink: _Ink, line: _Line) -> npt.NDArray[np.bool_]:
+    """Return which pixels (N,) of ink lie beside the line, nearer to its end than to its start.
 
     A connected piece of ink is in one place as a whole, because the barb of a large head may reach back
     beyond half of a short line.
     """
-    distance, nearest = shaft.distance(ink.pixels)
-    beside = distance > shaft.free[nearest] / 2 + _BESIDE
+    beside = line.distance > line.shaft.free[line.nearest] / 2 + _BESIDE
     mask = np.zeros((RASTER_SIZE, RASTER_SIZE), dtype=bool)
     column, row = ink.pixels.astype(np.intp).T
     mask[row[beside], column[beside]] = True
     piece = labels(mask)[row, column]
     weight = np.where(beside, ink.amount, 0.0)
     total = np.bincount(piece, weight)
-    place = np.bincount(piece, weight * nearest / (len(shaft.points) - 1))
-    return beside, (place / np.maximum(total, 1e-9))[piece]
+    place = np.bincount(piece, weight * line.nearest / (len(line.shaft.points) - 1))
+    return np.asarray(beside & ((place / np.maximum(total, 1e-9))[piece] > _NEAR_END))
 
 
-def _read(ink: _Ink, shaft: Shaft, beside: npt.NDArray[np.bool_]) -> _Reading | None:
-    """Return the arrow whose head is the ink `beside` the end of a line; None if that cannot be."""
-    head = _head(ink, beside)
-    if head.radius > _LARGEST_HEAD * shaft.length:
-        return None
-    free = shaft.before(head.center, head.radius + shaft.width / 2 + 4.0)
-    if free.length < _MIN_FREE:
-        return None
+def _read(ink: _Ink, line: _Line, beside: npt.NDArray[np.bool_]) -> _Reading | None:
+    """Return the arrow whose head is the ink `beside` the end of a line; None if that cannot be.
+
+    Where the line is thin next to its head and thick elsewhere, its width within the head is bounded too
+    loosely at first, and much of the head counts as line. So the head is looked for a second time, beside
+    the line as it comes in.
+    """
+    reading = None
+    for _ in range(_LOOKS):
+        if ink.amount[beside].sum() < _CLEAR_HEAD:
+            break
+        head = _head(ink, beside)
+        if head.radius > _LARGEST_HEAD * line.shaft.length:
+            break
+        free = line.shaft.before(head.center, head.radius + line.shaft.width / 2 + 4.0)
+        if free.length < _MIN_FREE:
+            break
+        reading = _reading(ink, free, beside, head) or reading
+        beside = _beside_end(ink, replace(line, shaft=line.shaft.tapered(free)))
+    return reading
+
+
+def _reading(ink: _Ink, free: Shaft, beside: npt.NDArray[np.bool_], head: _Head) -> _Reading | None:
+    """Return the arrow that is the `free` line and a head, the ink `beside`; None if that is none."""
     tip = _tip(ink, free, head)
     if not _spreads_backwards(ink, beside, tip, _unit(tip - free.points[-1])):
         return None
     tail, inner = _tail(ink, free)
     if not (free.widths[inner:] > 0).any():
         return None
-    line = np.vstack([tail, free.points[inner:], tip])
-    kept = simplified(line, _TOLERANCE)
-    steps = np.diff(line[kept], axis=0)
+    way = np.vstack([tail, free.points[inner:], tip])
+    kept = simplified(way, _TOLERANCE)
+    steps = np.diff(way[kept], axis=0)
     steps /= np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
     if ((steps[:-1] * steps[1:]).sum(axis=1) < _SHARPEST).any():
         return None
-    widths = _widths_at(arc_lengths(line), free.widths[inner:], kept)
-    return _Reading(line[kept], widths, _unexplained(ink, line[kept], widths))
+    widths = _widths_at(arc_lengths(way), free.widths[inner:], kept)
+    return _Reading(way[kept], widths, _unexplained(ink, way[kept], widths))
 
 
 def _spreads_backwards(ink: _Ink, beside: npt.NDArray[np.bool_], tip: Floats, along: Floats) -> bool:
@@ -214,14 +260,6 @@ def _widths_at(places: Floats, measured: Floats, kept: list[int]) -> Floats:
     return straight if straight_miss < _PRESSURE * bent_miss + 0.03 else bent
 
 
-@dataclass(frozen=True)
-class _Head:
-    """Where the ink beside the line is."""
-
-    center: Floats
-    radius: float
-
-
 def _head(ink: _Ink, beside: npt.NDArray[np.bool_]) -> _Head:
     where = beside
     for _ in range(3):
@@ -267,7 +305,7 @@ def _beyond(coverage: Floats, front: Floats, along: Floats) -> float:
     # The pixel's own middle lies half a pixel behind its edge.
     radii = (halves**2 + (depths + 0.5) ** 2) / (2 * (depths + 0.5))
     early, late = radii[:2].mean(), radii[4:6].mean()
-    if late > 1.7 * early:
+    if late > _POINTED * early:
         slope, start = np.polyfit(depths, halves, 1)
         return float(np.clip(start / max(slope, 0.1), 0.0, 3.0))
     return 0.5 - float(min(np.median(radii[:4]), 1.2 * WIDTH_AT_FRONT / 2))

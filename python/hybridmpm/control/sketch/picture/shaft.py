@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.sketch.picture.ink import Levels, Mask, coverage_at, geodesic_levels
-from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced
+from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, values_at_knots
 from hybridmpm.control.sketch.sketch import Floats
 from hybridmpm.errors import SketchError
 
@@ -31,6 +31,8 @@ _BROAD = 1.5
 """Width of the ink, over that of the line alone, from which there is more than the line."""
 _CENTERED = 3
 """Number of times that the line is moved to the middle of its ink."""
+_COMING = 24.0
+"""Length of line that tells how its width changes where it goes on."""
 _BLOCK = 32
 """Number of points of the line whose distances to all ink are held at a time."""
 
@@ -70,6 +72,21 @@ class Shaft:
         return replace(
             self, points=self.points[:last], widths=widths, free=_free_widths(widths, self.spacing)
         )
+
+    def tapered(self, free: "Shaft") -> "Shaft":
+        """Return the line with other `free` widths behind its first part `free`, if that grows thinner.
+
+        They change as they do over the last `_COMING` of that part, and are nowhere larger than before.
+        """
+        count = len(free.points)
+        last = free.free[-(int(_COMING / self.spacing) + 2) :]
+        places = np.arange(len(last), dtype=np.float64)
+        start, end = values_at_knots(places, last, places[[0, -1]])
+        if end >= start:
+            return self
+        onwards = end + (end - start) / places[-1] * np.arange(1, len(self.points) - count + 1)
+        behind = np.minimum(self.free[count:], np.maximum(onwards, 1.0))
+        return replace(self, free=np.concatenate([self.free[:count], behind]))
 
     def distance(self, points: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
         """Return the distance (N,) of points (N, 2) to the nearest point of the line, and its index (N,)."""
