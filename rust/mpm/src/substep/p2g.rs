@@ -204,9 +204,11 @@ impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
             }
             FrameForce::PerParticle(all) => {
                 let (rows, _) = all.as_chunks::<D>();
+                let last = rows.len() - 1;
                 let mut a = [[0.0; LANES]; D];
-                for (i, &id) in block.id[..block.count.min(LANES)].iter().enumerate() {
-                    let row = &rows[id as usize];
+                // Lanes without a particle read the last row: without branches all rows are on their way at once.
+                for i in 0..LANES {
+                    let row = &rows[(block.id[i] as usize).min(last)];
                     for axis in 0..D {
                         a[axis][i] = row[axis];
                     }
