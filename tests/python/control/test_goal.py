@@ -4,10 +4,12 @@ import itertools
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from hybridmpm import (
     Ball,
+    BallObstacle,
     Box,
     BoxObstacle,
     ConfigError,
@@ -18,7 +20,9 @@ from hybridmpm import (
     _native,
 )
 from hybridmpm.control import Arrow, Ellipse, prepare
+from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.path import arrow_path
+from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.laws import Tracked
 
 
@@ -187,6 +191,74 @@ def test_an_oval_without_a_free_part_is_refused(center: tuple[float, float]) -> 
 def test_an_oval_far_smaller_than_a_particle_is_grown_too() -> None:
     goal = prepare(_solver(), _oval(0.5, 0.5, 2 / 512, 2 / 512)).goal
     np.testing.assert_allclose(goal.ways.places.mean(axis=0), [0.5, 0.5], atol=3e-3)
+
+
+_HARD = [
+    ("far larger than the fluid", (0.39, 0.39), (0.5, 0.5), "shrink"),
+    ("a needle through the room", (0.3, 2 / 512), (0.5, 0.5), "even"),
+    ("a needle on the floor", (0.3, 2 / 512), (0.15, 0.105), "even"),
+    ("nearly all outside of the walls", (0.1, 0.1), (0.01, 0.5), "shrink"),
+    ("in a crack between obstacles", (2 / 512, 2 / 512), (0.6025, 0.5), "even"),
+]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(
+    ("axes", "center", "fill"), [one[1:] for one in _HARD], ids=[one[0] for one in _HARD]
+)
+def test_the_search_for_room_takes_few_points_whatever_was_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+    dim: int,
+    axes: tuple[float, float],
+    center: tuple[float, float],
+    fill: Fill,
+) -> None:
+    """A raster of the whole room took millions of points, and seconds."""
+    looked_at = 0
+    level = Oval.level
+
+    def counted(oval: Oval, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        nonlocal looked_at
+        looked_at += len(x)
+        return level(oval, x)
+
+    monkeypatch.setattr(Oval, "level", counted)
+    solids = [
+        BoxObstacle(lower=(left, 0.1, 0.1)[:dim], upper=(right, 0.9, 0.9)[:dim])
+        for left, right in [(0.4, 0.6), (0.605, 0.9)]
+    ]
+    solver = _solver(dim, obstacles=solids if center[0] > 0.6 else [])
+    region = prepare(solver, _oval(*center, *axes, angle=0.7), method="none", fill=fill).goal.region
+    assert region is not None
+    assert region.volume >= 0.99 * 1.03 * solver.particle_count * solver.scene.spacing**dim
+    assert looked_at <= 300 * solver.particle_count
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+@pytest.mark.parametrize("fill", ["even", "shrink"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_no_free_cell_of_the_region_is_missed(dim: int, fill: Fill, angle: float) -> None:
+    ball = BallObstacle(center=(0.45, 0.3, 0.5)[:dim], radius=0.1)
+    solver = _solver(dim, obstacles=[ball])
+    region = prepare(solver, _oval(0.5, 0.15, 0.25, 0.03, angle=angle), method="none", fill=fill).goal.region
+    assert region is not None
+    side = (region.volume / len(region.cells)) ** (1 / dim)
+    axis = 0.1 + side * (np.arange(round(0.8 / side)) + 0.5)
+    lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+    # Cells on the very rim may round to either side.
+    inside = lattice[region.reaches(lattice, region.scale * (1 - 1e-9))]
+    kept = region.cells[region.oval.level(region.cells) <= region.scale * (1 - 1e-9)]
+    np.testing.assert_allclose(*(cells[np.lexsort(cells.T.round(9))] for cells in (kept, inside)), atol=1e-9)
+
+
+def test_an_arrow_of_any_number_of_bends_has_few_corners() -> None:
+    """Timing a way takes time with the square of its corners: minutes, for a scribble of 4096 points."""
+    scribble = Arrow(np.random.default_rng(0).uniform(0.15, 0.85, (4096, 2)))
+    path = arrow_path(scribble, 2, _solver().scene.walls)
+    assert len(path) <= 72
+    np.testing.assert_allclose(path[-1], scribble.points[-1] - scribble.points[0])
+    # Those that are kept tell of the scribble's extent.
+    np.testing.assert_allclose(np.ptp(path, axis=0), np.ptp(scribble.points, axis=0), rtol=0.1)
 
 
 def test_an_arrow_carries_the_shape_along() -> None:

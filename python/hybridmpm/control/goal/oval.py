@@ -63,7 +63,8 @@ class Oval:
         within = (x - self.center) @ (self.directions.T / self.axes)
         return np.asarray(np.sqrt(np.einsum("ij,ij->i", within, within)))
 
-    def box(self, scale: float) -> tuple[Floats, Floats]:
-        """Return the corners (D,) of the box around the oval grown by a factor [m]."""
-        half = scale * np.sqrt(((self.axes[:, None] * self.directions) ** 2).sum(axis=0))
-        return self.center - half, self.center + half
+    def stretch(self, side: float) -> float:
+        """Return the largest difference of the level within a cube of a side [m] from that of its centre."""
+        corners = np.stack(np.meshgrid(*[[-side / 2, side / 2]] * len(self.axes)), axis=-1)
+        offsets = corners.reshape(-1, len(self.axes)) @ (self.directions.T / self.axes)
+        return float(np.linalg.norm(offsets, axis=1).max())

@@ -1,5 +1,7 @@
 """The way that an arrow asks the centre of mass to go: few points, from a stroke of many."""
 
+import heapq
+
 import numpy as np
 
 from hybridmpm.control.goal.cloud import Floats
@@ -8,6 +10,9 @@ from hybridmpm.scene import Walls
 
 _TOLERANCE = 0.008
 """Largest distance [m] of a drawn point from the way that is made of fewer; a hand trembles by less."""
+_CORNERS = 64
+"""Most points of the simplified way. Timing a way takes time with the square of its points, and no fluid
+follows so many bends."""
 _PIECES = 8
 """Pieces into which a bent way is cut at least, so that the spline through them stays near to it."""
 
@@ -38,22 +43,28 @@ def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
 
 
 def _simplified(points: Floats) -> Floats:
-    """Leave out points near to lines between others (Ramer 1972; Douglas and Peucker 1973)."""
-    kept = np.zeros(len(points), dtype=bool)
-    kept[[0, -1]] = True
-    open_ends = [(0, len(points) - 1)]
-    while open_ends:
-        first, last = open_ends.pop()
-        if last - first < 2:
-            continue
-        inner = points[first + 1 : last]
-        along = points[last] - points[first]
-        square = float(along @ along)
-        share = np.clip((inner - points[first]) @ along / max(square, 1e-18), 0, 1)
-        away = np.linalg.norm(inner - points[first] - share[:, None] * along, axis=1)
-        worst = int(np.argmax(away))
-        if away[worst] > _TOLERANCE:
-            middle = first + 1 + worst
-            kept[middle] = True
-            open_ends += [(first, middle), (middle, last)]
-    return np.asarray(points[kept])
+    """Leave out points near to lines between others (Ramer 1972; Douglas and Peucker 1973).
+
+    Where more than `_CORNERS` points would be left, those are kept that lie farthest off.
+    """
+    kept = [0, len(points) - 1]
+    gaps = [_farthest(points, *kept)]
+    while len(kept) < _CORNERS and -gaps[0][0] > _TOLERANCE:
+        _, middle, first, last = heapq.heappop(gaps)
+        kept.append(middle)
+        heapq.heappush(gaps, _farthest(points, first, middle))
+        heapq.heappush(gaps, _farthest(points, middle, last))
+    return np.asarray(points[sorted(kept)])
+
+
+def _farthest(points: Floats, first: int, last: int) -> tuple[float, int, int, int]:
+    """Return the negative distance [m] of the point farthest off a line between two, and the three points."""
+    if last - first < 2:
+        return 0.0, first, first, last
+    inner = points[first + 1 : last]
+    along = points[last] - points[first]
+    square = float(along @ along)
+    share = np.clip((inner - points[first]) @ along / max(square, 1e-18), 0, 1)
+    away = np.linalg.norm(inner - points[first] - share[:, None] * along, axis=1)
+    worst = int(np.argmax(away))
+    return -float(away[worst]), first + 1 + worst, first, last

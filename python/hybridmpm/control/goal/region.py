@@ -18,6 +18,10 @@ _ROOM = 1.03
 """Room that settled fluid takes over its volume at rest [-]."""
 _CELLS_PER_PARTICLE = {2: 6, 3: 6}
 """Cells of the raster for each particle, by dimension; places are centres of groups of cells."""
+_BLOCKS = 4096
+"""Most blocks that the search for cells begins with."""
+_CAUTION = 1.0 + 1e-4
+"""Factor on the radius of blocks, since distances from obstacles are rounded to single precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,26 +73,61 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
     volume *= _ROOM
     wanted = max(volume, oval.volume if fill == "even" else 0.0)
     side = (wanted / (_CELLS_PER_PARTICLE[len(oval.center)] * particles)) ** (1 / len(oval.center))
-    grown = max(1.0, (volume / oval.volume) ** (1 / len(oval.center)))
-    cells, level = np.empty((0, len(oval.center))), np.empty(0)
-    # Boxes in which the region lies, if less and less of the oval is free; the last one is the whole room.
-    for reach in (1.3, 2.0, 3.5, np.inf):
-        lower, upper = (room.lower, room.upper) if np.isinf(reach) else oval.box(reach * grown)
-        cells = _cells(room, side, np.maximum(lower, room.lower), np.minimum(upper, room.upper))
-        level = oval.level(cells)
-        if (level <= reach * grown).sum() * side ** len(oval.center) >= volume:
-            break
-    needed = min(len(level), max(1, round(volume / side ** len(oval.center))))
+    needed = max(1, round(volume / side ** len(oval.center)))
+    cells, level = _nearest_cells(oval, room, side, needed, 1.0 if fill == "even" else 0.0)
+    needed = min(len(level), needed)
     fitting = float(np.partition(level, needed - 1)[needed - 1])
     scale = fitting if fill == "shrink" else max(1.0, fitting)
     kept = cells[level <= scale]
     return Region(oval, room, scale, kept, len(kept) * side ** len(oval.center))
 
 
-def _cells(room: Room, side: float, lower: Floats, upper: Floats) -> Floats:
-    """Return the centres (M, D) of the free cells of a lattice that covers a box."""
-    axes = [
-        a + side * (np.arange(max(1, round((b - a) / side))) + 0.5) for a, b in zip(lower, upper, strict=True)
-    ]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-    return np.asarray(cells[room.is_free(cells)], dtype=np.float64)
+def _nearest_cells(
+    oval: Oval, room: Room, side: float, needed: int, least: float
+) -> tuple[Floats, npt.NDArray[np.float64]]:
+    """Return the free cells that an oval reaches as it grows until it holds enough of them.
+
+    The room is cut into blocks, and what may hold one of the nearest cells is halved along each axis until
+    the blocks are cells. So the work depends on the cells that are needed, not on the size of the room, nor
+    on how thin the oval is or how much of it obstacles take.
+
+    Parameters
+    ----------
+    oval : Oval
+    room : Room
+    side : float
+        Side of a cell [m]; the lattice of cells begins in the lower corner of the walls.
+    needed : int
+        Number of cells, all of which are returned where the room holds fewer.
+    least : float
+        Factor on the oval whose cells are returned in any case.
+
+    Returns
+    -------
+    cells, level : float64 (M, D), (M,)
+        Centres [m], and the factors on the oval that reach them; some more than those that are needed.
+    """
+    dim = len(oval.center)
+    along = np.maximum(1, np.round((room.upper - room.lower) / side)).astype(np.int64)
+    size = 1
+    while np.prod(-(-along // size)) > _BLOCKS:
+        size *= 2
+    halves = np.stack(np.meshgrid(*[[0, 1]] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+    index = np.stack(np.meshgrid(*(np.arange(-(-n // size)) for n in along), indexing="ij"), axis=-1)
+    index = index.reshape(-1, dim)
+    while size > 1:
+        center = room.lower + size * side * (index + 0.5)
+        distance, radius = room.distance(center), _CAUTION * size * side * np.sqrt(dim) / 2
+        level, slack = oval.level(center), oval.stretch(size * side)
+        whole = (distance >= radius) & (center + size * side / 2 <= room.upper).all(axis=1)
+        enough = -(-needed // size**dim)
+        reach = np.inf
+        if np.count_nonzero(whole) >= enough:
+            reach = max(least, float(np.partition(level[whole] + slack, enough - 1)[enough - 1]))
+        size //= 2
+        kept = 2 * index[(distance >= -radius) & (level - slack <= reach)]
+        index = (kept[:, None] + halves).reshape(-1, dim)
+        index = index[(size * index < along).all(axis=1)]
+    cells = room.lower + side * (index + 0.5)
+    cells = cells[room.is_free(cells)]
+    return cells, oval.level(cells)
