@@ -248,7 +248,8 @@ def test_no_free_cell_of_the_region_is_missed(dim: int, fill: Fill, angle: float
     # Cells on the very rim may round to either side.
     inside = lattice[region.reaches(lattice, region.scale * (1 - 1e-9))]
     kept = region.cells[region.oval.level(region.cells) <= region.scale * (1 - 1e-9)]
-    np.testing.assert_allclose(*(cells[np.lexsort(cells.T.round(9))] for cells in (kept, inside)), atol=1e-9)
+    mine, all_there = (cells[np.lexsort(cells.T.round(9))] for cells in (kept, inside))
+    np.testing.assert_allclose(mine, all_there, atol=1e-9)
 
 
 def test_an_arrow_of_any_number_of_bends_has_few_corners() -> None:

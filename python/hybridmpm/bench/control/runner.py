@@ -10,8 +10,9 @@ from hybridmpm.bench.control.results import Runs
 from hybridmpm.bench.control.suite.cases import REFERENCE_SEEDS, VERSION, Case, digest
 from hybridmpm.bench.control.suite.problems import problem, uncontrolled
 from hybridmpm.bench.control.trial import CAP, HOLD, look_at, run
+from hybridmpm.bench.report.calibration import Calibration
 from hybridmpm.bench.report.provenance import Provenance
-from hybridmpm.bench.report.rows import Progress
+from hybridmpm.bench.report.rows import Progress, significant
 
 BUDGET = 2.0
 """Time that a search may take [s], if none is given."""
@@ -51,6 +52,8 @@ def count_missing(settings: ControlSettings, runs: Runs) -> int:
 def measure(settings: ControlSettings, runs: Runs, origin: Provenance, on_progress: Progress) -> None:
     """Run what is missing, and add it to the runs one by one; `on_progress` counts them.
 
+    `slowdown` of a run is the larger slowdown of the machine before and after it.
+
     Raises
     ------
     ConfigError
@@ -60,13 +63,18 @@ def measure(settings: ControlSettings, runs: Runs, origin: Provenance, on_progre
     ExportError
         The file of runs cannot be written to.
     """
+    calibration = Calibration(threads=1)
     for case in settings.cases:
         missing = _missing(case, settings, runs)
         if missing:
             ready = problem(case)
+            before = calibration.slowdown()
             for entrant in missing:
                 trial = run(ready, entrant, budget=settings.budget)
-                runs.add(origin.stamped(trial.row), trial.looks)
+                after = calibration.slowdown()
+                row = trial.row | {"slowdown": significant(max(before, after), 3)}
+                runs.add(origin.stamped(row), trial.looks)
+                before = after
                 on_progress(1)
     for name in settings.judged():
         for seed in sorted(set(REFERENCE_SEEDS) - runs.reference_seeds(name)):

@@ -26,9 +26,9 @@ LOOKS = 4
 MEASURES = (
     "error", "nrmse", "node_error", "transport", "inside", "inside_later", "centroid_error",
     "direction_error", "path_error", "density_ratio", "rms_g", "peak_g", "bound_g", "bound_peak_g",
-    "rms_ratio", "peak_ratio", "fine_share", "plan_ms", "first_frame_ms", "total_ms",
+    "rms_ratio", "peak_ratio", "fine_share", "plan_ms", "first_frame_ms", "total_ms", "slowdown",
 )  # fmt: skip
-"""Figures of a run, in the order of the rows; each may be None."""
+"""Figures of a run, in the order of the rows; each may be None. `slowdown` is added by `runner.measure`."""
 
 
 @dataclass(frozen=True, eq=False)

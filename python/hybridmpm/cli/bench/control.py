@@ -30,7 +30,7 @@ _COLUMNS = (
     "scenario", "sketch", "method", "count", "failed", "error", "error_gap", "transport", "transport_gap",
     "wins", "inside", "inside_later", "centroid_error", "direction_error", "path_error", "path_error_gap",
     "rms_ratio", "peak_ratio", "fine_share", "density_ratio", "naturalness", "plan_ms", "first_frame_ms",
-    "total_ms",
+    "total_ms", "slowdown",
 )  # fmt: skip
 _AIM_COLUMNS = ("scenario", "sketch", "bodies", "method", "count", "aim", "measured", "se", "met")
 _PAPER_COLUMNS = (

@@ -5,12 +5,15 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
 from hybridmpm import ConfigError, DataError
 from hybridmpm.bench.control.entrants import entrant
 from hybridmpm.bench.control.report.means import means
+from hybridmpm.bench.control.report.sheets import write_sheets
 from hybridmpm.bench.control.results import Runs
 from hybridmpm.bench.control.runner import ControlSettings, count_missing, measure
 from hybridmpm.bench.control.suite.cases import cases
@@ -23,10 +26,11 @@ pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
 SOURCE = Provenance(machine="m", date="2026-01-01", commit="c", command="control")
 CASES = cases(["gather"], ["water_2d"], seeds=2)
 SETTINGS = ControlSettings(cases=CASES, entrants=[entrant("none"), entrant("filled")])
-TIMES = ("plan_ms", "first_frame_ms", "total_ms")
+TIMES = ("plan_ms", "first_frame_ms", "total_ms", "slowdown")
 
 METHODS = """
 import numpy as np
+from hybridmpm import SimulationError
 from hybridmpm.control import Law
 from hybridmpm.control.laws import Unforced
 
@@ -48,6 +52,10 @@ class WrongShape(Idle):
 class NoLaw(Idle):
     def plan(self, simulator, task):
         return None
+
+class Failing(Idle):
+    def plan(self, simulator, task):
+        raise SimulationError("no law was found")
 
 class Nameless:
     def plan(self, simulator, task):
@@ -202,12 +210,25 @@ def test_the_command_holds_ones_own_method_against_the_others(tmp_path: Path) ->
         "date", "commit", "command",
     }  # fmt: skip
     assert all(needed <= set(row) for row in rows.values())
+    assert all(row["slowdown"] >= 1 for row in rows.values())
     assert rows["analytic"]["inside"] > 0.9 > rows["idle"]["inside"]
     assert rows["filled"]["transport"] < rows["analytic"]["transport"] < rows["constant"]["transport"]
     assert rows["idle"]["naturalness"] is None
     assert all(row["count"] == 1 < row["suite_count"] for row in rows.values())
     assert picture.with_suffix(".png").stat().st_size > 10_000
     assert (tmp_path / "control-gather.png").stat().st_size > 5_000
+
+
+@pytest.mark.usefixtures("mine")
+def test_a_run_that_fails_is_drawn_as_an_empty_room(tmp_path: Path) -> None:
+    some = cases(["bent"], ["water_2d"], seeds=1)
+    entrants = [entrant("none"), entrant("my_control:Failing")]
+    (sheet,) = write_sheets(tmp_path, some, entrants, budget=1.0, on_progress=ignore)
+    with Image.open(sheet) as picture:
+        pixels = np.asarray(picture)
+    # The last picture of the line is that of the method that failed; the one before it shows fluid.
+    last, before = pixels[20:180, -160:-10], pixels[20:180, -334:-184]
+    assert len(np.unique(last.reshape(-1, 3), axis=0)) < len(np.unique(before.reshape(-1, 3), axis=0)) / 2
 
 
 def test_families_without_sketches_in_a_scenario_are_told() -> None:

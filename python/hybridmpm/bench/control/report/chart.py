@@ -55,7 +55,8 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         else:
             panel.set(yscale="log")
             charts.plain_log_ticks(panel.yaxis)
-    _legend(figure, [one for one in methods if one != FILLED], 1 + 2 * columns)
+    filled = any(row["method"] == FILLED and row["family"] == "reversed" for row in rows)
+    _legend(figure, [one for one in methods if one != FILLED], 1 + 2 * columns, filled=filled)
     charts.save(figure, file)
 
 
@@ -76,7 +77,7 @@ def _draw(panel: Any, rows: Sequence[Row], measure: str, index: int) -> None:
             panel.errorbar(*at, markersize=_SMALL, alpha=_FAINT, elinewidth=1, **style)
 
 
-def _legend(figure: Any, methods: Sequence[str], columns: int) -> None:
+def _legend(figure: Any, methods: Sequence[str], columns: int, *, filled: bool) -> None:
     from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
 
     entries = [
@@ -90,7 +91,8 @@ def _legend(figure: Any, methods: Sequence[str], columns: int) -> None:
         )
         for index, name in enumerate(methods)
     ]
-    entries.append(Line2D([], [], color=_GREY, linestyle=":", label="sketch perfectly filled"))
+    if filled:
+        entries.append(Line2D([], [], color=_GREY, linestyle=":", label="sketch perfectly filled"))
     figure.legend(handles=entries, loc="outside upper center", ncols=min(columns, len(entries)))
 
 

@@ -10,18 +10,20 @@ from PIL import Image, ImageDraw
 
 from hybridmpm._support.files import replacing
 from hybridmpm.bench.control.entrants import FILLED, Entrant
+from hybridmpm.bench.control.report.means import judged_by
 from hybridmpm.bench.control.suite.cases import Case
 from hybridmpm.bench.control.suite.problems import problem
-from hybridmpm.bench.control.trial import run
+from hybridmpm.bench.control.trial import Trial, run
 from hybridmpm.bench.report.rows import Progress
 from hybridmpm.control.sketch.render import render
-from hybridmpm.render import view_of
+from hybridmpm.render import palette, view_of
 from hybridmpm.render.flat import MARGIN
 from hybridmpm.scene import Scene
 
 _SIZE, _GAP, _HEAD, _SIDE = 170, 4, 16, 92
 """Side of a picture, gaps, and room for titles above and on the left [pixels]."""
 _INK = (40, 40, 40)
+_MILLIMETRES = 1000
 
 Picture = npt.NDArray[np.uint8]
 
@@ -76,7 +78,9 @@ def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
     def drawn(x: npt.NDArray[np.floating]) -> Picture:
         return view.draw(x.astype(np.float32), np.zeros_like(x, dtype=np.float32), start.time)
 
-    pictures = [("sketch", _sketched(render(ready.sketch), scene)), ("start", drawn(start.positions))]
+    nowhere = np.full_like(start.positions, np.nan)
+    room = drawn(nowhere) if scene.dim == 2 else _front(scene)
+    pictures = [("sketch", _sketched(render(ready.sketch), scene, room)), ("start", drawn(start.positions))]
     target = ready.truth
     for entrant in (one for one in entrants if one.enters(case.family)):
         if entrant.name == FILLED and ready.truth is None:
@@ -84,21 +88,56 @@ def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
         trial = run(ready, entrant, budget=budget)
         if target is None:
             target = trial.goal.ways.places.astype(np.float32)
-        pictures.append((entrant.name, drawn(start.positions[:0] if trial.end is None else trial.end)))
+        picture = drawn(nowhere if trial.end is None else trial.end)
+        pictures.append((f"{entrant.name}: {_figure(trial, case.family)}", picture))
     if target is not None:
         pictures.insert(2, ("target", drawn(target)))
-    return Line(f"{case.scenario}\n{case.kind}\nseed {case.seed}", pictures)
+    by = judged_by(case.family).replace("_", " ")
+    return Line(f"{case.scenario}\n{case.kind}\nseed {case.seed}\n\nfigures:\n{by}", pictures)
 
 
-def _sketched(raster: Picture, scene: Scene) -> Picture:
-    """Cut the part of a raster of the world that a view of the scene shows."""
+def _figure(trial: Trial, family: str) -> str:
+    """Return what a family is judged by first: an error, or a distance in millimetres."""
+    if trial.end is None:
+        return "failed"
+    measure = judged_by(family)
+    value = trial.row[measure]
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if measure == "error" else f"{_MILLIMETRES * value:.3g} mm"
+
+
+def _front(scene: Scene) -> Picture:
+    """Draw the walls of a 3D scene as sketches see them, from the front."""
+    room = Image.new("RGB", (_SIZE, _SIZE), _rgb(palette.OUTSIDE))
+    lower, upper = np.array(scene.walls.lower[:2]), np.array(scene.walls.upper[:2])
+    inset = _SIZE * MARGIN / (1 + 2 * MARGIN)
+    size = (upper - lower) / (upper - lower).max() * (_SIZE - 2 * inset)
+    box = (inset, _SIZE - inset - size[1], inset + size[0], _SIZE - inset)
+    ImageDraw.Draw(room).rectangle(box, _rgb(palette.SKY_TOP), _rgb(palette.WALL), 2)
+    return np.asarray(room)
+
+
+def _rgb(color: palette.Colors) -> tuple[int, int, int]:
+    red, green, blue = (int(value) for value in palette.to_bytes(color))
+    return red, green, blue
+
+
+def _sketched(raster: Picture, scene: Scene, room: Picture) -> Picture:
+    """Lay the ink of a raster of the world on a picture of the room."""
     lower, upper = np.array(scene.walls.lower[:2]), np.array(scene.walls.upper[:2])
     margin = MARGIN * float((upper - lower).max())
     (left, bottom), (right, top) = lower - margin, upper + margin
     rows, columns = raster.shape[:2]
     box = (left * columns, (1 - top) * rows, right * columns, (1 - bottom) * rows)
-    picture = Image.fromarray(raster[..., :3]).resize((_SIZE, _SIZE), Image.Resampling.LANCZOS, box)
-    return np.asarray(picture)
+    size = room.shape[1], room.shape[0]
+    ink = np.asarray(Image.fromarray(raster[..., :3]).resize(size, Image.Resampling.LANCZOS, box))
+    # The ground is white and the ink of one colour: what a pixel lacks of white tells how much ink covers it.
+    lack = 255.0 - ink
+    cover = lack.max(axis=2, keepdims=True) / max(1.0, float(lack.max()))
+    colour = 255 - lack.reshape(-1, 3).max(axis=0)
+    mixed: npt.NDArray[np.float64] = room + cover * (colour - room)
+    return np.clip(mixed, 0, 255).astype(np.uint8)
 
 
 def _sheet(lines: Sequence[Line]) -> Image.Image:
