@@ -1,5 +1,9 @@
-"""Small untrained networks, in torch and exported."""
+"""Small untrained networks, in torch and exported.
 
+An export takes seconds, so each network is exported once: that in 2D by a call, that in 3D by the command.
+"""
+
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,11 +12,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import torch
+from click.testing import CliRunner, Result
 
 from hybridmpm import Scene
+from hybridmpm.cli import cli
 from hybridmpm.physics import ModelInfo, NetworkSpec, NeuralModel, Normalization
+from hybridmpm.training import checkpoint
 from hybridmpm.training.export import to_onnx
 from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
 from hybridmpm.training.physics.windows import edges_of
 
 _Floats = npt.NDArray[np.float32]
@@ -60,6 +68,19 @@ def export(simulator: LearnedSimulator) -> bytes:
         spec=simulator.spec, scales=simulator.scales, parameters=123, training=training, errors=rows
     )
     return to_onnx(simulator, info)
+
+
+def save_checkpoint(simulator: LearnedSimulator, path: Path) -> None:
+    """Save it as the training of an hour would, after 70 steps."""
+    trainer = Trainer(simulator.spec, simulator.scales, TrainingSettings(steps=1), torch.device("cpu"))
+    trainer.simulator.load_state_dict(simulator.state_dict())
+    trainer.step_count, trainer.seconds = 70, 3600.0
+    checkpoint.save(path, trainer, {"command": "hybridmpm train", "machine": "a processor, 2 cores"})
+
+
+def run_export(*arguments: object) -> Result:
+    """Return what `hybridmpm export` says to some arguments."""
+    return CliRunner().invoke(cli, ["export", *map(str, arguments)], prog_name="hybridmpm")
 
 
 class TorchStepper:
@@ -110,11 +131,29 @@ def model_file(simulator: LearnedSimulator, tmp_path_factory: pytest.TempPathFac
 
 
 @pytest.fixture(scope="session")
-def model_file_3d(simulator_3d: LearnedSimulator, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def exported_3d(
+    simulator_3d: LearnedSimulator, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Result, Path]:
+    """Return what `hybridmpm export` says when it exports a checkpoint of `simulator_3d`, and its file."""
+    folder = tmp_path_factory.mktemp("command")
+    save_checkpoint(simulator_3d, folder / "checkpoint.pt")
+    spec = simulator_3d.spec
+    own = {"scenario": spec.scenarios[0], "method": "neural", "error_40": 0.25, "ms_p95": 3.0}
+    of_others = [
+        {**own, "scenario": "sand_ramps_2d"},
+        {**own, "method": "mpm", "r_p": 2 * spec.r_p},
+        {**own, "method": "still", "warm_up": 5 * spec.r_t + 1},
+    ]
+    (folder / "errors.json").write_text(json.dumps([own, *of_others]))
+    out = folder / "model.onnx"
+    result = run_export(folder / "checkpoint.pt", "--out", out, "--errors", folder / "errors.json")
+    return result, out
+
+
+@pytest.fixture(scope="session")
+def model_file_3d(exported_3d: tuple[Result, Path]) -> Path:
     """Return the exported `simulator_3d`."""
-    path = tmp_path_factory.mktemp("models") / "small3d.onnx"
-    path.write_bytes(export(simulator_3d))
-    return path
+    return exported_3d[1]
 
 
 @pytest.fixture(scope="session")
@@ -139,6 +178,18 @@ def torch_stepper() -> type[TorchStepper]:
 def simulator_of() -> Make:
     """Return `make_simulator`."""
     return make_simulator
+
+
+@pytest.fixture(scope="session")
+def checkpoint_of() -> Callable[[LearnedSimulator, Path], None]:
+    """Return `save_checkpoint`."""
+    return save_checkpoint
+
+
+@pytest.fixture(scope="session")
+def export_command() -> Callable[..., Result]:
+    """Return `run_export`."""
+    return run_export
 
 
 def random_inputs(

@@ -9,16 +9,13 @@ import numpy as np
 import onnx
 import pytest
 import torch
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 from hybridmpm import ConfigError, NeuralPhysics, radius_graph, scenarios
-from hybridmpm.cli import cli
 from hybridmpm.physics import NetworkSpec, NeuralModel, manifest
 from hybridmpm.physics.model_info import OPSET
-from hybridmpm.training import checkpoint
 from hybridmpm.training.physics.graph_network import GraphNetwork
 from hybridmpm.training.physics.simulator import LearnedSimulator
-from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
 from hybridmpm.training.physics.windows import edges_of
 from hybridmpm.training.publish import MAX_BYTES, publish
 
@@ -133,41 +130,21 @@ def test_particles_in_one_place_stay_finite(model: NeuralModel) -> None:
     assert np.isfinite(model.step(x, np.full(5, 5), np.zeros((5, 2), np.float32), walls)).all()
 
 
-def _checkpoint(folder: Path, simulator: LearnedSimulator) -> Path:
-    trainer = Trainer(simulator.spec, simulator.scales, TrainingSettings(steps=1), torch.device("cpu"))
-    trainer.simulator.load_state_dict(simulator.state_dict())
-    trainer.step_count, trainer.seconds = 70, 3600.0
-    path = folder / "checkpoint.pt"
-    checkpoint.save(path, trainer, {"command": "hybridmpm train", "machine": "a processor, 2 cores"})
-    return path
-
-
-def _run(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, ["export", *map(str, arguments)], prog_name="hybridmpm")
-
-
 def test_command_exports_a_checkpoint(
-    tmp_path: Path, simulator_3d: LearnedSimulator, torch_stepper: Any, inputs: Inputs
+    exported_3d: tuple[Result, Path],
+    model_3d: NeuralModel,
+    simulator_3d: LearnedSimulator,
+    torch_stepper: Any,
+    inputs: Inputs,
 ) -> None:
-    errors = tmp_path / "errors.json"
-    served_scenario = simulator_3d.spec.scenarios[0]
-    own = {"scenario": served_scenario, "method": "neural", "error_40": 0.25, "ms_p95": 3.0}
-    others = [
-        {**own, "scenario": "sand_ramps_2d"},
-        {**own, "method": "mpm", "r_p": 2 * simulator_3d.spec.r_p},
-        {**own, "method": "still", "warm_up": 5 * simulator_3d.spec.r_t + 1},
-    ]
-    errors.write_text(json.dumps([own, *others]))
-    out = tmp_path / "model.onnx"
-    result = _run(_checkpoint(tmp_path, simulator_3d), "--out", out, "--errors", errors)
+    result, out = exported_3d
     assert result.exit_code == 0, result.output
     assert str(out) in result.stdout
-    served = NeuralModel.load(out)
-    info = served.info
+    info = model_3d.info
     assert info.spec == simulator_3d.spec
     (row,) = info.errors
     assert {key: value for key, value in row.items() if value != ""} == {
-        "scenario": served_scenario,
+        "scenario": "sand_3d",
         "method": "neural",
         "error_40": 0.25,
     }
@@ -175,11 +152,17 @@ def test_command_exports_a_checkpoint(
     assert (info.training["steps"], info.training["seconds"]) == ("70", "3600")
     assert info.training["machine"] == "a processor, 2 cores"
     given = inputs(np.random.default_rng(0), 50, 3, width=0.1)
-    np.testing.assert_allclose(served.step(**given), torch_stepper(simulator_3d).step(**given), atol=4e-7)
+    np.testing.assert_allclose(model_3d.step(**given), torch_stepper(simulator_3d).step(**given), atol=4e-7)
 
 
-def test_command_refuses_what_it_cannot_use(tmp_path: Path, simulator: LearnedSimulator) -> None:
-    file, out = _checkpoint(tmp_path, simulator), tmp_path / "model.onnx"
+def test_command_refuses_what_it_cannot_use(
+    tmp_path: Path,
+    simulator: LearnedSimulator,
+    checkpoint_of: Callable[[LearnedSimulator, Path], None],
+    export_command: Callable[..., Result],
+) -> None:
+    file, out = tmp_path / "checkpoint.pt", tmp_path / "model.onnx"
+    checkpoint_of(simulator, file)
     (tmp_path / "rows.json").write_text("{}")
     foreign = torch.load(file, weights_only=True)
     spec = json.loads(foreign["spec"])
@@ -196,7 +179,7 @@ def test_command_refuses_what_it_cannot_use(tmp_path: Path, simulator: LearnedSi
         ((tmp_path / "small.pt", "--out", out), "its weights are not those of its network"),
     ]
     for arguments, message in cases:
-        result = _run(*arguments)
+        result = export_command(*arguments)
         assert result.exit_code == 2, arguments
         assert message in " ".join(result.stderr.split()), result.stderr
     assert not out.exists()
