@@ -1,7 +1,11 @@
 //! Checks of arrays and names, done once for all entry points.
 
 use mpm::{Contact, ContactKind, Vector};
-use numpy::{Element, PyReadonlyArray, PyUntypedArray, PyUntypedArrayMethods, ndarray::Dimension};
+use numpy::ndarray::Dimension;
+use numpy::{
+    Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::error::config_error;
@@ -31,6 +35,16 @@ pub fn array<'py, T: Element, D: Dimension>(
             describe(value)
         ))
     })
+}
+
+/// Numbers of vectors of D components as an array (N, D).
+pub fn vectors(
+    py: Python<'_>,
+    dim: usize,
+    numbers: Vec<f32>,
+) -> PyResult<Bound<'_, PyArray2<f32>>> {
+    let count = numbers.len() / dim;
+    numbers.into_pyarray(py).reshape([count, dim])
 }
 
 /// What an object is, as a user would say it.

@@ -1,42 +1,25 @@
 //! `Carrier`: all particles of a scene, carried by few.
 
-use std::sync::Mutex;
-
 use mpm::{Carrier, EmitterStatus, Few, Openings};
 use numpy::{
-    IntoPyArray, Ix1, Ix2, Ix3, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods,
+    IntoPyArray, Ix1, Ix2, Ix3, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::any::AnySolver;
+use super::any::{AnyCarrier, AnySolver, with_any};
 use super::build::{Arrays, same_dim};
 use super::class::PySolver;
-use crate::convert::{array, slice_of};
+use super::held::Held;
+use crate::convert::{array, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, PyEmitter};
-
-#[derive(Clone)]
-enum AnyCarrier {
-    Plane(Box<Carrier<2>>),
-    Space(Box<Carrier<3>>),
-}
-
-/// Runs one expression on the carrier of whichever dimension.
-macro_rules! with_carrier {
-    ($any:expr, $carrier:ident => $body:expr) => {
-        match $any {
-            AnyCarrier::Plane($carrier) => $body,
-            AnyCarrier::Space($carrier) => $body,
-        }
-    };
-}
 
 /// All particles of a scene, carried by few.
 #[pyclass(frozen, name = "Carrier", module = "hybridmpm._native")]
 pub struct PyCarrier {
-    inner: Mutex<AnyCarrier>,
+    held: Held<AnyCarrier>,
     dim: usize,
     every: u64,
 }
@@ -88,13 +71,14 @@ impl<'py> FewArrays<'py> {
 }
 
 impl PyCarrier {
-    /// Takes the lock with the GIL released.
-    fn detached<T: Send>(
+    /// A number for each particle, as `write` fills them in.
+    fn read<T: Clone + Default + Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut AnyCarrier) -> T + Send,
-    ) -> T {
-        py.detach(|| work(&mut self.inner.lock().expect("no panic under the lock")))
+        write: impl Fn(&AnyCarrier, &mut [T]) + Sync,
+    ) -> Vec<T> {
+        let size = |any: &AnyCarrier| with_any!(any, carrier => carrier.count());
+        self.held.read(py, size, write)
     }
 }
 
@@ -156,9 +140,9 @@ impl PyCarrier {
             AnySolver::Plane(few) => build!(Plane, few),
             AnySolver::Space(few) => build!(Space, few),
         };
-        let every = with_carrier!(&inner, carrier => carrier.every());
+        let every = with_any!(&inner, carrier => carrier.every());
         Ok(Self {
-            inner: Mutex::new(inner),
+            held: Held::new(inner),
             dim,
             every,
         })
@@ -171,49 +155,41 @@ impl PyCarrier {
 
     #[getter]
     fn frame(&self, py: Python<'_>) -> u64 {
-        self.detached(py, |any| with_carrier!(any, carrier => carrier.frame()))
+        self.held
+            .detached(py, |any| with_any!(any, carrier => carrier.frame()))
     }
 
     #[getter]
     fn particle_count(&self, py: Python<'_>) -> usize {
-        self.detached(py, |any| with_carrier!(any, carrier => carrier.count()))
+        self.held
+            .detached(py, |any| with_any!(any, carrier => carrier.count()))
     }
 
     #[getter]
     fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
-        let ids = self.detached(py, |any| with_carrier!(any, c => c.ids().to_vec()));
+        let ids = self
+            .held
+            .detached(py, |any| with_any!(any, c => c.ids().to_vec()));
         ids.into_pyarray(py)
     }
 
     #[getter]
     fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        let mass = self.detached(py, |any| {
-            with_carrier!(any, carrier => {
-                let mut out = vec![0.0; carrier.count()];
-                carrier.write_masses(&mut out);
-                out
-            })
-        });
-        mass.into_pyarray(py)
+        self.read(py, |any, out| with_any!(any, c => c.write_masses(out)))
+            .into_pyarray(py)
     }
 
     #[getter]
     fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        let material = self.detached(py, |any| {
-            with_carrier!(any, carrier => {
-                let mut out = vec![0; carrier.count()];
-                carrier.write_materials(&mut out);
-                out
-            })
-        });
-        material.into_pyarray(py)
+        self.read(py, |any, out| with_any!(any, c => c.write_materials(out)))
+            .into_pyarray(py)
     }
 
     #[getter]
     fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
-        self.detached(
+        self.held.detached(
             py,
-            |any| with_carrier!(any, c => c.emitters().map(EmitterStatus::name).collect()),
+            |any| with_any!(any, c => c.emitters().map(EmitterStatus::name).collect()),
         )
     }
 
@@ -229,9 +205,9 @@ impl PyCarrier {
     ) -> PyResult<()> {
         let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
         let few = arrays.few()?;
-        let carried = self.detached(
+        let carried = self.held.detached(
             py,
-            |any| with_carrier!(any, carrier => carrier.carry(&few, frame)),
+            |any| with_any!(any, carrier => carrier.carry(&few, frame)),
         );
         Ok(carried.map_err(NativeError)?)
     }
@@ -248,13 +224,13 @@ impl PyCarrier {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
         let few = arrays.few()?;
-        let shown = self.detached(py, |any| {
-            with_carrier!(any, carrier => {
+        let shown = self.held.detached(py, |any| {
+            with_any!(any, carrier => {
                 let mut out = vec![0.0; carrier.count() * self.dim];
                 carrier.write_positions(&few, frame, &mut out).map(|()| out)
             })
         });
-        self.vectors(py, shown.map_err(NativeError)?)
+        vectors(py, self.dim, shown.map_err(NativeError)?)
     }
 
     #[pyo3(signature = (frame, *, ids, x, v, affine=None, mass))]
@@ -276,13 +252,13 @@ impl PyCarrier {
         let few = arrays.few()?;
         let v = array::<f32, Ix2>("v", &format!("float32 of shape (N, {})", self.dim), v)?;
         let v = slice_of("v", &v)?;
-        let shown = self.detached(py, |any| {
-            with_carrier!(any, carrier => {
+        let shown = self.held.detached(py, |any| {
+            with_any!(any, carrier => {
                 let mut out = vec![0.0; carrier.count() * self.dim];
                 carrier.write_velocities(&few, v, frame, &mut out).map(|()| out)
             })
         });
-        self.vectors(py, shown.map_err(NativeError)?)
+        vectors(py, self.dim, shown.map_err(NativeError)?)
     }
 
     fn gather_force<'py>(
@@ -296,37 +272,31 @@ impl PyCarrier {
             force,
         )?;
         let force = slice_of("force", &force)?;
-        let gathered = self.detached(
+        let gathered = self.held.detached(
             py,
-            |any| with_carrier!(any, carrier => carrier.gather_force(force)),
+            |any| with_any!(any, carrier => carrier.gather_force(force)),
         );
-        self.vectors(py, gathered.map_err(NativeError)?)
+        vectors(py, self.dim, gathered.map_err(NativeError)?)
     }
 
     fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let data = self.detached(py, |any| with_carrier!(any, carrier => carrier.snapshot()));
+        let data = self
+            .held
+            .detached(py, |any| with_any!(any, carrier => carrier.snapshot()));
         PyBytes::new(py, &data)
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
-        let restored = self.detached(
-            py,
-            |any| with_carrier!(any, carrier => carrier.restore(data)),
-        );
+        let restored = self
+            .held
+            .detached(py, |any| with_any!(any, carrier => carrier.restore(data)));
         Ok(restored.map_err(NativeError)?)
     }
 
     fn copy(&self, py: Python<'_>) -> Self {
         Self {
-            inner: Mutex::new(self.detached(py, |any| any.clone())),
+            held: Held::new(self.held.detached(py, |any| any.clone())),
             ..*self
         }
-    }
-}
-
-impl PyCarrier {
-    fn vectors<'py>(&self, py: Python<'py>, out: Vec<f32>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let count = out.len() / self.dim;
-        out.into_pyarray(py).reshape([count, self.dim])
     }
 }

@@ -1,7 +1,5 @@
 //! `Solver`: one Python class for both dimensions.
 
-use std::sync::{Mutex, MutexGuard};
-
 use mpm::{EmitterStatus, Force, MpmError, PrescribeOptions, Sleep};
 use numpy::{
     IntoPyArray, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
@@ -10,18 +8,19 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::any::{AnySolver, with_solver};
+use super::any::{AnySolver, with_any};
 use super::build::{Arguments, Arrays, parse_substeps};
 use super::force::checked_force;
+use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{array, contact, slice_of};
+use crate::convert::{array, contact, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
 /// MLS-MPM on one scene.
 #[pyclass(frozen, name = "Solver", module = "hybridmpm._native")]
 pub struct PySolver {
-    inner: Mutex<AnySolver>,
+    held: Held<AnySolver>,
     dim: usize,
     resolution: usize,
     frame_dt: f64,
@@ -29,12 +28,12 @@ pub struct PySolver {
 
 impl PySolver {
     pub fn count(&self) -> usize {
-        with_solver!(&*self.locked(), solver => solver.count())
+        with_any!(&*self.held.locked(), solver => solver.count())
     }
 
     /// Advances with the calling thread, which holds no GIL.
     pub fn run(&self, frames: usize, force: Force<'_>) -> Result<(), MpmError> {
-        with_solver!(&mut *self.locked(), solver => solver.advance(frames, force, |_, _| ()))
+        with_any!(&mut *self.held.locked(), solver => solver.advance(frames, force, |_, _| ()))
     }
 
     pub fn dimension(&self) -> usize {
@@ -43,20 +42,7 @@ impl PySolver {
 
     /// An independent solver in the same state.
     pub fn twin(&self, py: Python<'_>) -> AnySolver {
-        self.detached(py, |any| any.clone())
-    }
-
-    fn locked(&self) -> MutexGuard<'_, AnySolver> {
-        self.inner.lock().expect("no panic under the lock")
-    }
-
-    /// Takes the lock with the GIL released, so that a thread that waits for a solver stops no other.
-    fn detached<T: Send>(
-        &self,
-        py: Python<'_>,
-        work: impl FnOnce(&mut AnySolver) -> T + Send,
-    ) -> T {
-        py.detach(|| work(&mut self.locked()))
+        self.held.detached(py, |any| any.clone())
     }
 
     /// The force of an array, checked against this solver's particles.
@@ -78,12 +64,8 @@ impl PySolver {
         width: usize,
         write: impl Fn(&AnySolver, &mut [T]) + Sync,
     ) -> Vec<T> {
-        self.detached(py, |any| {
-            let count = with_solver!(&*any, solver => solver.count());
-            let mut out = vec![T::default(); count * width];
-            write(any, &mut out);
-            out
-        })
+        let size = |any: &AnySolver| with_any!(any, solver => solver.count()) * width;
+        self.held.read(py, size, write)
     }
 
     /// The same as an array (N, D).
@@ -92,9 +74,7 @@ impl PySolver {
         py: Python<'py>,
         write: impl Fn(&AnySolver, &mut [f32]) + Sync,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let out = self.read(py, self.dim, write);
-        let count = out.len() / self.dim;
-        out.into_pyarray(py).reshape([count, self.dim])
+        vectors(py, self.dim, self.read(py, self.dim, write))
     }
 }
 
@@ -163,7 +143,7 @@ impl PySolver {
             threads,
         };
         Ok(Self {
-            inner: Mutex::new(arguments.build(py, &arrays)?),
+            held: Held::new(arguments.build(py, &arrays)?),
             dim,
             resolution,
             frame_dt,
@@ -198,8 +178,8 @@ impl PySolver {
             }
         };
         let size = count * self.dim;
-        self.detached(py, |any| {
-            with_solver!(any, solver => {
+        self.held.detached(py, |any| {
+            with_any!(any, solver => {
                 if !out.is_empty() && (solver.settings().openings.any() || solver.count() != count) {
                     return Err(config_error(
                         "out must be absent where emitters or sinks change the number of particles",
@@ -238,9 +218,9 @@ impl PySolver {
         }
         let (x, v) = (slice_of("x", &x)?, slice_of("v", &v)?);
         let options = PrescribeOptions { affine, deform };
-        let report = self.detached(
+        let report = self.held.detached(
             py,
-            |any| with_solver!(any, solver => solver.prescribe(x, v, frame, options)),
+            |any| with_any!(any, solver => solver.prescribe(x, v, frame, options)),
         );
         Ok(PyMotionReport(report.map_err(NativeError)?))
     }
@@ -262,7 +242,8 @@ impl PySolver {
 
     #[getter]
     fn frame(&self, py: Python<'_>) -> u64 {
-        self.detached(py, |any| with_solver!(any, solver => solver.frame()))
+        self.held
+            .detached(py, |any| with_any!(any, solver => solver.frame()))
     }
 
     #[getter]
@@ -272,15 +253,15 @@ impl PySolver {
 
     #[getter]
     fn is_open(&self, py: Python<'_>) -> bool {
-        self.detached(
-            py,
-            |any| with_solver!(any, s => s.settings().openings.any()),
-        )
+        self.held
+            .detached(py, |any| with_any!(any, s => s.settings().openings.any()))
     }
 
     #[getter]
     fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
-        let ids = self.detached(py, |any| with_solver!(any, s => s.ids().to_vec()));
+        let ids = self
+            .held
+            .detached(py, |any| with_any!(any, s => s.ids().to_vec()));
         ids.into_pyarray(py)
     }
 
@@ -289,43 +270,33 @@ impl PySolver {
         self.read(
             py,
             1,
-            |any, out| with_solver!(any, s => s.write_materials(out)),
+            |any, out| with_any!(any, s => s.write_materials(out)),
         )
         .into_pyarray(py)
     }
 
     #[getter]
     fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        self.read(
-            py,
-            1,
-            |any, out| with_solver!(any, s => s.write_masses(out)),
-        )
-        .into_pyarray(py)
+        self.read(py, 1, |any, out| with_any!(any, s => s.write_masses(out)))
+            .into_pyarray(py)
     }
 
     #[getter]
     fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
-        self.detached(
+        self.held.detached(
             py,
-            |any| with_solver!(any, s => s.emitters().map(EmitterStatus::name).collect()),
+            |any| with_any!(any, s => s.emitters().map(EmitterStatus::name).collect()),
         )
     }
 
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        self.read_vectors(
-            py,
-            |any, out| with_solver!(any, s => s.write_positions(out)),
-        )
+        self.read_vectors(py, |any, out| with_any!(any, s => s.write_positions(out)))
     }
 
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        self.read_vectors(
-            py,
-            |any, out| with_solver!(any, s => s.write_velocities(out)),
-        )
+        self.read_vectors(py, |any, out| with_any!(any, s => s.write_velocities(out)))
     }
 
     #[getter]
@@ -334,7 +305,7 @@ impl PySolver {
         let out = self.read(
             py,
             width,
-            |any, out| with_solver!(any, s => s.write_affine(out)),
+            |any, out| with_any!(any, s => s.write_affine(out)),
         );
         let count = out.len() / width;
         out.into_pyarray(py).reshape([count, self.dim, self.dim])
@@ -345,46 +316,48 @@ impl PySolver {
         let out = self.read(
             py,
             1,
-            |any, out| with_solver!(any, s => s.write_volume_ratios(out)),
+            |any, out| with_any!(any, s => s.write_volume_ratios(out)),
         );
         out.into_pyarray(py)
     }
 
     #[getter]
     fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        let out = self.detached(py, |any| {
-            with_solver!(any, s => {
-                let mut out = vec![false; s.count()];
-                s.write_asleep(&mut out);
-                out
-            })
-        });
-        out.into_pyarray(py)
+        self.read(py, 1, |any, out| with_any!(any, s => s.write_asleep(out)))
+            .into_pyarray(py)
     }
 
     #[getter]
     fn last_frame(&self, py: Python<'_>) -> Option<PyFrameReport> {
-        self.detached(py, |any| with_solver!(any, solver => solver.last_frame()))
+        self.held
+            .detached(py, |any| with_any!(any, solver => solver.last_frame()))
             .map(PyFrameReport)
     }
 
     fn diagnostics(&self, py: Python<'_>) -> PyDiagnostics {
-        PyDiagnostics(self.detached(py, |any| with_solver!(any, solver => solver.diagnostics())))
+        PyDiagnostics(
+            self.held
+                .detached(py, |any| with_any!(any, solver => solver.diagnostics())),
+        )
     }
 
     fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        let data = self.detached(py, |any| with_solver!(any, solver => solver.snapshot()));
+        let data = self
+            .held
+            .detached(py, |any| with_any!(any, solver => solver.snapshot()));
         PyBytes::new(py, &data)
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
-        let result = self.detached(py, |any| with_solver!(any, solver => solver.restore(data)));
+        let result = self
+            .held
+            .detached(py, |any| with_any!(any, solver => solver.restore(data)));
         Ok(result.map_err(NativeError)?)
     }
 
     fn copy(&self, py: Python<'_>) -> Self {
         Self {
-            inner: Mutex::new(self.twin(py)),
+            held: Held::new(self.twin(py)),
             dim: self.dim,
             resolution: self.resolution,
             frame_dt: self.frame_dt,

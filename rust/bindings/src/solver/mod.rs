@@ -6,6 +6,7 @@ mod build;
 mod carrier;
 mod class;
 mod force;
+mod held;
 mod report;
 
 pub use batch::advance_all;
