@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hybridmpm import data, export, scenarios
-from hybridmpm.cli.options import RatioType
+from hybridmpm.cli.options import RatioType, speed_option, substeps_option, width_option
 from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.cli.simulate import SubstepsType
 from hybridmpm.data import metadata
 from hybridmpm.data.view import recording_of, write_sheet
 from hybridmpm.scene.particle_types import NAMES
@@ -86,12 +85,7 @@ def dataset() -> None:
     help="Largest compression of water at rest, e.g. 0.01; it sets the stiffness of all water. Default: the "
     "stiffness of the scenes.",
 )
-@click.option(
-    "--substeps",
-    type=SubstepsType(),
-    help="Substeps in a frame: as few as the CFL bound allows (cfl), by the ground truth's rule (reference), "
-    "or a fixed number. Default: reference, but cfl with --max-compression.",
-)
+@substeps_option(None, " Default: reference, but cfl with --max-compression.")
 @click.option(
     "--force",
     type=float,
@@ -270,20 +264,8 @@ def _summary(total: data.Statistics, digests: list[str]) -> dict[str, Any]:
     show_default=True,
     help="Number of pictures in a row of a .png.",
 )
-@click.option(
-    "--width",
-    type=click.IntRange(64, 4096),
-    default=320,
-    show_default=True,
-    help="Width of a picture [pixels].",
-)
-@click.option(
-    "--speed",
-    type=click.FloatRange(0.01, 10),
-    default=1.0,
-    show_default=True,
-    help="Simulated seconds in a second of film.",
-)
+@width_option(320)
+@speed_option
 def view(
     *,
     folder: Path,

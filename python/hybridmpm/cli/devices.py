@@ -3,10 +3,21 @@
 import importlib
 from typing import TYPE_CHECKING, Any, cast
 
+import click
+
 from hybridmpm.errors import ConfigError
 
 if TYPE_CHECKING:
     import torch
+
+
+device_option = click.option(
+    "--device",
+    default="auto",
+    show_default=True,
+    help="Device of torch: cpu, cuda, or auto, which is cuda where there is one.",
+)
+"""Device of a training."""
 
 
 def require_torch() -> Any:

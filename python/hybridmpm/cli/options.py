@@ -1,12 +1,15 @@
 """Command-line options that several commands share, and types of options."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, get_args
 
 import click
 
 from hybridmpm import export
 from hybridmpm.errors import ExportError
+from hybridmpm.hybrid.guards import Safeguard
+from hybridmpm.mpm import Substeps
 
 
 class RatioType(click.ParamType[float, object]):
@@ -22,6 +25,67 @@ class RatioType(click.ParamType[float, object]):
         except (ValueError, ZeroDivisionError):
             self.fail(f"{value!r} is no number such as 0.25 or 1/1.75", param, ctx)
 
+
+class SubstepsType(click.ParamType[Substeps, object]):
+    """A rule for the number of substeps in a frame, or this number."""
+
+    name = "cfl|reference|INT"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Substeps:
+        """Return the rule or the number; fails for other text."""
+        match value:
+            case "cfl":
+                return "cfl"
+            case "reference":
+                return "reference"
+        try:
+            return int(str(value))
+        except ValueError:
+            self.fail(f"{value!r} is none of cfl, reference or a whole number", param, ctx)
+
+
+def substeps_option(default: str | None, more: str = "") -> Callable[..., Any]:
+    """Return the option for the rule of substeps, with its default and more to say."""
+    return click.option(
+        "--substeps",
+        type=SubstepsType(),
+        default=default,
+        show_default=True,
+        help="Substeps in a frame: as few as the CFL bound allows (cfl), by the ground truth's rule "
+        f"(reference), or a fixed number.{more}",
+    )
+
+
+seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Seed of the scenario.")
+"""Seed that a scene is drawn from."""
+
+model_option = click.option(
+    "--model",
+    metavar="NAME",
+    help="Name of the network, or its .onnx file, for a simulator that has one; zero is free fall. Default: "
+    "the first network that serves the scenario.",
+)
+"""Network of a simulator."""
+
+r_c_option = click.option(
+    "--r-c",
+    type=click.FloatRange(-1, 1),
+    default=0.8,
+    show_default=True,
+    help="Mean cosine between the accelerations of two successive time windows below which MPM takes over, "
+    "for the hybrid simulator.",
+)
+"""Threshold of the safeguard."""
+
+safeguard_option = click.option(
+    "--safeguard",
+    type=click.Choice(get_args(Safeguard)),
+    default="ours",
+    show_default=True,
+    help="Mean that --r-c is compared with, for the hybrid simulator: without calm particles (ours), or "
+    "plain (paper).",
+)
+"""Reading of the cosine by the safeguard."""
 
 threads_option = click.option(
     "--threads",
@@ -41,6 +105,27 @@ targets_option = click.option(
     help="File to write; its suffix decides the content, see above. May be repeated.",
 )
 """Files to write; check them by `check_targets` before there is anything to write."""
+
+
+def width_option(default: int) -> Callable[..., Any]:
+    """Return the option for the width of pictures, with its default."""
+    return click.option(
+        "--width",
+        type=click.IntRange(64, 4096),
+        default=default,
+        show_default=True,
+        help="Width of a picture [pixels].",
+    )
+
+
+speed_option = click.option(
+    "--speed",
+    type=click.FloatRange(0.01, 10),
+    default=1.0,
+    show_default=True,
+    help="Simulated seconds in a second of film.",
+)
+"""Speed of films."""
 
 
 def check_targets(targets: Sequence[Path]) -> None:

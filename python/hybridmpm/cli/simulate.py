@@ -2,13 +2,23 @@
 
 import time
 from pathlib import Path
-from typing import get_args
 
 import click
 import numpy as np
 
 from hybridmpm import export, scenarios, simulators
-from hybridmpm.cli.options import check_targets, targets_option, threads_option
+from hybridmpm.cli.options import (
+    check_targets,
+    model_option,
+    r_c_option,
+    safeguard_option,
+    seed_option,
+    speed_option,
+    substeps_option,
+    targets_option,
+    threads_option,
+    width_option,
+)
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import Substeps
@@ -16,23 +26,6 @@ from hybridmpm.physics.load import model_for
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
-
-
-class SubstepsType(click.ParamType[Substeps, object]):
-    """A rule for the number of substeps in a frame, or this number."""
-
-    name = "cfl|reference|INT"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Substeps:
-        match value:
-            case "cfl":
-                return "cfl"
-            case "reference":
-                return "reference"
-        try:
-            return int(str(value))
-        except ValueError:
-            self.fail(f"{value!r} is none of cfl, reference or a whole number", param, ctx)
 
 
 @click.command()
@@ -43,7 +36,7 @@ class SubstepsType(click.ParamType[Substeps, object]):
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     help="Scene file, .json or .yaml, to simulate instead of a scenario.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the scenario.")
+@seed_option
 @click.option(
     "--resume",
     "resume_file",
@@ -57,14 +50,7 @@ class SubstepsType(click.ParamType[Substeps, object]):
     help="Number of frames to simulate. Default: the number that the scene suggests, less those done "
     "before --resume.",
 )
-@click.option(
-    "--substeps",
-    type=SubstepsType(),
-    default="cfl",
-    show_default=True,
-    help="Substeps in a frame: as few as the CFL bound allows (cfl), by the ground truth's rule (reference), "
-    "or a fixed number.",
-)
+@substeps_option("cfl")
 @click.option(
     "--solver",
     "kind",
@@ -74,27 +60,9 @@ class SubstepsType(click.ParamType[Substeps, object]):
     help="Simulator: the MPM solver (mpm), a network alone (neural), or a network from which MPM takes over "
     "at an alarm (hybrid).",
 )
-@click.option(
-    "--model",
-    metavar="NAME",
-    help="Name of the network or its .onnx file, for neural and hybrid; zero is free fall. Default: the "
-    "first network that serves the scenario.",
-)
-@click.option(
-    "--r-c",
-    type=click.FloatRange(-1, 1),
-    default=0.8,
-    show_default=True,
-    help="Mean cosine between the accelerations of two successive time windows below which MPM takes over, "
-    "for hybrid.",
-)
-@click.option(
-    "--safeguard",
-    type=click.Choice(get_args(Safeguard)),
-    default="ours",
-    show_default=True,
-    help="Mean that --r-c is compared with, for hybrid: without calm particles (ours), or plain (paper).",
-)
+@model_option
+@r_c_option
+@safeguard_option
 @threads_option
 @click.option(
     "--every",
@@ -111,20 +79,8 @@ class SubstepsType(click.ParamType[Substeps, object]):
     metavar="FILE",
     help="File for a snapshot of the last state, for --resume; written also after Ctrl-C or a failed frame.",
 )
-@click.option(
-    "--width",
-    type=click.IntRange(64, 4096),
-    default=640,
-    show_default=True,
-    help="Width of a picture [pixels].",
-)
-@click.option(
-    "--speed",
-    type=click.FloatRange(0.01, 10),
-    default=1.0,
-    show_default=True,
-    help="Simulated seconds in a second of film.",
-)
+@width_option(640)
+@speed_option
 @click.option(
     "--strip",
     type=click.IntRange(1, 12),

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from hybridmpm import SOLVER_VERSION, scenarios
 from hybridmpm._support.machine import cpu_model, usable_cores
-from hybridmpm.cli.devices import require_torch, torch_device
+from hybridmpm.cli.devices import device_option, require_torch, torch_device
 from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
@@ -170,12 +170,7 @@ def train() -> None:
     show_default=True,
     help="Seed of the initial weights and of all draws in training.",
 )
-@click.option(
-    "--device",
-    default="auto",
-    show_default=True,
-    help="Device of torch: cpu, cuda, or auto, which is cuda where there is one.",
-)
+@device_option
 @click.option(
     "--threads",
     type=click.IntRange(1, 1024),

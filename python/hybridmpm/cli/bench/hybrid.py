@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from typing import get_args
 
 import click
 
@@ -24,6 +23,7 @@ from hybridmpm.cli.bench.options import (
     source,
     threads_option,
 )
+from hybridmpm.cli.options import model_option, r_c_option, safeguard_option
 from hybridmpm.hybrid.guards import Safeguard
 
 _PARTS = {
@@ -40,16 +40,9 @@ _HYBRID_COLUMNS = ("scenario", "method", "ms_per_frame", "seconds", "mpm_share",
 _LINE_EVERY = 50
 """Frames between two lines of the table of a rollout."""
 
-_model_option = click.option(
-    "--model",
-    metavar="NAME",
-    help="Name of a model, or its ONNX file; zero is free fall. If absent, the first model of the library "
-    "that serves the scenario.",
-)
-
 
 @click.command()
-@_model_option
+@model_option
 @scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
 @number_option("--scenes", 1, 1000, 3, "Number of scenes of each scenario.")
 @number_option("--frames", 60, 10_000, 200, "Number of frames of each scene.")
@@ -94,7 +87,7 @@ def handoff(*, json_file: Path | None, chart_file: Path | None) -> None:
 
 
 @click.command()
-@_model_option
+@model_option
 @click.option(
     "--scenario",
     type=click.Choice(scenarios.NAMES),
@@ -110,20 +103,8 @@ def handoff(*, json_file: Path | None, chart_file: Path | None) -> None:
     help="Seed of the scene.",
 )
 @number_option("--frames", 60, 10_000, 600, "Number of frames.")
-@click.option(
-    "--r-c",
-    type=click.FloatRange(-1, 1),
-    default=0.8,
-    show_default=True,
-    help="Cosine below which MPM takes over from the network.",
-)
-@click.option(
-    "--safeguard",
-    type=click.Choice(get_args(Safeguard)),
-    default="ours",
-    show_default=True,
-    help="Reading of the cosine: ours leaves calm particles out, paper takes the mean of all.",
-)
+@r_c_option
+@safeguard_option
 @threads_option("Number of threads of every simulator.")
 @json_option
 @chart_option

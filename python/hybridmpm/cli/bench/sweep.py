@@ -14,7 +14,7 @@ from hybridmpm.cli.bench.options import (
     source,
     threads_option,
 )
-from hybridmpm.cli.devices import require_torch, torch_device
+from hybridmpm.cli.devices import device_option, require_torch, torch_device
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 
@@ -63,9 +63,7 @@ _COLUMNS = (
 @number_option(
     "--trajectories", 1, 100_000, SweepSettings.trajectories, "Number of trajectories of each training."
 )
-@click.option(
-    "--device", default="auto", show_default=True, help="Device of the training: cpu, cuda or auto."
-)
+@device_option
 @click.option(
     "--worthwhile",
     is_flag=True,

@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from hybridmpm import export, scenarios
-from hybridmpm.cli.options import check_targets, targets_option, threads_option
+from hybridmpm.cli.options import check_targets, seed_option, targets_option, threads_option
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.control import (
     METHODS,
@@ -28,7 +28,7 @@ from hybridmpm.scene import Scene
 
 @click.command()
 @click.argument("scene", metavar="SCENE")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of a scenario.")
+@seed_option
 @click.option(
     "--start",
     type=click.IntRange(0, 1_000_000),
