@@ -35,11 +35,35 @@ def without_undone(log: Iterable[Decision]) -> list[Decision]:
     return kept
 
 
-def frames_of_mpm(log: Iterable[Decision], frames: int) -> int:
-    """Count the frames that MPM simulated among the first `frames`; a frame that was redone counts once."""
-    total, since, mode = 0, 0, "mpm"
+@dataclass(frozen=True)
+class Span:
+    """Frames in a row that one of the two simulated."""
+
+    first: int
+    """Number of the first frame, counted from 1."""
+    last: int
+    """Number of the last frame."""
+    mode: Mode
+    decision: Decision | None
+    """Why; None for the frames before the first decision."""
+
+
+def spans(log: Iterable[Decision], frames: int) -> list[Span]:
+    """Return who simulated each of the first `frames` frames; what was undone is left out."""
+    found = []
+    since = 0
+    mode: Mode = "mpm"
+    latest: Decision | None = None
     for decision in without_undone(log):
         upto = min(decision.frame, frames)
-        total += (upto - since) * (mode == "mpm")
-        since, mode = upto, decision.mode
-    return total + (frames - since) * (mode == "mpm")
+        if upto > since:
+            found.append(Span(since + 1, upto, mode, latest))
+        since, mode, latest = upto, decision.mode, decision
+    if frames > since:
+        found.append(Span(since + 1, frames, mode, latest))
+    return found
+
+
+def frames_of_mpm(log: Iterable[Decision], frames: int) -> int:
+    """Count the frames that MPM simulated among the first `frames`; a frame that was redone counts once."""
+    return sum(span.last - span.first + 1 for span in spans(log, frames) if span.mode == "mpm")

@@ -65,6 +65,11 @@ class Simulator(ABC):
         """Number of frames since the start."""
 
     @property
+    def particle_spacing(self) -> float:
+        """Distance of the particles of `positions` at rest [m]: above the scene's where they are merged."""
+        return float(self.scene.spacing / self.r_p ** (1 / self.dim))
+
+    @property
     def time(self) -> float:
         """Simulated time since the start [s]."""
         return self.frame * self.scene.frame_dt

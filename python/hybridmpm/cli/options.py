@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 import click
 
-from hybridmpm import export
+from hybridmpm import export, simulators
 from hybridmpm.errors import ExportError
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import Substeps
@@ -95,6 +95,17 @@ threads_option = click.option(
     help="Number of threads; the result does not depend on it.",
 )
 """Threads of one simulator."""
+
+solver_option = click.option(
+    "--solver",
+    "kind",
+    type=click.Choice(list(simulators.SIMULATORS)),
+    default="mpm",
+    show_default=True,
+    help="Simulator: the MPM solver (mpm), a network alone (neural), or a network from which MPM takes over "
+    "at an alarm (hybrid).",
+)
+"""Kind of the simulator; `model_option` belongs to it."""
 
 targets_option = click.option(
     "--out",

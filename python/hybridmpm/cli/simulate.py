@@ -13,6 +13,7 @@ from hybridmpm.cli.options import (
     r_c_option,
     safeguard_option,
     seed_option,
+    solver_option,
     speed_option,
     substeps_option,
     targets_option,
@@ -51,15 +52,7 @@ from hybridmpm.simulator import Kind, Simulator
     "before --resume.",
 )
 @substeps_option("cfl")
-@click.option(
-    "--solver",
-    "kind",
-    type=click.Choice(list(simulators.SIMULATORS)),
-    default="mpm",
-    show_default=True,
-    help="Simulator: the MPM solver (mpm), a network alone (neural), or a network from which MPM takes over "
-    "at an alarm (hybrid).",
-)
+@solver_option
 @model_option
 @r_c_option
 @safeguard_option

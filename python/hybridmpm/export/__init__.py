@@ -14,19 +14,24 @@ recorded state, numbered by frame. A file appears under its name only once it is
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ExportError
 from hybridmpm.export import arrays, clouds, pictures
 from hybridmpm.recording import Recording
+from hybridmpm.render import View, view_of
 
 __all__ = ["SUFFIXES", "Style", "check_target", "needs_history", "save"]
 
 SUFFIXES = (".gif", ".mp4", ".npz", ".ply", ".png", ".vtp")
-_SINGLE = {".png": pictures.write_png, ".ply": clouds.write_ply, ".vtp": clouds.write_vtp}
+_CLOUDS = {".ply": clouds.write_ply, ".vtp": clouds.write_vtp}
+_SINGLE = {".png", *_CLOUDS}
 _NUMBER = re.compile(r"%(0\d{1,2})?d")
 
+WriteState = Callable[[Path, Recording, int], None]
+"""Writes the state of one row of a recording to a file."""
 Progress = Callable[[int, int], object]
 """Called with the number of parts done and the number of all parts."""
 
@@ -82,7 +87,12 @@ def needs_history(path: Path, style: Style) -> bool:
 
 
 def save(
-    path: str | Path, recording: Recording, style: Style | None = None, *, on_progress: Progress | None = None
+    path: str | Path,
+    recording: Recording,
+    style: Style | None = None,
+    *,
+    view: View | None = None,
+    on_progress: Progress | None = None,
 ) -> list[Path]:
     """Write a recording to a file, or to a numbered series of files, and return their paths.
 
@@ -93,6 +103,8 @@ def save(
     recording : Recording
     style : Style, optional
         Look of pictures and films.
+    view : View, optional
+        What draws pictures, in place of `view_of` with the width of the style.
     on_progress : callable, optional
         Called with the number of parts done and the number of all parts.
 
@@ -108,30 +120,41 @@ def save(
     if suffix in {".gif", ".mp4"}:
         write_film = pictures.write_gif if suffix == ".gif" else pictures.write_mp4
         with replacing(path) as part:
-            write_film(part, recording, style.width, style.speed, tell)
+            write_film(part, recording, view or _view(recording, style), style.speed, tell)
         return [path]
     if suffix == ".npz":
         with replacing(path) as part:
             arrays.write_npz(part, recording)
         return [path]
-    return _save_states(path, recording, style, tell)
+    if suffix == ".png":
+        return _save_pictures(path, recording, style, view or _view(recording, style), tell)
+    return _save_states(path, recording, _CLOUDS[suffix], tell)
 
 
-def _save_states(path: Path, recording: Recording, style: Style, tell: Progress) -> list[Path]:
+def _view(recording: Recording, style: Style) -> View:
+    return view_of(recording.scene, recording.types, style.width, recording.spacing)
+
+
+def _save_pictures(path: Path, recording: Recording, style: Style, view: View, tell: Progress) -> list[Path]:
     """Write the last state, several states side by side, or each state to a file of its own."""
-    suffix = path.suffix.lower()
+    if style.strip > 1 and not _NUMBER.search(path.name):
+        with replacing(path) as part:
+            pictures.write_strip(part, recording, view, style.strip)
+        return [path]
+    return _save_states(path, recording, partial(pictures.write_png, view=view), tell)
+
+
+def _save_states(path: Path, recording: Recording, write: WriteState, tell: Progress) -> list[Path]:
+    """Write the last state, or each state to a file of its own."""
     if not _NUMBER.search(path.name):
         with replacing(path) as part:
-            if suffix == ".png" and style.strip > 1:
-                pictures.write_strip(part, recording, style.width, style.strip)
-            else:
-                _SINGLE[suffix](part, recording, len(recording.frames) - 1, style.width)
+            write(part, recording, len(recording.frames) - 1)
         return [path]
     files = []
     for row, frame in enumerate(recording.frames.tolist()):
         file = path.with_name(_numbered(path.name, frame))
         with replacing(file) as part:
-            _SINGLE[suffix](part, recording, row, style.width)
+            write(part, recording, row)
         files.append(file)
         tell(row + 1, len(recording.frames))
     return files

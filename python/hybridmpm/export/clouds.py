@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm.recording import Recording
 
 
-def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
+def write_ply(path: Path, recording: Recording, row: int) -> None:
     """Write state `row` as binary PLY; each vertex has x y z vx vy vz (float) and type (uchar)."""
     fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
     there = recording.present(row)
@@ -30,7 +30,7 @@ def write_ply(path: Path, recording: Recording, row: int, _width: int) -> None:
     path.write_bytes("\n".join(header).encode() + b"\n" + vertices.tobytes())
 
 
-def write_vtp(path: Path, recording: Recording, row: int, _width: int) -> None:
+def write_vtp(path: Path, recording: Recording, row: int) -> None:
     """Write state `row` as VTK PolyData, with point arrays `velocity` and `type` and field `TimeValue`."""
     there = recording.present(row)
     x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])

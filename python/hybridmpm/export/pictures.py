@@ -11,7 +11,7 @@ from PIL import Image
 
 from hybridmpm.errors import ExportError
 from hybridmpm.recording import Recording
-from hybridmpm.render import View, side_by_side, view_of
+from hybridmpm.render import View, side_by_side
 
 FILM_FPS = 50
 """Pictures in a second of film. GIF delays are whole hundredths of a second; browsers slow down below two."""
@@ -19,34 +19,32 @@ FILM_FPS = 50
 Tell = Callable[[int, int], object]
 
 
-def write_png(path: Path, recording: Recording, row: int, width: int) -> None:
-    """Write a picture of state `row`, `width` pixels wide."""
-    view = view_of(recording.scene, recording.types, width)
+def write_png(path: Path, recording: Recording, row: int, view: View) -> None:
+    """Write a picture of state `row`."""
     Image.fromarray(_draw(view, recording, row)).save(path, optimize=True)
 
 
-def write_strip(path: Path, recording: Recording, width: int, count: int) -> None:
-    """Write `count` states side by side, evenly spread from first to last, each `width` pixels wide."""
-    view = view_of(recording.scene, recording.types, width)
+def write_strip(path: Path, recording: Recording, view: View, count: int) -> None:
+    """Write `count` states side by side, evenly spread from first to last."""
     rows = np.linspace(0, len(recording.frames) - 1, count).round().astype(int)
     pictures = [_draw(view, recording, row) for row in rows]
     Image.fromarray(side_by_side(pictures)).save(path, optimize=True)
 
 
-def write_gif(path: Path, recording: Recording, width: int, speed: float, tell: Tell) -> None:
+def write_gif(path: Path, recording: Recording, view: View, speed: float, tell: Tell) -> None:
     """Write a film that repeats without end, 50 pictures a second."""
     pictures = (
         Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
-        for picture in _film(recording, width, speed, tell)
+        for picture in _film(recording, view, speed, tell)
     )
     first = next(pictures)
     first.save(path, save_all=True, append_images=pictures, duration=1000 // FILM_FPS, loop=0)
 
 
-def write_mp4(path: Path, recording: Recording, width: int, speed: float, tell: Tell) -> None:
+def write_mp4(path: Path, recording: Recording, view: View, speed: float, tell: Tell) -> None:
     """Write an H.264 film, 50 pictures a second; raises `ExportError` where the encoder fails."""
     encoder = require_encoder()
-    pictures = _film(recording, width, speed, tell)
+    pictures = _film(recording, view, speed, tell)
     first = next(pictures)
     size = (first.shape[1], first.shape[0])
     # Views have even sizes, so blocks of 2 pixels fit without scaling the picture.
@@ -74,9 +72,8 @@ def require_encoder() -> ModuleType:
         ) from None
 
 
-def _film(recording: Recording, width: int, speed: float, tell: Tell) -> Iterator[npt.NDArray[np.uint8]]:
+def _film(recording: Recording, view: View, speed: float, tell: Tell) -> Iterator[npt.NDArray[np.uint8]]:
     """Yield the pictures of a film; each shows the state nearest to its time."""
-    view = view_of(recording.scene, recording.types, width)
     frames = recording.frames - recording.frames[0]
     frames_per_picture = speed / (FILM_FPS * recording.scene.frame_dt)
     wanted = np.arange(0.0, frames[-1] + 1e-9, frames_per_picture)

@@ -148,6 +148,11 @@ class MpmSolver(Simulator):
         return self._r_p
 
     @property
+    def particle_spacing(self) -> float:
+        """Distance of the particles of `positions` at rest [m]: above the scene's where they are merged."""
+        return super().particle_spacing if self._carrier is None else self.scene.spacing
+
+    @property
     def r_t(self) -> int:
         """1: MPM makes every frame."""
         return 1

@@ -39,6 +39,8 @@ class Recording:
     """Positions (F, N, D) [m]."""
     velocities: npt.NDArray[np.float32]
     """Velocities (F, N, D) [m/s]."""
+    spacing: float | None = None
+    """Distance of the particles at rest [m]; None: that of the scene."""
 
     def present(self, row: int) -> npt.NDArray[np.bool_]:
         """Return whether each particle (N,) is in the scene at a state."""
@@ -76,7 +78,7 @@ def record(
     frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
     every = whole("every", every, 1, MAX_FRAMES_AT_ONCE)
     stops = [*range(0, frames, every), frames]
-    _check_size(len(stops), solver.particle_count, solver.dim)
+    check_size(len(stops), solver.particle_count, solver.dim)
     tracks = Tracks(solver, len(stops), "positions", "velocities")
     first = solver.frame
     for row, stop in enumerate(stops):
@@ -86,7 +88,7 @@ def record(
             if on_progress is not None:
                 on_progress(step)
         tracks.take(row)
-        _check_size(len(stops), len(tracks.ids), solver.dim)
+        check_size(len(stops), len(tracks.ids), solver.dim)
     return Recording(
         scene=solver.scene,
         ids=tracks.ids,
@@ -95,10 +97,12 @@ def record(
         frames=first + np.array(stops, dtype=np.int64),
         positions=tracks["positions"],
         velocities=tracks["velocities"],
+        spacing=solver.particle_spacing,
     )
 
 
-def _check_size(states: int, particles: int, dim: int) -> None:
+def check_size(states: int, particles: int, dim: int) -> None:
+    """Refuse a recording of so many states that it would exceed `MAX_BYTES`, by a ConfigError."""
     needed = 2 * 4 * states * particles * dim
     if needed > MAX_BYTES:
         raise ConfigError(

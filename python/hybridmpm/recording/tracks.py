@@ -47,6 +47,11 @@ class Tracks:
             self._grow(name)
             self._tables[name][row, columns] = getattr(self._solver, name)
 
+    def lengthen(self, rows: int) -> None:
+        """Make room for more rows."""
+        for name, table in self._tables.items():
+            self._tables[name] = np.concatenate([table, self._absent(rows, table.shape[1])])
+
     def _grow(self, name: str) -> None:
         table = self._tables[name]
         rows, room, _ = table.shape

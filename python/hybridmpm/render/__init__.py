@@ -29,7 +29,9 @@ class View(Protocol):
         """
 
 
-def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> View:
+def view_of(
+    scene: Scene, types: npt.NDArray[np.uint8], width: int = 640, spacing: float | None = None
+) -> View:
     """Return a view that draws states of a scene.
 
     Parameters
@@ -40,6 +42,9 @@ def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> Vie
         DeepMind's particle types, which choose the colours.
     width : int in [64, 4096]
         Width of the pictures [pixels], rounded up to an even number.
+    spacing : float, optional
+        Distance of the particles at rest [m], by which they are drawn as large; that of the scene if not
+        given.
 
     Raises
     ------
@@ -48,7 +53,8 @@ def view_of(scene: Scene, types: npt.NDArray[np.uint8], width: int = 640) -> Vie
     """
     if not MIN_WIDTH <= width <= MAX_WIDTH:
         raise ConfigError(f"width must be in [{MIN_WIDTH}, {MAX_WIDTH}] pixels, got {width}")
-    return FlatView(scene, types, width) if scene.dim == 2 else PerspectiveView(scene, types, width)
+    kind = FlatView if scene.dim == 2 else PerspectiveView
+    return kind(scene, types, width, scene.spacing if spacing is None else spacing)
 
 
 def side_by_side(pictures: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:

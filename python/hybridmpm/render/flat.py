@@ -28,13 +28,16 @@ class FlatView:
     width : int
         Width of the pictures [pixels]; the height follows from the walls. Both are rounded up to even
         numbers, because video encoders need them.
+    spacing : float
+        Distance of the particles at rest [m].
     """
 
-    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
+    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int, spacing: float) -> None:
         lower, upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
         margin = MARGIN * float((upper - lower).max())
         size = upper - lower + 2 * margin
         self._scene = scene
+        self._spacing = spacing
         self._width = width + width % 2
         self._scale = self._width / float(size[0])
         self._height = 2 * int(np.ceil(self._scale * float(size[1]) / 2))
@@ -72,7 +75,7 @@ class FlatView:
         return palette.mix(image, surface, np.clip(depth + 0.5, 0.0, 1.0))
 
     def _draw_material(self, image: Colors, kind: int, x: Field, speed: Field, grain: Field) -> Colors:
-        pitch = self._scene.spacing * self._scale
+        pitch = self._spacing * self._scale
         full = 1.0 / pitch**2
         place = self._pixels(x)
         density = _blur(self._deposit(place, np.ones(len(x), np.float32)), 0.7 * pitch) / full

@@ -30,7 +30,7 @@ Field = npt.NDArray[np.float32]
 class PerspectiveView:
     """Draws states of one 3D scene. Parameters are those of `FlatView`; the height is 3/4 of the width."""
 
-    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int) -> None:
+    def __init__(self, scene: Scene, types: npt.NDArray[np.uint8], width: int, spacing: float) -> None:
         self._lower, self._upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
         self._width = _SUPERSAMPLING * (width + width % 2)
         self._height = _SUPERSAMPLING * 2 * math.ceil(3 * width / 8)
@@ -40,7 +40,7 @@ class PerspectiveView:
         self._target = (self._lower + self._upper) / 2 - np.array([0.0, 0.08 * span, 0.0])
         self._eye_distance = _DISTANCE * span
         self._focal = 0.5 * self._height / math.tan(_FIELD_OF_VIEW / 2)
-        self._radius = 0.62 * scene.spacing
+        self._radius = 0.62 * spacing
         self._kinds = types
         still = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is None]
         moving = [obstacle.to_native() for obstacle in scene.obstacles if obstacle.motion is not None]

@@ -1,11 +1,13 @@
 """`hybridmpm control`: needs, files, and an exit status that says whether the goal was reached."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from PIL import Image
 
 from hybridmpm import Box, MpmSolver, Scene
 from hybridmpm.cli import cli
@@ -39,10 +41,62 @@ def test_a_sketch_is_followed_and_written(folder: Path) -> None:
     assert all(f"wrote {file}" in run.output for file in files)
     with np.load(files[0]) as data:
         led = dict(data)
+    assert led["first_frame"] == 4
+    assert len(led["positions"]) == len(led["frames"]) == 4 + len(led["force"]) + 1
+    assert set(led["simulated_by"]) == {"mpm"}
     solver = MpmSolver(SCENE)
-    solver.advance(int(led["first_frame"]))
-    assert np.array_equal(solver.rollout(len(led["force"]), led["force"]), led["positions"])
+    assert np.array_equal(solver.rollout(4), led["positions"][:5])
+    assert np.array_equal(solver.rollout(len(led["force"]), led["force"]), led["positions"][4:])
     np.testing.assert_allclose(led["displacement"], [0.2, 0.2], atol=3e-3)
+
+
+def test_the_hybrid_runs_is_led_and_goes_on_by_its_own_rules(folder: Path) -> None:
+    """A block in free fall, which the network "zero" knows; a sketch from frame 30 on; free fall again."""
+    files = [folder / name for name in ("run.npz", "run.gif")]
+    out = [word for file in files for word in ("--out", str(file))]
+    run = _run(
+        folder,
+        *("--sketch", str(folder / "oval.png"), "--solver", "hybrid", "--model", "zero", "--start", "30"),
+        *("--frames", "60", "--after", "70", "--width", "100", *out),
+    )
+    assert run.exit_code == 0, run.output
+    lines = [line for line in run.output.splitlines() if line.startswith("frames ")]
+    assert lines[:3] == [
+        "frames 1 to 10: MPM, which free fall looks back on",
+        "frames 11 to 30: free fall, warm-up",
+        "frames 31 to 90: MPM, led by the sketch",
+    ]
+    # Two windows of accelerations, and one of calm; the reason is the log's.
+    waiting, again = (re.fullmatch(r"frames (\d+) to (\d+): (.*)", line) for line in lines[3:5])
+    assert waiting is not None
+    assert again is not None
+    assert waiting[3] == "MPM, still since frame 30"
+    assert again[3].startswith("free fall, calm ")
+    assert 90 < int(again[1]) <= 155
+    with np.load(files[0]) as data:
+        whole = dict(data)
+    assert whole["positions"].shape[0] == 161
+    assert whole["simulated_by"].tolist()[:30] == ["mpm"] * 10 + ["neural"] * 20
+    assert set(whole["simulated_by"][30:90]) == {"mpm"}
+    assert whole["simulated_by"][int(again[1]) - 1] == "neural"
+    with Image.open(files[1]) as film:
+        pictures = []
+        for index in range(film.n_frames):
+            film.seek(index)
+            pictures.append(np.asarray(film.convert("RGB")).astype(int))
+    green = [
+        int((picture[..., 1] - picture.max(axis=2, where=[True, False, True], initial=0) > 40).sum())
+        for picture in pictures
+    ]
+    # 160 frames at 8 a picture: the ghost is there from frame 30 to frame 90, from 80 on under bright water.
+    seen = {8 * index: count > 20 for index, count in enumerate(green) if not 80 <= 8 * index <= 96}
+    assert seen == {frame: 30 <= frame <= 90 for frame in seen}
+
+
+def test_a_network_for_a_scene_file_must_be_named(folder: Path) -> None:
+    run = _run(folder, "--sketch", str(folder / "arrow.json"), "--solver", "hybrid")
+    assert run.exit_code == 2
+    assert "give a model" in run.output
 
 
 def test_a_goal_that_is_missed_gives_status_1(folder: Path) -> None:

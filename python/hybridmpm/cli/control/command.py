@@ -7,23 +7,27 @@ from typing import Any, get_args
 import click
 import numpy as np
 
-from hybridmpm import export, scenarios
-from hybridmpm.cli.options import check_targets, seed_option, targets_option, threads_option
-from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.control import (
-    METHODS,
-    ControlledTrajectory,
-    Following,
-    Sketch,
-    follow,
-    parse_png,
-    parse_strokes,
+from hybridmpm import export, scenarios, simulators
+from hybridmpm._support.files import replacing
+from hybridmpm.cli.control.film import StoryView
+from hybridmpm.cli.control.story import Story, run
+from hybridmpm.cli.options import (
+    check_targets,
+    model_option,
+    seed_option,
+    solver_option,
+    speed_option,
+    targets_option,
+    threads_option,
+    width_option,
 )
+from hybridmpm.cli.progress import CountedProgress, progress
+from hybridmpm.control import METHODS, Sketch, parse_png, parse_strokes
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.errors import ConfigError, SketchError
-from hybridmpm.mpm import MpmSolver
-from hybridmpm.recording import Recording
+from hybridmpm.physics.load import ZERO, model_for
 from hybridmpm.scene import Scene
+from hybridmpm.simulator import Kind, Simulator
 
 
 @click.command()
@@ -36,6 +40,15 @@ from hybridmpm.scene import Scene
     show_default=True,
     help="Number of frames that are simulated before the sketch begins.",
 )
+@click.option(
+    "--after",
+    type=click.IntRange(0, 1_000_000),
+    default=0,
+    show_default=True,
+    help="Number of frames that are simulated after those of the sketch, without it.",
+)
+@solver_option
+@model_option
 @click.option(
     "--sketch",
     "sketch_file",
@@ -86,6 +99,8 @@ from hybridmpm.scene import Scene
 )
 @threads_option
 @targets_option
+@width_option(640)
+@speed_option
 @click.pass_context
 def control(
     ctx: click.Context,
@@ -94,9 +109,14 @@ def control(
     scene: str,
     seed: int,
     start: int,
+    after: int,
+    kind: Kind,
+    model: str | None,
     sketch_file: Path,
     threads: int,
     targets: tuple[Path, ...],
+    width: int,
+    speed: float,
     **settings: Any,
 ) -> None:
     """Lead SCENE, a scenario or a scene file, along a sketch.
@@ -104,34 +124,36 @@ def control(
     The sketch is a PNG of a red arrow or a green outline on white, or a JSON file such as {"strokes":
     [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres.
 
-    Tells what the sketch needs and what was reached. The exit status is 1 where the goal is not reached.
+    Tells what the sketch needs and what was reached, and with --solver hybrid who simulated which frames, and
+    why. The exit status is 1 where the goal is not reached.
 
-    The suffix of each --out FILE decides its content: .npz has positions and forces of all frames, .gif or
-    .mp4 a film, .png a picture of the last state, .ply or .vtp the particles of the last state.
+    The suffix of each --out FILE decides its content, from the first frame to the last: .npz has positions,
+    forces and who simulated, .gif or .mp4 a film with the sketch in it, .png a picture of the last state,
+    .ply or .vtp the particles of the last state.
     """
+    style = export.Style(width=width, speed=speed)
     check_targets(targets)
     sketch = _sketch(sketch_file)
-    chosen = scenarios.get(scene, seed) if scene in scenarios.NAMES else _scene(scene)
-    solver = MpmSolver(chosen, threads=threads)
-    with progress(f"Simulating {start} frames", start) as bar:
-        for _ in range(start):
-            solver.advance(1)
-            bar.update(1)
-    following = follow(solver, sketch, **settings)
-    guidance = following.guidance
-    click.echo(f"method {guidance.method}: {guidance.reason}")
-    click.echo(f"needs {guidance.needs()}")
-    velocities = [following.placed(solver.velocities)]
-    with progress(f"Following {guidance.total_frames} frames", guidance.total_frames) as bar:
-        for _ in following:
-            velocities.append(following.placed(solver.velocities))
-            bar.update(1)
-    result = following.result
-    click.echo(f"reached {result.reached}")
+    simulator = _simulator(scene, seed, kind, model, threads)
+    network = "free fall" if model == ZERO else "the network"
+    story = run(
+        simulator, sketch, start=start, after=after, network=network, tell=click.echo, settings=settings
+    )
+    if story.log:
+        for line in story.told():
+            click.echo(line)
     for target in targets:
-        _write(target, following, result, np.stack(velocities))
-    if not result.reached.goal:
+        _write(target, story, style)
+    if not story.led.reached.goal:
         ctx.exit(1)
+
+
+def _simulator(name: str, seed: int, kind: Kind, model: str | None, threads: int) -> Simulator:
+    is_scenario = name in scenarios.NAMES
+    scene = scenarios.get(name, seed) if is_scenario else _scene(name)
+    if "model" in simulators.settings_of(kind):
+        model = model_for(model, name if is_scenario else None)
+    return simulators.make(kind, scene, model=model, threads=threads)
 
 
 def _scene(name: str) -> Scene:
@@ -165,27 +187,25 @@ def _sketch(file: Path) -> Sketch:
         raise SketchError(f"{file}: {error}") from error
 
 
-def _write(target: Path, following: Following, result: ControlledTrajectory, velocities: Any) -> None:
+def _write(target: Path, story: Story, style: export.Style) -> None:
+    recording, led = story.recording, story.led
     if target.suffix == ".npz":
-        arrays = {
-            name: getattr(result, name)
-            for name in ("ids", "positions", "force", "mean_force", "centroids", "displacement")
-        }
-        np.savez_compressed(target, first_frame=result.first_frame, **arrays)
+        arrays = {name: getattr(led, name) for name in ("force", "mean_force", "centroids", "displacement")}
+        with replacing(target) as part, part.open("wb") as file:
+            np.savez_compressed(
+                file,
+                ids=recording.ids,
+                frames=recording.frames,
+                positions=recording.positions,
+                simulated_by=np.array(story.simulated_by),
+                first_frame=story.first,
+                force_ids=led.ids,
+                **arrays,
+            )
         click.echo(f"wrote {target}")
         return
-    simulator = following.simulator
-    known = np.isin(simulator.ids, result.ids)
-    recording = Recording(
-        scene=simulator.scene,
-        ids=simulator.ids[known],
-        types=simulator.materials[known],
-        mass=simulator.mass[known],
-        frames=result.first_frame + np.arange(result.frames + 1),
-        positions=result.positions[:, np.isin(result.ids, simulator.ids)],
-        velocities=velocities[:, np.isin(result.ids, simulator.ids)],
-    )
+    view = None if target.suffix in {".ply", ".vtp"} else StoryView(story, style.width)
     with progress(f"Writing {target.name}", CountedProgress.STEPS) as bar:
-        files = export.save(target, recording, export.Style(), on_progress=CountedProgress(bar))
+        files = export.save(target, recording, style, view=view, on_progress=CountedProgress(bar))
         bar.finish()
     click.echo(f"wrote {files[0]}" + (f" to {files[-1].name}" if len(files) > 1 else ""))

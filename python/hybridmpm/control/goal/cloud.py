@@ -56,8 +56,7 @@ class Cloud:
             x=simulator.positions.astype(np.float64),
             v=simulator.velocities.astype(np.float64),
             weight=mass / mass.sum(),
-            # Merged particles are 1 / r_p times as large as those of the scene.
-            volume=simulator.particle_count * scene.spacing**scene.dim / simulator.r_p,
+            volume=simulator.particle_count * simulator.particle_spacing**scene.dim,
             gravity=np.array(scene.gravity),
             frame=simulator.frame,
             frame_dt=scene.frame_dt,

@@ -16,16 +16,13 @@ from hybridmpm.bench.control.suite.problems import problem
 from hybridmpm.bench.control.trial import Trial, run
 from hybridmpm.bench.report.rows import Progress
 from hybridmpm.control.sketch.render import render
-from hybridmpm.render import palette, view_of
-from hybridmpm.render.flat import MARGIN
-from hybridmpm.scene import Scene
+from hybridmpm.export.ink import Picture, empty_front, with_ink
+from hybridmpm.render import view_of
 
 _SIZE, _GAP, _HEAD, _SIDE = 170, 4, 16, 92
 """Side of a picture, gaps, and room for titles above and on the left [pixels]."""
 _INK = (40, 40, 40)
 _MILLIMETRES = 1000
-
-Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +76,9 @@ def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
         return view.draw(x.astype(np.float32), np.zeros_like(x, dtype=np.float32), start.time)
 
     nowhere = np.full_like(start.positions, np.nan)
-    room = drawn(nowhere) if scene.dim == 2 else _front(scene)
-    pictures = [("sketch", _sketched(render(ready.sketch), scene, room)), ("start", drawn(start.positions))]
+    room = drawn(nowhere) if scene.dim == 2 else empty_front(scene.walls, _SIZE)
+    sketched = with_ink(room, render(ready.sketch), scene.walls)
+    pictures = [("sketch", sketched), ("start", drawn(start.positions))]
     target = ready.truth
     for entrant in (one for one in entrants if one.enters(case.family)):
         if entrant.name == FILLED and ready.truth is None:
@@ -105,39 +103,6 @@ def _figure(trial: Trial, family: str) -> str:
     if value is None:
         return "-"
     return f"{value:.2f}" if measure == "error" else f"{_MILLIMETRES * value:.3g} mm"
-
-
-def _front(scene: Scene) -> Picture:
-    """Draw the walls of a 3D scene as sketches see them, from the front."""
-    room = Image.new("RGB", (_SIZE, _SIZE), _rgb(palette.OUTSIDE))
-    lower, upper = np.array(scene.walls.lower[:2]), np.array(scene.walls.upper[:2])
-    inset = _SIZE * MARGIN / (1 + 2 * MARGIN)
-    size = (upper - lower) / (upper - lower).max() * (_SIZE - 2 * inset)
-    box = (inset, _SIZE - inset - size[1], inset + size[0], _SIZE - inset)
-    ImageDraw.Draw(room).rectangle(box, _rgb(palette.SKY_TOP), _rgb(palette.WALL), 2)
-    return np.asarray(room)
-
-
-def _rgb(color: palette.Colors) -> tuple[int, int, int]:
-    red, green, blue = (int(value) for value in palette.to_bytes(color))
-    return red, green, blue
-
-
-def _sketched(raster: Picture, scene: Scene, room: Picture) -> Picture:
-    """Lay the ink of a raster of the world on a picture of the room."""
-    lower, upper = np.array(scene.walls.lower[:2]), np.array(scene.walls.upper[:2])
-    margin = MARGIN * float((upper - lower).max())
-    (left, bottom), (right, top) = lower - margin, upper + margin
-    rows, columns = raster.shape[:2]
-    box = (left * columns, (1 - top) * rows, right * columns, (1 - bottom) * rows)
-    size = room.shape[1], room.shape[0]
-    ink = np.asarray(Image.fromarray(raster[..., :3]).resize(size, Image.Resampling.LANCZOS, box))
-    # The ground is white and the ink of one colour: what a pixel lacks of white tells how much ink covers it.
-    lack = 255.0 - ink
-    cover = lack.max(axis=2, keepdims=True) / max(1.0, float(lack.max()))
-    colour = 255 - lack.reshape(-1, 3).max(axis=0)
-    mixed: npt.NDArray[np.float64] = room + cover * (colour - room)
-    return np.clip(mixed, 0, 255).astype(np.uint8)
 
 
 def _sheet(lines: Sequence[Line]) -> Image.Image:

@@ -1,0 +1,85 @@
+"""Pictures of a run with a sketch in it: the sketch as a ghost, and a caption that says who simulates."""
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from hybridmpm.cli.control.story import Story
+from hybridmpm.control.sketch.render import render
+from hybridmpm.export.ink import Picture, empty_front, with_ink
+from hybridmpm.render import view_of
+
+_COLOURS = {"mpm": (255, 209, 102), "neural": (88, 185, 255)}
+"""Colours of who simulates; those of the page."""
+_TEXT, _SHADE = (232, 238, 246), (10, 15, 22)
+_GHOST = 0.85
+"""How much of what lies below the sketch is hidden."""
+_LINES = 24
+"""Lines of text that a picture is high."""
+_INSET = 0.22
+"""Width of the front view within a picture of a 3D scene."""
+
+
+class StoryView:
+    """Draws states of a run; has the surface of `hybridmpm.render.View`.
+
+    The sketch is there from the frame in which it was drawn to the last that it leads. In 3D it lies on a
+    small front view in a corner.
+
+    Parameters
+    ----------
+    story : Story
+    width : int in [64, 4096]
+        Width of the pictures [pixels].
+    """
+
+    def __init__(self, story: Story, width: int) -> None:
+        recording = story.recording
+        self._story, self._walls = story, recording.scene.walls
+        self._view = view_of(recording.scene, recording.types, width, recording.spacing)
+        self._raster = render(story.guidance.sketch)
+        self._by = story.simulated_by
+        self._frame_dt = recording.scene.frame_dt
+        self._is_flat = recording.scene.dim == 2
+
+    def draw(
+        self, x: npt.NDArray[np.float32], v: npt.NDArray[np.float32], time: float = 0.0
+    ) -> npt.NDArray[np.uint8]:
+        """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]; see `View.draw`."""
+        picture = self._view.draw(x, v, time)
+        frame = round(time / self._frame_dt)
+        if self._story.first <= frame <= self._story.last:
+            picture = self._with_sketch(picture)
+        return self._with_caption(picture, frame)
+
+    def _with_sketch(self, picture: Picture) -> Picture:
+        if self._is_flat:
+            return with_ink(picture, self._raster, self._walls, _GHOST)
+        inset = empty_front(self._walls, round(_INSET * picture.shape[1]))
+        picture = picture.copy()
+        picture[: inset.shape[0], -inset.shape[1] :] = with_ink(inset, self._raster, self._walls)
+        return picture
+
+    def _with_caption(self, picture: Picture, frame: int) -> Picture:
+        line = picture.shape[0] / _LINES
+        font = ImageFont.load_default(size=max(8.0, 0.75 * line))
+        # The state of a frame is the work of whoever simulated it; the first one is nobody's.
+        by = self._by[max(frame, 1) - 1]
+        led = self._story.first < frame <= self._story.last
+        name = self._story.name(by)
+        text = f"{name}, led by the sketch" if led else name
+        image = Image.fromarray(picture)
+        pen = ImageDraw.Draw(image)
+        left, top = 1.4 * line, 1.4 * line
+        wide = max(pen.textlength(part, font) for part in (text, f"frame {frame}"))
+        pen.rounded_rectangle(
+            (left - 0.4 * line, top - 0.3 * line, left + 1.6 * line + wide, top + 2.2 * line),
+            0.5 * line,
+            _SHADE,
+        )
+        middle = top + 0.5 * line
+        dot = 0.3 * line
+        pen.ellipse((left, middle - dot, left + 2 * dot, middle + dot), _COLOURS[by])
+        pen.text((left + line, middle), text, _TEXT, font, anchor="lm")
+        pen.text((left + line, middle + 1.05 * line), f"frame {frame}", _TEXT, font, anchor="lm")
+        return np.asarray(image)
