@@ -6,11 +6,12 @@ import { SessionClient } from "./net/session.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
-import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
+import { bindPreset, bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
+import { chosenSolver, setModels, showChoice, showPreset, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { Hand } from "./sketch/hand.js";
 import { StagePointer } from "./sketch/pointer.js";
+import { Cue, PIPELINE } from "./sketch/preset.js";
 import { depthOfWidth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
@@ -34,6 +35,7 @@ let tool = "arrow";
 let speed = 0.25; // simulated seconds per second that the player aims at
 let centroid = null; // centre of mass, as the newest status says
 let startsPlaying = false; // whether to play once the session is live: this page has created it
+let cue = null; // waits for the frame at which the sketch of a preset appears
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
 let drawnTimes = []; // when pictures were drawn [ms]
@@ -157,6 +159,8 @@ function showNewest() {
     livePanel.showFrame(frame);
     messages.hideSkeleton();
     steering.follow(frame.frame);
+    // Whoever draws is not interrupted.
+    if (cue?.isNow(frame.frame) && ["idle", "done"].includes(steering.phase)) steering.present(PIPELINE);
     if (steering.plan !== null && steering.phase !== "done") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
@@ -190,12 +194,23 @@ function startScene(wanted) {
   showChoice(chosen);
   const address = new URL(window.location.href);
   for (const [name, value] of Object.entries(chosen)) address.searchParams.set(name, String(value));
-  address.searchParams.delete("session");
+  for (const name of ["session", "preset"]) address.searchParams.delete(name);
   window.history.replaceState(null, "", address);
+  cue = null;
   steering.clear();
   newestMessage = null;
   startsPlaying = true;
   session.start(chosen);
+}
+
+/** Show the whole way: hybrid, a sketch that draws itself, hybrid again. */
+function startPreset() {
+  startScene(PIPELINE.scene);
+  chooseScene(PIPELINE.scene);
+  cue = new Cue(PIPELINE);
+  const address = new URL(window.location.href);
+  address.searchParams.set("preset", "pipeline");
+  window.history.replaceState(null, "", address);
 }
 
 function chooseTool(name) {
@@ -273,6 +288,7 @@ controls.bindControls({
 });
 
 bindScene(startScene);
+bindPreset(startPreset);
 
 // ---- start ----
 
@@ -285,8 +301,12 @@ const modelsKnown = request("GET", "/v1/models").then(
     // Without networks there is MPM.
   },
 );
-modelsKnown.then(() => showChoice(chosen));
-if (query.has("session")) session.attach(query.get("session"));
+modelsKnown.then(() => {
+  showChoice(chosen);
+  showPreset(PIPELINE.scene);
+});
+if (query.get("preset") === "pipeline") modelsKnown.then(startPreset);
+else if (query.has("session")) session.attach(query.get("session"));
 else if (chosen.solver === "mpm") startScene(chosen);
 else modelsKnown.then(() => startScene(chosen));
 request("GET", "/v1/scenarios").then(

@@ -87,7 +87,7 @@ class Story:
         return _because(span.decision)
 
     def _undone(self, taken: Decision, back: Decision) -> str:
-        tried = f"frame {taken.frame}: {self.network} was tried again ({taken.reason})"
+        tried = f"frame {taken.frame}: {self.network} was tried ({taken.reason})"
         return f"{tried}; undone: {_because(back)}"
 
 

@@ -37,6 +37,11 @@ function describeScenario() {
   setText("scenario-text", byId("scenario").selectedOptions[0]?.dataset.text ?? "");
 }
 
+/** Call `newPreset` whenever the user asks for the scene whose sketch draws itself. */
+export function bindPreset(newPreset) {
+  byId("pipeline").addEventListener("click", newPreset);
+}
+
 /** Call `newScene` with {scenario, seed} whenever the user asks for another scene or simulator. */
 export function bindScene(newScene) {
   const start = () => newScene({ scenario: byId("scenario").value, seed: Number(byId("seed").value) });

@@ -78,6 +78,13 @@ export class Steering {
     this.#enter("staged");
   }
 
+  /** Send a sketch that nobody has drawn by hand. */
+  present({ kind, points }) {
+    this.clear();
+    this.sketch = { kind, points, widths: this.#handlers.widths() };
+    this.#send();
+  }
+
   /** Take a stroke that was guessed wrongly for the other kind. */
   switchKind() {
     if (this.phase !== "staged") return;
