@@ -9,6 +9,7 @@ from hybridmpm.bench.control.entrants import CONSTANT, NAMES, entrant
 from hybridmpm.bench.control.report.aims import compared_with_aims, compared_with_paper
 from hybridmpm.bench.control.report.chart import chart
 from hybridmpm.bench.control.report.means import means
+from hybridmpm.bench.control.report.page import check_page, fill_page
 from hybridmpm.bench.control.report.sheets import first_cases, write_sheets
 from hybridmpm.bench.control.results import Runs
 from hybridmpm.bench.control.runner import BUDGET, ControlSettings, count_missing, measure
@@ -89,6 +90,13 @@ _PAPER_COLUMNS = (
     metavar="FOLDER",
     help="Write contact sheets control-FAMILY.png into this folder; that runs one sketch of each kind again.",
 )
+@click.option(
+    "--page",
+    "page_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write the tables into this Markdown file, between its marks, as into docs/control-bench.md.",
+)
 def control(
     *,
     families: tuple[str, ...],
@@ -100,6 +108,7 @@ def control(
     json_file: Path | None,
     chart_file: Path | None,
     sheets_folder: Path | None,
+    page_file: Path | None,
 ) -> None:
     """Hold methods of control against each other on a fixed suite of sketches.
 
@@ -108,6 +117,8 @@ def control(
     show, and how to enter a method of your own. With --runs an interrupted benchmark goes on where it
     stopped.
     """
+    if page_file is not None:
+        check_page(page_file)
     some = cases(families, names, seeds)
     if not some:
         raise ConfigError(
@@ -134,8 +145,11 @@ def control(
     for family in dict.fromkeys(row["family"] for row in rows):
         click.echo(f"\n{family}")
         _print_means([row for row in rows if row["family"] == family])
-    _print_part("aims", compared_with_aims(runs.rows(some, (one.name for one in entrants))), _AIM_COLUMNS)
+    aims = compared_with_aims(runs.rows(some, (one.name for one in entrants)))
+    _print_part("aims", aims, _AIM_COLUMNS)
     _print_part("beside the paper", compared_with_paper(rows), _PAPER_COLUMNS)
+    if page_file is not None:
+        fill_page(page_file, rows, aims)
     if sheets_folder is not None:
         lines = sum(map(len, first_cases(some).values()))
         with progress("Drawing", lines) as bar:
