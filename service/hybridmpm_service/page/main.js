@@ -6,12 +6,11 @@ import { SessionClient } from "./net/session.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindPreset, bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
-import { chosenSolver, setModels, showChoice, showPreset, showWho, solverFor } from "./panels/simulator-panel.js";
+import { bindScene, chooseScene, PIPELINE, showScenarios } from "./panels/scene-panel.js";
+import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { Hand } from "./sketch/hand.js";
 import { StagePointer } from "./sketch/pointer.js";
-import { Cue, PIPELINE } from "./sketch/preset.js";
 import { depthOfWidth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
@@ -35,7 +34,8 @@ let tool = "arrow";
 let speed = 0.25; // simulated seconds per second that the player aims at
 let centroid = null; // centre of mass, as the newest status says
 let startsPlaying = false; // whether to play once the session is live: this page has created it
-let cue = null; // waits for the frame at which the sketch of a preset appears
+let preset = null; // like PIPELINE
+let shown = 0; // frame on the stage
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
 let drawnTimes = []; // when pictures were drawn [ms]
@@ -159,8 +159,10 @@ function showNewest() {
     livePanel.showFrame(frame);
     messages.hideSkeleton();
     steering.follow(frame.frame);
+    const isCue = preset !== null && shown < preset.frame && frame.frame >= preset.frame;
+    shown = frame.frame;
     // Whoever draws is not interrupted.
-    if (cue?.isNow(frame.frame) && ["idle", "done"].includes(steering.phase)) steering.present(PIPELINE);
+    if (isCue && steering.phase === "idle") steering.present(preset.sketch);
     if (steering.plan !== null && steering.phase !== "done") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
@@ -185,7 +187,7 @@ function measureDrawing() {
 
 // ---- from the user ----
 
-function startScene(wanted) {
+function startScene(wanted, itsPreset = null) {
   if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
     messages.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
@@ -195,22 +197,14 @@ function startScene(wanted) {
   const address = new URL(window.location.href);
   for (const [name, value] of Object.entries(chosen)) address.searchParams.set(name, String(value));
   for (const name of ["session", "preset"]) address.searchParams.delete(name);
+  if (itsPreset !== null) address.searchParams.set("preset", "pipeline");
   window.history.replaceState(null, "", address);
-  cue = null;
+  preset = itsPreset;
+  shown = 0;
   steering.clear();
   newestMessage = null;
   startsPlaying = true;
   session.start(chosen);
-}
-
-/** Show the whole way: hybrid, a sketch that draws itself, hybrid again. */
-function startPreset() {
-  startScene(PIPELINE.scene);
-  chooseScene(PIPELINE.scene);
-  cue = new Cue(PIPELINE);
-  const address = new URL(window.location.href);
-  address.searchParams.set("preset", "pipeline");
-  window.history.replaceState(null, "", address);
 }
 
 function chooseTool(name) {
@@ -288,7 +282,8 @@ controls.bindControls({
 });
 
 bindScene(startScene);
-bindPreset(startPreset);
+const startPreset = () => startScene(PIPELINE.scene, PIPELINE);
+document.getElementById("pipeline").addEventListener("click", startPreset);
 
 // ---- start ----
 
@@ -303,7 +298,7 @@ const modelsKnown = request("GET", "/v1/models").then(
 );
 modelsKnown.then(() => {
   showChoice(chosen);
-  showPreset(PIPELINE.scene);
+  document.getElementById("preset").hidden = solverFor(PIPELINE.scene.scenario) === "mpm";
 });
 if (query.get("preset") === "pipeline") modelsKnown.then(startPreset);
 else if (query.has("session")) session.attach(query.get("session"));

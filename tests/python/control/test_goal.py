@@ -80,6 +80,12 @@ def test_an_oval_smaller_than_the_fluid_is_grown_in_the_same_shape() -> None:
     assert drawn.mean() == pytest.approx(needs.scale**-2, abs=0.02)
 
 
+@pytest.mark.parametrize("carry", [False, True])
+def test_few_particles_stand_for_the_volume_of_all(carry: bool) -> None:  # noqa: FBT001 - a parameter
+    few = MpmSolver(_solver().scene, r_p=1 / 8, carry=carry)
+    assert prepare(few, _oval(0.6, 0.6)).goal.cloud.volume == pytest.approx(0.15**2, rel=0.05)
+
+
 def test_an_oval_larger_than_the_fluid_is_filled_or_shrunk() -> None:
     solver, sketch = _solver(), _oval(0.6, 0.6, 0.2, 0.15)
     filled, shrunk = (prepare(solver, sketch, fill=fill) for fill in ("even", "shrink"))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybridmpm import Ball, BallObstacle, Box, BoxObstacle, ConfigError, Scene, Walls
+from hybridmpm import Ball, BallObstacle, Box, BoxObstacle, ConfigError, MpmSolver, Scene, Walls
 from hybridmpm.render import view_of
 from hybridmpm.render.palette import by_speed
 
@@ -115,3 +115,16 @@ def test_out_of_sight_is_no_error() -> None:
 def test_bad_width(width: int) -> None:
     with pytest.raises(ConfigError, match=rf"width must be in \[64, 4096\] pixels, got {width}"):
         view_of(disc("water", (0.5, 0.5)), np.empty(0, dtype=np.uint8), width)
+
+
+def test_merged_particles_are_drawn_as_large_as_they_are() -> None:
+    block = Box(lower=(0.3, 0.3), upper=(0.6, 0.6), material="water")
+    scene = Scene(dim=2, resolution=64, bodies=[block])
+    covered = []
+    for r_p in (1.0, 1 / 8):
+        solver = MpmSolver(scene, r_p=r_p)
+        view = view_of(scene, solver.materials, 120, solver.particle_spacing)
+        drawn = view.draw(solver.positions, solver.velocities).astype(int)
+        covered.append(float((np.abs(drawn - empty(scene, 120)).max(axis=2) > 40).mean()))
+    assert covered[0] == pytest.approx(0.3**2 / 0.848**2, rel=0.1)
+    assert covered[1] == pytest.approx(covered[0], rel=0.1)

@@ -1,6 +1,14 @@
 // The form that chooses a scene: scenario, seed, and the buttons that start it.
 
+import { ovalBetween } from "../sketch/sketch.js";
 import { byId, setText } from "./dom.js";
+
+/** A scene whose sketch draws itself at a frame. */
+export const PIPELINE = {
+  scene: { scenario: "water_2d", seed: 10, solver: "hybrid" },
+  frame: 150,
+  sketch: { kind: "ellipse", points: ovalBetween([0.355, 0.525], [0.645, 0.715]) },
+};
 
 const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
 
@@ -35,11 +43,6 @@ export function chooseScene({ scenario, seed }) {
 
 function describeScenario() {
   setText("scenario-text", byId("scenario").selectedOptions[0]?.dataset.text ?? "");
-}
-
-/** Call `newPreset` whenever the user asks for the scene whose sketch draws itself. */
-export function bindPreset(newPreset) {
-  byId("pipeline").addEventListener("click", newPreset);
 }
 
 /** Call `newScene` with {scenario, seed} whenever the user asks for another scene or simulator. */

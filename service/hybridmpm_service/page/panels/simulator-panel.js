@@ -35,11 +35,6 @@ export function setModels(list) {
 /** The solver that is wanted, or MPM where no network serves the scenario. */
 export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined ? "mpm" : solver);
 
-/** Offer presets of the hybrid simulator where there is a network for them. */
-export function showPreset({ scenario }) {
-  byId("preset").hidden = modelFor(scenario) === undefined;
-}
-
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
 
 export function showChoice({ scenario, solver }) {

@@ -78,10 +78,10 @@ export class Steering {
     this.#enter("staged");
   }
 
-  /** Send a sketch that nobody has drawn by hand. */
-  present({ kind, points }) {
+  /** Send a sketch that no hand has drawn. */
+  present(sketch) {
     this.clear();
-    this.sketch = { kind, points, widths: this.#handlers.widths() };
+    this.sketch = { ...sketch, widths: this.#handlers.widths() };
     this.#send();
   }
 
