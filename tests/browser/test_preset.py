@@ -12,7 +12,9 @@ VIEWPORTS = [{"width": 1440, "height": 900}, {"width": 390, "height": 844}]
 
 def _watched(visit: Visit, service: LiveService) -> None:
     """See the preset through: who simulates, the ghost of the sketch, what was reached, and who goes on."""
-    visit.wait_for("body.state === 'live' && body.mode === 'neural'")
+    visit.wait_for("body.state === 'live'")
+    visit.page.locator("#speed").fill("-1")  # a tenth of real time, so that a busy machine sees each part
+    visit.wait_for("body.mode === 'neural'")
     expect(visit.page.locator("#mode")).to_have_text("Network simulates")
     assert visit.frame < 150
     visit.wait_for("body.control === 'following' && body.mode === 'mpm'")
@@ -42,7 +44,10 @@ def test_a_click_shows_it_and_a_reset_shows_it_again(open_page: Open) -> None:
     visit.page.get_by_role("button", name="Watch the whole pipeline").click()
     visit.wait_for(f"body.session !== '{first}' && body.control === 'following'")
     assert visit.frame >= 150
-    visit.press_until("r", "body.control === 'idle' && Number(body.frame) < 150")
+    visit.page.locator("#play").click()
+    visit.wait_for("body.playing === 'false'")
+    visit.press_until("r", "body.control === 'idle' && body.frame === '0'")
+    visit.page.locator("#play").click()
     visit.wait_for("body.control === 'following'")
     # Another scene has no sketch of its own.
     second = visit.session
