@@ -38,7 +38,7 @@ impl Step {
 }
 
 /// Most steps of one call.
-const MAX_STEPS: usize = 5;
+const MAX_STEPS: usize = 6;
 
 /// Consecutive items that belong to one thread. On cache lines of its own, so that threads that count do not disturb
 /// each other.
@@ -66,7 +66,7 @@ impl Team {
         });
     }
 
-    /// Calls `work` with the number of each of up to five steps and of each of its items, of which there are `count` in
+    /// Calls `work` with the number of each of up to six steps and of each of its items, of which there are `count` in
     /// all, on as many threads as are free.
     ///
     /// An item begins a step when it and its two neighbours are through with all earlier steps; items further away may be

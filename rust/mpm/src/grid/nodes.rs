@@ -141,27 +141,11 @@ impl<const D: usize> Grid<D> {
         self.active.all().iter().map(range)
     }
 
-    /// Changes all active nodes.
-    pub fn for_each_active(&mut self, mut change: impl FnMut(&mut f32x4)) {
-        let ranges: Vec<_> = self.active_ranges().collect();
-        for range in ranges {
-            self.nodes[range].iter_mut().for_each(&mut change);
-        }
-    }
-
     /// Makes the next `clear` zero all active nodes, also those that no P2G has marked.
     pub fn mark_dirty(&mut self) {
         let ranges: Vec<_> = self.active_ranges().collect();
         for range in ranges {
             self.dirty[range.start / CHUNK..range.end / CHUNK].fill(true);
-        }
-    }
-
-    /// Zeroes the active nodes.
-    pub fn clear(&mut self) {
-        let planes = 0..self.layout.extent;
-        for window in &mut self.windows(std::iter::once(planes.clone())) {
-            window.clear(planes.clone());
         }
     }
 }

@@ -31,6 +31,16 @@ impl<'a, const D: usize> Window<'a, D> {
         self.active.of_planes(self.planes.clone())
     }
 
+    /// The active chunks of some of the planes, counted from the first node.
+    pub fn chunks(&self, planes: Range<usize>) -> impl Iterator<Item = usize> + use<'a, D> {
+        let (row_length, first) = (self.layout.row_length, self.first);
+        let of_span = move |span: &Span| {
+            let start = span.row * row_length - first;
+            (start + span.lo) / CHUNK..(start + span.hi) / CHUNK
+        };
+        self.active.of_planes(planes).iter().flat_map(of_span)
+    }
+
     /// Zeroes the active nodes of some of the planes.
     pub fn clear(&mut self, planes: Range<usize>) {
         for span in self.active.of_planes(planes) {

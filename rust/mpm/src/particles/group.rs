@@ -27,11 +27,6 @@ impl<const D: usize, S: State> Sorted<D, S> {
         runs: Vec::new(),
     };
 
-    /// The blocks of one slab.
-    pub fn of_slab(&self, slab: usize) -> &[Block<D, S>] {
-        &self.blocks[self.runs[slab].blocks()]
-    }
-
     /// The blocks slab by slab.
     pub fn by_slab(&mut self) -> Vec<&mut [Block<D, S>]> {
         let mut rest = &mut self.blocks[..];

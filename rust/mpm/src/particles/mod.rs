@@ -1,6 +1,7 @@
 //! Particles in blocks, their order on the grid, and which of them sleep.
 
 mod block;
+mod cut;
 mod group;
 mod particle;
 mod places;
@@ -10,9 +11,10 @@ mod sort;
 mod tiles;
 
 pub use block::Block;
+pub use cut::{CutGroup, unlocked};
 pub(crate) use group::with_group;
 pub use group::{Group, MaterialGroup};
 pub use particle::{Activity, Particle};
-pub use slabs::{COLOURS, Slab, bands, for_each_slab, fresh_planes};
+pub use slabs::{COLOURS, Slab, bands, fresh_planes};
 pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};
 pub use sort::Sorter;

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::grid::{Grid, MARGIN, PADDING, Window};
-use threads::{Step, Team};
+use crate::grid::{MARGIN, PADDING};
+use threads::Step;
 
 /// Planes `lo..hi` of the grid; the particles whose stencil starts there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,20 +78,6 @@ pub fn bands(slabs: &[Slab], extent: usize) -> Vec<Range<usize>> {
 /// Slabs of one colour touch different nodes and may be scattered side by side. Those of the second colour follow their
 /// neighbours, so each node sums in the same order whatever the number of threads.
 pub const COLOURS: [Step; 2] = [Step::EVEN, Step::ODD];
-
-/// Calls `scatter` for each slab, by its index, with the nodes that its particles touch.
-pub fn for_each_slab<const D: usize>(
-    slabs: &[Slab],
-    grid: &mut Grid<D>,
-    team: &Team,
-    scatter: impl Fn(usize, &mut Window<'_, D>) + Sync,
-) {
-    let grid = grid.shared();
-    team.in_steps(slabs.len(), &COLOURS, |_, slab| {
-        // SAFETY: slabs of one colour have no plane in common, and those of the other that have are through or wait.
-        scatter(slab, &mut unsafe { grid.window(slabs[slab].reach()) });
-    });
-}
 
 #[cfg(test)]
 mod tests {

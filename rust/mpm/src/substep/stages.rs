@@ -1,6 +1,6 @@
 //! The stages of a substep, slab by slab on several threads.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use super::g2p::{Outcome, g2p};
 use super::grid_update::{GridForces, grid_update};
@@ -9,7 +9,7 @@ use crate::boundary::Bounds;
 use crate::grid::{Grid, View, Window};
 use crate::material::Constitutive;
 use crate::particles::{
-    Block, COLOURS, Group, MaterialGroup, Slab, bands, fresh_planes, with_group,
+    COLOURS, CutGroup, MaterialGroup, Slab, bands, fresh_planes, unlocked, with_group,
 };
 use threads::{Step, Team};
 
@@ -99,11 +99,6 @@ impl<const D: usize> Substep<'_, D> {
     }
 }
 
-/// Locks what only one thread works on at a time.
-fn unlocked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// A group of any material, cut into slabs.
 trait Cut<const D: usize>: Sync {
     fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>);
@@ -117,31 +112,14 @@ trait Cut<const D: usize>: Sync {
     ) -> Outcome;
 }
 
-struct CutGroup<'a, const D: usize, M: Constitutive<D>> {
-    material: &'a M,
-    friction: f32,
-    /// Those that are awake, for whoever works on their slab.
-    awake: Vec<Mutex<&'a mut [Block<D, M::State>]>>,
-    border: Vec<&'a [Block<D, M::State>]>,
-}
-
 fn cut<const D: usize>(group: &mut MaterialGroup<D>) -> Box<dyn Cut<D> + '_> {
-    with_group!(group, group => {
-        let Group { material, wall_friction, awake, border, .. } = group;
-        Box::new(CutGroup {
-            material: &*material,
-            friction: *wall_friction,
-            awake: awake.by_slab().into_iter().map(Mutex::new).collect(),
-            border: border.by_slab().into_iter().map(|blocks| &*blocks).collect(),
-        })
-    })
+    with_group!(group, group => Box::new(CutGroup::of(group)))
 }
 
 impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
     fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>) {
-        let awake = unlocked(&self.awake[slab]);
-        for blocks in [&**awake, self.border[slab]] {
-            p2g(blocks, self.material, self.friction, window, step);
+        for blocks in [&**self.awake(slab), self.border(slab)] {
+            p2g(blocks, self.material, self.wall_friction, window, step);
         }
     }
 
@@ -153,11 +131,11 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         substep: &Substep<'_, D>,
     ) -> Outcome {
         let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
-        let awake = &mut unlocked(&self.awake[slab]);
+        let awake = &mut self.awake(slab);
         let cut = |part: usize| part * awake.len() / parts;
         let range = cut(part)..cut(part + 1);
         let blocks = &mut awake[range];
-        let (material, friction) = (self.material, self.friction);
+        let (material, friction) = (self.material, self.wall_friction);
         g2p(
             blocks,
             material,

@@ -3,12 +3,11 @@
 use super::lanes::{PRESSURE, SMOOTH, VOLUME};
 use super::smooth::binomial;
 use crate::boundary::{WallFill, Walls};
-use crate::grid::{Grid, Layout, Stencils};
+use crate::grid::{Layout, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, Correction};
-use crate::particles::{Block, Group};
+use crate::particles::Block;
 use crate::substep::gather;
-use threads::Team;
 
 /// How fast a particle takes part in something, by how fast it deforms. Matter at rest stays as it is.
 #[derive(Debug, Clone, Copy)]
@@ -78,25 +77,20 @@ impl<const D: usize> Rooms<D> {
     }
 }
 
-/// Corrects the particles of one group that are awake; `dt` is the time since the latest correction [s].
+/// Corrects blocks of one group; `dt` is the time since the latest correction [s].
 pub fn correct<const D: usize, M: Constitutive<D>>(
-    group: &mut Group<D, M>,
-    grid: &Grid<D>,
+    blocks: &mut [Block<D, M::State>],
+    material: &M,
+    grid: View<'_, D>,
     room: &Rooms<D>,
     dt: f32,
-    team: &Team,
 ) {
-    let material = &group.material;
-    let share = group.awake.blocks.len().div_ceil(4 * team.size()).max(1);
-    let mut parts: Vec<_> = group.awake.blocks.chunks_mut(share).collect();
-    team.for_each(&mut parts, |blocks| {
-        run_wide(CorrectBlocks {
-            blocks,
-            material,
-            grid,
-            room,
-            dt,
-        });
+    run_wide(CorrectBlocks {
+        blocks,
+        material,
+        grid,
+        room,
+        dt,
     });
 }
 
@@ -104,7 +98,7 @@ pub fn correct<const D: usize, M: Constitutive<D>>(
 struct CorrectBlocks<'a, const D: usize, M: Constitutive<D>> {
     blocks: &'a mut [Block<D, M::State>],
     material: &'a M,
-    grid: &'a Grid<D>,
+    grid: View<'a, D>,
     room: &'a Rooms<D>,
     dt: f32,
 }
@@ -116,7 +110,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for CorrectBlocks<'_, D, M> {
     fn run<Q: Quad>(self) {
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.grid.layout);
-            let sums = gather::<Q, D>(self.grid.view(), &stencils, block.count.min(LANES));
+            let sums = gather::<Q, D>(self.grid, &stencils, block.count.min(LANES));
             let (room, centre) = self.room.smooth.at(&stencils);
             let (crowding_lane, crowding_room) = if self.material.crowds_within_cells() {
                 (VOLUME, self.room.fine.at(&stencils).0)

@@ -16,6 +16,7 @@
 
 mod correct;
 mod lanes;
+mod pass;
 mod smooth;
 mod spread;
 #[cfg(test)]
@@ -26,10 +27,8 @@ use std::mem::discriminant;
 use crate::boundary::{Obstacles, Walls};
 use crate::grid::{Grid, Layout};
 use crate::particles::{MaterialGroup, Slab, with_group};
-use correct::{Rooms, correct};
-use lanes::VOLUME;
-use smooth::Smoothing;
-use spread::spread;
+use correct::Rooms;
+use pass::Pass;
 use threads::Team;
 
 /// Time between two corrections [s], unless frames are longer.
@@ -42,7 +41,6 @@ pub struct VolumeCorrection<const D: usize> {
     period: u64,
     frame_dt: f32,
     room: Rooms<D>,
-    smoothing: Smoothing,
 }
 
 impl<const D: usize> VolumeCorrection<D> {
@@ -51,7 +49,6 @@ impl<const D: usize> VolumeCorrection<D> {
             period: (PERIOD / frame_dt).round().max(1.0) as u64,
             frame_dt,
             room: Rooms::new(walls, layout),
-            smoothing: Smoothing::new(layout),
         }
     }
 
@@ -66,7 +63,7 @@ impl<const D: usize> VolumeCorrection<D> {
     /// Corrects the volumes of all particles that are awake, after a sort. `dt` is the time since the latest
     /// correction [s].
     pub fn apply(
-        &mut self,
+        &self,
         groups: &mut [MaterialGroup<D>],
         slabs: &[Slab],
         grid: &mut Grid<D>,
@@ -74,56 +71,22 @@ impl<const D: usize> VolumeCorrection<D> {
         dt: f32,
         team: &Team,
     ) {
-        grid.clear();
-        let mut first = true;
         // Water and sand side by side do not share: sand that is apart would pull the water apart as well.
-        for family in families(groups) {
-            if !first {
-                grid.for_each_active(|node| {
-                    let [volume, _, _, smooth] = node.to_array();
-                    *node = [volume, 0.0, 0.0, smooth].into();
-                });
-            }
-            let shares = |group: &MaterialGroup<D>| discriminant(group) == family;
-            spread(groups, slabs, grid, team, first, shares);
-            grid.for_each_active(|node| {
-                let [volume, sharing, pressure, smooth] = node.to_array();
-                if sharing > 0.0 {
-                    *node = [volume, sharing, pressure / sharing, smooth].into();
-                }
-            });
-            if first {
-                self.fill_obstacles(grid, obstacles);
-                self.smoothing.apply(grid);
-            }
-            for group in groups.iter_mut().filter(|group| shares(group)) {
-                with_group!(group, group => correct(group, grid, &self.room, dt, team));
-            }
-            first = false;
+        for (index, family) in families(groups).into_iter().enumerate() {
+            let pass = Pass {
+                shares: groups
+                    .iter()
+                    .map(|group| discriminant(group) == family)
+                    .collect(),
+                first: index == 0,
+                room: &self.room,
+                obstacles,
+                dt,
+            };
+            pass.run(groups, slabs, grid, team);
         }
         // What has been written here is no momentum.
         grid.mark_dirty();
-    }
-
-    /// Adds the volume of obstacles, which take room as matter does: else matter beside them would be told from a free
-    /// surface by nothing, and could be crowded. Beyond the walls they take none.
-    fn fill_obstacles(&self, grid: &mut Grid<D>, obstacles: &Obstacles<D>) {
-        if !obstacles.any() {
-            return;
-        }
-        let layout = grid.layout;
-        let ranges: Vec<_> = grid.active_ranges().collect();
-        for index in ranges.into_iter().flatten() {
-            if obstacles.near(index) {
-                let mut node = layout.row_coordinates(index / layout.row_length);
-                node[D - 1] = index % layout.row_length;
-                if node[D - 1] < layout.extent {
-                    let mut value = grid.nodes[index].to_array();
-                    value[VOLUME] += obstacles.fill(node) * self.room.fine.at_node(node);
-                    grid.nodes[index] = value.into();
-                }
-            }
-        }
     }
 }
 

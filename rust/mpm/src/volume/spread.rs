@@ -1,45 +1,60 @@
 //! Volumes and pressures of the particles, put on the grid.
 
+use std::ops::Range;
+
 use wide::f32x4;
 
 use super::lanes::{PRESSURE, SHARING, VOLUME};
-use crate::grid::{Grid, Stencils, Window};
+use crate::grid::{CHUNK, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Quad, run_wide};
 use crate::material::Constitutive;
-use crate::particles::{Block, MaterialGroup, Slab, for_each_slab, with_group};
+use crate::particles::Block;
 use crate::substep::{for_each_row, scatter_row};
-use threads::Team;
 
-/// Adds what particles take part in to the active nodes: the volume of all of them if `with_volume`, and the
-/// pressure of the groups that `shares` picks.
-pub fn spread<const D: usize>(
-    groups: &[MaterialGroup<D>],
-    slabs: &[Slab],
-    grid: &mut Grid<D>,
-    team: &Team,
+/// Adds what blocks of one group take part in to the nodes: their volume, and their pressure.
+pub fn spread<const D: usize, M: Constitutive<D>>(
+    blocks: &[Block<D, M::State>],
+    material: &M,
     with_volume: bool,
-    shares: impl Fn(&MaterialGroup<D>) -> bool + Sync,
+    with_pressure: bool,
+    window: &mut Window<'_, D>,
 ) {
-    let per_cell = 1.0 / grid.layout.dx().powi(D as i32);
-    for_each_slab(slabs, grid, team, |slab, window| {
-        for group in groups {
-            let sharing = shares(group);
-            if !(with_volume || sharing) {
-                continue;
-            }
-            with_group!(group, group => {
-                for blocks in [group.awake.of_slab(slab), group.border.of_slab(slab)] {
-                    run_wide(SpreadBlocks {
-                        blocks,
-                        material: &group.material,
-                        volume_factor: if with_volume { per_cell } else { 0.0 },
-                        sharing_factor: if sharing { per_cell } else { 0.0 },
-                        window,
-                    });
-                }
-            });
-        }
+    let per_cell = 1.0 / window.layout.dx().powi(D as i32);
+    run_wide(SpreadBlocks {
+        blocks,
+        material,
+        volume_factor: if with_volume { per_cell } else { 0.0 },
+        sharing_factor: if with_pressure { per_cell } else { 0.0 },
+        window,
     });
+}
+
+/// Takes means of the pressures that were added to the nodes of a window.
+pub fn take_means<const D: usize>(window: &mut Window<'_, D>) {
+    for chunk in window.chunks(window.planes.clone()) {
+        if window.dirty[chunk] {
+            for node in &mut window.nodes[chunk * CHUNK..(chunk + 1) * CHUNK] {
+                let [volume, sharing, pressure, smooth] = node.to_array();
+                if sharing > 0.0 {
+                    *node = [volume, sharing, pressure / sharing, smooth].into();
+                }
+            }
+        }
+    }
+}
+
+/// Empties the nodes of some planes, but for the volumes if they are `kept`.
+pub fn empty<const D: usize>(window: &mut Window<'_, D>, planes: Range<usize>, kept: bool) {
+    if !kept {
+        window.clear(planes);
+        return;
+    }
+    for chunk in window.chunks(planes) {
+        for node in &mut window.nodes[chunk * CHUNK..(chunk + 1) * CHUNK] {
+            let [volume, _, _, smooth] = node.to_array();
+            *node = [volume, 0.0, 0.0, smooth].into();
+        }
+    }
 }
 
 /// The blocks of one group in one slab.
@@ -62,6 +77,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for SpreadBlocks<'_, '_, D, M> {
             layout,
             first,
             nodes,
+            dirty,
             ..
         } = self.window;
         for block in self.blocks {
@@ -84,6 +100,8 @@ impl<const D: usize, M: Constitutive<D>> Kernel for SpreadBlocks<'_, '_, D, M> {
                     };
                     let weight = stencils.weights[0][a][i] * across;
                     let begin = start + layout.stencil_row([a, b]);
+                    dirty[begin / CHUNK] = true;
+                    dirty[(begin + 2) / CHUNK] = true;
                     scatter_row(nodes, begin, f32x4::from(value), f32x4::ZERO, weight, &last);
                 });
             }

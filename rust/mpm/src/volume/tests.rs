@@ -3,10 +3,10 @@
 use super::VolumeCorrection;
 use super::correct::Rooms;
 use super::lanes::{PRESSURE, SHARING, SMOOTH, VOLUME};
-use super::smooth::Smoothing;
-use super::spread::spread;
+use super::smooth::{smooth_across_planes, smooth_planes};
+use super::spread::{empty, spread};
 use crate::boundary::{Contact, ContactKind, Obstacle, Obstacles, Shape, Walls};
-use crate::grid::Grid;
+use crate::grid::{Grid, Window};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Water;
 use crate::particles::{Activity, Group, MaterialGroup, Particle, Slab, Sorter, bands};
@@ -40,7 +40,6 @@ impl<const D: usize> Scene<D> {
         let slabs = sorter.sort(&mut groups, &grid.layout, &[], &team);
         let bands = bands(&slabs, grid.layout.extent);
         grid.activate(&bands, |planes| sorter.places(planes), &team);
-        grid.clear();
         Self {
             groups,
             slabs,
@@ -49,14 +48,26 @@ impl<const D: usize> Scene<D> {
         }
     }
 
+    fn window(&mut self) -> Window<'_, D> {
+        let planes = 0..self.grid.layout.extent;
+        let windows = self.grid.windows(std::iter::once(planes));
+        windows.into_iter().next().expect("one window")
+    }
+
     fn spread(&mut self, with_volume: bool, shares: bool) {
-        let Self {
-            groups,
-            slabs,
-            grid,
-            team,
-        } = self;
-        spread(groups, slabs, grid, team, with_volume, |_| shares);
+        let group = self.groups[0].clone();
+        let MaterialGroup::Water(group) = &group else {
+            unreachable!()
+        };
+        let blocks = &group.awake.blocks;
+        spread(blocks, &WATER, with_volume, shares, &mut self.window());
+    }
+
+    fn smooth(&mut self) {
+        let planes = 1..self.grid.layout.extent - 1;
+        let mut window = self.window();
+        smooth_planes(&mut window);
+        smooth_across_planes(&mut window, planes);
     }
 
     /// Sum over all nodes, times the volume of a cell.
@@ -183,12 +194,15 @@ fn check_sums<const D: usize>() {
         f64::from(WATER.bulk_modulus) * rest,
     );
 
-    let mut smoothing = Smoothing::new(&scene.grid.layout);
-    smoothing.apply(&mut scene.grid);
+    scene.smooth();
     close(scene.sum(SMOOTH), held, held);
     close(scene.sum(VOLUME), held, held);
     let before = scene.grid.nodes.clone();
-    smoothing.apply(&mut scene.grid);
+    scene.grid.mark_dirty();
+    let planes = 0..scene.grid.layout.extent;
+    empty(&mut scene.window(), planes, false);
+    scene.spread(true, true);
+    scene.smooth();
     assert_eq!(
         scene.grid.nodes, before,
         "nothing is left over from the first time"
@@ -252,7 +266,8 @@ fn a_full_box_is_full_beside_its_walls_when_smoothed_too() {
         value[VOLUME] = rooms.fine.at_node(coordinates(index));
         scene.grid.nodes[index] = value.into();
     }
-    Smoothing::new(&layout).apply(&mut scene.grid);
+    scene.grid.mark_dirty();
+    scene.smooth();
     for index in ranges.into_iter().flatten().filter(within) {
         let smooth = scene.grid.nodes[index].to_array()[SMOOTH];
         let room = rooms.smooth.at_node(coordinates(index));
