@@ -187,7 +187,12 @@ impl<const D: usize> Symmetrics<D> {
             let (q, determinant) = (invariants.q[i], invariants.determinant[i]);
             let [mut c0, mut c1, mut c2] = [0.0; 3];
             for term in terms.iter().rev() {
-                (c0, c1, c2) = (term + c2 * determinant, c0 + c2 * q, c1);
+                let above = if D == 3 {
+                    term + c2 * determinant
+                } else {
+                    *term
+                };
+                (c0, c1, c2) = (above, c0 + c2 * q, c1);
             }
             result.mean[i] = c0 + c2 * square.mean[i];
             for k in 0..D {
