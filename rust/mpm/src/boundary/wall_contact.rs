@@ -12,8 +12,6 @@
 //! of the wall between nodes. So the reach is the same wherever the wall lies. A single node that has mass or not would
 //! give it away by up to a cell: material would stop at a third of a cell from one wall, at one and a third from another.
 
-use std::ops::Range;
-
 use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::wall_fill::cumulative;
@@ -37,8 +35,9 @@ struct Side {
     weights: [f32; 3],
     /// Mass of the middle node over that of the inner one where material begins to touch the wall [-].
     touching: f32,
-    /// Middle nodes of the lines that may carry material, as ranges of memory in ascending order.
-    lines: Vec<Range<usize>>,
+    /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
+    /// lines are parts of rows, else the first of each chunk of lines side by side.
+    lines: Vec<usize>,
 }
 
 /// All walls of a scene, prepared for one grid.
@@ -86,29 +85,26 @@ impl WallContact {
     pub fn activate<const D: usize>(&mut self, active: &ActiveSpans, layout: &Layout<D>) {
         for side in &mut self.sides {
             side.lines.clear();
-            let along = |span: &Span| {
+            let chunks = |span: &Span| {
                 let start = span.row * layout.row_length;
-                start + span.lo..start + span.hi
+                (start + span.lo..start + span.hi).step_by(CHUNK)
             };
             if side.axis == 0 {
                 let planes = side.middle..side.middle + 1;
                 side.lines
-                    .extend(active.of_planes(planes).iter().map(along));
+                    .extend(active.of_planes(planes).iter().flat_map(chunks));
             } else if side.axis == D - 1 {
                 let reached = |span: &&Span| span.lo < side.middle && side.middle + 1 < span.hi;
-                let across = |span: &Span| {
-                    let middle = span.row * layout.row_length + side.middle;
-                    middle..middle + 1
-                };
+                let middle = |span: &Span| span.row * layout.row_length + side.middle;
                 let spans = active.all().iter().filter(reached);
-                side.lines.extend(spans.map(across));
+                side.lines.extend(spans.map(middle));
             } else {
                 for plane in 0..layout.extent {
                     let row = plane * layout.rows_per_plane() + side.middle;
                     let spans = active.of_planes(plane..plane + 1);
                     let first = spans.partition_point(|span| span.row < row);
                     let of_row = spans[first..].iter().take_while(|span| span.row == row);
-                    side.lines.extend(of_row.map(along));
+                    side.lines.extend(of_row.flat_map(chunks));
                 }
             }
         }
@@ -127,7 +123,7 @@ impl WallContact {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
             for side in sides.filter(|side| (side.axis == 0) == across_first) {
-                let place = |node: usize| side.lines.partition_point(|line| line.start < node);
+                let place = |node: usize| side.lines.partition_point(|&line| line < node);
                 let (first, end) = (window.first, window.first + window.nodes.len());
                 self.resolve(
                     window,
@@ -144,7 +140,7 @@ impl WallContact {
         &self,
         window: &mut Window<'_, D>,
         side: &Side,
-        lines: &[Range<usize>],
+        lines: &[usize],
         friction: &MaterialFriction,
     ) {
         let friction = match (self.contact.friction, friction) {
@@ -165,8 +161,8 @@ impl WallContact {
 struct ResolveLines<'a, 'w, const D: usize> {
     window: &'a mut Window<'w, D>,
     side: &'a Side,
-    /// Memory indices of their middle nodes.
-    lines: &'a [Range<usize>],
+    /// See `Side`.
+    lines: &'a [usize],
     kind: ContactKind,
     friction: MaterialFriction,
 }
@@ -175,98 +171,142 @@ impl<const D: usize> Kernel for ResolveLines<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
-    fn run<Q: Quad>(mut self) {
-        let mut batch = [[0; 3]; LANES];
-        let mut count = 0;
-        let stride = self.window.layout.stride(self.side.axis) as isize;
-        let outward = -stride * self.side.inward as isize;
-        for range in self.lines {
-            // One line, or lines of whole chunks.
-            let (start, end) = (
-                range.start - self.window.first,
-                range.end - self.window.first,
-            );
-            for chunk in (start..end).step_by(CHUNK) {
-                if !self.window.dirty[chunk / CHUNK] {
-                    continue;
-                }
-                for middle in chunk..(chunk + CHUNK).min(end) {
-                    let node = |step: isize| (middle as isize + step) as usize;
-                    batch[count] = [node(outward), middle, node(-outward)];
-                    let mass = self.window.nodes[middle].as_array()[3];
-                    let inner = self.window.nodes[node(-outward)].as_array()[3];
-                    let touches = mass > SMALLEST_MASS && mass >= self.side.touching * inner;
-                    count += usize::from(touches);
-                    if count == LANES {
-                        self.push(&batch);
-                        count = 0;
-                    }
-                }
-            }
-        }
-        if count > 0 {
-            self.push(&batch[..count]);
+    fn run<Q: Quad>(self) {
+        // Without friction nothing happens along the wall.
+        let smooth = self.kind == ContactKind::Slip
+            || self.kind == ContactKind::Separating
+                && matches!(self.friction, MaterialFriction::Uniform(0.0));
+        let axis = self.side.axis;
+        let across = [axis];
+        let all = std::array::from_fn(|k| match k {
+            0 => axis,
+            k if k <= axis => k - 1,
+            k => k,
+        });
+        match (axis == D - 1, smooth) {
+            (true, true) => self.resolve::<Q, 1, 1>(across),
+            (true, false) => self.resolve::<Q, 1, D>(all),
+            (false, true) => self.resolve::<Q, CHUNK, 1>(across),
+            (false, false) => self.resolve::<Q, CHUNK, D>(all),
         }
     }
 }
 
 impl<const D: usize> ResolveLines<'_, '_, D> {
-    /// Contact on up to `LANES` node lines; each is its outer, middle and inner node.
+    /// Changes the components of the velocity along some axes, the first of which is across the wall. So many lines lie side by
+    /// side: one or a chunk.
     #[inline(always)]
-    fn push(&mut self, lines: &[[usize; 3]]) {
-        // Without friction nothing happens along the wall.
-        let smooth = self.kind == ContactKind::Slip
-            || self.kind == ContactKind::Separating
-                && matches!(self.friction, MaterialFriction::Uniform(0.0));
-        if smooth {
-            self.push_along(lines, [self.side.axis]);
-        } else {
-            self.push_along(lines, std::array::from_fn::<_, D, _>(|axis| axis));
+    fn resolve<Q: Quad, const SIDE_BY_SIDE: usize, const N: usize>(mut self, axes: [usize; N]) {
+        let mut starts = [0; LANES];
+        let (mut found, most) = (0, LANES / SIDE_BY_SIDE);
+        for start in self.lines {
+            let start = start - self.window.first;
+            starts[found] = start;
+            found += usize::from(self.window.dirty[start / CHUNK]);
+            if found == most {
+                self.resolve_batch::<Q, SIDE_BY_SIDE, N>(&starts, found, &axes);
+                found = 0;
+            }
+        }
+        if found > 0 {
+            self.resolve_batch::<Q, SIDE_BY_SIDE, N>(&starts, found, &axes);
         }
     }
 
-    /// The same, for some components of the velocity; one of them is across the wall.
+    /// The same for lines that start at the first `found` of some middle nodes.
     #[inline(always)]
-    fn push_along<const N: usize>(&mut self, lines: &[[usize; 3]], axes: [usize; N]) {
-        // Lines that are missing have no mass.
-        let mut nodes = LineNodes {
+    fn resolve_batch<Q: Quad, const SIDE_BY_SIDE: usize, const N: usize>(
+        &mut self,
+        starts: &[usize; LANES],
+        found: usize,
+        axes: &[usize; N],
+    ) {
+        let inward = self.side.inward as isize * self.window.layout.stride(self.side.axis) as isize;
+        let steps = [-inward, 0, inward];
+        let nodes = &mut *self.window.nodes;
+        let mut lines = LineNodes {
             mass: [[0.0; LANES]; 3],
             v: [[[0.0; LANES]; 3]; N],
         };
-        let mut mu = [0.0; LANES];
-        for (lane, line) in lines.iter().enumerate() {
-            for step in 0..3 {
-                let node = self.window.nodes[line[step]].as_array();
-                nodes.mass[step][lane] = node[3];
+        for step in 0..3 {
+            let place = |k: usize| starts[k].wrapping_add_signed(steps[step]);
+            if SIDE_BY_SIDE == CHUNK {
+                // A second chunk that is missing is the first once more, to be left out.
+                let chunks = [place(0), place(found - 1)].map(|start| {
+                    let chunk = &nodes[start..start + CHUNK];
+                    chunk.try_into().expect("a chunk")
+                });
+                lines.mass[step] = Q::column(chunks, 3);
                 for k in 0..N {
-                    nodes.v[k][step][lane] = node[axes[k]];
+                    lines.v[k][step] = Q::column(chunks, axes[k]);
+                }
+            } else {
+                for lane in 0..found {
+                    let node = nodes[place(lane)].as_array();
+                    lines.mass[step][lane] = node[3];
+                    for k in 0..N {
+                        lines.v[k][step][lane] = node[axes[k]];
+                    }
                 }
             }
-            let mass = nodes.mass[1][lane].max(SMALLEST_MASS);
-            mu[lane] = self.friction.at(self.window, line[1], mass);
         }
-        nodes.apply(self.kind, self.side, &axes, &mu);
-        for (lane, line) in lines.iter().enumerate() {
-            for step in 0..3 {
-                let node = self.window.nodes[line[step]].as_mut_array();
-                for k in 0..N {
-                    node[axes[k]] = nodes.v[k][step][lane];
+        lines.leave_out_what_does_not_touch(self.side, found * SIDE_BY_SIDE);
+        let mut mu = [0.0; LANES];
+        if N > 1 {
+            for lane in 0..found * SIDE_BY_SIDE {
+                let node = starts[lane / SIDE_BY_SIDE] + lane % SIDE_BY_SIDE;
+                let mass = lines.mass[1][lane].max(SMALLEST_MASS);
+                mu[lane] = self.friction.at(self.window, node, mass);
+            }
+        }
+        lines.apply(self.kind, self.side, &mu);
+        let nodes = &mut *self.window.nodes;
+        for step in 0..3 {
+            for k in 0..N {
+                let (v, _) = lines.v[k][step].as_chunks::<SIDE_BY_SIDE>();
+                for (start, v) in starts[..found].iter().zip(v) {
+                    let place = start.wrapping_add_signed(steps[step]);
+                    if SIDE_BY_SIDE == CHUNK {
+                        let chunk = &mut nodes[place..place + CHUNK];
+                        let v = v[..].try_into().expect("a chunk");
+                        Q::set_column(chunk.try_into().expect("a chunk"), axes[k], v);
+                    } else {
+                        nodes[place].as_mut_array()[axes[k]] = v[0];
+                    }
                 }
             }
         }
     }
 }
 
-/// The outer, middle and inner nodes of `LANES` lines, with N components of their velocities.
+/// The outer, middle and inner nodes of `LANES` lines, with N components of their velocities, the one across the wall first.
 struct LineNodes<const N: usize> {
     mass: [Lanes; 3],
     v: [[Lanes; 3]; N],
 }
 
 impl<const N: usize> LineNodes<N> {
-    /// Changes velocities so that the material at the wall obeys the contact. `v[k]` is the component along `axes[k]`.
+    /// Takes the masses of lines away that have no material at the wall, or that are not among the first `count`.
     #[inline(always)]
-    fn apply(&mut self, kind: ContactKind, side: &Side, axes: &[usize; N], mu: &Lanes) {
+    fn leave_out_what_does_not_touch(&mut self, side: &Side, count: usize) {
+        let [_, middle, inner] = self.mass;
+        for i in 0..LANES {
+            let touches = middle[i] > SMALLEST_MASS && middle[i] >= side.touching * inner[i];
+            for mass in &mut self.mass {
+                mass[i] = if touches & (i < count) { mass[i] } else { 0.0 };
+            }
+        }
+    }
+
+    /// Changes velocities so that the material at the wall obeys the contact.
+    #[inline(always)]
+    fn apply(&mut self, kind: ContactKind, side: &Side, mu: &Lanes) {
+        let separates = kind == ContactKind::Separating;
+        let lost_always = if kind == ContactKind::Sticky {
+            1.0
+        } else {
+            0.0
+        };
         for i in 0..LANES {
             let mut mobility = [0.0; 3];
             let mut at_wall = [0.0; N];
@@ -282,37 +322,23 @@ impl<const N: usize> LineNodes<N> {
                     at_wall[k] += weight * self.v[k][step][i];
                 }
             }
-            let (mut approach, mut slip_squared) = (0.0, 0.0);
-            for k in 0..N {
-                let across = axes[k] == side.axis;
-                approach -= if across {
-                    at_wall[k] * side.inward
-                } else {
-                    0.0
-                };
-                slip_squared += if across { 0.0 } else { at_wall[k] * at_wall[k] };
-            }
-            let leaves = kind == ContactKind::Separating && approach <= 0.0;
-            let none = leaves | (total <= 0.0);
-            let lost = match kind {
-                ContactKind::Sticky => 1.0,
-                ContactKind::Slip => 0.0,
-                // Coulomb friction takes at most this part of the slip.
-                ContactKind::Separating => {
-                    1.0 - remaining_slip(slip_squared.sqrt(), mu[i] * approach)
-                }
-            };
+            let approach = 0.0 - at_wall[0] * side.inward;
+            let none = separates & (approach <= 0.0) | (total <= 0.0);
             // Impulse per change of the velocity at the wall; each node takes its share.
             let impulse = if none { 0.0 } else { 1.0 } / if none { 1.0 } else { total };
+            let mut change = [approach * side.inward; N];
+            if N > 1 {
+                let slip_squared: f32 = at_wall[1..].iter().map(|slip| slip * slip).sum();
+                // Coulomb friction takes at most this part of the slip.
+                let lost = 1.0 - remaining_slip(slip_squared.sqrt(), mu[i] * approach);
+                let lost = if separates { lost } else { lost_always };
+                for k in 1..N {
+                    change[k] = -at_wall[k] * lost;
+                }
+            }
             for k in 0..N {
-                let across = axes[k] == side.axis;
-                let change = if across {
-                    approach * side.inward
-                } else {
-                    -at_wall[k] * lost
-                };
                 for step in 0..3 {
-                    self.v[k][step][i] += change * impulse * mobility[step];
+                    self.v[k][step][i] += change[k] * impulse * mobility[step];
                 }
             }
         }

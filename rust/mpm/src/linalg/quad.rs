@@ -4,6 +4,7 @@
 //! order. Portable code fuses too, in software where the processor cannot: correct, but many times slower. Every
 //! processor with AVX2 and all of aarch64 can.
 
+use super::lanes::Lanes;
 use wide::f32x4;
 
 /// Sixteen numbers, node by node.
@@ -27,6 +28,18 @@ pub trait Quad: Copy {
     fn last_numbers(self) -> Self;
     /// The sums over the nodes of four quads, (0 + 2) + (1 + 3).
     fn sums(quads: [Self; 4]) -> [f32x4; 4];
+    /// Number `k` of two times eight nodes.
+    #[inline(always)]
+    fn column(nodes: [&[f32x4; 8]; 2], k: usize) -> Lanes {
+        std::array::from_fn(|i| nodes[i / 8][i % 8].as_array()[k])
+    }
+    /// Replaces number `k` of eight nodes.
+    #[inline(always)]
+    fn set_column(nodes: &mut [f32x4; 8], k: usize, numbers: &[f32; 8]) {
+        for (node, number) in nodes.iter_mut().zip(numbers) {
+            node.as_mut_array()[k] = *number;
+        }
+    }
 
     #[inline(always)]
     fn zero() -> Self {
@@ -115,12 +128,15 @@ pub mod x86 {
     use std::arch::x86_64::{
         __m256, __m512, _mm_loadu_ps, _mm_set1_ps, _mm256_add_ps, _mm256_div_ps, _mm256_fmadd_ps,
         _mm256_loadu_ps, _mm256_max_ps, _mm256_mul_ps, _mm256_permute_ps, _mm256_permute2f128_ps,
-        _mm256_set_m128, _mm256_set1_ps, _mm256_storeu_ps, _mm512_add_ps, _mm512_broadcast_f32x4,
-        _mm512_castps128_ps512, _mm512_div_ps, _mm512_fmadd_ps, _mm512_loadu_ps, _mm512_max_ps,
-        _mm512_mul_ps, _mm512_permute_ps, _mm512_permutexvar_ps, _mm512_set_epi32, _mm512_set1_ps,
-        _mm512_shuffle_f32x4, _mm512_storeu_ps,
+        _mm256_set_m128, _mm256_set1_ps, _mm256_storeu_ps, _mm512_add_epi32, _mm512_add_ps,
+        _mm512_broadcast_f32x4, _mm512_castps128_ps512, _mm512_castps256_ps512,
+        _mm512_castps512_ps256, _mm512_div_ps, _mm512_fmadd_ps, _mm512_insertf32x8,
+        _mm512_loadu_ps, _mm512_mask_permutexvar_ps, _mm512_max_ps, _mm512_mul_ps,
+        _mm512_permute_ps, _mm512_permutex2var_ps, _mm512_permutexvar_ps, _mm512_set_epi32,
+        _mm512_set1_epi32, _mm512_set1_ps, _mm512_shuffle_f32x4, _mm512_storeu_ps,
     };
 
+    use super::super::lanes::{LANES, Lanes};
     use super::Quad;
     use wide::f32x4;
 
@@ -304,6 +320,38 @@ pub mod x86 {
                 let even = _mm512_shuffle_f32x4::<0b10_00_10_00>(ab, cd);
                 let odd = _mm512_shuffle_f32x4::<0b11_01_11_01>(ab, cd);
                 Self(_mm512_add_ps(even, odd)).store()
+            }
+        }
+        #[inline(always)]
+        fn column(nodes: [&[f32x4; 8]; 2], k: usize) -> Lanes {
+            // Number k of the node at each place of the result; the upper half is not used.
+            let mut lanes = [0.0; LANES];
+            unsafe {
+                let first = _mm512_set_epi32(0, 0, 0, 0, 0, 0, 0, 0, 28, 24, 20, 16, 12, 8, 4, 0);
+                let places = _mm512_add_epi32(first, _mm512_set1_epi32(k as i32));
+                let [one, other] = nodes.map(|nodes| {
+                    let numbers = nodes.as_ptr().cast::<f32>();
+                    let (low, high) = (_mm512_loadu_ps(numbers), _mm512_loadu_ps(numbers.add(16)));
+                    _mm512_castps512_ps256(_mm512_permutex2var_ps(low, places, high))
+                });
+                let both = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(one), other);
+                _mm512_storeu_ps(lanes.as_mut_ptr(), both);
+            }
+            lanes
+        }
+        #[inline(always)]
+        fn set_column(nodes: &mut [f32x4; 8], k: usize, numbers: &[f32; 8]) {
+            unsafe {
+                let replaced = 0b0001_0001_0001_0001 << k;
+                let values = _mm512_castps256_ps512(_mm256_loadu_ps(numbers.as_ptr()));
+                let first = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
+                for half in 0..2 {
+                    let places = _mm512_add_epi32(first, _mm512_set1_epi32(4 * half));
+                    let four = nodes.as_mut_ptr().add(4 * half as usize).cast::<f32>();
+                    let old = _mm512_loadu_ps(four);
+                    let new = _mm512_mask_permutexvar_ps(old, replaced, places, values);
+                    _mm512_storeu_ps(four, new);
+                }
             }
         }
     }
