@@ -5,6 +5,7 @@ import json
 import math
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -194,6 +195,9 @@ def physics(
     torch = require_torch()
     from hybridmpm.training import checkpoint, run  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.windows import Windows  # noqa: PLC0415 - needs torch
 
     if threads is not None:
         torch.set_num_threads(threads)
@@ -202,7 +206,7 @@ def physics(
     file = out / run.CHECKPOINT
     out.mkdir(parents=True, exist_ok=True)
     if file.exists():
-        trainer = checkpoint.load(file, device)
+        trainer = Trainer.load(file, device)
         _refuse_other_options(ctx, trainer, names, options, file)
         about = dict(checkpoint.read(file)["about"])
         about["solver_versions"] = checkpoint.with_this_solver(about)
@@ -223,7 +227,7 @@ def physics(
     with progress("Training", trainer.settings.steps) as bar:
         bar.update(trainer.step_count)
 
-        def show(_trainer: "Trainer", loss: float) -> None:
+        def show(loss: float) -> None:
             if sys.stderr.isatty():
                 bar.label = f"Training, loss {loss:.4f}"
             bar.update(1)
@@ -231,8 +235,8 @@ def physics(
         run.train(
             trainer,
             out,
-            training,
-            held_out,
+            step=partial(trainer.step, Windows(training, trainer.settings.unroll)),
+            validate=partial(log_rollouts, trainer, out, held_out),
             about=about,
             rhythm=run.Rhythm(),
             on_step=show,
@@ -281,7 +285,6 @@ def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
 
 def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> "Trainer":
     """Return a new trainer; with a checkpoint to finetune, one that has its weights and their scales."""
-    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.scales import normalization  # noqa: PLC0415
     from hybridmpm.training.physics.trainer import Trainer, TrainingSettings  # noqa: PLC0415
@@ -291,7 +294,7 @@ def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> 
     if options["finetune"] is None:
         training = datasets.trajectories(options["root"], spec, "train")
         return Trainer(spec, normalization(training, spec, settings.noise), settings, device)
-    older = checkpoint.load(options["finetune"], device)
+    older = Trainer.load(options["finetune"], device)
     trainer = Trainer(spec, older.simulator.scales, settings, device)
     trainer.simulator.load_state_dict(older.simulator.state_dict())
     return trainer

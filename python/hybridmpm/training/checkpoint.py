@@ -3,20 +3,26 @@
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
-from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.errors import DataError
 from hybridmpm.physics.model_info import solver_versions
-from hybridmpm.training.physics.trainer import Trainer
 
 _FORMAT = 1
 
 
-def save(path: Path, trainer: Trainer, about: dict[str, str]) -> None:
+class Kept(Protocol):
+    """What a checkpoint can hold."""
+
+    def state(self) -> dict[str, Any]:
+        """Return all that training needs to go on, as tensors and plain data."""
+
+
+def save(path: Path, trainer: Kept, about: Mapping[str, str]) -> None:
     """Write a trainer's state and texts about its origin.
 
     Raises
@@ -25,7 +31,7 @@ def save(path: Path, trainer: Trainer, about: dict[str, str]) -> None:
         The file cannot be written.
     """
     with replacing(path) as part:
-        torch.save({"format": _FORMAT, "about": about, **trainer.state()}, part)
+        torch.save({"format": _FORMAT, "about": dict(about), **trainer.state()}, part)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -60,22 +66,3 @@ def spent(state: Mapping[str, Any]) -> tuple[int, float]:
 def with_this_solver(about: Mapping[str, str]) -> str:
     """Return the versions of the solvers of a checkpoint's data and of this one, as a text for `about`."""
     return ", ".join(map(str, sorted({*solver_versions(about), SOLVER_VERSION})))
-
-
-def load(path: Path, device: torch.device) -> Trainer:
-    """Return the trainer of a checkpoint, to go on with the training.
-
-    Raises
-    ------
-    DataError
-        `read` refuses the file, or its contents do not fit together.
-    ConfigError
-        The network has other features than those of this library; the message names both versions.
-    """
-    state = read(path)
-    try:
-        return Trainer.restore(state, device, where=str(path))
-    except (KeyError, RuntimeError, ValueError) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise DataError(f"{path} does not fit this library: {error}") from None

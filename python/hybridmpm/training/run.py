@@ -1,26 +1,38 @@
-"""A training run in a folder, with checkpoints, logs and rollouts; it can be interrupted and resumed."""
+"""A training run in a folder, with checkpoints, logs and validation; it can be interrupted and resumed."""
 
 import csv
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.spec import HISTORY
 from hybridmpm.training import checkpoint
-from hybridmpm.training.physics import rollouts
-from hybridmpm.training.physics.trainer import Trainer
-from hybridmpm.training.physics.windows import Windows
 
 CHECKPOINT = "checkpoint.pt"
-LOSSES, ROLLOUTS = "losses.csv", "rollouts.csv"
+LOSSES = "losses.csv"
 
 _LOGGED_STEPS = 100
 """Number of steps whose mean loss is a row of the log."""
+
+
+class Trainee(checkpoint.Kept, Protocol):
+    """A network in training, whatever it learns."""
+
+    step_count: int
+    """Number of training steps so far."""
+    seconds: float
+    """Time of training so far, over all runs [s]."""
+
+    @property
+    def last_step(self) -> int:
+        """Number of training steps of the whole training."""
+
+    def pace(self) -> Mapping[str, float]:
+        """Return what the schedule says at present, e.g. the learning rate, by the columns of the log."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,58 +41,57 @@ class Rhythm:
 
     checkpoint_seconds: float = 120.0
     """Time from one checkpoint to the next [s]."""
-    rollout_seconds: float = 240.0
-    """Time from one rollout on held-out trajectories to the next [s]."""
+    validation_seconds: float = 240.0
+    """Time from one validation to the next [s]."""
 
 
 def train(
-    trainer: Trainer,
+    trainer: Trainee,
     folder: Path,
-    training: Sequence[Trajectory],
-    held_out: Sequence[Trajectory],
     *,
+    step: Callable[[], float],
+    validate: Callable[[], object],
     about: Mapping[str, str],
     rhythm: Rhythm,
-    on_step: Callable[[Trainer, float], object],
+    on_step: Callable[[float], object],
     until: int | None = None,
 ) -> None:
-    """Train to the last step of the settings, with a checkpoint at the end and on any exception.
+    """Train to the last step, with a checkpoint at the end and on any exception.
 
     Parameters
     ----------
-    trainer : Trainer
+    trainer : Trainee
     folder : Path
-        Folder for `checkpoint.pt`, `losses.csv`, `rollouts.csv` and `rollout.png`.
-    training : sequence of Trajectory
-        Trajectories to train on.
-    held_out : sequence of Trajectory
-        Trajectories for rollouts.
+        Folder for `checkpoint.pt` and `losses.csv`.
+    step : callable
+        Takes one training step of the trainer, and returns the loss before it. It raises FloatingPointError
+        where the loss is not finite.
+    validate : callable
+        Called now and then, and at the end, to hold the network against data that it is not trained on. Its
+        time does not count as training.
     about : mapping
         Texts about the training, which are stored in the checkpoint.
     rhythm : Rhythm
     on_step : callable
-        Called after each step with the trainer and the loss.
+        Called after each step with the loss.
     until : int, optional
-        Step after which to stop before the last step of the settings.
+        Step after which to stop before the last step.
 
     Raises
     ------
     ConfigError
         The loss is not finite; the last checkpoint, written before, stays.
-    DataError
-        `Windows` refuses the trajectories.
     ExportError
         A file cannot be written.
     """
-    windows = Windows(training, trainer.settings.unroll)
     began = time.monotonic() - trainer.seconds
     saved = shown = time.monotonic()
     losses: list[float] = []
-    last = min(trainer.settings.steps, until or trainer.settings.steps)
+    last = min(trainer.last_step, until or trainer.last_step)
     healthy = True
     try:
         while trainer.step_count < last:
-            latest = trainer.step(windows)
+            latest = step()
             losses.append(latest)
             now = time.monotonic()
             trainer.seconds = now - began
@@ -88,45 +99,24 @@ def train(
                 _log_losses(folder, trainer, losses)
                 losses.clear()
             if now - saved > rhythm.checkpoint_seconds:
-                checkpoint.save(folder / CHECKPOINT, trainer, dict(about))
+                checkpoint.save(folder / CHECKPOINT, trainer, about)
                 saved = now
-            if now - shown > rhythm.rollout_seconds:
-                log_rollouts(trainer, folder, held_out)
+            if now - shown > rhythm.validation_seconds:
+                validate()
                 began += time.monotonic() - now
                 shown = time.monotonic()
-            on_step(trainer, latest)
+            on_step(latest)
     except FloatingPointError as error:
         healthy = False
         raise ConfigError(str(error)) from None
     finally:
         if healthy:
-            checkpoint.save(folder / CHECKPOINT, trainer, dict(about))
-    log_rollouts(trainer, folder, held_out)
+            checkpoint.save(folder / CHECKPOINT, trainer, about)
+    validate()
 
 
-def log_rollouts(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None:
-    """Roll out on held-out trajectories; add their errors to `rollouts.csv`, and draw `rollout.png`."""
-    paths = [rollouts.rollout(trainer.simulator, trajectory) for trajectory in held_out]
-    for trajectory, path in zip(held_out, paths, strict=True):
-        errors = rollouts.errors(path, trajectory)[HISTORY:]
-        at = {f"step_{step}": errors[step - 1] for step in (10, 25, 50) if step <= len(errors)}
-        row = {
-            "trained_steps": trainer.step_count,
-            "scene": trajectory.scene.name if trajectory.scene else "",
-            **at,
-        }
-        _append(folder / ROLLOUTS, row | {"mean": errors.mean()})
-    rollouts.write_picture(folder / "rollout.png", held_out, paths)
-
-
-def _log_losses(folder: Path, trainer: Trainer, losses: Sequence[float]) -> None:
-    rate = trainer.settings.rate_at(trainer.step_count)
-    row = {"step": trainer.step_count, "seconds": trainer.seconds, "loss": float(np.mean(losses))}
-    unroll = trainer.settings.unroll_at(trainer.step_count - 1)
-    _append(folder / LOSSES, row | {"learning_rate": rate, "unroll": unroll})
-
-
-def _append(path: Path, row: Mapping[str, object]) -> None:
+def log_row(path: Path, row: Mapping[str, object]) -> None:
+    """Add a row to a CSV file, which begins with the names of the columns."""
     fresh = not path.exists()
     with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(row))
@@ -135,3 +125,8 @@ def _append(path: Path, row: Mapping[str, object]) -> None:
         writer.writerow(
             {key: f"{item:.6g}" if isinstance(item, float) else item for key, item in row.items()}
         )
+
+
+def _log_losses(folder: Path, trainer: Trainee, losses: Sequence[float]) -> None:
+    row = {"step": trainer.step_count, "seconds": trainer.seconds, "loss": float(np.mean(losses))}
+    log_row(folder / LOSSES, row | dict(trainer.pace()))

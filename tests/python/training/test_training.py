@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from hybridmpm.scene.particle_types import KINEMATIC, SAND, WATER
 from hybridmpm.training import checkpoint, run
 from hybridmpm.training.physics import datasets
 from hybridmpm.training.physics.losses import huber_loss
-from hybridmpm.training.physics.rollouts import errors, rollout
+from hybridmpm.training.physics.rollouts import errors, log_rollouts, rollout
 from hybridmpm.training.physics.scales import normalization
 from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
 from hybridmpm.training.physics.windows import Windows, edges_of
@@ -89,7 +90,7 @@ def test_an_interrupted_training_gives_the_weights_of_an_uninterrupted_one(
     for _ in range(3):
         part.step(windows)
     checkpoint.save(tmp_path / "c.pt", part, {})
-    resumed = checkpoint.load(tmp_path / "c.pt", CPU)
+    resumed = Trainer.load(tmp_path / "c.pt", CPU)
     while resumed.step_count < 8:
         resumed.step(windows)
     assert np.array_equal(weights_of(whole), weights_of(resumed))
@@ -107,11 +108,11 @@ def test_a_run_writes_its_checkpoint_logs_and_picture(trajectories: Trajectories
     run.train(
         trainer,
         tmp_path,
-        trajectories[:4],
-        trajectories[4:5],
+        step=partial(trainer.step, Windows(trajectories[:4], 1)),
+        validate=partial(log_rollouts, trainer, tmp_path, trajectories[4:5]),
         about={"command": "a test"},
-        rhythm=run.Rhythm(checkpoint_seconds=0.1, rollout_seconds=1e9),
-        on_step=lambda one, loss: seen.append((one.step_count, loss)),
+        rhythm=run.Rhythm(checkpoint_seconds=0.1, validation_seconds=1e9),
+        on_step=lambda loss: seen.append((trainer.step_count, loss)),
     )
     assert [step for step, _ in seen] == list(range(1, 101))
     assert (tmp_path / "losses.csv").read_text().startswith("step,seconds,loss,learning_rate,unroll\n100,")
@@ -134,11 +135,11 @@ def test_a_loss_that_is_not_finite_keeps_the_last_checkpoint(
         run.train(
             trainer,
             tmp_path,
-            trajectories[:2],
-            trajectories[2:3],
+            step=partial(trainer.step, Windows(trajectories[:2], 1)),
+            validate=lambda: None,
             about={},
             rhythm=run.Rhythm(),
-            on_step=lambda *_: None,
+            on_step=lambda _loss: None,
         )
     assert (tmp_path / run.CHECKPOINT).read_bytes() == before
 
@@ -341,7 +342,7 @@ def test_files_that_are_no_checkpoints_are_refused(
     else:
         path.unlink()
     with pytest.raises(DataError, match=r"c\.pt"):
-        checkpoint.load(path, CPU)
+        Trainer.load(path, CPU)
 
 
 def test_a_checkpoint_of_other_features_is_refused(trajectories: Trajectories, tmp_path: Path) -> None:
@@ -351,7 +352,7 @@ def test_a_checkpoint_of_other_features_is_refused(trajectories: Trajectories, t
     state["spec"] = json.dumps({**json.loads(state["spec"]), "features": 99})
     torch.save(state, path)
     with pytest.raises(ConfigError, match=r"c\.pt has features version 99; this library has 1"):
-        checkpoint.load(path, CPU)
+        Trainer.load(path, CPU)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.training import checkpoint, run
 from hybridmpm.training.export import described, export_checkpoint, to_onnx
+from hybridmpm.training.physics.rollouts import log_rollouts
 from hybridmpm.training.physics.scales import normalization
 from hybridmpm.training.physics.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
@@ -96,7 +97,7 @@ def trained(
     training = _trajectories(point.scenario, point.ratio, point.r_t, settings)
     versions = str(SOLVER_VERSION)
     if file.exists():
-        trainer = checkpoint.load(file, device)
+        trainer = Trainer.load(file, device)
         versions = checkpoint.with_this_solver(checkpoint.read(file)["about"])
     else:
         trainer = _new(point, minutes, settings, training, device)
@@ -104,14 +105,15 @@ def trained(
         "command": f"hybridmpm bench sweep --points {point.key} --minutes-per-point {minutes:g}",
         "solver_versions": versions,
     }
+    held_out = [_held_out(point.scenario, point.ratio, point.r_t)]
     run.train(
         trainer,
         mine,
-        training,
-        [_held_out(point.scenario, point.ratio, point.r_t)],
+        step=functools.partial(trainer.step, Windows(training, trainer.settings.unroll)),
+        validate=functools.partial(log_rollouts, trainer, mine, held_out),
         about=about,
-        rhythm=run.Rhythm(rollout_seconds=float("inf")),
-        on_step=lambda _trainer, _loss: None,
+        rhythm=run.Rhythm(validation_seconds=float("inf")),
+        on_step=lambda _loss: None,
     )
     data, _ = export_checkpoint(file)
     (mine / _MODEL).write_bytes(data)

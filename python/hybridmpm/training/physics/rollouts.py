@@ -15,10 +15,35 @@ from hybridmpm.physics.spec import HISTORY
 from hybridmpm.render import side_by_side, view_of
 from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.trainer import Trainer
 from hybridmpm.training.physics.windows import edges_of, known_acceleration
+from hybridmpm.training.run import log_row
+
+ROLLOUTS, PICTURE = "rollouts.csv", "rollout.png"
 
 _PICTURES = 5
 _WIDTH = 240
+
+
+def log_rollouts(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None:
+    """Roll out on held-out trajectories; add their errors to `rollouts.csv`, and draw `rollout.png`.
+
+    Raises
+    ------
+    ExportError
+        The picture cannot be written.
+    """
+    paths = [rollout(trainer.simulator, trajectory) for trajectory in held_out]
+    for trajectory, path in zip(held_out, paths, strict=True):
+        found = errors(path, trajectory)[HISTORY:]
+        at = {f"step_{step}": found[step - 1] for step in (10, 25, 50) if step <= len(found)}
+        row = {
+            "trained_steps": trainer.step_count,
+            "scene": trajectory.scene.name if trajectory.scene else "",
+            **at,
+        }
+        log_row(folder / ROLLOUTS, row | {"mean": found.mean()})
+    write_picture(folder / PICTURE, held_out, paths)
 
 
 @torch.no_grad()

@@ -1,9 +1,10 @@
 """`Trainer`: a learned simulator with its optimizer and random generator, which takes training steps."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -11,8 +12,9 @@ import torch
 from torch import Tensor
 
 from hybridmpm._support.arguments import whole
-from hybridmpm.errors import ConfigError
+from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.spec import NetworkSpec, Normalization
+from hybridmpm.training import checkpoint
 from hybridmpm.training.physics.losses import huber_loss
 from hybridmpm.training.physics.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import Batch, Windows, edges_of
@@ -91,6 +93,16 @@ class Trainer:
         self.seconds = 0.0
         """Time of training so far, over all runs [s]."""
         self._rng = np.random.default_rng(settings.seed)
+
+    @property
+    def last_step(self) -> int:
+        """Number of training steps of the whole training."""
+        return self.settings.steps
+
+    def pace(self) -> Mapping[str, float]:
+        """Return the learning rate, and the number of network steps in the latest loss."""
+        unroll = self.settings.unroll_at(self.step_count - 1)
+        return {"learning_rate": self.settings.rate_at(self.step_count), "unroll": unroll}
 
     def step(self, windows: Windows) -> float:
         """Take one training step, and return the loss before it.
@@ -172,6 +184,25 @@ class Trainer:
         trainer.step_count, trainer.seconds = state["step"], state["seconds"]
         trainer._rng.bit_generator.state = json.loads(state["rng"])
         return trainer
+
+    @classmethod
+    def load(cls, path: Path, device: torch.device) -> Self:
+        """Return the trainer of a checkpoint, to go on with the training.
+
+        Raises
+        ------
+        DataError
+            `checkpoint.read` refuses the file, or its contents do not fit together.
+        ConfigError
+            The network has other features than those of this library; the message names both versions.
+        """
+        state = checkpoint.read(path)
+        try:
+            return cls.restore(state, device, where=str(path))
+        except (KeyError, RuntimeError, ValueError) as error:
+            if isinstance(error, ConfigError):
+                raise
+            raise DataError(f"{path} does not fit this library: {error}") from None
 
 
 @contextmanager
