@@ -6,6 +6,7 @@ The names in `__all__` are public, and so are the modules among them; the rest m
 from hybridmpm import control, data, downsampling, hybrid, metrics, physics, recording, scenarios, simulators
 from hybridmpm._native import (
     SOLVER_VERSION,
+    CancelFlag,
     Diagnostics,
     FrameReport,
     RadiusGraph,
@@ -21,6 +22,7 @@ from hybridmpm.errors import (
     DomainError,
     ExportError,
     ForceError,
+    FrameCancelledError,
     GraphSizeError,
     InvertedError,
     NonFiniteError,
@@ -68,6 +70,7 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "BoxSink",
+    "CancelFlag",
     "ConfigError",
     "CostlyMaterialWarning",
     "DataError",
@@ -76,6 +79,7 @@ __all__ = [
     "Elastic",
     "ExportError",
     "ForceError",
+    "FrameCancelledError",
     "FrameReport",
     "GraphSizeError",
     "HalfSpaceObstacle",

@@ -16,11 +16,13 @@ __all__ = [
     "AccelerationHistory",
     "AccelerationSignal",
     "BatchError",
+    "CancelFlag",
     "Carrier",
     "ConfigError",
     "Diagnostics",
     "DomainError",
     "Emitter",
+    "FrameCancelledError",
     "FrameReport",
     "FreeSpace",
     "GraphSizeError",
@@ -76,6 +78,9 @@ class InvertedError(SimulationError):
 
 class StepSizeError(SimulationError):
     """A fixed number of substeps is above the stability limit, or speeds ask for too many."""
+
+class FrameCancelledError(SimulationError):
+    """A `CancelFlag` ended a frame before it was done."""
 
 class GraphSizeError(SimulationError):
     """A neighbour graph would be larger than allowed."""
@@ -459,6 +464,20 @@ class AccelerationHistory:
         """Return an independent history in the same state."""
 
 @final
+class CancelFlag:
+    """A flag by which one thread ends the frame that another computes: `Simulator.cancel_by` takes it."""
+
+    def __new__(cls) -> CancelFlag:
+        """Create a flag that is not set."""
+
+    def set(self) -> None:
+        """Set the flag for good. A frame that is being computed ends within a substep."""
+
+    @property
+    def is_set(self) -> bool:
+        """Whether the flag is set."""
+
+@final
 class Solver:
     """MLS-MPM (Hu et al. 2018) with APIC transfer and quadratic B-splines on [0, 1]^D.
 
@@ -568,8 +587,16 @@ class Solver:
         ------
         NonFiniteError, DomainError, InvertedError, StepSizeError
             Naming particle and frame. The state is then the one before the failed frame.
+        FrameCancelledError
+            The flag of `cancel_by` was set. The state is then the one before the frame that it ended.
         ConfigError
             An array has the wrong shape, or the force is not finite; nothing has moved.
+        """
+
+    def cancel_by(self, flag: CancelFlag) -> None:
+        """Let a flag end frames, between two substeps, in this solver and in copies made later.
+
+        It takes the place of an older flag. Waits for a call that advances the solver.
         """
 
     def prescribe(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
-from hybridmpm.errors import ConfigError, SnapshotError
+from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
 from hybridmpm.force import CheckedForce, Force, checked_force
 from hybridmpm.scene import Scene
 from hybridmpm.snapshots import SavedState, read_state, write_state
@@ -30,6 +30,8 @@ class Simulator(ABC):
     N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
     frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
     """
+
+    _cancel: _native.CancelFlag | None = None
 
     kind: ClassVar[Kind]
     """Name of this kind of simulator: "mpm", "neural" or "hybrid"."""
@@ -192,6 +194,10 @@ class Simulator(ABC):
     def _advance(self, frames: int, force: CheckedForce, path: _Floats | None) -> None:
         """Advance by frames, and write the positions after each into a row of `path` (frames, N, D)."""
         for index in range(frames):
+            if self._cancel is not None and self._cancel.is_set:
+                raise FrameCancelledError(
+                    f"frame {self.frame} was cancelled before it was done; the state is the one before it"
+                )
             self._advance_frame(force.at(index))
             if path is not None:
                 path[index] = self.positions
@@ -199,6 +205,20 @@ class Simulator(ABC):
     @abstractmethod
     def _advance_frame(self, force: _Floats | None) -> None:
         """Advance by one frame under a checked acceleration, (D,) or (N, D) [m/s^2]."""
+
+    def cancel_by(self, flag: _native.CancelFlag) -> None:
+        """Let another thread end the frame that is being computed, by setting a flag.
+
+        The flag is asked before each frame and, where MPM computes, in every substep. Once it is set,
+        `advance` raises `FrameCancelledError`, and the state is the one before the frame that was ended.
+        Frames that are completed have the same bits with and without a flag.
+
+        Parameters
+        ----------
+        flag : CancelFlag
+            Takes the place of an older flag. Copies made later obey it too, until they get their own.
+        """
+        self._cancel = flag
 
     @abstractmethod
     def reset(self) -> None:

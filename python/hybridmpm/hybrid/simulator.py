@@ -253,6 +253,11 @@ class HybridSimulator(Simulator):
         finally:
             self._engine.script = None
 
+    def cancel_by(self, flag: _native.CancelFlag) -> None:
+        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
+        super().cancel_by(flag)
+        self._mpm.cancel_by(flag)
+
     def reset(self) -> None:
         """Go back to frame 0."""
         self._engine.reset()

@@ -258,6 +258,11 @@ class MpmSolver(Simulator):
         self._solver.advance(1, force)
         self._carrier.follow()
 
+    def cancel_by(self, flag: _native.CancelFlag) -> None:
+        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
+        super().cancel_by(flag)
+        self._solver.cancel_by(flag)
+
     def prescribe(
         self,
         x: npt.ArrayLike,

@@ -205,6 +205,11 @@ class NeuralPhysics(Simulator):
         """Whether MPM made the present state."""
         return self._frame == self._solver.frame
 
+    def cancel_by(self, flag: _native.CancelFlag) -> None:
+        """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
+        super().cancel_by(flag)
+        self._solver.cancel_by(flag)
+
     def reset(self) -> None:
         """Go back to frame 0."""
         self._solver.reset()

@@ -39,6 +39,13 @@ create_exception!(
 
 create_exception!(
     hybridmpm._native,
+    FrameCancelledError,
+    SimulationError,
+    "A frame was cancelled."
+);
+
+create_exception!(
+    hybridmpm._native,
     GraphSizeError,
     SimulationError,
     "A neighbour graph would be larger than allowed."
@@ -83,6 +90,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SimulationError", py.get_type::<SimulationError>())?;
     module.add("DomainError", py.get_type::<DomainError>())?;
     module.add("NonFiniteError", py.get_type::<NonFiniteError>())?;
+    module.add("FrameCancelledError", py.get_type::<FrameCancelledError>())?;
     module.add("GraphSizeError", py.get_type::<GraphSizeError>())?;
     module.add("InvertedError", py.get_type::<InvertedError>())?;
     module.add("BatchError", py.get_type::<BatchError>())?;
@@ -126,6 +134,7 @@ impl From<NativeError> for PyErr {
             MpmError::UnstableStep { .. } | MpmError::TooFast { .. } => {
                 StepSizeError::new_err(message)
             }
+            MpmError::Cancelled { .. } => FrameCancelledError::new_err(message),
             MpmError::Snapshot { .. } => snapshot_error(message),
         }
     }

@@ -103,6 +103,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<solver::PyMotionReport>()?;
     module.add_class::<neural::PyAccelerationHistory>()?;
     module.add_class::<neural::PyAccelerationSignal>()?;
+    module.add_class::<solver::PyCancelFlag>()?;
     module.add_class::<solver::PySolver>()?;
     module.add_class::<solver::PyCarrier>()?;
     module.add_class::<graph::PyRadiusGraph>()?;

@@ -69,6 +69,9 @@ pub enum MpmError {
         most: f32,
         remedy: &'static str,
     },
+    /// The caller's flag ended a frame.
+    #[error("frame {frame} was cancelled before it was done; the state is the one before it")]
+    Cancelled { frame: u64 },
     /// Bytes that are no snapshot of this scene.
     #[error("snapshot refused: {reason}")]
     Snapshot { reason: String },

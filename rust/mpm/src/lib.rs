@@ -37,6 +37,6 @@ pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};
 pub use particles::Sleep;
 pub use settings::SolverSettings;
-pub use solver::{MotionReport, PrescribeOptions, Solver};
+pub use solver::{CancelFlag, MotionReport, PrescribeOptions, Solver};
 pub use substep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};
 pub use version::SOLVER_VERSION;

@@ -11,6 +11,7 @@ import pytest
 from hybridmpm import (
     Ball,
     Box,
+    CancelFlag,
     MpmBatch,
     MpmSolver,
     Scene,
@@ -58,6 +59,14 @@ def collide_in_a_batch() -> None:
     MpmBatch([DROP, COLLISION], substeps=1, allow_unstable=True).advance(3)
 
 
+def advance_after_a_cancel() -> None:
+    """Ask for a frame whose flag is set."""
+    solver, flag = MpmSolver(DROP), CancelFlag()
+    flag.set()
+    solver.cancel_by(flag)
+    solver.advance()
+
+
 PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "BatchError": (collide_in_a_batch, r"^scene 1: particle \d+ reached volume ratio"),
     "ConfigError": (lambda: metrics.grid_rmse([1.0], [1.0, 2.0]), "same shape"),
@@ -65,6 +74,7 @@ PROVOKED: dict[str, tuple[Callable[[], object], str]] = {
     "DomainError": (lambda: push(1e5), r"particle \d+ left the domain in frame 0"),
     "ExportError": (lambda: export.check_target(Path("fluid.obj")), r"\.vtp; got 'fluid\.obj'"),
     "ForceError": (lambda: MpmSolver(DROP).advance(1, [1.0]), r"have shape \(2,\), .*got shape \(1,\)"),
+    "FrameCancelledError": (advance_after_a_cancel, "frame 0 was cancelled"),
     "GraphSizeError": (
         lambda: radius_graph(np.zeros((9, 2), np.float32), 1.0, max_edges=7),
         "raise max_edges",

@@ -10,6 +10,7 @@ use pyo3::types::PyBytes;
 
 use super::any::{AnySolver, with_any};
 use super::build::{Arguments, Arrays, parse_substeps};
+use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
@@ -193,6 +194,14 @@ impl PySolver {
                 advanced.map_err(|error| NativeError(error).into())
             })
         })
+    }
+
+    fn cancel_by(&self, py: Python<'_>, flag: &PyCancelFlag) {
+        let flag = flag.0.clone();
+        self.detached(
+            py,
+            |any| with_solver!(any, solver => solver.cancel_by(flag)),
+        );
     }
 
     #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]

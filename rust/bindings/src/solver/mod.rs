@@ -3,6 +3,7 @@
 mod any;
 mod batch;
 mod build;
+mod cancel;
 mod carrier;
 mod class;
 mod force;
@@ -10,6 +11,7 @@ mod held;
 mod report;
 
 pub use batch::advance_all;
+pub use cancel::PyCancelFlag;
 pub use carrier::PyCarrier;
 pub use class::PySolver;
 pub use report::{PyDiagnostics, PyFrameReport, PyMotionReport};

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::cancel::CancelFlag;
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
@@ -40,6 +41,7 @@ pub struct Solver<const D: usize> {
     /// State before the frame in progress; kept to reuse its memory.
     pub(super) before: Vec<MaterialGroup<D>>,
     pub(super) last_frame: Option<FrameReport>,
+    pub(super) cancel: CancelFlag,
 }
 
 impl<const D: usize> Solver<D> {
@@ -87,6 +89,7 @@ impl<const D: usize> Solver<D> {
                 population: Population::new(particles.mass.len(), settings.openings.emitters.len()),
             },
             last_frame: None,
+            cancel: CancelFlag::default(),
             settings,
         })
     }
@@ -210,6 +213,10 @@ impl<const D: usize> Solver<D> {
             self.correct_volumes(elapsed);
         }
         while remaining > 0.0 {
+            if self.cancel.is_set() {
+                let frame = self.state.frame;
+                return Err(MpmError::Cancelled { frame });
+            }
             // A substep is at most dx / signal speed long, so speeds gain at most this.
             let speed = self.state.max_speed + pull * dx / self.chooser.signal_speed;
             let (dt, bound) = self
@@ -316,23 +323,9 @@ impl<const D: usize> Solver<D> {
             .1
     }
 
-    pub fn settings(&self) -> &SolverSettings<D> {
-        &self.settings
-    }
-
-    /// Number of particles.
-    pub fn count(&self) -> usize {
-        self.state.population.ids.len()
-    }
-
-    /// Frames done.
-    pub fn frame(&self) -> u64 {
-        self.state.frame
-    }
-
-    /// How the latest frame was cut; None before the first.
-    pub fn last_frame(&self) -> Option<FrameReport> {
-        self.last_frame
+    /// Lets a flag that another thread sets end a frame, between two substeps. Clones made later obey it too.
+    pub fn cancel_by(&mut self, flag: CancelFlag) {
+        self.cancel = flag;
     }
 
     /// The complete state. Going on from it gives the same bits.

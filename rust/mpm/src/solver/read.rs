@@ -5,8 +5,29 @@ use crate::diagnostics::Diagnostics;
 use crate::linalg::Lanes;
 use crate::openings::EmitterStatus;
 use crate::particles::{Activity, with_group};
+use crate::settings::SolverSettings;
+use crate::substep::FrameReport;
 
 impl<const D: usize> Solver<D> {
+    pub fn settings(&self) -> &SolverSettings<D> {
+        &self.settings
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> usize {
+        self.state.population.ids.len()
+    }
+
+    /// Frames done.
+    pub fn frame(&self) -> u64 {
+        self.state.frame
+    }
+
+    /// How the latest frame was cut; None before the first.
+    pub fn last_frame(&self) -> Option<FrameReport> {
+        self.last_frame
+    }
+
     /// N numbers, ascending, that particles keep for good.
     pub fn ids(&self) -> &[u64] {
         &self.state.population.ids
