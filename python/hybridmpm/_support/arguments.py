@@ -41,3 +41,10 @@ def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.flo
     if array.ndim not in {len(shape.split()) for shape in shapes}:
         raise ConfigError(f"{expected}, got shape {array.shape}")
     return array
+
+
+def no_truth_value(value: object) -> object:
+    """Return `value`; raise ValueError where it is true or false, which pydantic takes for 1 or 0."""
+    if isinstance(value, bool):
+        raise ValueError(f"must be a number, got {str(value).lower()}")  # noqa: TRY004 - what pydantic expects
+    return value

@@ -1,11 +1,46 @@
-"""Materials that make frames slow."""
+"""What a frame will cost, told from its scene alone, and the materials that make it slow."""
 
 import math
+from dataclasses import dataclass
 
-from hybridmpm.scene import Scene
+import numpy as np
+
+from hybridmpm.scene import Material, Motion, Scene
 
 MANY_SUBSTEPS = 200
 """Substeps of a frame from which on the scene is said to be slow."""
+_SPEED_CFL = 0.55
+"""Part of a cell that a particle may cross in a substep, as in rust/mpm/src/substep/timestep.rs."""
+
+
+@dataclass(frozen=True)
+class FrameCost:
+    """About how much work the first frame of a scene is for MPM, as its CFL bound cuts it into substeps."""
+
+    particles: int
+    """Number of particles."""
+    substeps: int
+    """Number of substeps: what materials, speeds at the start and moving obstacles ask for."""
+
+    @property
+    def particle_substeps(self) -> int:
+        """Particles times substeps, to which the time of a frame is about proportional."""
+        return self.particles * self.substeps
+
+
+def frame_cost(scene: Scene) -> FrameCost:
+    """Estimate what a frame of a scene costs, without making a particle.
+
+    Particles in overlapping bodies are counted twice. Speeds that come later, e.g. by a force, may ask for
+    more substeps.
+    """
+    particles = math.ceil(sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim)
+    steps = [_step(material, scene, scene.resolution, None) for material in scene.materials]
+    speed = max((float(np.linalg.norm(body.velocity or 0.0)) for body in scene.bodies), default=0.0)
+    speed += max((_speed_of_obstacle(obstacle.motion) for obstacle in scene.obstacles), default=0.0)
+    if speed > 0.0:
+        steps.append(_SPEED_CFL * scene.dx / speed)
+    return FrameCost(particles=particles, substeps=math.ceil(scene.frame_dt / min(steps)))
 
 
 def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[str]:
@@ -16,9 +51,7 @@ def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[s
     """
     texts = []
     for index, material in enumerate(scene.materials):
-        native = material.to_native(scene.potential_drop)
-        step = (cfl or native.default_cfl) / (resolution * native.signal_speed(scene.dim))
-        substeps = math.ceil(scene.frame_dt / step)
+        substeps = math.ceil(scene.frame_dt / _step(material, scene, resolution, cfl))
         if substeps >= MANY_SUBSTEPS:
             places = [
                 f"{field}[{place}]"
@@ -26,9 +59,24 @@ def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[s
                 for place, owner in enumerate(owners)
                 if scene.materials.index(owner.material) == index
             ]
+            native = material.to_native(scene.potential_drop)
             texts.append(
                 f"{', '.join(places)}: {material.kind} of {native.density:g} kg/m^3 with waves of "
                 f"{native.signal_speed(scene.dim):.0f} m/s takes {substeps} substeps in each frame of "
                 f"{scene.frame_dt * 1e3:g} ms; make it denser or softer, or take a coarser grid"
             )
     return texts
+
+
+def _step(material: Material, scene: Scene, resolution: int, cfl: float | None) -> float:
+    """Return the longest substep [s] that the waves of a material allow."""
+    native = material.to_native(scene.potential_drop)
+    return (cfl or native.default_cfl) / (resolution * native.signal_speed(scene.dim))
+
+
+def _speed_of_obstacle(motion: Motion | None) -> float:
+    """Return a bound of an obstacle's speed [m/s]; its points are at most a diagonal of the box away."""
+    if motion is None:
+        return 0.0
+    turn = float(np.linalg.norm(motion.angular_velocity or 0.0))
+    return float(np.linalg.norm(motion.velocity or 0.0)) + turn * math.sqrt(3.0)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJson
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError, core_schema
 
+from hybridmpm._support.arguments import no_truth_value
 from hybridmpm.errors import SceneError
 
 
@@ -36,7 +37,8 @@ class Range:
         return value
 
     def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self.check, handler(source))
+        number = core_schema.no_info_before_validator_function(no_truth_value, handler(source))
+        return core_schema.no_info_after_validator_function(self.check, number)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -121,14 +123,17 @@ def scene_error(error: ValidationError) -> SceneError:
 def problems_of(error: ValidationError) -> list[tuple[str, str]]:
     """List field path and message of each fault in `error`."""
     faults = error.errors(include_url=False)
-    return [(_path(fault["loc"]), _message(fault)) for fault in faults if not _is_consequence(fault, faults)]
+    faulty = {fault["loc"][:depth] for fault in faults for depth in range(len(fault["loc"]))}
+    return [(_path(fault["loc"]), _message(fault)) for fault in faults if not _is_consequence(fault, faulty)]
 
 
-def _is_consequence(fault: ErrorDetails, faults: list[ErrorDetails]) -> bool:
-    """Whether a fault only follows from another: pydantic drops bad items, then counts what is left."""
+def _is_consequence(fault: ErrorDetails, faulty: set[tuple[str | int, ...]]) -> bool:
+    """Whether a fault only follows from another: pydantic drops bad items, then counts what is left.
+
+    `faulty` holds the location of everything that has a fault in it.
+    """
     if fault["type"] == "too_short":
-        where = fault["loc"]
-        return any(len(other["loc"]) > len(where) and other["loc"][: len(where)] == where for other in faults)
+        return fault["loc"] in faulty
     return fault["type"] == "default_factory_not_called"
 
 

@@ -165,6 +165,7 @@ def test_many_points_are_read_or_refused_soon(count: int) -> None:
         ([{"points": [[0.3, 0.5]]}], r"strokes\[0\]\.points.*at least 2"),
         ([{"points": [[0.3, 0.5]] * 4097}], r"strokes\[0\]\.points.*at most 4096"),
         ([{"points": [[0.3, float("nan")], [0.5, 0.5]]}], r"strokes\[0\]\.points\[0\]\[1\]"),
+        ([{"points": [[0.3, True], [0.5, 0.5]]}], r"points\[0\]\[1\].*must be a number, got true"),
         ([{"points": [[0.3, 1.5], [0.5, 0.5]]}], r"points\[0\]\[1\].*less than or equal to 1"),
         ([{"points": [[0.3, 0.5], [0.3, 0.5]]}], r"strokes\[0\]\.points.*at least"),
         ([ARROW | {"widths": [4]}], "one per point"),

@@ -39,6 +39,8 @@ def changed(path: str, value: object) -> dict[str, Any]:
         ("gravity", [0, INFINITY], "gravity[1]", r"must be in \[-1000, 1000\] m/s\^2, got inf"),
         ("gravity", [0, 0, -9.81], "gravity", "dim = 2 numbers, got 3"),
         ("gravity", 9.81, "gravity", "valid tuple"),
+        ("gravity", [True, 0], "gravity[0]", "must be a number, got true"),
+        ("frame_dt", False, "frame_dt", "must be a number, got false"),
         ("particles_per_cell", 65, "particles_per_cell", r"must be in \[1, 64\], got 65"),
         ("max_particles", 100, "bodies", r"about 3932 particles, allowed are \[1, 100\] \(max_particles\)"),
         ("walls", {"lower": [0.1, 0.1]}, "walls.upper", "is required"),

@@ -5,8 +5,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from hybridmpm._support.arguments import no_truth_value
 from hybridmpm.control.sketch.outline import fit_outline
 from hybridmpm.control.sketch.polyline import arc_lengths, evenly_spaced, simplified, values_at_knots
 from hybridmpm.control.sketch.sketch import (
@@ -42,9 +43,10 @@ _EVEN = 1024
 _POINT = 1e-6
 """Extent [m] below which a stroke is one point."""
 
-_Unit = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-_Width = Annotated[float, Field(ge=WIDTH_AT_BACK, le=WIDTH_AT_FRONT, allow_inf_nan=False)]
-_Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Number = Annotated[float, BeforeValidator(no_truth_value)]
+_Unit = Annotated[_Number, Field(ge=0, le=1, allow_inf_nan=False)]
+_Width = Annotated[_Number, Field(ge=WIDTH_AT_BACK, le=WIDTH_AT_FRONT, allow_inf_nan=False)]
+_Seconds = Annotated[_Number, Field(ge=0, allow_inf_nan=False)]
 
 
 class Stroke(BaseModel):
