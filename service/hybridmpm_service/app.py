@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
+from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
 import hybridmpm
@@ -52,8 +53,12 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.settings = settings
     app.state.sessions = SessionManager(settings, clock)
     problems.install(app)
-    for module in (health, models, scenarios, sessions, sketches, stream):
-        app.include_router(module.router)
+    routers = [module.router for module in (health, models, scenarios, sessions, sketches, stream)]
+    for router in routers:
+        app.include_router(router)
+    app.state.operations = [
+        route for router in routers for route in router.routes if isinstance(route, APIRoute)
+    ]
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.
     app.add_middleware(BodyLimitMiddleware, max_bytes=settings.max_body_bytes)

@@ -6,22 +6,28 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import uvicorn
 from fastapi import FastAPI
 
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
+from hybridmpm_service.http.protocols import StreamProtocol, request_protocol
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
 WS_MAX_BYTES = 64 * 1024
 """Largest message of a client; commands have some fifty bytes."""
-_FAREWELL_SECONDS = 2.0
+_FAREWELL_SECONDS = 0.6
 """Longest time that a stopping server waits for its streams to end."""
-_GRACE_SECONDS = 10
+_GRACE_SECONDS = 1
 """Longest time that a stopping server then waits for answers on their way."""
+_UNACKNOWLEDGED_SECONDS = 20
+"""Longest time that the system waits for a client to take what was sent, before it ends the connection."""
+_SEND_BUFFER_BYTES = 512 * 1024
+"""Size of the system's buffer for what a client has not taken yet. By itself the system lets it grow to megabytes,
+and a stream whose client sleeps would be some minutes old in it."""
 
 
 class ServeError(SimulationError):
@@ -49,6 +55,12 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     listener = listen(settings)
     host_in_url = f"[{settings.host}]" if ":" in settings.host else settings.host
     url = f"http://{host_in_url}:{listener.getsockname()[1]}"
+    if not settings.is_loopback:
+        sys.stderr.write(
+            f"Warning: {settings.host} can be reached from other machines. The service knows no users: whoever "
+            "reaches it can watch, change and delete all sessions. Use 127.0.0.1, or a proxy that asks who they "
+            "are.\n"
+        )
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
@@ -68,6 +80,10 @@ def listen(settings: Settings) -> socket.socket:
     # waits up to 40 ms for the client to acknowledge the header, and a frame for the frame before.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    # Connections inherit both.
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # on Linux
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * _UNACKNOWLEDGED_SECONDS)
     try:
         listener.bind((settings.host, settings.port))
         listener.listen(1024)
@@ -90,12 +106,21 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         # Frames are noise to a compressor, and commands are short.
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
-        ws="websockets-sansio",
+        ws=StreamProtocol,
+        http=request_protocol(app.state.settings.request_seconds),
         # Sessions live in this process: there can only be one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,
     )
     return _Server(config, app.state.sessions)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Flags of the command line; a mistake is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with the status of a wrong command line."""
+        self.exit(2, f"Error: {message}\n")
 
 
 class _Server(uvicorn.Server):
@@ -111,13 +136,18 @@ class _Server(uvicorn.Server):
         # Many streams end one by one. Nothing else waits for their end, so an event would be no clearer.
         while self._sessions.watched and time.monotonic() < deadline:  # noqa: ASYNC110
             await asyncio.sleep(0.01)
+        for connection in list(self.server_state.connections):
+            if isinstance(connection, StreamProtocol):
+                # Its client has not confirmed the end, and uvicorn would wait for that.
+                connection.transport.abort()
         await super().shutdown(sockets)
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the service from the command line and return the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m hybridmpm_service",
+def main(arguments: Sequence[str], command: str = "python -m hybridmpm_service") -> int:
+    """Run the service from the command line and return the exit status; `command` is its name for the help."""
+    parser = _Parser(
+        prog=command,
+        allow_abbrev=False,
         description="Serve hybridmpm over HTTP. An environment variable stands in for each flag, e.g. "
         "HYBRIDMPM_PORT for --port.",
     )

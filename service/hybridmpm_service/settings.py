@@ -36,6 +36,13 @@ class Settings(BaseModel):
     max_grid_nodes: int = Field(
         default=1 << 22, ge=64, le=1 << 27, description="Largest number of grid nodes of a session."
     )
+    max_frame_cost: int = Field(
+        default=20_000_000,
+        ge=1000,
+        le=10**12,
+        description="Largest cost of a frame of a session, in particles times substeps; 20 000 000 take about "
+        "a second.",
+    )
     max_advance_frames: int = Field(
         default=2000, ge=1, le=100_000, description="Largest number of frames that one call advances."
     )
@@ -53,6 +60,24 @@ class Settings(BaseModel):
         ge=1,
         le=604_800,
         description="Seconds after which a session ends that no client watches or calls.",
+    )
+    send_seconds: float = Field(
+        default=5,
+        gt=0,
+        le=600,
+        description="Seconds that a viewer may take for a message of its stream before it is dropped.",
+    )
+    request_seconds: float = Field(
+        default=20,
+        gt=0,
+        le=3600,
+        description="Seconds in which a client has to send a whole request, with its body.",
+    )
+    max_messages_per_second: float = Field(
+        default=200, gt=0, le=1e6, description="Largest rate of a client's messages on a stream."
+    )
+    max_messages_at_once: int = Field(
+        default=400, ge=1, le=10**6, description="Largest burst of a client's messages on a stream."
     )
     threads: int = Field(
         default=1,

@@ -5,16 +5,13 @@ import importlib
 import click
 
 
-@click.command()
-@click.option("--host", help="Address to listen on. Default: the service's setting, 127.0.0.1 if unset.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    help="Port to listen on, 0 for any free one. Default: the service's setting, 8000 if unset.",
+@click.command(
+    add_help_option=False, context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False}
 )
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 @click.pass_context
-def serve(ctx: click.Context, *, host: str | None, port: int | None) -> None:
-    """Start the HTTP service and its page."""
+def serve(ctx: click.Context, *, arguments: tuple[str, ...]) -> None:
+    """Start the HTTP service and its page; `hybridmpm serve --help` lists its settings."""
     try:
         service = importlib.import_module("hybridmpm_service")
     except ModuleNotFoundError as error:
@@ -22,8 +19,4 @@ def serve(ctx: click.Context, *, host: str | None, port: int | None) -> None:
         raise click.ClickException(
             f"the service is not installed{missing}; install it with: pip install hybridmpm-service"
         ) from None
-    try:
-        service.serve(host=host, port=port)
-    except KeyboardInterrupt:
-        # Ctrl-C is the usual way to end the service, so no message is due.
-        ctx.exit(130)
+    ctx.exit(service.main(arguments, "hybridmpm serve"))

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -29,6 +30,12 @@ from hybridmpm_service.errors import (
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_SECONDS = 10
+MAX_ERRORS = 20
+"""Largest number of fields that an answer names."""
+MAX_DETAIL = 1000
+"""Largest length of a problem's detail [characters]."""
+_MAX_FIELD, _MAX_MESSAGE, _MAX_INSTANCE = 120, 320, 200
+"""Largest lengths of other texts [characters]. A character takes six bytes at most, so an answer is below 64 KB."""
 
 
 class FieldProblem(BaseModel):
@@ -104,16 +111,19 @@ def problem_response(
     errors: Sequence[tuple[str, str]] = (),
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """Return the answer for a problem; `errors` are pairs of a field and a message."""
+    """Return the answer for a problem; of `errors`, pairs of a field and a message, the first are named."""
     body: dict[str, Any] = {
         "type": urn_of(row),
         "title": row.title,
         "status": row.status,
-        "detail": detail,
-        "instance": instance,
+        "detail": shortened(detail, MAX_DETAIL),
+        "instance": shortened(instance, _MAX_INSTANCE),
     }
     if errors:
-        body["errors"] = [{"field": field, "message": message} for field, message in errors]
+        body["errors"] = [
+            {"field": shortened(field, _MAX_FIELD), "message": shortened(message, _MAX_MESSAGE)}
+            for field, message in errors[:MAX_ERRORS]
+        ]
     # JSON in ASCII, because messages quote the client's text, which may hold half a surrogate pair.
     return Response(json.dumps(body), row.status, headers, media_type=MEDIA_TYPE)
 
@@ -153,7 +163,17 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     detail = str(error.detail)
     if detail == HTTPStatus(error.status_code).phrase:
         detail = f"{detail}: {request.method} {request.url.path}"
-    return of_status(request.url.path, error.status_code, detail, dict(error.headers or {}))
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        headers["Allow"] = ", ".join(_methods(request))
+    return of_status(request.url.path, error.status_code, detail, headers)
+
+
+def _methods(request: Request) -> list[str]:
+    """Return the methods of all operations of an address; Starlette names those of the first one alone."""
+    operations: Sequence[APIRoute] = request.app.state.operations
+    here = [operation for operation in operations if operation.path_regex.match(request.url.path)]
+    return sorted({method for operation in here for method in operation.methods or ()}) or ["GET", "HEAD"]
 
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:
@@ -165,8 +185,10 @@ async def _on_invalid_request(request: Request, error: Exception) -> Response:
         row = TABLE[UnsupportedFormatError]
         given = f"got {media_type!r}" if media_type else "got no Content-Type"
         return problem_response(request.url.path, row, f"the body must be application/json, {given}")
-    errors = [_field_problem(problem) for problem in problems]
+    errors = [_field_problem(problem) for problem in problems[:MAX_ERRORS]]
     detail = "; ".join(f"{field}: {message}" for field, message in errors)
+    if len(problems) > MAX_ERRORS:
+        detail = f"{len(problems)} fields are not valid, among them {detail}"
     row = Row(422, "bad-request", "The request is not valid")
     return problem_response(request.url.path, row, detail, errors)
 
@@ -176,6 +198,11 @@ def _field_problem(problem: dict[str, Any]) -> tuple[str, str]:
     if problem["type"] == "json_invalid":
         return "body", f"is not JSON: {problem['ctx']['error']} at character {problem['loc'][1]}"
     return field_path(problem["loc"]), message
+
+
+def shortened(text: str, most: int) -> str:
+    """Return the beginning of a text that is longer than `most` characters, which may quote its sender."""
+    return text if len(text) <= most else f"{text[: most - 4]} ..."
 
 
 def field_path(location: Sequence[int | str]) -> str:

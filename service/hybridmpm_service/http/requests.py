@@ -25,9 +25,10 @@ def _known_method(name: str) -> str:
 
 
 class Request(BaseModel):
-    """Base of what clients send: unknown fields and numbers that are not finite are refused."""
+    """Base of what clients send: unknown fields, numbers that are not finite, and texts in the place of numbers
+    are refused."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 
 
 class CreateSession(Request):
@@ -35,6 +36,20 @@ class CreateSession(Request):
 
     model_config = ConfigDict(
         json_schema_extra={
+            "oneOf": [
+                {
+                    "required": ["scenario"],
+                    "properties": {"scenario": {"type": "string"}, "scene": {"type": "null"}},
+                },
+                {
+                    "required": ["scene"],
+                    "properties": {
+                        "scene": {"type": "object"},
+                        "scenario": {"type": "null"},
+                        "seed": {"type": "null"},
+                    },
+                },
+            ],
             "examples": [
                 {"scenario": "water_2d", "seed": 0},
                 {
@@ -45,7 +60,7 @@ class CreateSession(Request):
                         ],
                     }
                 },
-            ]
+            ],
         }
     )
 

@@ -1,7 +1,6 @@
 """Reading of sketches and their settings: strokes as JSON, or a PNG in a form."""
 
 import asyncio
-import json
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -13,6 +12,7 @@ from starlette.datastructures import UploadFile
 from hybridmpm import SketchError
 from hybridmpm.control import Sketch, parse_png, parse_strokes
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError
+from hybridmpm_service.http.json_text import read_json
 from hybridmpm_service.http.requests import SketchRequest, SketchSettings
 from hybridmpm_service.http.uploads import read_limited
 
@@ -47,10 +47,7 @@ async def read_sketch(request: Request, max_upload_bytes: int) -> tuple[Sketch, 
 
 async def _read_strokes(data: bytes) -> tuple[Sketch, SketchSettings]:
     def parse() -> tuple[Sketch, SketchSettings]:
-        try:
-            content = json.loads(data)
-        except (ValueError, RecursionError) as err:
-            raise FieldError("body", f"is not JSON: {err}") from None
+        content = read_json(data, "body")
         body = _checked(lambda: SketchRequest.model_validate(content))
         return parse_strokes(body.strokes), body.settings()
 

@@ -27,7 +27,11 @@ SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the OpenAPI description of the problems that a route answers with these statuses."""
-    texts: dict[int, list[str]] = {422: ["The request is not valid"], 413: ["The body is too large"]}
+    texts: dict[int, list[str]] = {
+        400: ["The form cannot be read"],
+        422: ["The request is not valid"],
+        413: ["The body is too large"],
+    }
     for row in TABLE.values():
         texts.setdefault(row.status, []).append(row.title)
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}

@@ -8,10 +8,11 @@ from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionLi
 from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
 from hybridmpm_service.http.requests import AdvanceSession, CreateSession
+from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
 
-router = APIRouter(prefix="/v1/sessions", tags=["sessions"])
+router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)
 
 _NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
 
@@ -42,19 +43,19 @@ async def list_sessions(sessions: Sessions) -> SessionList:
     return SessionList(sessions=[SessionBody.of(session) for session in sessions.all()])
 
 
-@router.get("/{session_id}", responses=problems(404))
+@router.get("/{session_id}", responses=problems(404, 503))
 async def get_session(session_id: SessionId, sessions: Sessions) -> SessionBody:
     """Describe a session."""
     return SessionBody.of(sessions.get(session_id))
 
 
-@router.get("/{session_id}/decisions", responses=problems(404))
+@router.get("/{session_id}/decisions", responses=problems(404, 503))
 async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionList:
     """List all decisions since frame 0 about who simulates; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
 
 
-@router.delete("/{session_id}", status_code=204, responses=problems(404))
+@router.delete("/{session_id}", status_code=204, responses=problems(404, 503))
 async def delete_session(session_id: SessionId, sessions: Sessions) -> None:
     """End a session; its streams close with code 4404."""
     await sessions.delete(session_id)

@@ -14,9 +14,10 @@ from hybridmpm_service.http.sketch_answers import (
     trajectory_arrays,
 )
 from hybridmpm_service.http.sketch_bodies import read_sketch
+from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 
-router = APIRouter(prefix="/v1/sessions", tags=["sketches"])
+router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
 
 MAX_TRAJECTORY_NUMBERS = 1 << 24
 """Largest number of coordinates in a trajectory, frames x particles x dimensions.
@@ -50,7 +51,7 @@ _BODY: dict[str, Any] = {
 
 @router.post(
     "/{session_id}/sketches",
-    responses=problems(404, 409, 413, 415, 422, 503),
+    responses=problems(400, 404, 409, 413, 415, 422, 503),
     openapi_extra=_BODY,
 )
 async def steer_session(
@@ -81,7 +82,7 @@ async def release_session(session_id: SessionId, sessions: Sessions) -> None:
     response_model=TrajectoryBody,
     responses={
         200: {"content": {NPZ: {"schema": {"type": "string", "format": "binary"}}}},
-        **problems(404, 413, 415, 422, 503),
+        **problems(400, 404, 413, 415, 422, 503),
     },
     openapi_extra=_BODY,
 )

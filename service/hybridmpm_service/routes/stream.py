@@ -3,6 +3,7 @@
 import asyncio
 import base64
 import contextlib
+import json
 from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
@@ -10,10 +11,11 @@ from pydantic import ValidationError
 
 from hybridmpm import SimulationError
 from hybridmpm.control import Push, push
-from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError
+from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError, UnavailableError
 from hybridmpm_service.http.answers import SessionBody
+from hybridmpm_service.http.json_text import read_json
 from hybridmpm_service.http.learned_answers import HistoryBody
-from hybridmpm_service.http.problems import field_path, row_of, urn_of
+from hybridmpm_service.http.problems import MAX_DETAIL, field_path, row_of, shortened, urn_of
 from hybridmpm_service.http.requests import (
     COMMAND,
     Command,
@@ -26,14 +28,18 @@ from hybridmpm_service.http.requests import (
     Step,
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
-from hybridmpm_service.sessions.mailbox import Mailbox, MailboxClosed, Signal
+from hybridmpm_service.routes.throttle import Throttle
+from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
+from hybridmpm_service.sessions.viewers.mailbox import Mailbox, MailboxClosed, Message, Signal
 from hybridmpm_service.settings import Settings
 
 router = APIRouter()
 
-_LAST_WORDS_SECONDS = 1.0
+_LAST_WORDS_SECONDS = 0.3
 """Longest time that a client may take to read the message on its way when its stream ends."""
+_CLOSE_FLOODED = 1008
+"""WebSocket close code of a client that sends too many messages."""
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
@@ -44,27 +50,37 @@ async def stream(websocket: WebSocket, session_id: SessionId, sessions: Sessions
     try:
         session = sessions.get(session_id)
     except SessionNotFoundError as err:
-        await websocket.close(CLOSE_DELETED, str(err))
+        await _close(websocket, MailboxClosed(CLOSE_DELETED, str(err)))
         return
-    with session.viewer() as mailbox, contextlib.suppress(WebSocketDisconnect):
-        end = await _serve(websocket, session, mailbox, limits)
+    except UnavailableError as err:
+        await _close(websocket, MailboxClosed(CLOSE_GOING_AWAY, str(err)))
+        return
+    throttle = Throttle(limits.max_messages_per_second, limits.max_messages_at_once, sessions.clock)
+    # A client that is too slow, or has gone, gets no farewell: the connection ends with this function.
+    with session.viewer() as mailbox, contextlib.suppress(WebSocketDisconnect, TimeoutError):
+        end = await _serve(websocket, session, mailbox, limits, throttle)
         if end is not None:
-            await websocket.close(end.code, end.reason)
+            await _close(websocket, end)
+
+
+async def _close(websocket: WebSocket, end: MailboxClosed) -> None:
+    async with asyncio.timeout(_LAST_WORDS_SECONDS):
+        # The protocol has room for 123 bytes.
+        await websocket.close(end.code, end.reason.encode()[:123].decode(errors="ignore"))
 
 
 async def _serve(
-    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings
+    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings, throttle: Throttle
 ) -> MailboxClosed | None:
     """Send and receive at once; return how the stream was closed, None where the client left."""
-    sending = asyncio.create_task(_send(websocket, session, mailbox))
-    receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits))
+    sending = asyncio.create_task(_send(websocket, session, mailbox, limits.send_seconds))
+    receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits, throttle))
     ending = asyncio.create_task(mailbox.closed())
     tasks = (sending, receiving, ending)
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         if receiving.done():
-            receiving.result()
-            return None
+            return receiving.result()
         await asyncio.wait([sending], timeout=_LAST_WORDS_SECONDS)
         if sending.done():
             sending.result()
@@ -75,32 +91,47 @@ async def _serve(
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox) -> None:
-    """Send a greeting, then the messages of the mailbox, until it is closed."""
-    await websocket.send_json(_hello(session))
+async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox, seconds: float) -> None:
+    """Send a greeting, then the messages of the mailbox, until it is closed.
+
+    Raises
+    ------
+    TimeoutError
+        The client has taken longer than `seconds` for a message.
+    """
+    message: Message | str = _hello(session)
     with contextlib.suppress(MailboxClosed):
         while True:
+            if isinstance(message, Signal):
+                message = session.audience.status(lambda: _status(session))
+            elif isinstance(message, Exception):
+                message = _problem(message)
+            async with asyncio.timeout(seconds):
+                if isinstance(message, bytes):
+                    await websocket.send_bytes(message)
+                else:
+                    await websocket.send_text(message)
             message = await mailbox.take()
-            if isinstance(message, bytes):
-                await websocket.send_bytes(message)
-            elif isinstance(message, Signal):
-                await websocket.send_json(_status(session))
-            else:
-                await websocket.send_json(_problem(message))
 
 
-async def _receive(websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings) -> None:
-    """Obey commands until the client leaves."""
+async def _receive(
+    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings, throttle: Throttle
+) -> MailboxClosed | None:
+    """Obey commands until the client leaves, or sends too many; return how its stream is to be closed."""
     while True:
         message = await websocket.receive()
         if message["type"] == "websocket.disconnect":
-            return
+            return None
+        if not throttle.admits(len(message.get("text") or message.get("bytes") or "")):
+            rate, burst = limits.max_messages_per_second, limits.max_messages_at_once
+            return MailboxClosed(_CLOSE_FLOODED, f"at most {rate:g} messages a second, {burst} at once")
         session.touch()
         try:
             text = message.get("text")
             if text is None:
                 raise FieldError("message", "must be text with a JSON command, got binary data")
-            await _obey(COMMAND.validate_json(text), session, mailbox, limits)
+            command = COMMAND.validate_python(read_json(text, "message"))
+            await _obey(command, session, mailbox, limits)
         except ValidationError as err:
             mailbox.put_problem(_refusal(err))
         except ServiceError as err:
@@ -147,33 +178,32 @@ def _refusal(err: ValidationError) -> FieldError:
     return FieldError(field, problem["msg"])
 
 
-def _hello(session: Session) -> dict[str, Any]:
+def _hello(session: Session) -> str:
     scene = session.scene.model_dump(
         mode="json", exclude_none=True, include={"dim", "frame_dt", "gravity", "walls", "obstacles"}
     )
     types = base64.b64encode(session.simulation.types.tobytes()).decode()
-    return {"type": "hello", "session": _session(session), "scene": scene, "types": types}
+    return _text("hello", session=_session(session), scene=scene, types=types)
 
 
-def _status(session: Session) -> dict[str, Any]:
+def _status(session: Session) -> str:
     history = HistoryBody.of(session)
-    return {
-        "type": "status",
-        "session": _session(session),
-        "history": None if history is None else history.model_dump(mode="json"),
+    return _text(
+        "status",
+        session=_session(session),
+        history=None if history is None else history.model_dump(mode="json"),
         **vars(session.simulation.timing()),
-    }
+    )
 
 
-def _problem(err: Exception) -> dict[str, Any]:
+def _problem(err: Exception) -> str:
     row = row_of(err)
-    return {
-        "type": "problem",
-        "problem": urn_of(row),
-        "title": row.title,
-        "detail": str(err),
-        "status": row.status,
-    }
+    detail = shortened(str(err), MAX_DETAIL)
+    return _text("problem", problem=urn_of(row), title=row.title, detail=detail, status=row.status)
+
+
+def _text(kind: str, **content: Any) -> str:
+    return json.dumps({"type": kind} | content, separators=(",", ":"))
 
 
 def _session(session: Session) -> dict[str, Any]:

@@ -5,17 +5,24 @@ import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
-from hybridmpm import Scene, SceneError
+from hybridmpm import Scene
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
+from hybridmpm_service.sessions.admission import within_limits
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
-from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
+from hybridmpm_service.sessions.simulation import Simulation
+from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
 from hybridmpm_service.settings import Settings
 
 CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
+_ENDING_SECONDS = 0.5
+"""Longest time that a call waits for the threads of a session that it ends; they need some milliseconds."""
+
+T = TypeVar("T")
 
 
 class SessionManager:
@@ -25,7 +32,13 @@ class SessionManager:
     ----------
     settings : Settings
     clock : Clock
-        Clock for idle times and players; a test hands in its own.
+        Clock for idle times, players and rates of messages; a test hands in its own.
+
+    Attributes
+    ----------
+    clock : Clock
+    draining : asyncio.Event
+        Set once the server stops: no session can be created then, and all have been closed.
 
     Raises
     ------
@@ -35,14 +48,14 @@ class SessionManager:
 
     def __init__(self, settings: Settings, clock: Clock = time.perf_counter) -> None:
         self._settings = settings
-        self._clock = clock
+        self.clock = clock
+        self.draining = asyncio.Event()
         self._solvers = SolverFactory(
             threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
         )
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
         self._being_made = 0
-        self._draining = False
 
     @property
     def solvers(self) -> SolverFactory:
@@ -80,21 +93,18 @@ class SessionManager:
         await self.expire()
         reason = self.why_full()
         if reason is not None:
-            raise (UnavailableError if self._draining else TooManySessionsError)(reason)
-        self._being_made += 1
-        try:
-            session = await Session.open(
-                uuid.uuid4().hex,
-                lambda: self._solvers.make(
-                    choice or SolverChoice(), self._within_limits(make_scene()), scenario
-                ),
-                clock=self._clock,
-            )
-        finally:
-            self._being_made -= 1
-        if self._draining:
-            self._end(session, CLOSE_GOING_AWAY, "the server stops")
+            raise (UnavailableError if self.draining.is_set() else TooManySessionsError)(reason)
+
+        def make() -> tuple[ChosenSolver, Simulation]:
+            scene = within_limits(make_scene(), self._settings)
+            chosen = self._solvers.make(choice or SolverChoice(), scene, scenario)
+            return chosen, Simulation(chosen, clock=self.clock)
+
+        chosen, simulation = await self._make(make)
+        if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
+        session = Session(uuid.uuid4().hex, simulation, self.clock)
+        session.solver, session.model = chosen.simulator.kind, chosen.model
         session.scenario, session.seed = scenario, seed
         self._sessions[session.id] = session
         return session
@@ -106,7 +116,11 @@ class SessionManager:
         ------
         SessionNotFoundError
             The session does not exist, or no longer.
+        UnavailableError
+            The server is shutting down.
         """
+        if self.draining.is_set():
+            raise UnavailableError("the server is shutting down")
         session = self._sessions.get(name)
         if session is None or self._is_idle(session):
             raise SessionNotFoundError(
@@ -121,7 +135,7 @@ class SessionManager:
         return [session for session in self._sessions.values() if not self._is_idle(session)]
 
     async def delete(self, name: str) -> None:
-        """End a session.
+        """End a session, and wait until its threads have ended, but not for long.
 
         Raises
         ------
@@ -130,21 +144,22 @@ class SessionManager:
         """
         session = self.get(name)
         del self._sessions[session.id]
-        self._end(session, CLOSE_DELETED, "the session has been deleted")
+        await _soon([self._end(session, CLOSE_DELETED, "the session has been deleted")])
 
     async def expire(self) -> None:
-        """End the sessions that no client has watched or called for `idle_seconds`."""
-        for session in list(self._sessions.values()):
-            if self._is_idle(session):
-                del self._sessions[session.id]
-                self._end(session, CLOSE_DELETED, "the session has expired")
+        """End the sessions that no client has watched or called for `idle_seconds`; wait as `delete` does."""
+        idle = [session for session in self._sessions.values() if self._is_idle(session)]
+        for session in idle:
+            del self._sessions[session.id]
+        await _soon([self._end(session, CLOSE_DELETED, "the session has expired") for session in idle])
 
     def why_full(self) -> str | None:
         """Return why no session can be created now; None if one can."""
-        if self._draining:
+        if self.draining.is_set():
             return "the server is shutting down"
         limit = self._settings.max_sessions
-        if len(self.all()) + self._being_made >= limit:
+        # Sessions that end hold memory and a processor as long as their threads run.
+        if len(self.all()) + self._being_made + len(self._ending) >= limit:
             return f"all {limit} sessions are in use; delete one, or wait until one expires"
         return None
 
@@ -154,10 +169,10 @@ class SessionManager:
         return any(session.watched for session in self._sessions.values())
 
     def drain(self) -> None:
-        """Create no more sessions, and close all streams with code 1001; a stop begins with this."""
-        self._draining = True
+        """Create no more sessions, and close all, their streams with code 1001; a stop begins with this."""
+        self.draining.set()
         for session in self._sessions.values():
-            session.end_streams(CLOSE_GOING_AWAY, "the server stops")
+            session.close(CLOSE_GOING_AWAY, "the server stops")
 
     async def close(self) -> None:
         """End all sessions, and wait for their threads and for those of sessions that ended before."""
@@ -167,28 +182,33 @@ class SessionManager:
             self._end(session, CLOSE_GOING_AWAY, "the server stops")
         await asyncio.gather(*self._ending)
 
-    def _end(self, session: Session, code: int, reason: str) -> None:
-        """Close a session, and remember it until its thread has ended."""
+    async def _make(self, make: Callable[[], T]) -> T:
+        """Call `make` off the event loop, and count it until it is done, also for a caller that has gone."""
+
+        def end(making: asyncio.Future[T]) -> None:
+            self._being_made -= 1
+            # Asked for, so that nobody misses the error of a caller that has gone.
+            making.exception()
+
+        self._being_made += 1
+        making = asyncio.get_running_loop().run_in_executor(None, make)
+        making.add_done_callback(end)
+        return await asyncio.shield(making)
+
+    def _end(self, session: Session, code: int, reason: str) -> asyncio.Task[None]:
+        """Close a session, and remember it until its threads have ended."""
         session.close(code, reason)
         ending = asyncio.get_running_loop().create_task(session.ended())
         self._ending.add(ending)
         ending.add_done_callback(self._ending.discard)
+        return ending
 
     def _is_idle(self, session: Session) -> bool:
-        unused = self._clock() - session.last_used
+        unused = self.clock() - session.last_used
         return not session.needed and unused > self._settings.idle_seconds
 
-    def _within_limits(self, scene: Scene) -> Scene:
-        """Return the scene with the particle limit of this service; refuse a scene that it cannot serve."""
-        for field in ("emitters", "sinks"):
-            if getattr(scene, field):
-                text = "are not served: a session has the same particles throughout; run `hybridmpm simulate`"
-                raise SceneError.of([(field, text)])
-        most = self._settings.max_grid_nodes
-        nodes = (scene.resolution + 1) ** scene.dim
-        if nodes > most:
-            allowed = int(most ** (1 / scene.dim)) - 1
-            text = f"must be at most {allowed} in {scene.dim}D on this server, got {scene.resolution}"
-            raise SceneError.of([("resolution", text)])
-        limit = min(scene.max_particles, self._settings.max_particles)
-        return scene.model_copy(update={"max_particles": limit})
+
+async def _soon(endings: list[asyncio.Task[None]]) -> None:
+    """Wait for sessions that end, but not for long: what takes longer goes on, and is counted."""
+    if endings:
+        await asyncio.wait(endings, timeout=_ENDING_SECONDS)

@@ -4,19 +4,20 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
-from hybridmpm import SimulationError
+from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.mailbox import Mailbox
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.sketches.planning import Planner
 from hybridmpm_service.sessions.sketches.steering import Steered
-from hybridmpm_service.sessions.solvers import ChosenSolver, Kind
+from hybridmpm_service.sessions.solvers import Kind
 from hybridmpm_service.sessions.view import Control, Particles, View
+from hybridmpm_service.sessions.viewers.audience import Audience
+from hybridmpm_service.sessions.viewers.mailbox import Mailbox
 from hybridmpm_service.sessions.worker import Worker
 
 CLOSE_DELETED = 4404
@@ -29,12 +30,13 @@ T = TypeVar("T")
 
 
 class Session:
-    """A simulation with a thread, a player and viewers. `open` makes one; it belongs to the event loop.
+    """A simulation with a thread, a player and viewers. Belongs to the event loop.
 
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
     in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
     on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
-    are computed on copies on a third, while the first goes on.
+    are computed on copies on a third, while the first goes on. A flag that the simulator and its copies ask
+    in every substep ends all three when the session is closed.
 
     Attributes
     ----------
@@ -54,6 +56,8 @@ class Session:
         Outside of this class only its unchanging properties and `timing` may be used.
     view : View
         The newest view.
+    audience : Audience
+        Viewers; only those that join by `viewer` can keep the session alive.
     last_used : float
         Time of the latest use, on the session's clock [s].
     """
@@ -67,6 +71,7 @@ class Session:
         self.scene = simulation.scene
         self.simulation = simulation
         self.view = simulation.look()
+        self.audience = Audience()
         self.last_used = clock()
         self._clock = clock
         self._player = Player(
@@ -76,38 +81,20 @@ class Session:
             hurried=lambda: self._worker.in_demand,
             on_fault=self._on_player_fault,
         )
-        self._mailboxes: set[Mailbox] = set()
         self._pusher: Mailbox | None = None
         self._calls = 0
         self._closed = False
+        self._cancel = CancelFlag()
+        simulation.cancel_by(self._cancel)
         self._loop = asyncio.get_running_loop()
         self._worker = Worker("session", name, self._check_open)
-        self._planner = Planner(name, check_open=self._check_open, on_change=self._post_status)
+        self._planner = Planner(name, check_open=self._check_open, on_change=self.audience.post_status)
         self._tasks = [self._loop.create_task(self._player.run()), self._loop.create_task(self._report())]
-
-    @classmethod
-    async def open(cls, name: str, make: Callable[[], ChosenSolver], *, clock: Clock) -> Self:
-        """Make the simulator off the event loop, and a session of it.
-
-        Raises
-        ------
-        ConfigError, FieldError
-            The scene or the model is refused.
-        """
-
-        def build() -> tuple[ChosenSolver, Simulation]:
-            chosen = make()
-            return chosen, Simulation(chosen, clock=clock)
-
-        chosen, simulation = await asyncio.to_thread(build)
-        session = cls(name, simulation, clock)
-        session.solver, session.model = chosen.simulator.kind, chosen.model
-        return session
 
     @property
     def watched(self) -> bool:
         """Whether the session has a viewer."""
-        return bool(self._mailboxes)
+        return bool(self.audience)
 
     @property
     def needed(self) -> bool:
@@ -136,6 +123,8 @@ class Session:
     async def advance(self, frames: int) -> None:
         """Compute frames. If one fails, the player pauses and the viewers get the problem.
 
+        A caller that is cancelled ends the computation after the frame that is being computed.
+
         Raises
         ------
         SimulationError
@@ -145,8 +134,13 @@ class Session:
         SessionBusyError
             Too many calls wait for the session.
         """
+        abandoned = False
         with self._in_use():
-            await self._compute(frames, lambda: not self._closed)
+            try:
+                await self._compute(frames, lambda: not abandoned)
+            except asyncio.CancelledError:
+                abandoned = True
+                raise
 
     async def steer(self, sketch: Sketch, *, most: int, **settings: Any) -> Steered:
         """Prepare a sketch on a copy of the simulator, and let it steer from the next frame on.
@@ -182,6 +176,9 @@ class Session:
                 twin = await self._on_worker(self.simulation.copy)
                 guidance = await self._planner.prepare(preparation, twin, sketch, most=most, **settings)
                 return await self._on_worker(lambda: take_over(guidance))
+        except asyncio.CancelledError:
+            preparation.drop("its client has gone")
+            raise
         finally:
             self._planner.end(preparation)
 
@@ -224,60 +221,56 @@ class Session:
             await self._on_worker(self.simulation.reset)
 
     def play(self) -> None:
-        """Compute frames at the chosen speed until `pause`."""
+        """Compute frames at the chosen speed until `pause`, or until the last viewer leaves."""
         if not self.playing:
             self._player.start()
-            self._post_status()
+            self.audience.post_status()
 
     def pause(self) -> None:
         """Stop playing after the frame that is being computed."""
         if self.playing:
             self._player.stop()
-            self._post_status()
+            self.audience.post_status()
 
     def set_speed(self, speed: float) -> None:
         """Choose simulated seconds per second, in [0.01, 1]."""
         self._player.set_speed(speed)
-        self._post_status()
+        self.audience.post_status()
 
     @contextlib.contextmanager
     def viewer(self) -> Iterator[Mailbox]:
         """Lend a mailbox that gets frames, status and problems; at first it holds the newest frame."""
-        mailbox = Mailbox()
+        mailbox = self.audience.join()
         if self._closed:
             mailbox.close(CLOSE_DELETED, "the session has been deleted")
         mailbox.put_frame(self.view.message)
-        self._mailboxes.add(mailbox)
         try:
             yield mailbox
         finally:
-            self._mailboxes.discard(mailbox)
+            self.audience.leave(mailbox)
             if self._pusher is mailbox:
                 self.push(None, mailbox)
+            if not self.watched:
+                self.pause()
             self.touch()
-
-    def end_streams(self, code: int, reason: str) -> None:
-        """Close the streams of all viewers with a WebSocket close code."""
-        for mailbox in self._mailboxes:
-            mailbox.close(code, reason)
 
     def close(self, code: int, reason: str) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        The threads end after the frame that they are computing: see `ended`.
+        The threads end within a substep of the frame that they are computing: see `ended`.
         """
         self._closed = True
+        self._cancel.set()
         self._player.stop()
         for task in self._tasks:
             task.cancel()
-        self.end_streams(code, reason)
+        self.audience.close(code, reason)
         self._planner.stop()
         self._worker.end()
 
     async def ended(self) -> None:
         """Wait until the threads of a closed session have ended."""
-        await self._planner.ended()
-        await self._worker.ended()
+        await asyncio.gather(self._planner.ended(), self._worker.ended())
 
     @contextlib.contextmanager
     def _in_use(self) -> Iterator[None]:
@@ -304,9 +297,8 @@ class Session:
     def _stop_with(self, problem: Exception) -> None:
         """Pause the player and send a problem to the viewers."""
         self._player.stop()
-        for mailbox in self._mailboxes:
-            mailbox.put_problem(problem)
-        self._post_status()
+        self.audience.post_problem(problem)
+        self.audience.post_status()
 
     async def _on_worker(self, job: Callable[[], T]) -> T:
         """Run a job on the session's thread after those that wait; return its result."""
@@ -327,22 +319,17 @@ class Session:
     def _publish(self, view: View) -> None:
         """Take a new view and post it to the viewers."""
         before, self.view = self.view, view
-        for mailbox in self._mailboxes:
-            mailbox.put_frame(view.message)
+        self.audience.post_frame(view.message)
         other_control = _phase(before) != _phase(view)
         # A player changes the view all the time; the status then comes from `_report`.
         if other_control or before.mode != view.mode or not self.playing:
-            self._post_status()
-
-    def _post_status(self) -> None:
-        for mailbox in self._mailboxes:
-            mailbox.put_status()
+            self.audience.post_status()
 
     async def _report(self) -> None:
         """Post the status regularly, until this task is cancelled."""
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
-            self._post_status()
+            self.audience.post_status()
 
 
 def _phase(view: View) -> tuple[int, str] | None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import Scene
+from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.sessions.frames import Frame, encode
@@ -88,6 +88,10 @@ class Simulation:
                 return done
             self._one_frame()
         return frames
+
+    def cancel_by(self, flag: CancelFlag) -> None:
+        """Let a flag end the frame that is being computed, here and in copies that are made later."""
+        self._solver.cancel_by(flag)
 
     def copy(self) -> Simulator:
         """Return a copy of the simulator in its present state, for others to compute on."""

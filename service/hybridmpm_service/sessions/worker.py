@@ -2,8 +2,8 @@
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
 
 from hybridmpm_service.errors import SessionBusyError
 
@@ -30,7 +30,7 @@ class Worker:
         self._session = session
         self._check_open = check_open
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"{purpose}-{session[:8]}")
-        self._waiting = 0
+        self._unfinished: set[Future[Any]] = set()
         self._queued: set[object] = set()
 
     @property
@@ -41,6 +41,8 @@ class Worker:
     async def run(self, job: Callable[[], T]) -> T:
         """Run a job after those that wait; return its result.
 
+        A job whose caller is cancelled is not begun. One that runs already is run to its end.
+
         Raises
         ------
         SessionBusyError
@@ -48,7 +50,7 @@ class Worker:
         SessionNotFoundError
             The session was closed.
         """
-        if self._waiting >= MAX_WAITING:
+        if len(self._unfinished) >= MAX_WAITING:
             raise SessionBusyError(f"{MAX_WAITING} calls already wait for session {self._session!r}")
         self._check_open()
 
@@ -57,16 +59,19 @@ class Worker:
         def checked() -> T:
             self._queued.discard(place)
             self._check_open()
-            result = job()
-            self._check_open()
-            return result
+            try:
+                return job()
+            finally:
+                # Whatever became of a job, the answer of a closed session is that it is closed.
+                self._check_open()
 
-        self._waiting += 1
         self._queued.add(place)
+        future = self._thread.submit(checked)
+        self._unfinished.add(future)
+        future.add_done_callback(self._unfinished.discard)
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._thread, checked)
+            return await asyncio.wrap_future(future)
         finally:
-            self._waiting -= 1
             self._queued.discard(place)
 
     def end(self) -> None:
@@ -75,4 +80,7 @@ class Worker:
 
     async def ended(self) -> None:
         """Wait until the jobs that were taken before `end` have been run."""
-        await asyncio.to_thread(self._thread.shutdown, wait=True)
+        unfinished = [asyncio.wrap_future(future) for future in list(self._unfinished)]
+        await asyncio.gather(*unfinished, return_exceptions=True)
+        # Nothing is left to wait for but the thread's last instructions.
+        self._thread.shutdown(wait=True)

@@ -193,8 +193,9 @@ def test_schema_scenarios_and_help() -> None:
     listed = run("scenarios").stdout.splitlines()
     assert [line.split()[0] for line in listed] == list(scenarios.NAMES)
     assert run("scenarios", "--ranges").stdout.count("\n") == len(scenarios.NAMES) + 2
-    for name in ("simulate", "doctor", "serve", "bench", "schema", "scenarios"):
+    for name in ("simulate", "doctor", "bench", "schema", "scenarios"):
         assert run(name, "--help").stdout.startswith("Usage: hybridmpm")
+    assert run("serve", "--help").stdout.startswith("usage: hybridmpm serve")
     assert "Usage: hybridmpm" in run().output
 
 
@@ -225,21 +226,24 @@ def test_doctor_tells_what_is_broken_or_missing(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_serve_hands_over_to_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[tuple[str | None, int | None]] = []
-    service = SimpleNamespace(serve=lambda host, port: calls.append((host, port)))
-    monkeypatch.setitem(sys.modules, "hybridmpm_service", service)
-    assert run("serve").exit_code == 0
-    assert run("serve", "--host", "::1", "--port", 0).exit_code == 0
-    assert calls == [(None, None), ("::1", 0)]
+    calls: list[tuple[str, ...]] = []
+
+    def main(arguments: tuple[str, ...], command: str) -> int:
+        calls.append((command, *arguments))
+        return 130
+
+    monkeypatch.setitem(sys.modules, "hybridmpm_service", SimpleNamespace(main=main))
+    assert run("serve").exit_code == 130
+    assert run("serve", "--host", "::1", "--max-sessions=3").exit_code == 130
+    assert calls == [("hybridmpm serve",), ("hybridmpm serve", "--host", "::1", "--max-sessions=3")]
 
 
-def test_ending_the_service_by_ctrl_c_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(**_options: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setitem(sys.modules, "hybridmpm_service", SimpleNamespace(serve=interrupted))
-    result = run("serve")
-    assert (result.exit_code, result.output) == (130, "")
+def test_serve_has_all_flags_of_the_service() -> None:
+    text = run("serve", "--help").stdout
+    for name in importlib.import_module("hybridmpm_service").Settings.model_fields:
+        assert f"--{name.replace('_', '-')} " in text
+    assert_fails(run("serve", "--max-session", 3), 2, "--max-session")
+    assert_fails(run("serve", "--idle-seconds", "soon"), 2, "--idle-seconds")
 
 
 def test_serve_without_the_service_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

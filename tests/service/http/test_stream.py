@@ -132,7 +132,7 @@ def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> No
         ({"radius": 0}, "radius", "greater than 0"),
         ({"radius": 2}, "radius", "equal to 1"),
         ({"cap": 0}, "cap", "greater than 0"),
-        ({"velocity": None}, "velocity", "array"),
+        ({"velocity": None}, "velocity", "list"),
         ({"force": 1}, "force", "not permitted"),
     ],
 )

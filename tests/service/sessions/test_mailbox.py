@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from hybridmpm_service.sessions.mailbox import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
+from hybridmpm_service.sessions.viewers.mailbox import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
 
 
 def test_only_the_newest_frame_waits() -> None:

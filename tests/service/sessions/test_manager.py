@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from hybridmpm import Box, Scene, SceneError
+from hybridmpm import Box, Elastic, Scene, SceneError
+from hybridmpm.control import Arrow
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import (
     SessionBusyError,
@@ -16,6 +17,7 @@ from hybridmpm_service.errors import (
     UnavailableError,
 )
 from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.worker import MAX_WAITING
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
@@ -156,14 +158,165 @@ def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait()
     _run(scene)
 
 
-def test_a_call_that_is_given_up_still_reaches_the_viewers() -> None:
+def _held(session: Session) -> tuple[threading.Event, threading.Event]:
+    """Hold the session's thread within frames; return what tells that it is there, and what lets it go on."""
+    solver = session.simulation._solver
+    advance, inside, gate = solver.advance, threading.Event(), threading.Event()
+
+    def hold(frames: int = 1, force: Any = None) -> None:
+        inside.set()
+        assert gate.wait(10)
+        advance(frames, force)
+
+    solver.advance = hold  # type: ignore[method-assign]
+    return inside, gate
+
+
+def test_a_call_that_is_given_up_ends_after_its_frame_and_still_reaches_the_viewers() -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        calling = asyncio.create_task(session.advance(3))
-        await asyncio.sleep(0)
+        inside, gate = _held(session)
+        calling = asyncio.create_task(session.advance(1000))
+        queued = asyncio.create_task(session.advance(1000))
+        assert await asyncio.to_thread(inside.wait, 10)
         calling.cancel()
+        queued.cancel()
+        gate.set()
         await session.particles()
-        assert session.view.frame == 3
+        assert session.view.frame == 1
+
+    _run(scene)
+
+
+@pytest.mark.parametrize("follow", [Session.steer, Session.trajectory])
+def test_a_plan_that_is_given_up_ends(follow: Callable[..., Any]) -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        inside, gate = threading.Event(), threading.Event()
+        twin = session.simulation.copy()
+        frames = []
+
+        def hold(count: int = 1, force: Any = None) -> None:
+            frames.append(count)
+            inside.set()
+            assert gate.wait(10)
+
+        twin.advance = twin._advance_frame = hold  # type: ignore[method-assign]
+        session.simulation.copy = lambda: twin  # type: ignore[method-assign]
+        twin.copy = lambda: twin  # type: ignore[method-assign]
+        arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
+        planning = asyncio.create_task(follow(session, arrow, most=400, method="constant", frames=100))
+        assert await asyncio.to_thread(inside.wait, 10)
+        planning.cancel()
+        gate.set()
+        await session._planner.ended()
+        assert frames == [1]
+        assert session.control is None
+
+    _run(scene)
+
+
+@pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
+def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
+    """Uncancelled, the frame takes many seconds, and many follow."""
+    stiff = Elastic(density=1000.0, youngs_modulus=2.5e9, poisson_ratio=0.2)
+    block = Box(material=stiff, lower=(0.3, 0.3), upper=(0.6, 0.6))
+    slow = Scene(dim=2, resolution=190, frame_dt=0.015, bodies=(block,))
+
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: slow)
+        arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
+        calls = [
+            asyncio.create_task(call)
+            for call in (
+                session.advance(1000),
+                session.trajectory(arrow, most=400, method="constant", frames=300),
+            )
+        ]
+        while not session._worker._unfinished:
+            await asyncio.sleep(0.001)
+        await asyncio.sleep(0.05)
+        await manager.delete(session.id)
+        assert manager._ending == set()
+        assert session.view.frame == 0
+        results = await asyncio.gather(*calls, return_exceptions=True)
+        assert all(isinstance(result, SessionNotFoundError) for result in results), results
+
+    _run(scene, max_frame_cost=10**9)
+
+
+def test_sessions_that_still_end_take_room() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        inside, gate = _held(session)
+        calling = asyncio.create_task(session.advance(1))
+        assert await asyncio.to_thread(inside.wait, 10)
+        await manager.delete(session.id)
+        with pytest.raises(TooManySessionsError):
+            await manager.create(lambda: SCENE)
+        gate.set()
+        with pytest.raises(SessionNotFoundError):
+            await calling
+        await asyncio.gather(*manager._ending)
+        await manager.create(lambda: SCENE)
+
+    _run(scene, max_sessions=1)
+
+
+def test_a_creation_that_is_given_up_takes_room_until_it_is_done_and_makes_no_session() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        inside, gate = threading.Event(), threading.Event()
+
+        def make() -> Scene:
+            inside.set()
+            assert gate.wait(60)
+            return SCENE
+
+        making = asyncio.create_task(manager.create(make))
+        assert await asyncio.to_thread(inside.wait, 10)
+        making.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await making
+        assert manager.why_full() is not None
+        gate.set()
+        while manager.why_full() is not None:
+            await asyncio.sleep(0.001)
+        assert manager.all() == []
+
+    _run(scene, max_sessions=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"resolution": 256}, r"bodies: make a frame of about 10486 particles x 34 substeps = 356524"),
+        (
+            {"frame_dt": 0.1, "particles_per_cell": 64},
+            r"this server takes up to 200000 \(setting max_frame_cost\)",
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
+def test_a_scene_whose_frames_are_too_dear_is_refused_with_the_figure_and_the_limit(
+    change: dict[str, Any], message: str
+) -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        dear = SCENE.model_copy(update=change)
+        with pytest.raises(SceneError, match=message):
+            await manager.create(lambda: dear)
+        await manager.create(lambda: SCENE)
+
+    _run(scene, max_frame_cost=200_000)
+
+
+def test_a_session_pauses_when_its_last_viewer_leaves() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        with session.viewer():
+            with session.viewer():
+                session.play()
+            assert session.playing
+        assert not session.playing
 
     _run(scene)
 

@@ -1,5 +1,6 @@
 """Planning beside a session that goes on: on copies of its simulator, in threads of their own."""
 
+import asyncio
 from collections.abc import Callable
 from typing import Any
 
@@ -121,16 +122,25 @@ class Planner:
     async def trajectory(
         self, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
     ) -> tuple[Guidance, ControlledTrajectory]:
-        """Let a copy of the simulator follow a sketch to the end; parameters and errors as in `prepare`."""
+        """Let a copy of the simulator follow a sketch to the end; parameters and errors as in `prepare`.
+
+        A caller that is cancelled ends the computation after the frame that is being computed.
+        """
+        # Nobody else hears of it, and so it has no number.
+        tracing = Preparation(0, sketch, self._check_open)
 
         def trace() -> tuple[Guidance, ControlledTrajectory]:
-            guidance = prepare(twin, sketch, most=most, on_frame=self._check_open, **settings)
+            guidance = prepare(twin, sketch, most=most, on_frame=tracing.check, **settings)
             following = Following(twin, guidance)
             for _ in following:
-                self._check_open()
+                tracing.check()
             return guidance, following.result
 
-        return await self._trajectories.run(trace)
+        try:
+            return await self._trajectories.run(trace)
+        except asyncio.CancelledError:
+            tracing.drop("its client has gone")
+            raise
 
     def stop(self) -> None:
         """Take no more plans."""
@@ -139,5 +149,4 @@ class Planner:
 
     async def ended(self) -> None:
         """Wait until the threads have ended after `stop`."""
-        await self._sketches.ended()
-        await self._trajectories.ended()
+        await asyncio.gather(self._sketches.ended(), self._trajectories.ended())

@@ -1,0 +1,100 @@
+"""uvicorn's protocols, with deadlines for clients that send or read too slowly."""
+
+import asyncio
+from typing import Any
+
+import h11
+from starlette.responses import Response
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from hybridmpm_service.http.problems import of_status
+
+_CLOSE_SECONDS = 1.0
+"""Longest time that a client may take to confirm the end of its stream."""
+
+
+class RequestProtocol(H11Protocol):
+    """HTTP whose clients have to send a whole request, its head and its body, within `seconds`."""
+
+    seconds: float
+    _deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Expect a request from a new connection."""
+        super().connection_made(transport)
+        self._expect()
+
+    def data_received(self, data: bytes) -> None:
+        """Read a part of a request, and expect its rest."""
+        super().data_received(data)
+        # Between requests uvicorn has a deadline of its own, which ends with the first byte of the next.
+        if self.conn.their_state in {h11.IDLE, h11.SEND_BODY} and not self.transport.is_closing():
+            self._expect()
+        else:
+            self._relax()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Expect nothing more."""
+        self._relax()
+        super().connection_lost(exc)
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse what is not HTTP."""
+        self._refuse(400, msg)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Hand the connection to the protocol of streams."""
+        self._relax()
+        super().handle_websocket_upgrade(event)
+
+    def _expect(self) -> None:
+        if self._deadline is None:
+            self._deadline = self.loop.call_later(self.seconds, self._on_deadline)
+
+    def _relax(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _on_deadline(self) -> None:
+        self._deadline = None
+        if self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]:
+            # A browser that connected in advance has asked for nothing.
+            self.transport.close()
+            return
+        self._refuse(408, f"the request was not complete after {self.seconds:g} s")
+
+    def _refuse(self, status: int, detail: str) -> None:
+        """Answer a problem in the place of the application, and close the connection."""
+        if self.transport.is_closing():
+            return
+        if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
+            path = self.scope["path"] if self.scope is not None else "/"
+            answer: Response = of_status(path, status, detail, {"Connection": "close"})
+            for part in (
+                h11.Response(status_code=status, headers=answer.raw_headers),
+                h11.Data(data=bytes(answer.body)),
+                h11.EndOfMessage(),
+            ):
+                self.transport.write(self.conn.send(part) or b"")
+        self.transport.close()
+
+
+class StreamProtocol(WebSocketsSansIOProtocol):
+    """WebSockets whose connection ends soon after their stream, whether or not the client reads."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.close_timeout = _CLOSE_SECONDS
+
+    async def run_asgi(self) -> None:
+        """Serve a stream; a client that does not read what was sent to it loses that."""
+        await super().run_asgi()
+        if not self.writable.is_set():
+            self.transport.abort()
+
+
+def request_protocol(seconds: float) -> type[RequestProtocol]:
+    """Return the protocol with a deadline, for uvicorn's configuration."""
+    return type("RequestProtocol", (RequestProtocol,), {"seconds": seconds})

@@ -1,0 +1,1 @@
+"""Viewers of a session: their mailboxes, and what all of them get."""
