@@ -1,6 +1,7 @@
 """uvicorn's protocols, with deadlines for clients that send or read too slowly."""
 
 import asyncio
+from http import HTTPStatus
 from typing import Any
 
 import h11
@@ -73,7 +74,11 @@ class RequestProtocol(H11Protocol):
             path = self.scope["path"] if self.scope is not None else "/"
             answer: Response = of_status(path, status, detail, {"Connection": "close"})
             for part in (
-                h11.Response(status_code=status, headers=answer.raw_headers),
+                h11.Response(
+                    status_code=status,
+                    headers=answer.raw_headers,
+                    reason=HTTPStatus(status).phrase.encode(),
+                ),
                 h11.Data(data=bytes(answer.body)),
                 h11.EndOfMessage(),
             ):
