@@ -26,8 +26,10 @@ _GRACE_SECONDS = 1
 _UNACKNOWLEDGED_SECONDS = 20
 """Longest time that the system waits for a client to take what was sent, before it ends the connection."""
 _SEND_BUFFER_BYTES = 512 * 1024
-"""Size of the system's buffer for what a client has not taken yet. By itself the system lets it grow to megabytes,
-and a stream whose client sleeps would be some minutes old in it."""
+"""Size of the system's buffer for what a client has not taken yet.
+
+By itself the system lets it grow to megabytes, and a client that sleeps would fill it for minutes.
+"""
 
 
 class ServeError(SimulationError):
@@ -57,9 +59,9 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     url = f"http://{host_in_url}:{listener.getsockname()[1]}"
     if not settings.is_loopback:
         sys.stderr.write(
-            f"Warning: {settings.host} can be reached from other machines. The service knows no users: whoever "
-            "reaches it can watch, change and delete all sessions. Use 127.0.0.1, or a proxy that asks who they "
-            "are.\n"
+            f"Warning: {settings.host} can be reached from other machines. The service knows no users: "
+            "whoever reaches it can watch, change and delete all sessions. Use 127.0.0.1, or a proxy that "
+            "asks who they are.\n"
         )
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
@@ -144,7 +146,7 @@ class _Server(uvicorn.Server):
 
 
 def main(arguments: Sequence[str], command: str = "python -m hybridmpm_service") -> int:
-    """Run the service from the command line and return the exit status; `command` is its name for the help."""
+    """Run the service from the command line and return the exit status; `command` is its name."""
     parser = _Parser(
         prog=command,
         allow_abbrev=False,

@@ -40,8 +40,8 @@ class Settings(BaseModel):
         default=20_000_000,
         ge=1000,
         le=10**12,
-        description="Largest cost of a frame of a session, in particles times substeps; 20 000 000 take about "
-        "a second.",
+        description="Largest cost of a frame of a session, in particles times substeps; 20 000 000 take "
+        "about a second.",
     )
     max_advance_frames: int = Field(
         default=2000, ge=1, le=100_000, description="Largest number of frames that one call advances."

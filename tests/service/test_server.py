@@ -7,12 +7,13 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
 import pytest
 
-from hybridmpm_service import ServeError, serve
+from hybridmpm_service import ServeError, serve, server
 
 WAIT_SECONDS = 60
 
@@ -47,6 +48,17 @@ def test_a_bad_setting_is_one_line_and_status_2() -> None:
     done = _run(HYBRIDMPM_MAX_SESSIONS="none")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "HYBRIDMPM_MAX_SESSIONS" in done.stderr
+
+
+@pytest.mark.parametrize(("host", "warns"), [("127.0.0.1", False), ("0.0.0.0", True)])  # noqa: S104
+def test_an_address_that_others_can_reach_is_warned_of(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, host: str, warns: bool
+) -> None:
+    monkeypatch.setattr(server, "make_server", lambda _app: SimpleNamespace(run=lambda **_sockets: None))
+    serve(host=host, port=0)
+    told = capsys.readouterr()
+    assert ("0.0.0.0 can be reached from other machines" in told.err) is warns
+    assert "listens on" in told.out
 
 
 def test_help_names_every_setting() -> None:

@@ -71,8 +71,13 @@ def _all_of(connection: socket.socket) -> bytes:
 
 def _post(path: str, body: bytes, declared: int | None = None) -> bytes:
     size = len(body) if declared is None else declared
-    head = f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: {size}\r\n\r\n"
-    return head.encode() + body
+    lines = (
+        f"POST {path} HTTP/1.1",
+        "Host: 127.0.0.1",
+        "Content-Type: application/json",
+        f"Content-Length: {size}",
+    )
+    return "\r\n".join((*lines, "", "")).encode() + body
 
 
 def test_a_viewer_that_stops_reading_is_dropped_and_its_session_pauses(start: Callable[..., Any]) -> None:

@@ -166,12 +166,18 @@ fn snapshots_continue_with_the_same_bits_and_refuse_anything_else() {
 
 #[test]
 fn a_cancelled_frame_leaves_the_state_before_it() {
-    let (mut solver, flag) = (drop().solver(settings(32, vec![water()])), CancelFlag::default());
+    let (mut solver, flag) = (
+        drop().solver(settings(32, vec![water()])),
+        CancelFlag::default(),
+    );
     solver.cancel_by(flag.clone());
     solver.advance(3, Force::None, |_, _| ()).unwrap();
     let before = solver.snapshot();
     flag.set();
-    let error = solver.clone().advance(1, Force::None, |_, _| ()).unwrap_err();
+    let error = solver
+        .clone()
+        .advance(1, Force::None, |_, _| ())
+        .unwrap_err();
     assert_eq!(error, MpmError::Cancelled { frame: 3 });
     assert_eq!(solver.advance(1, Force::None, |_, _| ()), Err(error));
     assert_eq!(solver.snapshot(), before);

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -35,7 +34,7 @@ MAX_ERRORS = 20
 MAX_DETAIL = 1000
 """Largest length of a problem's detail [characters]."""
 _MAX_FIELD, _MAX_MESSAGE, _MAX_INSTANCE = 120, 320, 200
-"""Largest lengths of other texts [characters]. A character takes six bytes at most, so an answer is below 64 KB."""
+"""Largest lengths of other texts [characters]. One takes at most six bytes, so an answer is below 64 KB."""
 
 
 class FieldProblem(BaseModel):
@@ -171,7 +170,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
 
 def _methods(request: Request) -> list[str]:
     """Return the methods of all operations of an address; Starlette names those of the first one alone."""
-    operations: Sequence[APIRoute] = request.app.state.operations
+    operations = request.app.state.operations
     here = [operation for operation in operations if operation.path_regex.match(request.url.path)]
     return sorted({method for operation in here for method in operation.methods or ()}) or ["GET", "HEAD"]
 

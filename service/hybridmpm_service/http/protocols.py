@@ -5,7 +5,6 @@ from http import HTTPStatus
 from typing import Any
 
 import h11
-from starlette.responses import Response
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
@@ -72,7 +71,7 @@ class RequestProtocol(H11Protocol):
             return
         if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
             path = self.scope["path"] if self.scope is not None else "/"
-            answer: Response = of_status(path, status, detail, {"Connection": "close"})
+            answer = of_status(path, status, detail, {"Connection": "close"})
             for part in (
                 h11.Response(
                     status_code=status,

@@ -25,8 +25,7 @@ def _known_method(name: str) -> str:
 
 
 class Request(BaseModel):
-    """Base of what clients send: unknown fields, numbers that are not finite, and texts in the place of numbers
-    are refused."""
+    """Base of what clients send: unknown fields, infinite numbers and texts for numbers are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 

@@ -100,6 +100,8 @@ function bannerOf(state, seconds, problem) {
 }
 
 function onHello(hello) {
+  // The server pauses a session that nobody watches, also while a connection is interrupted.
+  const resumes = hello.session.id === sessionId && playing === true;
   if (hello.session.id !== sessionId) showSession(hello);
   speed = hello.session.speed;
   centroid = hello.session.centroid;
@@ -107,7 +109,7 @@ function onHello(hello) {
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
   setPlaying(hello.session.playing);
-  if (startsPlaying) session.send({ type: "play" });
+  if (startsPlaying || resumes) session.send({ type: "play" });
   startsPlaying = false;
 }
 

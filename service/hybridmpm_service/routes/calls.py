@@ -10,7 +10,6 @@ from starlette.requests import ClientDisconnect
 
 from hybridmpm_service.errors import UnavailableError
 from hybridmpm_service.http.json_text import read_json
-from hybridmpm_service.sessions.manager import SessionManager
 
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
@@ -32,9 +31,9 @@ class SessionRoute(APIRoute):
             return await _unless(_left(request), handle(request)) or _answer_to_nobody()
 
         async def answer(request: Request) -> Response:
-            manager: SessionManager = request.app.state.sessions
+            draining: asyncio.Event = request.app.state.sessions.draining
             try:
-                response = await _unless(manager.draining.wait(), call(request))
+                response = await _unless(draining.wait(), call(request))
             except ClientDisconnect:
                 return _answer_to_nobody()
             if response is None:

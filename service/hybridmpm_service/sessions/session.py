@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
@@ -14,11 +14,13 @@ from hybridmpm_service.sessions.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.sketches.planning import Planner
 from hybridmpm_service.sessions.sketches.steering import Steered
-from hybridmpm_service.sessions.solvers import Kind
 from hybridmpm_service.sessions.view import Control, Particles, View
 from hybridmpm_service.sessions.viewers.audience import Audience
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox
 from hybridmpm_service.sessions.worker import Worker
+
+if TYPE_CHECKING:
+    from hybridmpm_service.sessions.solvers import Kind
 
 CLOSE_DELETED = 4404
 """WebSocket close code of a session that is unknown, deleted or expired."""

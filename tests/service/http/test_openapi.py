@@ -127,5 +127,45 @@ def test_the_examples_of_requests_work(service: Any) -> None:
         service.http.delete(path)
 
 
+@pytest.mark.parametrize(
+    ("body", "branches"),
+    [
+        ({"scenario": "water_2d", "seed": 3}, 1),
+        ({"scenario": "water_2d", "scene": None}, 1),
+        ({"scene": {}}, 1),
+        ({"scene": {}, "seed": None}, 1),
+        ({}, 0),
+        ({"scenario": "water_2d", "scene": {}}, 0),
+        ({"scene": {}, "seed": 3}, 0),
+        ({"scenario": None}, 0),
+    ],
+)
+def test_the_schema_says_that_a_session_has_either_a_scenario_or_a_scene(
+    document: dict[str, Any], body: dict[str, Any], branches: int
+) -> None:
+    kinds = {"string": str, "object": dict, "null": type(None)}
+    schema = document["components"]["schemas"]["CreateSession"]
+    fitting = [
+        branch
+        for branch in schema["oneOf"]
+        if set(branch["required"]) <= set(body)
+        and all(
+            isinstance(body[name], kinds[field["type"]])
+            for name, field in branch["properties"].items()
+            if name in body
+        )
+    ]
+    assert len(fitting) == branches
+
+
+def test_forms_that_cannot_be_read_are_described(document: dict[str, Any], service: Any, path: str) -> None:
+    for suffix in ("sketches", "trajectories"):
+        assert "400" in document["paths"]["/v1/sessions/{session_id}/" + suffix]["post"]["responses"]
+        answer = service.http.post(
+            f"{path}/{suffix}", content=b"x", headers={"Content-Type": "multipart/form-data"}
+        )
+        assert answer.status_code == 400
+
+
 def test_it_is_served(service: Any, document: dict[str, Any]) -> None:
     assert service.http.get("/openapi.json").json() == json.loads(json.dumps(document))

@@ -158,6 +158,12 @@ def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait()
     _run(scene)
 
 
+async def _until(happened: Callable[[], object]) -> None:
+    """Wait until something has happened of which nobody tells."""
+    while not happened():  # noqa: ASYNC110
+        await asyncio.sleep(0.001)
+
+
 def _held(session: Session) -> tuple[threading.Event, threading.Event]:
     """Hold the session's thread within frames; return what tells that it is there, and what lets it go on."""
     solver = session.simulation._solver
@@ -181,6 +187,7 @@ def test_a_call_that_is_given_up_ends_after_its_frame_and_still_reaches_the_view
         assert await asyncio.to_thread(inside.wait, 10)
         calling.cancel()
         queued.cancel()
+        await asyncio.gather(calling, queued, return_exceptions=True)
         gate.set()
         await session.particles()
         assert session.view.frame == 1
@@ -208,6 +215,7 @@ def test_a_plan_that_is_given_up_ends(follow: Callable[..., Any]) -> None:
         planning = asyncio.create_task(follow(session, arrow, most=400, method="constant", frames=100))
         assert await asyncio.to_thread(inside.wait, 10)
         planning.cancel()
+        await asyncio.gather(planning, return_exceptions=True)
         gate.set()
         await session._planner.ended()
         assert frames == [1]
@@ -233,8 +241,7 @@ def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
                 session.trajectory(arrow, most=400, method="constant", frames=300),
             )
         ]
-        while not session._worker._unfinished:
-            await asyncio.sleep(0.001)
+        await _until(lambda: session._worker._unfinished)
         await asyncio.sleep(0.05)
         await manager.delete(session.id)
         assert manager._ending == set()
@@ -279,8 +286,7 @@ def test_a_creation_that_is_given_up_takes_room_until_it_is_done_and_makes_no_se
             await making
         assert manager.why_full() is not None
         gate.set()
-        while manager.why_full() is not None:
-            await asyncio.sleep(0.001)
+        await _until(lambda: manager.why_full() is None)
         assert manager.all() == []
 
     _run(scene, max_sessions=1)
