@@ -92,6 +92,13 @@ class StreamProtocol(WebSocketsSansIOProtocol):
         super().__init__(*args, **kwargs)
         self.close_timeout = _CLOSE_SECONDS
 
+    def handle_ping(self) -> None:
+        """Answer a ping, unless the client has not even read what was sent before."""
+        if self.writable.is_set():
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()
+
     async def run_asgi(self) -> None:
         """Serve a stream; a client that does not read what was sent to it loses that."""
         await super().run_asgi()

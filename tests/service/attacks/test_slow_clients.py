@@ -210,6 +210,33 @@ def test_a_flood_of_messages_ends_its_own_stream_alone(start: Callable[..., Any]
             pass
 
 
+def test_pings_of_a_client_that_does_not_read_fill_no_memory(start: Callable[..., Any]) -> None:
+    service = start()
+    path = service.create()
+    upgrade = (
+        f"GET {path}/stream HTTP/1.1",
+        "Host: 127.0.0.1",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Version: 13",
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+    )
+    ping = b"\x89" + bytes([0x80 | 125]) + bytes(4) + bytes(125)
+    with socket.socket() as carrier:
+        carrier.settimeout(WAIT_SECONDS)
+        carrier.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        carrier.connect(_address(service))
+        carrier.sendall("\r\n".join((*upgrade, "", "")).encode())
+        _until(lambda: service.session(path).watched)
+        (connection,) = [c for c in service._server.server_state.connections if hasattr(c, "writable")]
+        carrier.sendall(20_000 * ping)
+        _until(connection.transport.get_write_buffer_size)
+        # The server goes on reading, and answers no more.
+        carrier.sendall(20_000 * ping)
+        assert 0 < connection.transport.get_write_buffer_size() < 1 << 20
+        assert service.http.get("/livez").status_code == 200
+
+
 def test_calls_whose_clients_have_gone_are_cancelled(start: Callable[..., Any]) -> None:
     service = start()
     path = service.create()
