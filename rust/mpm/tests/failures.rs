@@ -167,7 +167,7 @@ fn snapshots_continue_with_the_same_bits_and_refuse_anything_else() {
 #[test]
 fn a_cancelled_frame_leaves_the_state_before_it() {
     let (mut solver, flag) = (
-        drop().solver(settings(32, vec![water()])),
+        drop().solver(settings::<2>(32, vec![water()])),
         CancelFlag::default(),
     );
     solver.cancel_by(flag.clone());
