@@ -706,6 +706,8 @@ class Carrier:
         solver: Solver,
         *,
         resolution: int,
+        affine_share: float = 0.5,
+        relaxation: float = 2.0,
         emitters: Sequence[Emitter] = (),
         max_particles: int | None = None,
         x: npt.NDArray[np.float32],
@@ -722,6 +724,10 @@ class Carrier:
             Solver of the scene at frame 0 with the grid of the few. Its particles are the few.
         resolution : int
             Cells per metre of the scene's own grid.
+        affine_share : float in [0, 1]
+            Part of the affine motion of the few that those that are carried take over.
+        relaxation : float in [0, 8]
+            How far particles slide apart at a carry [cells] per density in excess and cell.
         emitters : sequence of Emitter
             Emitters of the particles that are carried, one for each of the solver's.
         max_particles : int, optional

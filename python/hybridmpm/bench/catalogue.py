@@ -17,7 +17,10 @@ BENCHES: dict[str, Origin] = {
     "batch": Origin(modules=("hybridmpm.bench.speed.batch",)),
     "neighbors": Origin(modules=("hybridmpm.bench.speed.neighbors", "hybridmpm.bench.peers.scipy_tree")),
     "sleeping": Origin(modules=("hybridmpm.bench.speed.sleeping",)),
-    "downsampling": Origin(modules=("hybridmpm.bench.accuracy.downsampling",)),
+    "downsampling": Origin(
+        modules=("hybridmpm.bench.downsampling.measure",),
+        data=("python/hybridmpm/downsampling/rungs/rungs.json",),
+    ),
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
     "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),

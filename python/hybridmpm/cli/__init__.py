@@ -14,6 +14,7 @@ from hybridmpm.cli.bench import bench
 from hybridmpm.cli.control import control
 from hybridmpm.cli.dataset import dataset
 from hybridmpm.cli.export import export
+from hybridmpm.cli.fit import fit
 from hybridmpm.cli.report import doctor, scenarios, schema
 from hybridmpm.cli.serve import serve
 from hybridmpm.cli.simulate import simulate
@@ -55,10 +56,12 @@ def _one_line(error: Exception) -> str:
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hybridmpm")
 def cli() -> None:
-    """Simulate particle fluids, make data sets, train networks, measure, and serve interactive sessions."""
+    """Simulate particle fluids, make data sets, train networks, fit solvers, measure, and serve sessions."""
 
 
-for command in (simulate, control, dataset, train, export, scenarios, schema, serve, bench, validate, doctor):
+for command in (
+    simulate, control, dataset, train, fit, export, scenarios, schema, serve, bench, validate, doctor,
+):  # fmt: skip
     cli.add_command(command)
 
 

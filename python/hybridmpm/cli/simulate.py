@@ -22,7 +22,7 @@ from hybridmpm.cli.options import (
 )
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.hybrid.guards import Safeguard
-from hybridmpm.mpm import Substeps
+from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
@@ -52,6 +52,12 @@ from hybridmpm.simulator import Kind, Simulator
     "before --resume.",
 )
 @substeps_option("cfl")
+@click.option(
+    "--rung",
+    metavar="NAME",
+    help="Fitted rung, such as 1/16: so large a part of the particles simulates and carries all others, for "
+    "mpm.",
+)
 @solver_option
 @model_option
 @r_c_option
@@ -91,6 +97,7 @@ def simulate(
     resume_file: Path | None,
     frames: int | None,
     substeps: Substeps,
+    rung: str | None,
     kind: Kind,
     model: str | None,
     r_c: float,
@@ -119,7 +126,13 @@ def simulate(
     else:
         _refuse_of_others(ctx, kind)
         scene = _scene(scenario, scene_file, seed)
-        settings = {"substeps": substeps, "model": model, "r_c": r_c, "safeguard": safeguard}
+        settings = {
+            "substeps": substeps,
+            "rung": rung,
+            "model": model,
+            "r_c": r_c,
+            "safeguard": safeguard,
+        }
         taken = simulators.settings_of(kind)
         if "model" in taken:
             if model is None and scenario is None:
@@ -163,7 +176,7 @@ def _refuse_beside_resume(ctx: click.Context) -> None:
     given = [
         param.get_error_hint(ctx)
         for param in ctx.command.params
-        if param.name in {"scenario", "scene_file", "seed", "kind", "substeps", "r_c", "safeguard"}
+        if param.name in {"scenario", "scene_file", "seed", "kind", "substeps", "rung", "r_c", "safeguard"}
         and ctx.get_parameter_source(param.name) is not click.core.ParameterSource.DEFAULT
     ]
     if given:
@@ -184,6 +197,8 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
         line += f", {1e3 * seconds / frames:.2f} ms per frame"
     if frames and solver.last_frame:
         line += f", {solver.last_frame.substeps} substeps in the last"
+    if isinstance(solver, MpmSolver) and solver.redone_frames:
+        line += f", {len(solver.redone_frames)} frames done again at the safe step"
     if solver.log:
         line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
     mass = solver.mass.sum(dtype=np.float64)

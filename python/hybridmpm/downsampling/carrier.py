@@ -43,7 +43,7 @@ class Few(Protocol):
 class Carrier:
     """All N particles of a scene, moved along by few.
 
-    At every `every`-th frame the displacements of the few since the last such frame, with half of their
+    At every `every`-th frame the displacements of the few since the last such frame, with a part of their
     affine motion, are put on the nodes of their grid, weighted by mass, and interpolated to the many. Where
     these have become denser than at rest they part, by at most a quarter of a cell of the scene's grid. A
     particle without a node with mass around it flies on under gravity. Particles stay between the walls and
@@ -62,16 +62,35 @@ class Carrier:
         Any solver of the scene with the grid of the few; its walls, obstacles, sinks and threads are taken.
     emitters : sequence of _native.Emitter
         Those of the scene, for its own particles.
+    affine_share : float in [0, 1]
+        Part of the affine motion that is taken over. All of it moves the centre of mass best, but lets
+        particles clump.
+    relaxation : float in [0, 8]
+        How far particles part [cells] per density in excess and cell.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range.
     """
 
     def __init__(
-        self, scene: Scene, few: Few, solver: _native.Solver, emitters: Sequence[_native.Emitter] = ()
+        self,
+        scene: Scene,
+        few: Few,
+        solver: _native.Solver,
+        emitters: Sequence[_native.Emitter] = (),
+        *,
+        affine_share: float = 0.5,
+        relaxation: float = 2.0,
     ) -> None:
         particles = scene.sample()
         self._few = few
         self._native = _native.Carrier(
             solver,
             resolution=scene.resolution,
+            affine_share=affine_share,
+            relaxation=relaxation,
             emitters=emitters,
             max_particles=scene.max_particles,
             x=particles.x,

@@ -103,10 +103,10 @@ def _combined(particles: Particles, labels: npt.NDArray[np.int64]) -> Particles:
     )
 
 
-def coarse_resolution(scene: Scene, r_p: float) -> int:
+def coarse_resolution(scene: Scene, r_p: float, particles_per_cell: float = FEWEST_PER_CELL) -> int:
     """Return the cells per metre of the finest grid that fits particles merged at a ratio `r_p`.
 
-    The grid has at least `FEWEST_PER_CELL` particles per cell, or as many as the scene has if these are
+    The grid has at least `particles_per_cell` particles per cell, or as many as the scene has if these are
     fewer. It is no finer than the scene's own grid.
 
     Raises
@@ -115,7 +115,7 @@ def coarse_resolution(scene: Scene, r_p: float) -> int:
         `r_p` is out of range, or so small that the grid would have less than 8 cells per metre or less than 4
         between walls.
     """
-    sparse = FEWEST_PER_CELL / scene.particles_per_cell
+    sparse = particles_per_cell / scene.particles_per_cell
     finest: int = math.floor(scene.resolution * (checked_ratio(r_p) / sparse) ** (1 / scene.dim) + 1e-9)
     if finest >= scene.resolution or r_p == 1:
         return scene.resolution
@@ -124,6 +124,7 @@ def coarse_resolution(scene: Scene, r_p: float) -> int:
     if finest < coarsest:
         raise ConfigError(
             f"r_p must be at least {sparse * (coarsest / scene.resolution) ** scene.dim:.2g} in this scene, "
-            f"whose grid needs {coarsest} cells per metre at {FEWEST_PER_CELL} particles each, got {r_p:g}"
+            f"whose grid needs {coarsest} cells per metre at {particles_per_cell:g} particles each, got "
+            f"{r_p:g}"
         )
     return finest

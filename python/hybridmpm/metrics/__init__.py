@@ -6,9 +6,10 @@ result then has the shape (F,). Two states may differ in the number of particles
 
 - `grid_rmse`, `grid_nrmse` and `grid_node_error` compare the masses that `grid_mass` puts on a grid.
   `grid_rmse` is the default error of this library.
-- `sinkhorn_distance`, `transport_distance`, `centroid_error`, `neighbour_histogram_distance` and
-  `energy_error` compare particles.
-- `kinetic_energy`, `potential_energy`, `density_extremes` and `penetration_count` measure one state.
+- `sinkhorn_distance`, `sliced_distance`, `transport_distance`, `centroid_error`,
+  `neighbour_histogram_distance` and `energy_error` compare particles.
+- `kinetic_energy`, `potential_energy`, `density_extremes`, `density_percentile` and `penetration_count`
+  measure one state.
 - `compare` gives most of these errors between two recordings.
 - `other_jitter`, `held_still` and `merged_states` give recordings for the floor and the ceiling of an error.
 - `ErrorTable` collects means and standard errors over scenes, and paired differences between methods.
@@ -20,6 +21,7 @@ from hybridmpm.metrics.grid import EMPTY_BELOW, grid_mass, grid_node_error, grid
 from hybridmpm.metrics.particles import (
     centroid_error,
     density_extremes,
+    density_percentile,
     energy_error,
     kinetic_energy,
     neighbour_histogram_distance,
@@ -27,6 +29,7 @@ from hybridmpm.metrics.particles import (
     potential_energy,
 )
 from hybridmpm.metrics.recordings import compare
+from hybridmpm.metrics.sliced import sliced_distance
 from hybridmpm.metrics.tables import ErrorTable, Estimate
 from hybridmpm.metrics.transport import sinkhorn_distance
 
@@ -37,6 +40,7 @@ __all__ = [
     "centroid_error",
     "compare",
     "density_extremes",
+    "density_percentile",
     "energy_error",
     "grid_mass",
     "grid_node_error",
@@ -50,5 +54,6 @@ __all__ = [
     "penetration_count",
     "potential_energy",
     "sinkhorn_distance",
+    "sliced_distance",
     "transport_distance",
 ]

@@ -152,17 +152,41 @@ def density_extremes(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> 
     ConfigError
         A shape is wrong, or a value is out of range.
     """
+    return _of_densities(lambda density: (float(density.min()), float(density.max())), x, mass, resolution)
+
+
+def density_percentile(
+    x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int, percentile: float = 99.0
+) -> _Floats:
+    """Return a percentile of the density at the particles, that of `density_extremes`.
+
+    Parameters and errors are those of `density_extremes`; `percentile` is in [0, 100]. The result has the
+    shape () or, of F frames, (F,) [kg/m^3].
+    """
+    if not 0 <= percentile <= 100:
+        raise ConfigError(f"percentile must be in [0, 100], got {percentile!r}")
+
+    def high(density: _Floats) -> tuple[float]:
+        return (float(np.percentile(density, percentile)),)
+
+    return _of_densities(high, x, mass, resolution)[..., 0]
+
+
+def _of_densities(
+    measure: Callable[[_Floats], tuple[float, ...]], x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int
+) -> _Floats:
+    """Return what `measure` says of the densities (N,) at the particles, frame by frame."""
     positions, masses = checked_particles("x", x, mass)
     resolution = whole("resolution", resolution, 8, 1024)
     if not ((positions >= 0) & (positions <= 1)).all():
         raise ConfigError("x must be in [0, 1] m")
 
-    def extremes(frame: _Floats) -> tuple[float, float]:
+    def of_frame(frame: _Floats) -> tuple[float, ...]:
         stencils = Stencils.at(frame, resolution)
         density = stencils.gather(stencils.scatter(masses)) * float(resolution) ** frame.shape[1]
-        return density.min(), density.max()
+        return measure(density)
 
-    return _by_frame(extremes, positions)
+    return _by_frame(of_frame, positions)
 
 
 def neighbour_histogram_distance(

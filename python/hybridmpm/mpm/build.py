@@ -3,8 +3,7 @@
 import math
 
 from hybridmpm import _native
-from hybridmpm.downsampling import Carrier
-from hybridmpm.downsampling.merging import coarse_resolution, merge
+from hybridmpm.downsampling import Carrier, Rung, merge
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
@@ -18,25 +17,29 @@ def native_solver(
     cfl: float | None,
     allow_unstable: bool,
     sleep: Sleep | None,
-    r_p: float,
+    rung: Rung,
     threads: int,
 ) -> _native.Solver:
-    """Build the solver of a scene's particles, merged at a ratio `r_p`; see `MpmSolver` for the settings."""
-    particles = merge(scene.sample(), r_p)
+    """Build the solver of a scene's particles, merged as a rung says; see `MpmSolver` for the settings."""
+    particles = merge(scene.sample(), rung.r_p)
+    materials = [
+        material.softened(factor, scene.potential_drop) if factor < 1 else material
+        for material, factor in zip(scene.materials, rung.moduli, strict=True)
+    ]
     return _native.Solver(
-        resolution=coarse_resolution(scene, r_p),
+        resolution=rung.resolution,
         frame_dt=scene.frame_dt,
         gravity=scene.gravity,
         wall_lower=scene.walls.lower,
         wall_upper=scene.walls.upper,
         wall_contact=scene.walls.contact,
         wall_friction=scene.walls.friction,
-        materials=[material.to_native(scene.potential_drop) for material in scene.materials],
+        materials=[material.to_native(scene.potential_drop) for material in materials],
         obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
-        emitters=native_emitters(scene, r_p),
+        emitters=native_emitters(scene, rung.r_p),
         sinks=[sink.to_native() for sink in scene.sinks],
         # A part of them must not leave room for more material than all of them.
-        max_particles=max(math.ceil(r_p * scene.max_particles), len(particles.x)),
+        max_particles=max(math.ceil(rung.r_p * scene.max_particles), len(particles.x)),
         x=particles.x,
         v=particles.v,
         material=particles.material,
@@ -51,7 +54,7 @@ def native_solver(
     )
 
 
-def carrier_of(scene: Scene, solver: _native.Solver, r_p: float, *, carry: bool) -> Carrier | None:
+def carrier_of(scene: Scene, solver: _native.Solver, rung: Rung, *, carry: bool) -> Carrier | None:
     """Return who carries all particles of a scene along with those of a solver; None without `carry`.
 
     Raises
@@ -63,9 +66,16 @@ def carrier_of(scene: Scene, solver: _native.Solver, r_p: float, *, carry: bool)
         raise ConfigError(f"carry must be True or False, got {carry!r}")
     if not carry:
         return None
-    if r_p == 1:
+    if rung.r_p == 1:
         raise ConfigError(
             "carry=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
             "the scene itself, so there is nothing to carry"
         )
-    return Carrier(scene, solver, solver, native_emitters(scene))
+    return Carrier(
+        scene,
+        solver,
+        solver,
+        native_emitters(scene),
+        affine_share=rung.affine_share,
+        relaxation=rung.relaxation,
+    )

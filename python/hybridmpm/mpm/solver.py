@@ -2,33 +2,31 @@
 
 import copy
 import warnings
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, cast
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
-from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling import Carrier
-from hybridmpm.downsampling.merging import checked_ratio
+from hybridmpm.downsampling import Rung, RungWarning, rung_for
 from hybridmpm.errors import ConfigError, CostlyMaterialWarning, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
-from hybridmpm.mpm import joint_state
 from hybridmpm.mpm.build import carrier_of, native_solver
 from hybridmpm.mpm.cost import costly_materials
+from hybridmpm.mpm.frames import Frames
 from hybridmpm.mpm.sleep import Sleep
+from hybridmpm.mpm.state import MpmState
 from hybridmpm.scene import ParticleLimitWarning, Scene
-from hybridmpm.scene.openings import EmitterStatus
-from hybridmpm.simulator import Kind, Simulator
 from hybridmpm.snapshots import SavedState
 
 Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
 
 
-class MpmSolver(Simulator):
+class MpmSolver(MpmState):
     """MLS-MPM (Hu et al. 2018) on a scene. Safe to share between threads: calls wait for each other.
 
     Parameters
@@ -51,6 +49,11 @@ class MpmSolver(Simulator):
         With `r_p` below 1: carry all particles of the scene along with the few that are simulated
         (`downsampling.Carrier`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those of the few.
+    rung : str or Rung, optional
+        Name of a fitted rung, such as "1/16" (`downsampling.rung_table` lists them): so large a part of the
+        particles simulates, on the grid, with the moduli and at the step that `hybridmpm fit rungs` found,
+        and carries all others. Or the settings themselves. Not together with `substeps`, `cfl` or `r_p`. A
+        frame that fails at the rung's step is done again at the safe one (`redone_frames`).
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -67,6 +70,8 @@ class MpmSolver(Simulator):
         An obstacle is thinner than two grid cells.
     CostlyMaterialWarning
         A body is so light or so stiff that each frame takes 200 substeps or more.
+    RungWarning
+        The scene is faster than those that the rung was fitted to, or a frame had to be done again.
 
     Notes
     -----
@@ -79,8 +84,6 @@ class MpmSolver(Simulator):
     a `ParticleLimitWarning`.
     """
 
-    kind: ClassVar[Kind] = "mpm"
-
     def __init__(
         self,
         scene: Scene,
@@ -91,6 +94,7 @@ class MpmSolver(Simulator):
         sleep: Sleep | None = None,
         r_p: float = 1.0,
         carry: bool = False,
+        rung: str | Rung | None = None,
         threads: int = 1,
     ) -> None:
         self._scene = scene
@@ -102,19 +106,29 @@ class MpmSolver(Simulator):
             raise ConfigError(f"sleep must be Sleep(...), or None where nothing may sleep, got {sleep!r}")
         self._sleep = sleep
         self._allow_unstable = allow_unstable
-        self._r_p = checked_ratio(r_p)
+        if rung is None:
+            self._rung = Rung.unfitted(scene, r_p)
+        else:
+            _refuse_beside_rung(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
+            self._rung = rung if isinstance(rung, Rung) else rung_for(scene, rung)
+            carry = True
         self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
-        self._limit_told = False
-        self._solver = native_solver(
+        self._limit_told = self._redone_told = False
+        build = partial(
+            native_solver,
             scene,
             substeps=self._substeps,
-            cfl=cfl,
             allow_unstable=allow_unstable,
             sleep=sleep,
-            r_p=self._r_p,
+            rung=self._rung,
             threads=whole("threads", threads, 1, 1024),
         )
-        self._carrier = carrier_of(scene, self._solver, self._r_p, carry=carry)
+        solver = build(cfl=cfl if rung is None else self._rung.cfl)
+        self._frames = Frames(
+            solver,
+            carrier_of(scene, solver, self._rung, carry=carry),
+            safe=None if self._rung.cfl is None else partial(build, cfl=None),
+        )
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
                 warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
@@ -122,146 +136,36 @@ class MpmSolver(Simulator):
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self.snapshot()
 
-    @property
-    def _shown(self) -> _native.Solver | Carrier:
-        """Who knows the particles that are shown."""
-        return self._solver if self._carrier is None else self._carrier
+    def __repr__(self) -> str:
+        setting = f"r_p={self.r_p:g}" if self.rung is None else f"rung={self.rung.name!r}"
+        name = self._scene.name or "scene"
+        return f"MpmSolver({name}, {setting}, frame {self.frame}, {self.particle_count} particles)"
 
     @property
-    def scene(self) -> Scene:
-        """The scene that this solver was made from."""
-        return self._scene
-
-    @property
-    def resolution(self) -> int:
-        """Grid cells per metre; fewer than the scene's where `r_p` asks for a coarser grid."""
-        return self._solver.resolution
-
-    @property
-    def frame(self) -> int:
-        """Number of frames since the start."""
-        return self._solver.frame
-
-    @property
-    def r_p(self) -> float:
-        """Ratio of the particles to those of the scene, in (0, 1]."""
-        return self._r_p
-
-    @property
-    def particle_spacing(self) -> float:
-        """Distance of the particles of `positions` at rest [m]: above the scene's where they are merged."""
-        return super().particle_spacing if self._carrier is None else self.scene.spacing
-
-    @property
-    def r_t(self) -> int:
-        """1: MPM makes every frame."""
-        return 1
-
-    @property
-    def mode(self) -> Mode:
-        """Who simulates the next frame: always "mpm"."""
-        return "mpm"
-
-    @property
-    def log(self) -> tuple[Decision, ...]:
-        """Empty: nobody else ever simulates."""
-        return ()
-
-    @property
-    def particle_count(self) -> int:
-        """Number N of particles at present."""
-        return self._shown.particle_count
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... in the order in which they came."""
-        return self._shown.ids
-
-    @property
-    def emitters(self) -> tuple[EmitterStatus, ...]:
-        """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
-        return cast("tuple[EmitterStatus, ...]", tuple(self._shown.emitters))
-
-    @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """Positions (N, D) [m]; a copy."""
-        return self._shown.positions
-
-    @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """Velocities (N, D) [m/s]; a copy."""
-        return self._shown.velocities
-
-    @property
-    def coarse_positions(self) -> npt.NDArray[np.float32]:
-        """Positions (n, D) [m] of the particles that are simulated: without `carry` all; a copy."""
-        return self._solver.positions
-
-    @property
-    def affine(self) -> npt.NDArray[np.float32]:
-        """APIC matrices C (n, D, D) [1/s] of the particles that are simulated; a copy."""
-        return self._solver.affine
-
-    @property
-    def volume_ratio(self) -> npt.NDArray[np.float32]:
-        """Volume over rest volume (n,) [-] of those simulated: J of water, det F of solids; a copy."""
-        return self._solver.volume_ratio
-
-    @property
-    def asleep(self) -> npt.NDArray[np.bool_]:
-        """Whether each particle simulated (n,) sleeps; a copy. None does without a `Sleep`."""
-        return self._solver.asleep
-
-    @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return _read_only(self._types[self._shown.material])
-
-    @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
-        return _read_only(self._shown.mass)
-
-    @property
-    def last_frame(self) -> _native.FrameReport | None:
-        """How the latest frame was cut into substeps; None before the first."""
-        return self._solver.last_frame
+    def _solver(self) -> _native.Solver:
+        """The compiled solver of the particles simulated."""
+        return self._frames.solver
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
-        if self._carrier is not None:
-            self._advance_carried(frames, force, path)
-        elif force.by_frame:
+        carrying = self._frames.carrier is not None
+        by_particle = force.array is not None and force.array.ndim > 1
+        if force.by_frame or (carrying and (by_particle or path is not None)):
             super()._advance(frames, force, path)
+        elif carrying:
+            self._frames.advance(frames, force.array)
         else:
             # The core goes through all frames in one call.
             self._solver.advance(frames, force.array, path)
         self._tell_limit(stacklevel=4)
-
-    def _advance_carried(
-        self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None
-    ) -> None:
-        if force.by_frame or path is not None or (force.array is not None and force.array.ndim > 1):
-            super()._advance(frames, force, path)
-            return
-        carrier = cast("Carrier", self._carrier)
-        last = self.frame + frames
-        while self.frame < last:
-            self._solver.advance(min(carrier.frames_to_carry(), last - self.frame), force.array)
-            carrier.follow()
+        self._tell_redone(stacklevel=4)
 
     def _advance_frame(self, force: npt.NDArray[np.float32] | None) -> None:
-        if self._carrier is None:
-            self._solver.advance(1, force)
-            return
-        if force is not None and force.ndim == 2:
-            force = self._carrier.gather_force(force)
-        self._solver.advance(1, force)
-        self._carrier.follow()
+        self._frames.advance_one(force)
 
     def cancel_by(self, flag: _native.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
-        self._solver.cancel_by(flag)
+        self._frames.cancel_by(flag)
 
     def prescribe(
         self,
@@ -295,7 +199,7 @@ class MpmSolver(Simulator):
         ConfigError
             Wrong shapes, or the solver has emitters, sinks, `sleep` or `carry`.
         """
-        if self._carrier is not None:
+        if self._frames.carrier is not None:
             raise ConfigError(
                 "prescribe is for solvers without carry=True: nothing tells how the particles that are "
                 "carried would have moved meanwhile"
@@ -318,9 +222,21 @@ class MpmSolver(Simulator):
                 stacklevel=stacklevel,
             )
 
+    def _tell_redone(self, stacklevel: int) -> None:
+        """Warn, once, where a frame had to be done again."""
+        if not self._redone_told and self.redone_frames:
+            self._redone_told = True
+            warnings.warn(
+                f"frame {self.redone_frames[0]} failed at the step of rung {self._rung.name!r} and was done "
+                "again at the safe step; `redone_frames` lists such frames. If there are many, the scene is "
+                "outside of what the rung was fitted to: take a rung of more particles",
+                RungWarning,
+                stacklevel=stacklevel,
+            )
+
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
-        return joint_state.encode(self._solver, self._carrier)
+        return self._frames.snapshot()
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene.
@@ -330,7 +246,7 @@ class MpmSolver(Simulator):
         SnapshotError
             The bytes are damaged or of another scene; the present state is then untouched.
         """
-        joint_state.restore(self._solver, self._carrier, data)
+        self._frames.restore(data)
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
@@ -338,8 +254,11 @@ class MpmSolver(Simulator):
             "cfl": self._cfl,
             "allow_unstable": self._allow_unstable,
             "sleep": None if self._sleep is None else self._sleep.model_dump(),
-            "r_p": self._r_p,
-            "carry": self._carrier is not None,
+            **(
+                {"r_p": self.r_p, "carry": self._frames.carrier is not None}
+                if self.rung is None
+                else {"rung": self.rung.to_dict()}
+            ),
         }
 
     @classmethod
@@ -364,29 +283,26 @@ class MpmSolver(Simulator):
 
         def make(saved: SavedState) -> Any:
             settings = dict(saved.settings)
-            sleep = settings.pop("sleep")
-            sleeping = None if sleep is None else Sleep.model_validate(sleep)
-            return cls(saved.scene, **settings, sleep=sleeping, threads=threads)
+            sleep, rung = settings.pop("sleep"), settings.pop("rung", None)
+            settings["sleep"] = None if sleep is None else Sleep.model_validate(sleep)
+            settings["rung"] = None if rung is None else Rung.from_dict(rung)
+            return cls(saved.scene, **settings, threads=threads)
 
         return cls._restored(path, make)
 
     def copy(self) -> Self:
         """Return an independent solver in the same state."""
         twin = copy.copy(self)
-        twin._solver = self._solver.copy()  # noqa: SLF001 - of this very class
-        if self._carrier is not None:
-            twin._carrier = self._carrier.copy(twin._solver)  # noqa: SLF001
+        twin._frames = self._frames.copy()  # noqa: SLF001 - of this very class
         return twin
 
     def reset(self) -> None:
         """Go back to frame 0."""
         self.restore(self._start)
 
-    def diagnostics(self) -> _native.Diagnostics:
-        """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
-        return self._solver.diagnostics()
 
-
-def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    array.flags.writeable = False
-    return array
+def _refuse_beside_rung(**given: bool) -> None:
+    """Refuse settings that a rung chooses."""
+    for name, is_given in given.items():
+        if is_given:
+            raise ConfigError(f"{name} is chosen by the rung: drop {name}, or give no rung")

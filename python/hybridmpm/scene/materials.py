@@ -73,6 +73,11 @@ class Water(Record):
             return self.density * potential_drop / self.max_compression
         return REFERENCE_BULK_MODULUS if self.bulk_modulus is None else self.bulk_modulus
 
+    def softened(self, factor: float, potential_drop: float) -> "Water":
+        """Return water of `factor` times the bulk modulus; `potential_drop` as in `stiffness`."""
+        softer = factor * self.stiffness(potential_drop)
+        return self.model_copy(update={"bulk_modulus": softer, "max_compression": None})
+
     def to_native(self, potential_drop: float) -> _native.Material:
         """Build the core's material; `potential_drop` as in `stiffness`."""
         return _native.Material.water(
@@ -110,6 +115,10 @@ class Sand(Record):
         """DeepMind's number of this particle type."""
         return 6
 
+    def softened(self, factor: float, _potential_drop: float) -> "Sand":
+        """Return sand of `factor` times Young's modulus."""
+        return self.model_copy(update={"youngs_modulus": factor * self.youngs_modulus})
+
     def to_native(self, _potential_drop: float) -> _native.Material:
         """Build the core's material; sand does not depend on `Scene.potential_drop`."""
         return _native.Material.sand(
@@ -137,6 +146,10 @@ class Elastic(Record):
     def type_id(self) -> int:
         """DeepMind's number of this particle type (goop)."""
         return 7
+
+    def softened(self, factor: float, _potential_drop: float) -> "Elastic":
+        """Return a solid of `factor` times Young's modulus."""
+        return self.model_copy(update={"youngs_modulus": factor * self.youngs_modulus})
 
     def to_native(self, _potential_drop: float) -> _native.Material:
         """Build the core's material; an elastic solid does not depend on `Scene.potential_drop`."""

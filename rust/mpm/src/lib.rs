@@ -26,7 +26,7 @@ mod version;
 mod volume;
 
 pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
-pub use carrying::{CARRY_EVERY, Carrier, Few};
+pub use carrying::{CARRY_EVERY, Carrier, CarryConstants, Few};
 pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;

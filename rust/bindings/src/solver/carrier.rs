@@ -1,6 +1,6 @@
 //! `Carrier`: all particles of a scene, carried by few.
 
-use mpm::{Carrier, EmitterStatus, Few, Openings};
+use mpm::{Carrier, CarryConstants, EmitterStatus, Few, Openings};
 use numpy::{
     IntoPyArray, Ix1, Ix2, Ix3, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
@@ -85,8 +85,8 @@ impl PyCarrier {
 #[pymethods]
 impl PyCarrier {
     #[new]
-    #[pyo3(signature = (solver, *, resolution, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
-        text_signature = "(solver, *, resolution, emitters=(), max_particles=None, x, v, material, mass, volume)")]
+    #[pyo3(signature = (solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
+        text_signature = "(solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=(), max_particles=None, x, v, material, mass, volume)")]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of a Python constructor"
@@ -95,6 +95,8 @@ impl PyCarrier {
         py: Python<'_>,
         solver: &PySolver,
         resolution: usize,
+        affine_share: f32,
+        relaxation: f32,
         emitters: Vec<PyRef<'_, PyEmitter>>,
         max_particles: Option<usize>,
         x: &Bound<'_, PyAny>,
@@ -106,6 +108,10 @@ impl PyCarrier {
         let dim = solver.dimension();
         let arrays = Arrays::new(dim, x, v, material, mass, volume, None)?;
         let particles = arrays.particles()?;
+        let constants = CarryConstants {
+            affine_share,
+            relaxation,
+        };
         /// The carrier in the dimension of one variant of the enumerations.
         macro_rules! build {
             ($variant:ident, $few:ident) => {{
@@ -131,8 +137,9 @@ impl PyCarrier {
                     affine: None,
                     mass: &mass,
                 };
-                let carrier =
-                    py.detach(|| Carrier::new(&settings, coarse_resolution, particles, &few));
+                let carrier = py.detach(|| {
+                    Carrier::new(&settings, coarse_resolution, constants, particles, &few)
+                });
                 AnyCarrier::$variant(Box::new(carrier.map_err(NativeError)?))
             }};
         }

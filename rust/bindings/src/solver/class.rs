@@ -198,10 +198,8 @@ impl PySolver {
 
     fn cancel_by(&self, py: Python<'_>, flag: &PyCancelFlag) {
         let flag = flag.0.clone();
-        self.detached(
-            py,
-            |any| with_solver!(any, solver => solver.cancel_by(flag)),
-        );
+        self.held
+            .detached(py, |any| with_any!(any, solver => solver.cancel_by(flag)));
     }
 
     #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]

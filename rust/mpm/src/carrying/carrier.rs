@@ -23,11 +23,45 @@ use threads::Team;
 /// Frames from one carry to the next, where no particles come and go.
 pub const CARRY_EVERY: u64 = 4;
 
+/// How particles are carried, apart from the few and the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CarryConstants {
+    /// The part of the affine motion of the few that the many take over [-]. All of it moves the centre of mass best,
+    /// but lets particles clump; none leaves bodies that turn behind.
+    pub affine_share: f32,
+    /// How far the many slide apart at a carry [cells] per density in excess and cell.
+    pub relaxation: f32,
+}
+
+impl CarryConstants {
+    fn check(&self) -> Result<(), MpmError> {
+        for (name, value, allowed, most) in [
+            ("affine_share", self.affine_share, "in [0, 1]", 1.0),
+            ("relaxation", self.relaxation, "in [0, 8] cells", 8.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(MpmError::parameter(name, allowed, value));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for CarryConstants {
+    fn default() -> Self {
+        Self {
+            affine_share: 0.5,
+            relaxation: 2.0,
+        }
+    }
+}
+
 /// All particles of a scene, carried along by the motion of few.
 #[derive(Debug, Clone)]
 pub struct Carrier<const D: usize> {
     frame_dt: f32,
     gravity: Vector<D>,
+    affine_share: f32,
     openings: Openings<D>,
     surfaces: Surfaces<D>,
     /// On the grid of the few.
@@ -46,10 +80,12 @@ impl<const D: usize> Carrier<D> {
     pub fn new(
         settings: &SolverSettings<D>,
         coarse_resolution: usize,
+        constants: CarryConstants,
         particles: Particles<'_>,
         few: &Few<'_>,
     ) -> Result<Self, MpmError> {
         settings.check()?;
+        constants.check()?;
         if !(8..=1024).contains(&coarse_resolution) {
             let allowed = "in [8, 1024]";
             return Err(MpmError::parameter(
@@ -78,6 +114,7 @@ impl<const D: usize> Carrier<D> {
         Ok(Self {
             frame_dt: settings.frame_dt,
             gravity: settings.gravity,
+            affine_share: constants.affine_share,
             surfaces: Surfaces {
                 walls: *walls,
                 obstacles: Obstacles::new(settings.obstacles.clone(), walls, &layout),
@@ -85,7 +122,7 @@ impl<const D: usize> Carrier<D> {
                 frictions: settings.materials.iter().map(|m| m.wall_friction).collect(),
             },
             field: Field::new(coarse_resolution),
-            crowding: Crowding::new(layout, walls, &resting, team.size()),
+            crowding: Crowding::new(layout, constants.relaxation, walls, &resting, team.size()),
             team,
             state: CarrierState {
                 blocks: blocks(&all),
@@ -182,7 +219,8 @@ impl<const D: usize> Carrier<D> {
             });
         }
         let mut blocks = self.at_frame(few, frame)?.to_vec();
-        self.field.spread(&Past::velocities(few, v));
+        self.field
+            .spread(&Past::velocities(few, v, self.affine_share));
         take_velocities(&mut blocks, &self.field, &self.team);
         write(&blocks, out, Block::velocity);
         Ok(())
@@ -266,7 +304,8 @@ impl<const D: usize> Carrier<D> {
             return Err(MpmError::parameter("frame", allowed, frame));
         }
         let dt = (frame - self.state.frame) as f32 * self.frame_dt;
-        self.field.spread(&self.state.past.movers(few, dt));
+        self.field
+            .spread(&self.state.past.movers(few, dt, self.affine_share));
         move_along(blocks, &self.field, &self.gravity, dt, &self.team);
         // The clock of moving obstacles is a function of the frame's number.
         let time = frame as f64 * f64::from(self.frame_dt);

@@ -13,9 +13,7 @@ use crate::grid::{CHUNK, Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use threads::Team;
 
-/// How far particles slide [cells] per density in excess and cell.
-const RATE: f32 = 2.0;
-/// They slide at most so far [cells].
+/// Particles slide at most so far [cells].
 const FARTHEST: f32 = 0.25;
 /// Counts of one cell's volume. A node holds 65 535 cells' volumes before it overflows.
 const ONE: f32 = 65_536.0;
@@ -34,6 +32,8 @@ struct Counts {
 #[derive(Debug, Clone)]
 pub struct Crowding<const D: usize> {
     pub layout: Layout<D>,
+    /// How far particles slide [cells] per density in excess and cell.
+    rate: f32,
     /// One over the part of each node's spline that may be full, over `ONE`.
     weight: Vec<f32>,
     /// One for each thread.
@@ -45,9 +45,11 @@ pub struct Crowding<const D: usize> {
 }
 
 impl<const D: usize> Crowding<D> {
-    /// `resting` are the obstacles that never move.
+    /// `rate` is how far particles slide [cells] per density in excess and cell; `resting` are the obstacles that
+    /// never move.
     pub fn new(
         layout: Layout<D>,
+        rate: f32,
         walls: &Walls<D>,
         resting: &Obstacles<D>,
         threads: usize,
@@ -73,6 +75,7 @@ impl<const D: usize> Crowding<D> {
         };
         Self {
             layout,
+            rate,
             weight,
             counts: vec![counts; threads],
             excess: vec![0.0; count],
@@ -90,6 +93,7 @@ impl<const D: usize> Crowding<D> {
             run_wide(Slide {
                 blocks,
                 layout: &self.layout,
+                rate: self.rate,
                 excess: &self.excess,
             });
         });
@@ -205,6 +209,7 @@ impl<const D: usize> Kernel for Count<'_, D> {
 struct Slide<'a, const D: usize> {
     blocks: &'a mut [Block<D>],
     layout: &'a Layout<D>,
+    rate: f32,
     excess: &'a [f32],
 }
 
@@ -214,7 +219,7 @@ impl<const D: usize> Kernel for Slide<'_, D> {
     #[inline(always)]
     fn run<Q: Quad>(self) {
         let dx = self.layout.dx();
-        let (layout, excess) = (self.layout, self.excess);
+        let (layout, rate, excess) = (self.layout, self.rate, self.excess);
         for block in self.blocks {
             let gradient = gradient(layout, excess, &block.x);
             let mut squared = [0.0; LANES];
@@ -225,8 +230,8 @@ impl<const D: usize> Kernel for Slide<'_, D> {
             }
             let mut step = [0.0; LANES];
             for i in 0..LANES {
-                let length = RATE * squared[i].sqrt();
-                step[i] = dx * RATE * FARTHEST / length.max(FARTHEST);
+                let length = rate * squared[i].sqrt();
+                step[i] = dx * rate * FARTHEST / length.max(FARTHEST);
             }
             for axis in 0..D {
                 for i in 0..LANES {

@@ -67,10 +67,6 @@ pub struct Past<const D: usize> {
     pub affine: Vec<Matrix<D>>,
 }
 
-/// The part of the affine motion that the many take over. All of it moves the centre of mass best, but lets
-/// particles clump; none leaves bodies that turn behind.
-const AFFINE_SHARE: f32 = 0.5;
-
 impl<const D: usize> Past<D> {
     /// Of few that have been checked.
     pub fn of(few: &Few<'_>) -> Self {
@@ -82,8 +78,8 @@ impl<const D: usize> Past<D> {
         }
     }
 
-    /// By what those that are still there have moved since, in `dt` [s].
-    pub fn movers(&self, now: &Few<'_>, dt: f32) -> Vec<Mover<D>> {
+    /// By what those that are still there have moved since, in `dt` [s], with a part of their affine motion.
+    pub fn movers(&self, now: &Few<'_>, dt: f32, affine_share: f32) -> Vec<Mover<D>> {
         let mut movers = Vec::with_capacity(self.ids.len());
         let mut index = 0;
         for (then, id) in self.ids.iter().enumerate() {
@@ -95,7 +91,7 @@ impl<const D: usize> Past<D> {
                 movers.push(Mover {
                     x: self.x[then],
                     shift: now.position::<D>(index) - self.x[then],
-                    gradient: mean * (AFFINE_SHARE * dt),
+                    gradient: mean * (affine_share * dt),
                     mass: now.mass[index],
                 });
             }
@@ -103,13 +99,13 @@ impl<const D: usize> Past<D> {
         movers
     }
 
-    /// The present velocities `v`, N x D [m/s], as motion.
-    pub fn velocities(now: &Few<'_>, v: &[f32]) -> Vec<Mover<D>> {
+    /// The present velocities `v`, N x D [m/s], as motion, with a part of the affine motion.
+    pub fn velocities(now: &Few<'_>, v: &[f32], affine_share: f32) -> Vec<Mover<D>> {
         (0..now.ids.len())
             .map(|index| Mover {
                 x: now.position(index),
                 shift: Vector::from_column_slice(&v[index * D..][..D]),
-                gradient: now.gradient(index) * AFFINE_SHARE,
+                gradient: now.gradient(index) * affine_share,
                 mass: now.mass[index],
             })
             .collect()

@@ -21,5 +21,5 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-pub use carrier::{CARRY_EVERY, Carrier};
+pub use carrier::{CARRY_EVERY, Carrier, CarryConstants};
 pub use few::Few;

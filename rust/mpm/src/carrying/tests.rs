@@ -94,7 +94,7 @@ fn crowded<const D: usize>(particles: &[Carried<D>], threads: usize) -> Vec<Carr
     let walls = walls();
     let none = Obstacles::new(Vec::new(), &walls, &layout);
     let team = Team::new(threads).unwrap();
-    let mut crowding = Crowding::new(layout, &walls, &none, threads);
+    let mut crowding = Crowding::new(layout, 2.0, &walls, &none, threads);
     let mut carried = blocks(particles);
     for _ in 0..3 {
         crowding.relax(&mut carried, &team);

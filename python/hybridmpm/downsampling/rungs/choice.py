@@ -1,0 +1,111 @@
+"""From the name of a rung to its settings in a scene."""
+
+import difflib
+import math
+import warnings
+
+from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution
+from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
+from hybridmpm.downsampling.rungs.rung import Rung
+from hybridmpm.downsampling.rungs.table import RungEntry, RungTable, rung_table
+from hybridmpm.errors import ConfigError
+from hybridmpm.scene import Scene
+
+
+class RungWarning(UserWarning):
+    """A scene is faster than all that a rung was fitted to, or frames had to be done again at the safe step.
+
+    Not an error: such frames are right, but errors may be larger than the table of rungs says.
+    """
+
+
+def rung_for(scene: Scene, name: str, table: RungTable | None = None) -> Rung:
+    """Return the settings of a fitted rung in a scene.
+
+    Where several materials meet, the grid has as many particles per cell as the one that needs most, the
+    step and the affine share are the smallest and the relaxation is the largest of all; each material keeps
+    its own modulus. A material that nobody fitted in this dimension, such as an elastic solid, enters with
+    the constants of `MpmSolver(r_p=..., carry=True)`.
+
+    Moduli are lowered only as far as matter that has settled between the walls is compressed by
+    `RungTable.largest_compression`, or by as much as the scene's own moduli let it: deep scenes so get a
+    stiffer rung, which takes more substeps.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Name of a rung, such as "1/16".
+    table : RungTable, optional
+        The table that comes with the library if absent.
+
+    Raises
+    ------
+    ConfigError
+        There is no such rung, or its grid would be too coarse for the scene.
+
+    Warns
+    -----
+    RungWarning
+        Matter can land faster than in any scene of the scenarios that the rung was fitted to.
+    """
+    known = rung_table() if table is None else table
+    r_p = _checked_ratio(name, known)
+    entries = [known.find(material.kind, scene.dim, name) for material in scene.materials]
+    fitted = [entry for entry in entries if entry is not None]
+    _tell_speed(scene, name, fitted)
+    if not fitted:
+        return Rung.unfitted(scene, r_p).named(name)
+    natives = [material.to_native(scene.potential_drop) for material in scene.materials]
+    strange = [native for native, entry in zip(natives, entries, strict=True) if entry is None]
+    plain = Rung.unfitted(scene, r_p)
+    per_cell = max([entry.particles_per_cell for entry in fitted] + [FEWEST_PER_CELL] * bool(strange))
+    settled = settled_potential(scene) / known.largest_compression
+    return Rung(
+        name=name,
+        r_p=r_p,
+        resolution=coarse_resolution(scene, r_p, per_cell),
+        moduli=tuple(
+            1.0 if entry is None else _modulus(entry, settled / native.sound_speed**2)
+            for native, entry in zip(natives, entries, strict=True)
+        ),
+        cfl=min([entry.cfl for entry in fitted] + [native.default_cfl for native in strange]),
+        affine_share=min([entry.affine_share for entry in fitted] + [plain.affine_share] * bool(strange)),
+        relaxation=max([entry.relaxation for entry in fitted] + [plain.relaxation] * bool(strange)),
+    )
+
+
+def _modulus(entry: RungEntry, least: float) -> float:
+    """Return the factor on a material's moduli, which depth asks to be at least `least`."""
+    return min(1.0, max(entry.modulus, least))
+
+
+def _checked_ratio(name: str, table: RungTable) -> float:
+    ratios = table.ratios
+    if isinstance(name, str) and name in ratios:
+        return ratios[name]
+    known = ", ".join(repr(one) for one in ratios)
+    raise ConfigError(f"rung must be one of {known}, got {name!r}{_suggestion(name, ratios)}")
+
+
+def _suggestion(name: object, ratios: dict[str, float]) -> str:
+    """Return the question whether the nearest rung was meant, where there is one."""
+    near: str | None = None
+    if isinstance(name, int | float) and not isinstance(name, bool) and name > 0 and math.isfinite(name):
+        near = min(ratios, key=lambda one: abs(math.log(ratios[one] / name)))
+    elif isinstance(name, str):
+        near = next(iter(difflib.get_close_matches(name, ratios, n=1)), None)
+    return "" if near is None else f"; did you mean {near!r}?"
+
+
+def _tell_speed(scene: Scene, name: str, entries: list[RungEntry]) -> None:
+    speed = fastest_impact(scene)
+    known = min((entry.fastest for entry in entries), default=math.inf)
+    if speed > known:
+        warnings.warn(
+            f"matter may land at {speed:.2g} m/s in this scene, but rung {name!r} was fitted up to "
+            f"{known:.2g} m/s: its error may be larger than the table says; compare it with a rung of more "
+            "particles, or with MpmSolver(scene, r_p=..., carry=True), whose constants are not fitted",
+            RungWarning,
+            stacklevel=5,
+        )

@@ -1,0 +1,114 @@
+"""Frames of the compiled solver and of the particles that it carries."""
+
+from collections.abc import Callable
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import _native
+from hybridmpm.downsampling import Carrier
+from hybridmpm.errors import FrameCancelledError, SimulationError
+from hybridmpm.mpm import joint_state
+
+_Floats = npt.NDArray[np.float32]
+
+
+class Frames:
+    """A solver that goes on by frames, with the particles that it carries if it does.
+
+    Parameters
+    ----------
+    solver : _native.Solver
+    carrier : Carrier or None
+        Who carries along what the solver moves.
+    safe : callable, optional
+        Makes a solver of the same scene at frame 0 that takes shorter substeps. A frame that fails is then
+        done again by that one, from the same state.
+    """
+
+    def __init__(
+        self,
+        solver: _native.Solver,
+        carrier: Carrier | None,
+        safe: Callable[[], _native.Solver] | None = None,
+    ) -> None:
+        self.solver, self.carrier = solver, carrier
+        self._make_safe = safe
+        self._safe: _native.Solver | None = None
+        self._cancel: _native.CancelFlag | None = None
+        self._redone: dict[int, _native.FrameReport | None] = {}
+
+    @property
+    def redone(self) -> tuple[int, ...]:
+        """Numbers of the frames, ascending, that were done again with shorter substeps."""
+        return tuple(sorted(self._redone))
+
+    @property
+    def last(self) -> _native.FrameReport | None:
+        """How the latest frame was cut into substeps; None before the first."""
+        return self._redone.get(self.solver.frame, self.solver.last_frame)
+
+    def advance(self, frames: int, force: _Floats | None) -> None:
+        """Advance by frames under one acceleration (D,) [m/s^2], or without."""
+        if self.carrier is None:
+            self._advance_few(frames, force)
+            return
+        last = self.solver.frame + frames
+        while self.solver.frame < last:
+            self._advance_few(min(self.carrier.frames_to_carry(), last - self.solver.frame), force)
+            self.carrier.follow()
+
+    def advance_one(self, force: _Floats | None) -> None:
+        """Advance by one frame under an acceleration, (D,) or of each particle that is shown (N, D)."""
+        if self.carrier is not None and force is not None and force.ndim == 2:
+            force = self.carrier.gather_force(force)
+        self.advance(1, force)
+
+    def _advance_few(self, frames: int, force: _Floats | None) -> None:
+        last = self.solver.frame + frames
+        while self.solver.frame < last:
+            try:
+                self.solver.advance(last - self.solver.frame, force)
+            except FrameCancelledError:
+                raise
+            except SimulationError:
+                if self._make_safe is None:
+                    raise
+                self._redo(self._make_safe, force)
+
+    def _redo(self, make: Callable[[], _native.Solver], force: _Floats | None) -> None:
+        """Do the frame again that has just failed; it may fail again, and nothing has changed then."""
+        if self._safe is None:
+            self._safe = make()
+            if self._cancel is not None:
+                self._safe.cancel_by(self._cancel)
+        self._safe.restore(self.solver.snapshot())
+        self._safe.advance(1, force)
+        self.solver.restore(self._safe.snapshot())
+        self._redone[self.solver.frame] = self._safe.last_frame
+
+    def cancel_by(self, flag: _native.CancelFlag) -> None:
+        """Let a flag end the frame that is being computed, by whichever solver."""
+        self._cancel = flag
+        for solver in (self.solver, self._safe):
+            if solver is not None:
+                solver.cancel_by(flag)
+
+    def snapshot(self) -> bytes:
+        """Return the complete state."""
+        return joint_state.encode(self.solver, self.carrier)
+
+    def restore(self, data: bytes) -> None:
+        """Take the state of a snapshot of the same scene, or change nothing and raise `SnapshotError`."""
+        joint_state.restore(self.solver, self.carrier, data)
+        self._redone = {frame: report for frame, report in self._redone.items() if frame <= self.solver.frame}
+
+    def copy(self) -> Self:
+        """Return independent frames in the same state."""
+        solver = self.solver.copy()
+        carrier = None if self.carrier is None else self.carrier.copy(solver)
+        twin = type(self)(solver, carrier, self._make_safe)
+        # The compiled copy obeys the same flag.
+        twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
+        return twin
