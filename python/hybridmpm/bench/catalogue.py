@@ -18,7 +18,7 @@ BENCHES: dict[str, Origin] = {
     "neighbors": Origin(modules=("hybridmpm.bench.speed.neighbors", "hybridmpm.bench.peers.scipy_tree")),
     "sleeping": Origin(modules=("hybridmpm.bench.speed.sleeping",)),
     "downsampling": Origin(
-        modules=("hybridmpm.bench.downsampling.measure",),
+        modules=("hybridmpm.bench.downsampling.ladders",),
         data=("python/hybridmpm/downsampling/rungs/rungs.json",),
     ),
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),

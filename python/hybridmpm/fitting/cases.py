@@ -10,8 +10,8 @@ from hybridmpm import scenarios
 from hybridmpm._native import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.bench.accuracy.conventions import EVERY
+from hybridmpm.bench.accuracy.grid import TrueGrids
 from hybridmpm.bench.accuracy.impact import LONGEST_FALL, first_impact
-from hybridmpm.metrics import grid_mass
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 
@@ -32,10 +32,8 @@ class Case:
     """Frame of the first impact."""
     mass: _Floats
     """Masses (N,) of the scene's particles [kg]."""
-    masses: _Floats
-    """Masses of the nodes over their sum, (states, nodes)."""
-    norms: npt.NDArray[np.float64]
-    """Their Euclidean norms, (states,)."""
+    grids: TrueGrids
+    """Grids of the states."""
     transported: _Floats
     """Positions (rows, N, D) [m] of the states in `TRANSPORTED`."""
 
@@ -51,22 +49,13 @@ class Case:
         with np.load(file) as saved:
             impact, positions = int(saved["impact"]), saved["positions"]
         mass = scene.sample().mass
-        masses = np.stack([node_masses(x, mass, scene.resolution) for x in positions])
         return cls(
             scene=scene,
             impact=impact,
             mass=mass,
-            masses=masses,
-            norms=np.linalg.norm(masses, axis=1).astype(np.float64),
+            grids=TrueGrids(positions, mass, scene.resolution),
             transported=positions[list(TRANSPORTED)],
         )
-
-
-def node_masses(x: _Floats, mass: _Floats, resolution: int) -> _Floats:
-    """Return the masses of the grid's nodes over their sum, (nodes,)."""
-    nodes = grid_mass(x, mass, resolution).ravel()
-    share: _Floats = nodes / np.float32(nodes.sum(dtype=np.float64))
-    return share
 
 
 def _simulated(scene: Scene) -> tuple[int, _Floats]:

@@ -44,6 +44,8 @@ TARGETS = tuple(
     Target(material, dim, name) for material in ("water", "sand") for dim in (2, 3) for name in RATIOS
 )
 
+_FEWEST_PER_CELL = 1.0
+"""Smallest number of particles per cell: with fewer, sand comes apart."""
 _LARGEST_CFL = {"water": 0.65, "sand": 1.0}
 """Largest CFL numbers: those measured to be stable are 0.675 and 1.1."""
 _NANOSECONDS = {("water", 2): (18, 57, 21), ("sand", 2): (21, 53, 20)} | {
@@ -70,11 +72,13 @@ class Constants:
         """Return the point that a search begins with.
 
         It is where a first search by hand led: moduli as much lower as cells are wider, in 3D a twelfth of
-        water's and a quarter of sand's.
+        water's and a quarter of sand's, but at the resolution of the scene.
         """
         per_cell = 1.6 if target.dim == 2 else 1.8
         wider = (target.r_p * 2**target.dim / per_cell) ** (1 / target.dim)
         modulus = wider if target.dim == 2 else {"water": 0.08, "sand": 0.25}[target.material]
+        if wider > 1:  # The grid is the scene's own: soft matter would only add to the error.
+            modulus = 0.6
         return cls(
             particles_per_cell=per_cell,
             modulus=min(1.0, modulus),
@@ -88,7 +92,7 @@ class Constants:
         """Return the point at an offset (5,) from the start, held within the bounds of the space."""
         start, largest = cls.start(target), _LARGEST_CFL[target.material]
         return cls(
-            particles_per_cell=_held(start.particles_per_cell * np.exp(offset[0]), 0.8, 6.0),
+            particles_per_cell=_held(start.particles_per_cell * np.exp(offset[0]), _FEWEST_PER_CELL, 6.0),
             modulus=_held(start.modulus * np.exp(offset[1]), 0.02, 1.0),
             cfl=_held(start.cfl + largest * offset[2], 0.5 * largest, largest),
             affine_share=_held(start.affine_share + offset[3], 0.0, 1.0),

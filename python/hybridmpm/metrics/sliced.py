@@ -57,17 +57,16 @@ def _quantiles(x: _Floats, mass: _Floats) -> _Floats:
     for direction in _directions(x.shape[1]):
         along = x @ direction
         order = np.argsort(along, kind="stable")
-        weight = mass[order]
-        share = np.asarray((np.cumsum(weight) - weight / 2) / weight.sum(), dtype=np.float64)
-        found.append(np.interp(_LEVELS, share, along[order]))
+        reached = np.cumsum(mass[order])
+        found.append(along[order][np.searchsorted(reached, _LEVELS * reached[-1])])
     return np.stack(found)
 
 
 def _directions(dim: int) -> _Floats:
     """Return unit vectors (n, D), spread evenly over a half circle or half sphere."""
     if dim == 2:
-        angle = np.arange(8) * np.pi / 8
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        half_circle = np.arange(8) * np.pi / 8
+        return np.stack([np.cos(half_circle), np.sin(half_circle)], axis=1)
     count = 12
     height = (np.arange(count) + 0.5) / count
     angle = np.arange(count) * np.pi * (3 - 5**0.5)

@@ -110,7 +110,7 @@ class MpmSolver(MpmState):
             self._rung = Rung.unfitted(scene, r_p)
         else:
             _refuse_beside_rung(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
-            self._rung = rung if isinstance(rung, Rung) else rung_for(scene, rung)
+            self._rung = _checked(rung, scene) if isinstance(rung, Rung) else rung_for(scene, rung)
             carry = True
         self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
         self._limit_told = self._redone_told = False
@@ -306,3 +306,15 @@ def _refuse_beside_rung(**given: bool) -> None:
     for name, is_given in given.items():
         if is_given:
             raise ConfigError(f"{name} is chosen by the rung: drop {name}, or give no rung")
+
+
+def _checked(rung: Rung, scene: Scene) -> Rung:
+    """Return a rung that somebody made for a scene, or raise `ConfigError`."""
+    if rung.name is None:
+        raise ConfigError("a rung needs a name, by which messages and files call it: use rung.named(...)")
+    if len(rung.moduli) != len(scene.materials):
+        raise ConfigError(
+            f"the rung {rung.name!r} has {len(rung.moduli)} moduli, but the scene has {len(scene.materials)} "
+            f"material{'s' * (len(scene.materials) > 1)}: give one factor for each"
+        )
+    return rung

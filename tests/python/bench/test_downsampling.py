@@ -6,46 +6,46 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm.bench.accuracy import downsampling
+from hybridmpm.bench.downsampling import ladders
 from hybridmpm.cli import cli
-
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
 
 
 def test_rows_and_chart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(downsampling, "RATIOS", {"1": 1.0, "1/4": 1 / 4, "1/16": 1 / 16})
+    ratios = {"1": 1.0, "1/4": 1 / 4, "1/16": 1 / 16}
+    monkeypatch.setattr(ladders, "RATIOS", ratios)
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
-    arguments = ["--scenario", "water_2d", "--scenes", "2", "--frames", "40", "--repeats", "1", "--carry"]
+    arguments = ["--scenario", "water_2d", "--scenes", "2", "--frames", "40", "--repeats", "1"]
     result = CliRunner().invoke(
         cli, ["bench", "downsampling", *arguments, "--json", str(file), "--chart", str(chart)]
     )
     assert result.exit_code == 0, result.output
     rows = {(row["method"], row["label"]): row for row in json.loads(file.read_text())}
-    assert set(rows) == {("jitter", None), ("still", None)} | {
-        (method, label) for method in ("mpm", "merged", "upsampled") for label in downsampling.RATIOS
-    } | {("carried", "1/4"), ("carried", "1/16")}
+    assert set(rows) == {("jitter", None), ("still", None), ("mpm", "1")} | {
+        (method, label) for method in ("mpm", "carried", "fitted") for label in ("1/4", "1/16")
+    }
     for (method, label), row in rows.items():
         assert (row["scenario"], row["scenes"]) == ("water_2d", 2)
-        assert row["r_p"] == (None if label is None else round(downsampling.RATIOS[label], 4))
-        assert (row["ms_per_frame"] is None) == (method in {"merged", "still"})
-        for measure in ("grid_rmse", "grid_nrmse", "grid_node_error", "sinkhorn"):
-            assert row[f"{measure}_40"] >= 0
-            assert row[f"{measure}_40_se"] >= 0
-        assert {"max_density_mean", "kinetic_energy_mean", "centroid_mean", "neighbours_mean"} < set(row)
-        assert (row["grid_rmse_mean_difference"] is None) == ((method, label) == ("mpm", "1"))
-    assert rows["merged", "1"]["grid_rmse_mean"] == 0
-    ceiling = rows["still", None]["grid_rmse_mean"]
-    assert all(row["grid_rmse_mean"] <= ceiling for row in rows.values())
-    merged = [rows["merged", label] for label in downsampling.RATIOS]
-    assert [row["particles"] for row in merged] == sorted((r["particles"] for r in merged), reverse=True)
-    assert [row["grid_rmse_mean"] for row in merged] == sorted(row["grid_rmse_mean"] for row in merged)
+        assert row["r_p"] == (None if label is None else round(ratios[label], 4))
+        assert (row["ms_per_frame"] is None) == (method in {"jitter", "still"})
+        assert row["error_40"] >= row["error_40_se"] >= 0
+        assert row["transport"] >= 0
+        assert (row["minus_mpm"] is None) == (method not in {"carried", "fitted"})
+        assert (row["minus_carried"] is None) == (method != "fitted")
+    ceiling = rows["still", None]["error"]
+    assert all(row["error"] <= ceiling for key, row in rows.items() if key != ("mpm", "1/16"))
+    for label in ("1/4", "1/16"):
+        few, carried, fitted = (rows[method, label] for method in ("mpm", "carried", "fitted"))
+        assert few["particles"] == carried["particles"] == fitted["particles"]
+        assert carried["error"] < 0.8 * few["error"]
+        assert carried["minus_mpm"] == pytest.approx(carried["error"] - few["error"], rel=1e-3)
+        assert fitted["minus_carried"] == pytest.approx(fitted["error"] - carried["error"], abs=1e-3)
+        assert carried["ms_shown"] > few["ms_shown"]
+        assert fitted["density"] < 1.3
+        assert fitted["redone"] == 0
     assert rows["mpm", "1/16"]["resolution"] == 45
     assert rows["carried", "1/16"]["resolution"] == 45
-    assert rows["carried", "1/16"]["grid_rmse_mean"] < 0.8 * rows["mpm", "1/16"]["grid_rmse_mean"]
-    assert rows["carried", "1/16"]["particles"] == rows["jitter", None]["particles"]
-    assert rows["upsampled", "1/16"]["particles"] == rows["jitter", None]["particles"]
-    options = "--scenario water_2d --scenes 2 --scenes-3d 3 --frames 40 --repeats 1"
-    assert rows["mpm", "1"]["command"] == f"hybridmpm bench downsampling --carry {options}"
-    assert "upsampled" in result.stdout
+    options = "--scenario water_2d --scenes 2 --frames 40 --repeats 1"
+    assert rows["mpm", "1"]["command"] == f"hybridmpm bench downsampling {options}"
+    assert "fitted" in result.stdout
     assert "held still" in chart.read_text()
     assert chart.with_suffix(".png").stat().st_size > 10_000

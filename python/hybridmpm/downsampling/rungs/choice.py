@@ -107,5 +107,5 @@ def _tell_speed(scene: Scene, name: str, entries: list[RungEntry]) -> None:
             f"{known:.2g} m/s: its error may be larger than the table says; compare it with a rung of more "
             "particles, or with MpmSolver(scene, r_p=..., carry=True), whose constants are not fitted",
             RungWarning,
-            stacklevel=5,
+            stacklevel=4,
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from hybridmpm import metrics, scenarios
 from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED, LADDER
+from hybridmpm.bench.accuracy.grid import TrueGrids
 from hybridmpm.bench.accuracy.rollouts import Truth, excerpt
 from hybridmpm.bench.downsampling.frame_times import FrameTimes, frame_times
 from hybridmpm.bench.report.pareto import dominating
@@ -121,11 +122,12 @@ def _run_scene(
     span = settings.frames
     truth = Truth.of(scene, latest_warm_up=0, span=span)
     true = excerpt(truth.states, truth.impact, span)
+    grids = TrueGrids(true.positions, true.mass, scene.resolution)
     jittered = truth.with_other_jitter()
     if jittered is not None:
-        table.add("jitter", scene.name, _errors(excerpt(jittered, truth.impact, span), true))
+        table.add("jitter", scene.name, _errors(excerpt(jittered, truth.impact, span), true, grids))
     held = np.broadcast_to(truth.states.positions[truth.impact], true.positions.shape)
-    table.add("still", scene.name, _errors(dataclasses.replace(true, positions=held), true))
+    table.add("still", scene.name, _errors(dataclasses.replace(true, positions=held), true, grids))
     for name in _names():
         solver = _maker(name)(scene)
         solver.advance(truth.impact)
@@ -133,18 +135,12 @@ def _run_scene(
         states = dataclasses.replace(
             run, frames=run.frames[1:], positions=run.positions[1:], velocities=run.velocities[1:]
         )
-        table.add(name, scene.name, _errors(states, true))
+        table.add(name, scene.name, _errors(states, true, grids))
         facts.enter(name, solver, _density(states))
 
 
-def _errors(predicted: Recording, true: Recording) -> dict[str, float]:
-    resolution = true.scene.resolution
-    errors = [
-        metrics.grid_rmse(
-            metrics.grid_mass(x, predicted.mass, resolution), metrics.grid_mass(t, true.mass, resolution)
-        )
-        for x, t in zip(predicted.positions, true.positions, strict=True)
-    ]
+def _errors(predicted: Recording, true: Recording, grids: TrueGrids) -> dict[str, float]:
+    errors = [grids.rmse(row, x, predicted.mass) for row, x in enumerate(predicted.positions)]
     rows = {frame: frame // EVERY - 1 for frame in AT if frame // EVERY <= len(errors)}
     moved = [frame // EVERY - 1 for frame in _TRANSPORTED if frame // EVERY <= len(errors)] or [-1]
     transport = metrics.sliced_distance(
@@ -177,7 +173,7 @@ def _row(name: str, table: metrics.ErrorTable, facts: _Facts, times: FrameTimes 
         "redone": facts.redone[name] if known else None,
         **{key: significant(value) for key, value in entry.items() if key != "method" and key[-2:] != "_n"},
         **_apart(table, name, f"mpm {label}", "error", "minus_mpm"),
-        **_apart(table, name, f"carried {label}", "error", "minus_carried"),
+        **_apart(table, name, f"carried {label}" if kind == "fitted" else name, "error", "minus_carried"),
         **_apart(table, name, f"mpm {label}", "transport", "transport_minus_mpm"),
     }
 
