@@ -22,9 +22,9 @@ LARGEST_COMPRESSION = 0.02
 class FitSettings:
     """Length of the searches."""
 
-    trials: int = 64
+    trials: int = 80
     """Number of points that the search of each rung tries."""
-    scenes: int = 8
+    scenes: int = 10
     """Number of training scenes, from seed 0 on."""
     held_out: int = 10
     """Number of scenes of each scenario that a rung is judged on."""

@@ -25,8 +25,8 @@ the lowest objective lies where the front touches a line of about its own slope.
 """
 DENSEST = 1.3
 """Largest density, 99th percentile over that at rest, that is allowed."""
-_MARGIN = 0.03
-"""How far below `DENSEST` a search stays, since runs may be longer than those that it tries."""
+_DENSITY_MARGIN, _TRANSPORT_MARGIN = 0.03, 0.05
+"""How far within the bounds a search stays: other runs are longer, and other scenes differ."""
 _PENALTY = 4.0
 """Weight of what violates a bound, in the logarithm of the objective."""
 
@@ -101,8 +101,8 @@ def _value(
         "density": float(np.mean([one.density for one in outcomes])),
         "redone": float(np.mean([one.redone > 0 for one in outcomes])),
     }
-    crowded = np.mean([max(0.0, one.density - (DENSEST - _MARGIN)) for one in outcomes])
-    violation = crowded + max(0.0, means["transport"] - 1) + 0.1 * means["redone"]
+    crowded = np.mean([max(0.0, one.density - (DENSEST - _DENSITY_MARGIN)) for one in outcomes])
+    violation = crowded + max(0.0, means["transport"] - (1 - _TRANSPORT_MARGIN)) + 0.1 * means["redone"]
     logs = [np.log(one.error) + PRICE * np.log(spent) for one, spent in zip(outcomes, times, strict=True)]
     return float(np.mean(logs) + _PENALTY * violation), means
 

@@ -80,7 +80,7 @@ def test_a_journal_of_another_search_is_refused(folder: Path) -> None:
     journal.write_text("\n".join([head, json.dumps(moved), *others]) + "\n")
     with pytest.raises(DataError, match="is of another search"):
         fit(folder, 2)
-    journal.write_text("\n".join([head, "{"]) + "\n")
+    journal.write_text(head + "\n{\n")
     with pytest.raises(DataError, match="is damaged"):
         fit(folder, 2)
 
