@@ -27,11 +27,16 @@ class FitSettings:
     scenes: int = 10
     """Number of training scenes, from seed 0 on."""
     held_out: int = 10
-    """Number of scenes of each scenario that a rung is judged on."""
+    """Number of scenes that a rung is judged on, and half as many of each other scenario with its material."""
 
     def steps(self, targets: Sequence[Target]) -> int:
         """Return how often progress is told."""
-        return sum(self.trials + self.held_out * len(scenarios_of(one)) for one in targets)
+        return sum(self.trials + sum(self.judged(one).values()) for one in targets)
+
+    def judged(self, target: Target) -> dict[str, int]:
+        """Return the number of held-out scenes by scenario."""
+        others = max(2, self.held_out // 2)
+        return {name: self.held_out if name == target.scenario else others for name in scenarios_of(target)}
 
 
 def fit_rungs(
@@ -79,8 +84,8 @@ def fit_rungs(
     for target in targets:
         table = _table(entries)
         seen = [
-            judge(target, table, scenario, scenes=settings.held_out, folder=truths, on_scene=on_step)
-            for scenario in scenarios_of(target)
+            judge(target, table, scenario, scenes=scenes, folder=truths, on_scene=on_step)
+            for scenario, scenes in settings.judged(target).items()
         ]
         entries[target] = entries[target].model_copy(update={"held_out": tuple(seen)})
     table = _table(entries)

@@ -20,6 +20,9 @@ const ONE: f32 = 65_536.0;
 /// Nodes with less room [-] between walls and outside of obstacles count as if they had this.
 const LEAST_ROOM: f32 = 0.25;
 
+/// Chunks whose flags are looked at together: of all chunks of a grid few are dirty.
+const GROUP: usize = 64;
+
 /// Counts of one thread.
 #[derive(Debug, Clone)]
 struct Counts {
@@ -109,9 +112,15 @@ impl<const D: usize> Crowding<D> {
             .collect();
         let layout = &self.layout;
         team.for_each(&mut parts, |(counts, blocks)| {
-            for (chunk, dirty) in counts.dirty.iter_mut().enumerate() {
-                if std::mem::take(dirty) {
-                    counts.nodes[chunk * CHUNK..(chunk + 1) * CHUNK].fill(0);
+            for (group, flags) in counts.dirty.chunks_mut(GROUP).enumerate() {
+                if !any(flags) {
+                    continue;
+                }
+                for (k, dirty) in flags.iter_mut().enumerate() {
+                    if std::mem::take(dirty) {
+                        let chunk = group * GROUP + k;
+                        counts.nodes[chunk * CHUNK..(chunk + 1) * CHUNK].fill(0);
+                    }
                 }
             }
             run_wide(Count {
@@ -132,27 +141,39 @@ impl<const D: usize> Crowding<D> {
         let mut parts: Vec<_> = parts.enumerate().collect();
         team.for_each(&mut parts, |(part, ((dirty, excess), weight))| {
             let first = *part * share;
-            for chunk in 0..dirty.len() {
-                let counted = counts.iter().any(|counts| counts.dirty[first + chunk]);
-                if !counted && !dirty[chunk] {
+            for group in (0..dirty.len()).step_by(GROUP) {
+                let chunks = group..(group + GROUP).min(dirty.len());
+                let counted_in = |counts: &Counts| any(&counts.dirty[first..][chunks.clone()]);
+                if !any(&dirty[chunks.clone()]) && !counts.iter().any(counted_in) {
                     continue;
                 }
-                dirty[chunk] = counted;
-                let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
-                let mut sums = [0u32; CHUNK];
-                for counts in counts {
-                    let of_thread = &counts.nodes[first * CHUNK..][nodes.clone()];
-                    for k in 0..CHUNK {
-                        sums[k] = sums[k].wrapping_add(of_thread[k]);
+                for chunk in chunks {
+                    let counted = counts.iter().any(|counts| counts.dirty[first + chunk]);
+                    if !counted && !dirty[chunk] {
+                        continue;
                     }
-                }
-                let (excess, weight) = (&mut excess[nodes.clone()], &weight[nodes]);
-                for k in 0..CHUNK {
-                    excess[k] = (sums[k] as f32 * weight[k] - 1.0).max(0.0);
+                    dirty[chunk] = counted;
+                    let nodes = chunk * CHUNK..(chunk + 1) * CHUNK;
+                    let mut sums = [0u32; CHUNK];
+                    for counts in counts {
+                        let of_thread = &counts.nodes[first * CHUNK..][nodes.clone()];
+                        for k in 0..CHUNK {
+                            sums[k] = sums[k].wrapping_add(of_thread[k]);
+                        }
+                    }
+                    let (excess, weight) = (&mut excess[nodes.clone()], &weight[nodes]);
+                    for k in 0..CHUNK {
+                        excess[k] = (sums[k] as f32 * weight[k] - 1.0).max(0.0);
+                    }
                 }
             }
         });
     }
+}
+
+/// Whether a flag is set. Without an early end the compiler looks at many at once.
+fn any(flags: &[bool]) -> bool {
+    flags.iter().fold(false, |found, &flag| found | flag)
 }
 
 /// Adds the volumes of particles to the nodes.

@@ -24,8 +24,26 @@ pub struct Field<const D: usize> {
     pub layout: Layout<D>,
     /// Lanes 0..D hold the motion, lane 3 is 1 where there is any mass; all is 0 elsewhere.
     pub nodes: Vec<f32x4>,
-    /// Chunks of nodes that are not zero.
-    dirty: Vec<bool>,
+    dirty: DirtyChunks,
+}
+
+/// Chunks of nodes that are not zero.
+///
+/// They are listed, for a grid has many more chunks than few particles touch.
+#[derive(Debug, Clone)]
+struct DirtyChunks {
+    is_dirty: Vec<bool>,
+    list: Vec<usize>,
+}
+
+impl DirtyChunks {
+    #[inline(always)]
+    fn mark(&mut self, chunk: usize) {
+        if !self.is_dirty[chunk] {
+            self.is_dirty[chunk] = true;
+            self.list.push(chunk);
+        }
+    }
 }
 
 impl<const D: usize> Field<D> {
@@ -35,7 +53,10 @@ impl<const D: usize> Field<D> {
         Self {
             layout,
             nodes: vec![f32x4::ZERO; count],
-            dirty: vec![false; count / CHUNK],
+            dirty: DirtyChunks {
+                is_dirty: vec![false; count / CHUNK],
+                list: Vec::new(),
+            },
         }
     }
 
@@ -48,7 +69,7 @@ impl<const D: usize> Field<D> {
             nodes: &mut self.nodes,
             dirty: &mut self.dirty,
         });
-        for chunk in self.dirty_chunks() {
+        for &chunk in &self.dirty.list {
             for node in &mut self.nodes[chunk * CHUNK..(chunk + 1) * CHUNK] {
                 let mass = node.to_array()[3];
                 *node = if mass > SMALLEST_MASS {
@@ -63,17 +84,10 @@ impl<const D: usize> Field<D> {
     }
 
     fn clear(&mut self) {
-        for chunk in self.dirty_chunks() {
-            self.dirty[chunk] = false;
+        for chunk in self.dirty.list.drain(..) {
+            self.dirty.is_dirty[chunk] = false;
             self.nodes[chunk * CHUNK..(chunk + 1) * CHUNK].fill(f32x4::ZERO);
         }
-    }
-
-    fn dirty_chunks(&self) -> Vec<usize> {
-        let numbered = self.dirty.iter().enumerate();
-        numbered
-            .filter_map(|(chunk, &dirty)| dirty.then_some(chunk))
-            .collect()
     }
 }
 
@@ -82,7 +96,7 @@ struct Spread<'a, const D: usize> {
     movers: &'a [Mover<D>],
     layout: Layout<D>,
     nodes: &'a mut [f32x4],
-    dirty: &'a mut [bool],
+    dirty: &'a mut DirtyChunks,
 }
 
 impl<const D: usize> Kernel for Spread<'_, D> {
@@ -131,8 +145,8 @@ impl<const D: usize> Kernel for Spread<'_, D> {
                         .try_into()
                         .expect("four nodes");
                     *row = value.mul_add(weight, Q::load(row)).store();
-                    self.dirty[begin / CHUNK] = true;
-                    self.dirty[(begin + 2) / CHUNK] = true;
+                    self.dirty.mark(begin / CHUNK);
+                    self.dirty.mark((begin + 2) / CHUNK);
                     value = value.add(along_second);
                 }
                 plane = plane.add(along_first);
