@@ -94,3 +94,11 @@ class ThinObstacleWarning(UserWarning):
 
     Issued when a solver is built. Not an error: slow material respects a thin obstacle too.
     """
+
+
+class RungWarning(UserWarning):
+    """A scene is faster than all that a rung was fitted to, or a frame had to be done again at the safe step.
+
+    Not an error: the frames are right as far as a coarse solver is, but errors may be larger than the table
+    of rungs says.
+    """

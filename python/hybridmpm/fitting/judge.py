@@ -8,9 +8,10 @@ import numpy as np
 
 from hybridmpm import scenarios
 from hybridmpm.bench.accuracy.conventions import FIRST_SEED
-from hybridmpm.downsampling import RungTable, RungWarning, rung_for
+from hybridmpm.downsampling import RungTable, rung_for
 from hybridmpm.downsampling.rungs import HeldOut
 from hybridmpm.downsampling.rungs.bounds import fastest_impact
+from hybridmpm.errors import RungWarning
 from hybridmpm.fitting.cases import Case
 from hybridmpm.fitting.outcome import Outcome, measure
 from hybridmpm.fitting.space import Target

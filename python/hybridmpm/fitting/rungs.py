@@ -27,7 +27,7 @@ class FitSettings:
     scenes: int = 10
     """Number of training scenes, from seed 0 on."""
     held_out: int = 10
-    """Number of scenes that a rung is judged on, and half as many of each other scenario with its material."""
+    """Number of scenes that a rung is judged on, half as many of each other scenario with its material."""
 
     def steps(self, targets: Sequence[Target]) -> int:
         """Return how often progress is told."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from hybridmpm._native import SOLVER_VERSION
 from hybridmpm.control.methods.cma_es import minimise
-from hybridmpm.downsampling import RungWarning
-from hybridmpm.errors import DataError, SimulationError
+from hybridmpm.errors import DataError, RungWarning, SimulationError
 from hybridmpm.fitting.cases import Case
 from hybridmpm.fitting.outcome import Outcome, measure
 from hybridmpm.fitting.space import SCALE, Constants, Floats, Target, milliseconds

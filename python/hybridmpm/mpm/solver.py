@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
-from hybridmpm.downsampling import Rung, RungWarning, rung_for
-from hybridmpm.errors import ConfigError, CostlyMaterialWarning, ThinObstacleWarning
+from hybridmpm.downsampling import Rung, rung_for
+from hybridmpm.errors import ConfigError, CostlyMaterialWarning, RungWarning, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import carrier_of, native_solver
 from hybridmpm.mpm.cost import costly_materials

@@ -1,4 +1,4 @@
-"""Draws docs/images/rungs.png: the seven scenarios, simulated in full and by the rung 1/16, three moments each.
+"""Draws docs/images/rungs.png: the seven scenarios in full and by the rung 1/16, at three moments each.
 
 `python -m tests.python.downsampling.contact_sheet docs/images/rungs.png` writes it, always the same.
 """
@@ -57,7 +57,9 @@ def sheet() -> Image.Image:
             left = _SIDE + column * step + column // 2 * 3 * _GAP
             image.paste(Image.fromarray(picture[:, :, :3]).resize((_SIZE, _SIZE)), (left, top))
             if row == 0:
-                title = f"{AFTER[column // 2]} frames: " + ("all simulated" if column % 2 == 0 else f"rung {RUNG}")
+                title = f"{AFTER[column // 2]} frames: " + (
+                    "all simulated" if column % 2 == 0 else f"rung {RUNG}"
+                )
                 draw.text((left + 4, 2), title, fill=_INK)
     return image
 

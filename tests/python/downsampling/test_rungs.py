@@ -18,6 +18,7 @@ from hybridmpm import (
     InvertedError,
     MpmSolver,
     RectangularEmitter,
+    RungWarning,
     Sand,
     Scene,
     SnapshotError,
@@ -25,7 +26,7 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.cli import cli
-from hybridmpm.downsampling import Rung, RungWarning, coarse_resolution, rung_for, rung_table
+from hybridmpm.downsampling import Rung, coarse_resolution, rung_for, rung_table
 from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.simulators import make

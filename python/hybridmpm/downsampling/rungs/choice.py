@@ -8,15 +8,8 @@ from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution
 from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
 from hybridmpm.downsampling.rungs.rung import Rung
 from hybridmpm.downsampling.rungs.table import RungEntry, RungTable, rung_table
-from hybridmpm.errors import ConfigError
+from hybridmpm.errors import ConfigError, RungWarning
 from hybridmpm.scene import Scene
-
-
-class RungWarning(UserWarning):
-    """A scene is faster than all that a rung was fitted to, or frames had to be done again at the safe step.
-
-    Not an error: such frames are right, but errors may be larger than the table of rungs says.
-    """
 
 
 def rung_for(scene: Scene, name: str, table: RungTable | None = None) -> Rung:
