@@ -239,7 +239,7 @@ def test_what_the_benchmarks_need() -> None:
     assert ALL not in {one for need in needs.values() for one in need.native}
     assert crates["safeguard"] == {CRATES[name] for name in ("Solver", "radius_graph", "AccelerationHistory")}
     names = {path.name for path in needs["downsampling"].files}
-    assert {"downsampling.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
+    assert {"ladders.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
     assert names.isdisjoint({"provenance.py", "charts.py", "doctor.py", "constant.py"})
     assert "graph_network.py" in {path.name for path in needs["sweep"].files}
     for name, origin in BENCHES.items():
