@@ -15,7 +15,10 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
 class SessionRoute(APIRoute):
-    """A route whose calls are cancelled when their client has gone, and refused when the server stops."""
+    """A route whose calls are cancelled when their client has gone, and refused when the server stops.
+
+    A DELETE is done in any case: a page that is left sends one, and waits for no answer.
+    """
 
     def get_route_handler(self) -> Handler:
         """Return the function that answers a request."""
@@ -24,6 +27,8 @@ class SessionRoute(APIRoute):
         takes_model = self.body_field is not None
 
         async def call(request: Request) -> Response:
+            if request.method == "DELETE":
+                return await handle(request)
             body = await request.body()
             if takes_model and body and _is_json(request):
                 # FastAPI parses the body once more; it is known to be harmless then.

@@ -261,6 +261,16 @@ def test_calls_whose_clients_have_gone_are_cancelled(start: Callable[..., Any]) 
     assert service.http.post(f"{path}/advance", json={"frames": 1}).json()["frame"] == 2
 
 
+def test_a_delete_is_done_though_its_client_has_gone(start_module: Callable[..., Any]) -> None:
+    """A page that is closed deletes its session and waits for no answer."""
+    service = start_module()
+    paths = [service.create() for _ in range(8)]
+    for path in paths:
+        with _raw(service, f"DELETE {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()):
+            pass
+    _until(lambda: service.http.get("/v1/sessions").json()["sessions"] == [])
+
+
 @dear
 def test_a_stop_answers_the_calls_that_wait_with_503(start: Callable[..., Any], problem: Any) -> None:
     service = start(max_frame_cost=10**9)
