@@ -6,7 +6,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hybridmpm import Box, CancelFlag, Elastic, FrameCancelledError, MpmSolver, Scene, Simulator
+from hybridmpm import (
+    Box,
+    CancelFlag,
+    Elastic,
+    FrameCancelledError,
+    MpmSolver,
+    Scene,
+    Simulator,
+    scenarios,
+)
 
 
 @pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
@@ -51,3 +60,16 @@ def test_copies_obey_the_flag_until_they_get_their_own(make: Callable[[], Simula
     free.advance()
     assert free.frame == 1
     np.testing.assert_array_equal(copy.positions, simulator.positions)
+
+
+def test_a_cancelled_frame_of_a_rung_is_not_done_again_at_the_safe_step() -> None:
+    solver, flag = MpmSolver(scenarios.water_2d(0), rung="1/16"), CancelFlag()
+    solver.cancel_by(flag)
+    solver.advance(6)
+    before = solver.snapshot()
+    flag.set()
+    with pytest.raises(FrameCancelledError, match="frame 6 was cancelled"):
+        solver.advance(5)
+    assert solver._frames._safe is None  # nor is the solver made that would do it
+    assert solver.redone_frames == ()
+    assert solver.snapshot() == before
