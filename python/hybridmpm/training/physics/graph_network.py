@@ -103,12 +103,19 @@ class Perceptron(nn.Module):
 
 
 class Encoder(nn.Module):
-    """Turns features of nodes and edges into latent vectors."""
+    """Turns features of nodes and edges into latent vectors.
 
-    def __init__(self, spec: NetworkSpec) -> None:
+    Parameters
+    ----------
+    spec : NetworkSpec
+    extra : int
+        Number of features of a node besides those of the simulator.
+    """
+
+    def __init__(self, spec: NetworkSpec, extra: int = 0) -> None:
         super().__init__()
         self.types = nn.Embedding(TYPES, TYPE_EMBEDDING)
-        self.node = nn.Linear(spec.node_features, spec.latent)
+        self.node = nn.Linear(spec.node_features + extra, spec.latent)
         self.edge = nn.Linear(spec.edge_features, spec.latent)
         self.node_rest = Perceptron(spec.latent, spec.latent, spec.hidden_layers, norm=True)
         self.edge_rest = Perceptron(spec.latent, spec.latent, spec.hidden_layers, norm=True)

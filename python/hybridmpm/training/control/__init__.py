@@ -1,0 +1,1 @@
+"""Networks that control a fluid: which acceleration makes it follow a sketch."""

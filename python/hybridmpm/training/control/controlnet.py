@@ -1,0 +1,118 @@
+"""The Fluid ControlNet of the paper: diffusion over the external acceleration of the particles."""
+
+import math
+
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.training.control.sketch_encoder import EMBEDDING, SketchEncoder
+from hybridmpm.training.physics.graph_network import Decoder, Edges, Encoder, Layer
+
+STEP_EMBEDDING = 16
+"""Numbers that stand for the control step, as in the paper."""
+TIME_EMBEDDING = 64
+"""Numbers that stand for the time of the diffusion."""
+_LONGEST_WAVE = 10_000.0
+
+
+class FluidControlNet(nn.Module):
+    """The graph network of the simulator, conditioned on a sketch, that tells a clean field from a noisy one.
+
+    Each node gets, besides its features, an embedding of the control step and the noisy acceleration. The
+    embeddings of sketch and diffusion time are joined, and shift and scale the nodes before each layer of the
+    processor, as in DiT (Peebles and Xie, arXiv:2212.09748).
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+        Size, radius and scenarios; r_p below 1 makes it a network on coarse control nodes.
+    """
+
+    def __init__(self, spec: NetworkSpec) -> None:
+        super().__init__()
+        self.spec = spec
+        condition = EMBEDDING + TIME_EMBEDDING
+        self.sketch = SketchEncoder()
+        self.control_step = nn.Sequential(
+            nn.Linear(1, STEP_EMBEDDING), nn.SiLU(), nn.Linear(STEP_EMBEDDING, STEP_EMBEDDING)
+        )
+        self.in_noise = nn.Linear(STEP_EMBEDDING, spec.dim, bias=False)
+        self.encoder = Encoder(spec, STEP_EMBEDDING + spec.dim)
+        self.layers = nn.ModuleList(Layer(spec) for _ in range(spec.layers))
+        self.modulations = nn.ModuleList(_modulation(condition, spec.latent) for _ in range(spec.layers))
+        self.decoder = Decoder(spec)
+
+    def start(self, noise: Tensor, step: Tensor) -> Tensor:
+        """Return the noise (N, D) from which sampling begins: the control step is embedded into it.
+
+        Parameters
+        ----------
+        noise : (N, D)
+            Normal numbers.
+        step : (N, 1)
+            Control step of each node's graph over the number of steps, in [0, 1].
+        """
+        return noise + self.in_noise(self.control_step(step))  # type: ignore[no-any-return]
+
+    def condition(self, pictures: Tensor, time: Tensor) -> Tensor:
+        """Return the condition (B, 108) of pictures (B, 3, H, H) and diffusion times (B,) in [1, 1000]."""
+        return torch.cat([self.sketch(pictures), waves(time)], dim=-1)
+
+    def forward(
+        self,
+        nodes: Tensor,
+        types: Tensor,
+        edges: Tensor,
+        graph: Edges,
+        *,
+        noisy: Tensor,
+        step: Tensor,
+        condition: Tensor,
+    ) -> Tensor:
+        """Return the clean field x_0 (N, D), accelerations over their standard deviation.
+
+        Parameters
+        ----------
+        nodes : (N, F)
+            Features of the nodes without the type, as `node_features` gives them.
+        types : int64 (N,)
+            DeepMind's particle types.
+        edges : (..., D + 1)
+            Features of the edges.
+        graph : Edges
+            Pairs of neighbours.
+        noisy : (N, D)
+            The noisy field x_t.
+        step : (N, 1)
+            As in `start`.
+        condition : (N, 108) or (1, 108)
+            From `condition`, for the graph of each node, or for the only graph.
+        """
+        given = torch.cat([nodes, self.control_step(step), noisy], dim=-1)
+        nodes, edges = self.encoder(given, types, edges)
+        for layer, modulation in zip(self.layers, self.modulations, strict=True):
+            scale, shift = modulation(condition).chunk(2, dim=-1)
+            nodes, edges = layer(nodes * (1 + scale) + shift, edges, graph)
+        return self.decoder(nodes)  # type: ignore[no-any-return]
+
+
+def waves(time: Tensor) -> Tensor:
+    """Return sines and cosines (B, 64) of diffusion times (B,), of wavelengths from 2 pi to 2 pi 10^4.
+
+    References
+    ----------
+    Vaswani et al., arXiv:1706.03762, section 3.5, with the time of the diffusion as the position.
+    """
+    half = TIME_EMBEDDING // 2
+    rates = torch.exp(-math.log(_LONGEST_WAVE) / half * torch.arange(half, device=time.device))
+    angles = time.to(torch.float32).unsqueeze(-1) * rates
+    return torch.cat([angles.sin(), angles.cos()], dim=-1)
+
+
+def _modulation(inputs: int, width: int) -> nn.Module:
+    """Return a map to scale and shift that begins as zero, so that training begins without a condition."""
+    last = nn.Linear(width, 2 * width)
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    return nn.Sequential(nn.Linear(inputs, width), nn.SiLU(), last)
