@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.goal import Goal
+from hybridmpm.control.goal.moments import fitted, moments
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.errors import ConfigError
@@ -60,24 +61,8 @@ class Backcast:
 
 def _fitted(x: Floats, goal: Goal) -> Floats:
     """Move points (N, D) onto the goal: to its mean, and for an oval also to its covariance."""
-    weight, places = goal.cloud.weight, goal.ways.places
-    mean, wanted = weight @ x, weight @ places
-    if goal.drawn is None:
-        return np.asarray(wanted + x - mean)
-    # The map between two normal distributions that moves them least (Olkin and Pukelsheim 1982).
-    root = _root(_covariance(places, weight))
-    inner = _root(root @ _covariance(x, weight) @ root)
-    return np.asarray(wanted + (x - mean) @ (root @ np.linalg.pinv(inner) @ root))
-
-
-def _covariance(x: Floats, weight: Floats) -> Floats:
-    away = x - weight @ x
-    return np.asarray((weight[:, None] * away).T @ away)
-
-
-def _root(matrix: Floats) -> Floats:
-    values, vectors = np.linalg.eigh(matrix)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0)) @ vectors.T)
+    mean, covariance = moments(goal.ways.places, goal.cloud.weight)
+    return fitted(x, goal.cloud.weight, mean, None if goal.drawn is None else covariance)
 
 
 def _means(x: Floats, group: npt.NDArray[np.uint32]) -> Floats:

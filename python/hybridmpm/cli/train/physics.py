@@ -1,23 +1,29 @@
-"""`hybridmpm train ...`: train networks on data sets, which are made from seeds where missing."""
+"""`hybridmpm train physics`: train a learned simulator on data sets, which are made where missing."""
 
 import dataclasses
 import json
-import math
-import shlex
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
-from hybridmpm import SOLVER_VERSION, scenarios
-from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm import scenarios
 from hybridmpm.cli.devices import device_option, require_torch, torch_device
 from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import progress
-from hybridmpm.errors import ConfigError
+from hybridmpm.cli.train.begun import (
+    finetune_option,
+    machine_of,
+    origin,
+    out_option,
+    refuse_other_options,
+    run_shown,
+    seed_option,
+    threads_option,
+    told_before,
+    until_option,
+)
 from hybridmpm.physics.spec import NetworkSpec
 
 if TYPE_CHECKING:
@@ -31,12 +37,7 @@ _SPACINGS = {2: 2.5, 3: 1.8}
 radius is smaller than the paper's."""
 
 
-@click.group()
-def train() -> None:
-    """Train networks. This needs torch: pip install 'hybridmpm[train]'."""
-
-
-@train.command()
+@click.command()
 @click.option(
     "--scenario",
     "names",
@@ -44,13 +45,7 @@ def train() -> None:
     multiple=True,
     help="Scenario to train on; may be repeated for a network that serves several.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    required=True,
-    metavar="FOLDER",
-    help="Folder of the checkpoint and the logs, a new or a begun one.",
-)
+@out_option
 @click.option(
     "--data",
     "root",
@@ -114,11 +109,7 @@ def train() -> None:
     show_default=True,
     help="Number of training steps.",
 )
-@click.option(
-    "--until",
-    type=click.IntRange(min=1),
-    help="Training step after which this run stops; a later run goes on with the schedule of --steps.",
-)
+@until_option
 @click.option(
     "--batch",
     type=click.IntRange(1, 4096),
@@ -164,25 +155,10 @@ def train() -> None:
     show_default=True,
     help="Number of frames of a trajectory.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the initial weights and of all draws in training.",
-)
+@seed_option
 @device_option
-@click.option(
-    "--threads",
-    type=click.IntRange(1, 1024),
-    help="Number of torch's threads on the CPU. Default: torch's choice.",
-)
-@click.option(
-    "--finetune",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="CHECKPOINT",
-    help="Checkpoint whose weights, network and scales this training begins with.",
-)
+@threads_option
+@finetune_option
 @click.pass_context
 def physics(
     ctx: click.Context, /, *, names: tuple[str, ...], out: Path, threads: int | None, **options: Any
@@ -193,7 +169,7 @@ def physics(
     weights of an uninterrupted run. The folder also gets the losses, and rollouts on held-out scenes.
     """
     torch = require_torch()
-    from hybridmpm.training import checkpoint, run  # noqa: PLC0415 - needs torch
+    from hybridmpm.training import run  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415 - needs torch
@@ -207,62 +183,32 @@ def physics(
     out.mkdir(parents=True, exist_ok=True)
     if file.exists():
         trainer = Trainer.load(file, device)
-        _refuse_other_options(ctx, trainer, names, options, file)
-        about = dict(checkpoint.read(file)["about"])
-        about["solver_versions"] = checkpoint.with_this_solver(about)
+        there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings)}
+        refuse_other_options(ctx, there, trainer.spec.scenarios, names, file)
+        about = told_before(file)
         _make_data(options["root"], trainer.spec, amount)
     else:
         spec = _spec(names, options)
         _make_data(options["root"], spec, amount)
         trainer = _new(spec, options, device)
         about = {
-            **_origin(options["finetune"]),
+            **origin(options["finetune"]),
             "data": _described(spec, amount),
-            "machine": f"{cpu_model()}, {usable_cores()} cores" if device.type == "cpu" else str(device),
+            "machine": machine_of(device),
         }
     training = datasets.trajectories(options["root"], trainer.spec, "train")
     held_out = list(datasets.held_out(options["root"], trainer.spec))
     weights = sum(weight.numel() for weight in trainer.simulator.parameters())
     click.echo(f"{weights} parameters, {len(training)} trajectories, on {device}", err=True)
-    with progress("Training", trainer.settings.steps) as bar:
-        bar.update(trainer.step_count)
-
-        def show(loss: float) -> None:
-            if sys.stderr.isatty():
-                bar.label = f"Training, loss {loss:.4f}"
-            bar.update(1)
-
-        run.train(
-            trainer,
-            out,
-            step=partial(trainer.step, Windows(training, trainer.settings.unroll)),
-            validate=partial(log_rollouts, trainer, out, held_out),
-            about=about,
-            rhythm=run.Rhythm(),
-            on_step=show,
-            until=options["until"],
-        )
+    run_shown(
+        trainer,
+        out,
+        step=partial(trainer.step, Windows(training, trainer.settings.unroll)),
+        validate=partial(log_rollouts, trainer, out, held_out),
+        about=about,
+        until=options["until"],
+    )
     click.echo(f"wrote {file}, and losses and rollouts beside it")
-
-
-def _origin(finetuned: Path | None) -> dict[str, str]:
-    """Return the command that makes the weights and the versions of the solvers of its data.
-
-    With a checkpoint to finetune, they begin with those of the checkpoint.
-    """
-    this = shlex.join(["hybridmpm", *sys.argv[1:]])
-    if finetuned is None:
-        return {"command": this, "solver_versions": str(SOLVER_VERSION)}
-    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
-
-    older = checkpoint.read(finetuned)
-    steps, seconds = checkpoint.spent(older)
-    return {
-        "command": f"{older['about']['command']} --until {older['step']}; {this}",
-        "solver_versions": checkpoint.with_this_solver(older["about"]),
-        "steps_before": str(steps),
-        "seconds_before": f"{seconds:.1f}",
-    }
 
 
 def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
@@ -314,19 +260,3 @@ def _make_data(root: Path, spec: NetworkSpec, amount: "Amount") -> None:
 def _described(spec: NetworkSpec, amount: "Amount") -> str:
     kinds = ", ".join(spec.scenarios)
     return f"{amount.train} trajectories of {amount.frames} frames of each of {kinds}, seeds from 0"
-
-
-def _refuse_other_options(
-    ctx: click.Context, trainer: "Trainer", names: tuple[str, ...], options: dict[str, Any], file: Path
-) -> None:
-    """Refuse an option whose value differs from the one that the run began with."""
-    there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings), "scenarios": names}
-    if names and set(names) != set(trainer.spec.scenarios):
-        known = ", ".join(trainer.spec.scenarios)
-        raise ConfigError(f"{file} was trained on {known}, not on {', '.join(names)}; choose another --out")
-    for key, value in options.items():
-        given = ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
-        if given and key in there and not math.isclose(there[key], value):
-            flag = "--" + key.replace("_", "-")
-            text = f"has {flag} {there[key]}, not {value}; leave it out or choose another --out"
-            raise ConfigError(f"{file} {text}")

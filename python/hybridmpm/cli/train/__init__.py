@@ -1,0 +1,17 @@
+"""`hybridmpm train ...`: train networks on data, which are made from seeds where missing."""
+
+import click
+
+from hybridmpm.cli.train.control import control
+from hybridmpm.cli.train.physics import physics
+
+__all__ = ["train"]
+
+
+@click.group()
+def train() -> None:
+    """Train networks. This needs torch: pip install 'hybridmpm[train]'."""
+
+
+train.add_command(control)
+train.add_command(physics)

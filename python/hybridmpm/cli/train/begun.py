@@ -1,0 +1,155 @@
+"""What all trainings have in common: their common options, and folders of trainings that have begun."""
+
+import math
+import shlex
+import sys
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from hybridmpm import SOLVER_VERSION
+from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm.cli.progress import progress
+from hybridmpm.errors import ConfigError
+
+if TYPE_CHECKING:
+    import torch
+
+    from hybridmpm.training.run import Trainee
+
+out_option = click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    metavar="FOLDER",
+    help="Folder of the checkpoint and the logs, a new or a begun one.",
+)
+until_option = click.option(
+    "--until",
+    type=click.IntRange(min=1),
+    help="Training step after which this run stops; a later run goes on with the schedule of --steps.",
+)
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the initial weights and of all draws in training.",
+)
+threads_option = click.option(
+    "--threads",
+    type=click.IntRange(1, 1024),
+    help="Number of torch's threads on the CPU. Default: torch's choice.",
+)
+finetune_option = click.option(
+    "--finetune",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="CHECKPOINT",
+    help="Checkpoint whose weights, network and scales this training begins with.",
+)
+
+
+def origin(finetuned: Path | None) -> dict[str, str]:
+    """Return the command that makes the weights and the versions of the solvers of its data.
+
+    With a checkpoint to finetune, they begin with those of the checkpoint.
+    """
+    this = shlex.join(["hybridmpm", *sys.argv[1:]])
+    if finetuned is None:
+        return {"command": this, "solver_versions": str(SOLVER_VERSION)}
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+
+    older = checkpoint.read(finetuned)
+    steps, seconds = checkpoint.spent(older)
+    return {
+        "command": f"{older['about']['command']} --until {older['step']}; {this}",
+        "solver_versions": checkpoint.with_this_solver(older["about"]),
+        "steps_before": str(steps),
+        "seconds_before": f"{seconds:.1f}",
+    }
+
+
+def told_before(file: Path) -> dict[str, str]:
+    """Return what a checkpoint tells of its training, with this solver among those that made its data."""
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+
+    about = dict(checkpoint.read(file)["about"])
+    return about | {"solver_versions": checkpoint.with_this_solver(about)}
+
+
+def machine_of(device: "torch.device") -> str:
+    """Return what a training is told to have run on."""
+    return f"{cpu_model()}, {usable_cores()} cores" if device.type == "cpu" else str(device)
+
+
+def refuse_other_options(
+    ctx: click.Context,
+    there: Mapping[str, Any],
+    trained_on: Collection[str],
+    names: tuple[str, ...],
+    file: Path,
+) -> None:
+    """Refuse an option whose value differs from the one that the training began with.
+
+    Parameters
+    ----------
+    ctx : Context
+        Of the command, for the options that were given.
+    there : mapping
+        Values of a checkpoint, by the names of the options.
+    trained_on : collection of str
+        Its scenarios.
+    names : tuple of str
+        Scenarios that were given.
+    file : Path
+        The checkpoint.
+
+    Raises
+    ------
+    ConfigError
+        The message names the option and both values.
+    """
+    if names and set(names) != set(trained_on):
+        known = ", ".join(trained_on)
+        raise ConfigError(f"{file} was trained on {known}, not on {', '.join(names)}; choose another --out")
+    for key, value in ctx.params.items():
+        given = ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
+        if given and key in there and not math.isclose(there[key], value):
+            flag = "--" + key.replace("_", "-")
+            text = f"has {flag} {there[key]}, not {value}; leave it out or choose another --out"
+            raise ConfigError(f"{file} {text}")
+
+
+def run_shown(
+    trainer: "Trainee",
+    out: Path,
+    *,
+    step: Callable[[], float],
+    validate: Callable[[], object],
+    about: Mapping[str, str],
+    until: int | None,
+) -> None:
+    """Run a training with a bar of progress; see `training.run.train`."""
+    from hybridmpm.training import run  # noqa: PLC0415 - needs torch
+
+    with progress("Training", trainer.last_step) as bar:
+        bar.update(trainer.step_count)
+
+        def show(loss: float) -> None:
+            if sys.stderr.isatty():
+                bar.label = f"Training, loss {loss:.4f}"
+            bar.update(1)
+
+        run.train(
+            trainer,
+            out,
+            step=step,
+            validate=validate,
+            about=about,
+            rhythm=run.Rhythm(),
+            on_step=show,
+            until=until,
+        )

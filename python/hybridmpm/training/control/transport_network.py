@@ -1,0 +1,124 @@
+"""The transport network: a U-Net over the state, and a perceptron that answers for each particle."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from hybridmpm.control.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
+from hybridmpm.control.learned.spec import CELLS, TransportSpec
+
+_EMBEDDING = 64
+"""Numbers that stand for the whole: state, sketch and time of the flow."""
+_HIDDEN = 96
+"""Width of the perceptron that answers for a particle."""
+_GROUPS = 4
+_DIM = 2
+
+
+class TransportNetwork(nn.Module):
+    """From a state, a sketch and places that are noise to some degree, to the places at the end.
+
+    It is trained to flow from noise to data: see `TransportTrainer`. At time 0 the places are noise alone.
+
+    Parameters
+    ----------
+    spec : TransportSpec
+    """
+
+    def __init__(self, spec: TransportSpec) -> None:
+        super().__init__()
+        fine, middle, coarse = spec.width, 2 * spec.width, 4 * spec.width
+        levels = (fine, middle, coarse, coarse)
+        smallest = CELLS // 2 ** (len(levels) - 1)
+        self.whole = nn.Sequential(
+            nn.Linear(NUMBERS + 2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING), nn.SiLU()
+        )
+        self.first = nn.Conv2d(CHANNELS + _DIM, fine, 3, padding=1)
+        inward = zip((fine, *levels), levels, strict=False)
+        self.down = nn.ModuleList(_Block(before, after) for before, after in inward)
+        self.middle = nn.Sequential(
+            nn.Linear(coarse * smallest**2, 2 * _EMBEDDING), nn.SiLU(), nn.Linear(2 * _EMBEDDING, _EMBEDDING)
+        )
+        outward = zip(levels[::-1], levels[-2::-1], strict=False)
+        self.up = nn.ModuleList(_Block(below + beside, beside) for below, beside in outward)
+        self.answer = nn.Sequential(
+            nn.Linear(fine + coarse + OF_PARTICLE + _DIM + _EMBEDDING, _HIDDEN),
+            nn.SiLU(),
+            nn.Linear(_HIDDEN, _HIDDEN),
+            nn.SiLU(),
+            nn.Linear(_HIDDEN, _DIM),
+        )
+        for weights in self.answer[-1].parameters():
+            nn.init.zeros_(weights)
+
+    def forward(  # noqa: PLR0917 - the exporter names inputs by their place
+        self, grid: Tensor, numbers: Tensor, particles: Tensor, places: Tensor, noisy: Tensor, time: Tensor
+    ) -> Tensor:
+        """Return the places (B, P, 2) at the end, in the aim's own coordinates.
+
+        Parameters
+        ----------
+        grid, numbers, particles, places
+            As in `hybridmpm.control.learned.features.Inputs`.
+        noisy : (B, P, 2)
+            The places at a time of the flow, in the aim's own coordinates.
+        time : (B,)
+            Time of the flow, in [0, 1].
+        """
+        numbers = torch.cat([numbers, time[:, None], torch.sin(2 * torch.pi * time)[:, None]], dim=-1)
+        whole = self.whole(numbers)
+        x = self.first(torch.cat([grid, _on_grid(noisy, places)], dim=1))
+        beside = []
+        for level, block in enumerate(self.down):
+            x = block(functional.avg_pool2d(x, 2) if level else x, whole)
+            beside.append(x)
+        whole = whole + self.middle(x.flatten(1))
+        fields = []
+        for block, other in zip(self.up, beside[-2::-1], strict=True):
+            x = block(torch.cat([functional.interpolate(x, scale_factor=2.0), other], dim=1), whole)
+            fields.append(x)
+        told = [_at(fields[-1], places), _at(fields[0], places), particles, noisy]
+        count = particles.shape[1]
+        told.append(whole[:, None].expand(-1, count, -1))
+        return self.answer(torch.cat(told, dim=-1))  # type: ignore[no-any-return]
+
+
+class _Block(nn.Module):
+    """Two convolutions beside a shortcut; the embedding of the whole scales and shifts what is between."""
+
+    def __init__(self, before: int, after: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(before, after, 3, padding=1)
+        self.second = nn.Conv2d(after, after, 3, padding=1)
+        self.first_norm, self.second_norm = nn.GroupNorm(_GROUPS, after), nn.GroupNorm(_GROUPS, after)
+        # Before training the block is its shortcut.
+        nn.init.zeros_(self.second_norm.weight)
+        self.modulation = nn.Linear(_EMBEDDING, 2 * after)
+        self.shortcut = nn.Conv2d(before, after, 1) if before != after else nn.Identity()
+
+    def forward(self, x: Tensor, whole: Tensor) -> Tensor:
+        scale, shift = self.modulation(whole)[:, :, None, None].chunk(2, dim=1)
+        hidden = self.first_norm(self.first(x)) * (1 + scale) + shift
+        hidden = self.second_norm(self.second(functional.silu(hidden)))
+        return self.shortcut(x) + hidden  # type: ignore[no-any-return]
+
+
+def _at(field: Tensor, places: Tensor) -> Tensor:
+    """Return the values (B, P, C) of a field (B, C, H, W) at places (B, P, 2) from -1 to 1."""
+    found = functional.grid_sample(field, places[:, :, None], padding_mode="border", align_corners=False)
+    return found[..., 0].transpose(1, 2)
+
+
+def _on_grid(values: Tensor, places: Tensor) -> Tensor:
+    """Return the mean of the particles' values (B, P, 2) on cells, (B, 2, `CELLS`, `CELLS`).
+
+    The cells of the mean are twice as large as those of the grid, so that most of them hold a particle.
+    """
+    batch, half = len(values), CELLS // 2
+    at = ((places + 1) / 2 * half).long().clamp(0, half - 1)
+    cell = (at[..., 1] * half + at[..., 0])[..., None].expand(-1, -1, _DIM + 1)
+    ones = torch.ones_like(values[..., :1])
+    sums = torch.zeros(batch, half * half, _DIM + 1, dtype=values.dtype, device=values.device)
+    sums = sums.scatter_add(1, cell, torch.cat([values, ones], dim=-1))
+    mean = sums[..., :_DIM] / sums[..., _DIM:].clamp_min(1.0)
+    return functional.interpolate(mean.transpose(1, 2).reshape(batch, _DIM, half, half), scale_factor=2.0)

@@ -1,0 +1,109 @@
+"""Training samples of the transport network: reversed pasts with sketches, drawn and mirrored at random."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.goal.moments import moments, root_of
+from hybridmpm.control.learned.features import Aim, State, inputs
+from hybridmpm.control.learned.noise import smooth_noise
+from hybridmpm.errors import DataError
+from hybridmpm.training.control.pasts import STATES, Past
+
+_USUAL = 10
+"""Strides between start and end of half of the samples: the 100 frames of the paper."""
+_NEAREST = 0.03
+"""Distance that the centre of mass goes at least [m]; with less a sketch would ask for nothing."""
+_TRIES = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """B samples of P particles."""
+
+    grid: Tensor
+    numbers: Tensor
+    particles: Tensor
+    places: Tensor
+    noise: Tensor
+    """Smooth noise (B, P, 2) at the places."""
+    target: Tensor
+    """Places at the end (B, P, 2), in the aim's own coordinates."""
+    frame: Tensor
+    """Matrices (B, 2, 2) from these to metres."""
+
+    def to(self, device: torch.device) -> "Batch":
+        """Return the batch on a device."""
+        return Batch(**{name: tensor.to(device) for name, tensor in vars(self).items()})
+
+    @property
+    def told(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """The network's inputs, but for noise and time."""
+        return self.grid, self.numbers, self.particles, self.places
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One reversed past: where fluid is, where it came from, and what a sketch tells of that."""
+
+    state: State
+    aim: Aim
+    end: Floats
+    """Places (N, 2) at the end [m]."""
+
+    @property
+    def is_arrow(self) -> bool:
+        """Whether the sketch is an arrow, which tells the centre of mass alone."""
+        return self.aim.root is None
+
+
+def drawn(rng: np.random.Generator, pasts: Sequence[Past], *, shortest: float, longest: float) -> Sample:
+    """Draw a sample: half with the paper's horizon, the others evenly between two times [s].
+
+    Raises
+    ------
+    DataError
+        The centre of mass hardly moves in any past.
+    """
+    for _ in range(_TRIES):
+        past = pasts[int(rng.integers(len(pasts)))]
+        low, high = (round(seconds / past.seconds) for seconds in (shortest, longest))
+        strides = _USUAL if rng.random() < 0.5 else int(rng.integers(low, high, endpoint=True))
+        start = int(rng.integers(strides, STATES))
+        state, end = past.state(start), past.positions(start - strides)
+        if rng.random() < 0.5:
+            state, end = _mirrored(state, end)
+        mean, covariance = moments(end, state.weight)
+        arrow = rng.random() < 0.5
+        if np.linalg.norm(mean - state.weight @ state.x) >= _NEAREST:
+            aim = Aim(mean, None if arrow else root_of(covariance), strides * past.seconds)
+            return Sample(state, aim, end)
+    raise DataError("the fluid's centre of mass hardly moves in these scenes: use others")
+
+
+def batch_of(rng: np.random.Generator, samples: Sequence[Sample], particles: int) -> Batch:
+    """Return samples as a batch, each with as many of its particles, drawn at random."""
+    chosen = [_some(rng, len(sample.end), particles) for sample in samples]
+    told = inputs([sample.state for sample in samples], [sample.aim for sample in samples], chosen)
+    noise = np.stack([smooth_noise(rng, places) for places in told.places.astype(np.float64)])
+    pairs = list(zip(samples, chosen, strict=True))
+    target = np.stack([sample.aim.to_own(sample.end[rows]) for sample, rows in pairs])
+    frame = np.stack([sample.aim.frame for sample in samples])
+    arrays = {**vars(told), "noise": noise, "target": target, "frame": frame}
+    return Batch(**{name: torch.from_numpy(array.astype(np.float32)) for name, array in arrays.items()})
+
+
+def _some(rng: np.random.Generator, count: int, particles: int) -> npt.NDArray[np.int64]:
+    return rng.choice(count, particles, replace=count < particles)
+
+
+def _mirrored(state: State, end: Floats) -> tuple[State, Floats]:
+    """Mirror left and right, which physics does not tell apart."""
+    both, sign = state.lower[0] + state.upper[0], np.array([-1.0, 1.0])
+    shift = np.array([both, 0.0])
+    return replace(state, x=shift + sign * state.x, v=sign * state.v), shift + sign * end
