@@ -112,8 +112,9 @@ def _model(spec: "NetworkSpec", factor: float) -> bytes:
     """
     import onnx
 
+    from hybridmpm._support.onnx_file import OPSET
     from hybridmpm.physics import Normalization
-    from hybridmpm.physics.model_info import OPSET, ModelInfo
+    from hybridmpm.physics.model_info import ModelInfo
 
     text = f"""
         <ir_version: 10, opset_import: ["" : {OPSET}]>

@@ -42,21 +42,27 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
         raise ConfigError(f"--out must end in .onnx, got {out.name!r}")
     errors = [] if error_file is None else _rows(error_file)
     try:
-        from hybridmpm.training.export import export_checkpoint  # noqa: PLC0415 - an extra
+        from hybridmpm.training import checkpoint as checkpoints  # noqa: PLC0415 - an extra
+        from hybridmpm.training.control.export import export_transport, publish_transport  # noqa: PLC0415
+        from hybridmpm.training.export import export_checkpoint  # noqa: PLC0415
         from hybridmpm.training.publish import publish  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"exporting needs {error.name}; install it with: pip install 'hybridmpm[train]'"
         ) from None
-    data, info = export_checkpoint(checkpoint, errors, name=name)
-    files = []
+    files = [] if out is None else [out]
+    if checkpoints.read(checkpoint).get("kind") == "transport":
+        data, training = export_transport(checkpoint)
+        parameters = int(training["parameters"])
+        files += [] if name is None else publish_transport(name, data, training)
+    else:
+        data, info = export_checkpoint(checkpoint, errors, name=name)
+        parameters = info.parameters
+        files += [] if name is None else publish(name, data, info)
     if out is not None:
         with replacing(out) as part:
             part.write_bytes(data)
-        files.append(out)
-    if name is not None:
-        files += publish(name, data, info)
-    click.echo(f"{info.parameters} parameters, {len(data) / 1e3:.0f} kB: wrote {', '.join(map(str, files))}")
+    click.echo(f"{parameters} parameters, {len(data) / 1e3:.0f} kB: wrote {', '.join(map(str, files))}")
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:

@@ -19,8 +19,8 @@ from hybridmpm.control.goal.region import Fill, Region
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Floats32, Law, OfIds, recalled, remembered
-from hybridmpm.control.methods.choice import chosen
-from hybridmpm.control.methods.method import Method, Task
+from hybridmpm.control.methods.choice import METHODS, chosen
+from hybridmpm.control.methods.method import HandOver, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
@@ -266,7 +266,12 @@ def prepare(
         on_frame=on_frame or (lambda: None),
         **settings,
     )
-    law = planner.plan(simulator, task)
+    try:
+        law = planner.plan(simulator, task)
+    except HandOver as why:
+        reason = f"{planner.name} handed over: {why}"
+        planner = METHODS["analytic"]
+        law = planner.plan(simulator, task)
     return Guidance(
         goal=goal,
         law=law,

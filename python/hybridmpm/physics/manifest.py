@@ -1,6 +1,5 @@
 """The models that come with the library: a manifest with the digest of each file."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from hybridmpm import scenarios
+from hybridmpm._support.files import read_checked
 from hybridmpm.errors import ConfigError, DataError
 
 WEIGHTS = Path(__file__).parent / "weights"
@@ -87,18 +87,7 @@ def read_model(name: str, folder: Path = WEIGHTS) -> bytes:
     known = models(folder)
     if name not in known:
         raise ConfigError(f"there is no model {name!r}; known are {', '.join(known) or 'none yet'}")
-    path = folder / known[name].file
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"cannot read {path}: {error.strerror or error}; install the library anew") from None
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != known[name].sha256:
-        raise DataError(
-            f"{path} is damaged or another file: its SHA-256 is {digest}, the manifest has "
-            f"{known[name].sha256}; install the library anew"
-        )
-    return data
+    return read_checked(folder / known[name].file, known[name].sha256)
 
 
 def write_entry(name: str, entry: Entry, folder: Path = WEIGHTS) -> None:

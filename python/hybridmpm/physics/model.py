@@ -2,26 +2,23 @@
 
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
 from hybridmpm._native import RadiusGraph, radius_graph
-from hybridmpm._support.arguments import whole
+from hybridmpm._support.onnx_file import session
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
 from hybridmpm.physics.answer_gate import answer_weights
 from hybridmpm.physics.free_fall import free_fall
 from hybridmpm.physics.manifest import read_model
-from hybridmpm.physics.model_info import ModelInfo, check_file
+from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.scene import Material, Scene, Water
 from hybridmpm.scene.particle_types import KINEMATIC, NAMES
-
-if TYPE_CHECKING:
-    import onnxruntime
 
 _MOST_NEIGHBORS = 256
 """Neighbours that a particle may have: ten times those in water at rest. A larger clump would fill the
@@ -54,8 +51,7 @@ class NeuralModel:
     """
 
     def __init__(self, data: bytes, *, where: str, name: str | None = None, threads: int = 1) -> None:
-        check_file(data, where=where)
-        self._session = _session(data, whole("threads", threads, 1, 1024), where)
+        self._session = session(data, threads=threads, where=where)
         properties = self._session.get_modelmeta().custom_metadata_map
         self._info = ModelInfo.from_properties(properties, where=where)
         self._where = where
@@ -228,19 +224,3 @@ def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:
         "arrivals": arrivals,
         "mask": columns < degrees[:, None],
     }
-
-
-def _session(data: bytes, threads: int, where: str) -> "onnxruntime.InferenceSession":
-    import onnxruntime  # noqa: PLC0415 - takes a moment, and only networks need it
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-    options.log_severity_level = 4
-    # Threads that spin while they wait would take the cores from the solver.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    try:
-        return onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # noqa: BLE001 - onnxruntime's own errors share no other parent
-        raise DataError(f"{where} is no model that onnxruntime can load: {error}") from None

@@ -1,12 +1,8 @@
 """Exporting a trained simulator as one ONNX file, with features and integrator; serving it needs no torch."""
 
-import contextlib
 import copy
 import datetime as dt
-import io
 import json
-import logging
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +12,11 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.errors import DataError
-from hybridmpm.physics.model_info import OPSET, ModelInfo
+from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.training import checkpoint
+from hybridmpm.training.onnx_program import exported
 from hybridmpm.training.physics.graph_network import SortedEdges
 from hybridmpm.training.physics.simulator import LearnedSimulator
 
@@ -61,27 +58,14 @@ def to_onnx(simulator: LearnedSimulator, info: ModelInfo) -> bytes:
     model computes neither the weight nor the relaxation of density: their many small operations take
     onnxruntime almost as long as a small network, so they are compiled.
     """
-    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()), _quiet_logs():
-        warnings.simplefilter("ignore")
-        program = torch.onnx.export(
-            _Served(copy.deepcopy(simulator)).eval().cpu(),
-            _example(simulator.spec),
-            dynamo=True,
-            # The optimizer takes 1e-12 for zero and drops it, though it keeps a root's argument positive.
-            optimize=False,
-            opset_version=OPSET,
-            input_names=INPUTS,
-            output_names=OUTPUTS,
-            dynamic_shapes=_free_sizes(),
-        )
-    if program is None:
-        raise RuntimeError("torch exported nothing")
-    model = program.model_proto
-    _forget_origin(model)
-    onnx.helper.set_model_props(model, info.to_properties())
-    onnx.checker.check_model(model)
-    data: bytes = model.SerializeToString()
-    return data
+    return exported(
+        _Served(copy.deepcopy(simulator)).eval().cpu(),
+        _example(simulator.spec),
+        inputs=INPUTS,
+        outputs=OUTPUTS,
+        dynamic_shapes=_free_sizes(),
+        properties=info.to_properties(),
+    )
 
 
 def described(data: bytes, info: ModelInfo) -> bytes:
@@ -191,26 +175,3 @@ def _free_sizes() -> dict[str, dict[int, Any]]:
         "mask": {0: free, 1: free},
         "share": {0: free},
     }
-
-
-def _forget_origin(model: onnx.ModelProto) -> None:
-    """Remove the exporter's notes about each node, which are traces with paths of this machine."""
-    for node in model.graph.node:
-        node.ClearField("metadata_props")
-        node.ClearField("doc_string")
-    for part in (*model.graph.value_info, *model.graph.input, *model.graph.output, *model.graph.initializer):
-        part.ClearField("metadata_props")
-    model.graph.ClearField("value_info")
-    model.graph.ClearField("metadata_props")
-    model.graph.ClearField("doc_string")
-
-
-@contextlib.contextmanager
-def _quiet_logs() -> Any:
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

@@ -16,6 +16,36 @@ MAX_BYTES = 8_000_000
 _NAME = re.compile(r"[a-z][a-z0-9_-]{0,62}")
 
 
+def checked_name(name: str) -> None:
+    """Refuse a name that a model of the library may not have.
+
+    Raises
+    ------
+    ConfigError
+        It has other characters than lower-case letters, digits, "-" and "_".
+    """
+    if not _NAME.fullmatch(name):
+        raise ConfigError(
+            'a model must be named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
+            f"{name!r}"
+        )
+
+
+def checked_size(data: bytes) -> None:
+    """Refuse a model that is too large to come with the library.
+
+    Raises
+    ------
+    ConfigError
+        It is larger than `MAX_BYTES`.
+    """
+    if len(data) > MAX_BYTES:
+        raise ConfigError(
+            f"a model of the library must have at most {MAX_BYTES} bytes, got {len(data)}; lower latent or "
+            "layers"
+        )
+
+
 def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> list[Path]:
     """Write a model, its card and its entry in the manifest, and return the paths of these files.
 
@@ -30,16 +60,8 @@ def publish(name: str, data: bytes, info: ModelInfo, folder: Path = WEIGHTS) -> 
     ExportError
         A file cannot be written.
     """
-    if not _NAME.fullmatch(name):
-        raise ConfigError(
-            'a model must be named by up to 63 lower-case letters, digits, "-" and "_", a letter first; got '
-            f"{name!r}"
-        )
-    if len(data) > MAX_BYTES:
-        raise ConfigError(
-            f"a model of the library must have at most {MAX_BYTES} bytes, got {len(data)}; lower latent or "
-            "layers"
-        )
+    checked_name(name)
+    checked_size(data)
     model, card = folder / f"{name}.onnx", folder / f"{name}.md"
     with replacing(model) as part:
         part.write_bytes(data)

@@ -12,8 +12,8 @@ import torch
 from click.testing import Result
 
 from hybridmpm import ConfigError, NeuralPhysics, radius_graph, scenarios
+from hybridmpm._support.onnx_file import OPSET
 from hybridmpm.physics import NetworkSpec, NeuralModel, manifest
-from hybridmpm.physics.model_info import OPSET
 from hybridmpm.training.physics.graph_network import GraphNetwork
 from hybridmpm.training.physics.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of

@@ -23,16 +23,13 @@ from hybridmpm.cli.train.begun import (
     told_before,
     until_option,
 )
-from hybridmpm.control.learned.spec import TransportSpec
-from hybridmpm.data.splits import FIRST_VALID
+from hybridmpm.control.methods.learned.spec import TransportSpec
+from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID
 
 if TYPE_CHECKING:
     import torch
 
     from hybridmpm.training.control.transport_trainer import TransportTrainer
-
-_VALIDATION = 100
-"""Scenes of each scenario that the network is held against."""
 
 
 @click.command()
@@ -59,6 +56,13 @@ _VALIDATION = 100
     default=2000,
     show_default=True,
     help="Number of scenes of each scenario for training.",
+)
+@click.option(
+    "--valid",
+    type=click.IntRange(1, FIRST_TEST - FIRST_VALID),
+    default=100,
+    show_default=True,
+    help="Number of scenes of each scenario that the network is held against, now and then.",
 )
 @click.option(
     "--width",
@@ -135,7 +139,8 @@ def control(
             "data": f"{options['scenes']} scenes of each of {kinds}, seeds from 0",
             "machine": machine_of(device),
         }
-    training, validation = range(options["scenes"]), range(FIRST_VALID, FIRST_VALID + _VALIDATION)
+    training = range(options["scenes"])
+    validation = range(FIRST_VALID, FIRST_VALID + options["valid"])
     for scenario in trainer.spec.scenarios:
         for seeds in (training, validation):
             if count := pasts.missing(options["root"], scenario, seeds):

@@ -55,6 +55,18 @@ class Ways:
             velocity = np.tile(cloud.mean_velocity, (len(weight), 1))
         return cls(places, group, starts, corners, velocity, weight, cut_off, together)
 
+    @classmethod
+    def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Ways":
+        """Return straight ways of groups, from where they are to the mean of their particles' places."""
+        sizes = np.bincount(group)[:, None]
+        ends = [
+            np.stack([np.bincount(group, column) for column in points.T], axis=1) / sizes
+            for points in (cloud.x, places)
+        ]
+        corners = np.stack(ends, axis=1).reshape(-1, cloud.dim)
+        starts = 2 * np.arange(len(sizes) + 1, dtype=np.uint32)
+        return cls.of_groups(cloud, places, group, starts, corners, cut_off=np.zeros(len(sizes), dtype=bool))
+
     @property
     def offset(self) -> Floats:
         """Distance of each particle's place from the end of its group's way (N, D) [m]."""

@@ -1,13 +1,11 @@
 """Backcasting: the goal gets a shape that the fluid could have come from, by simulating backwards."""
 
-import dataclasses
-
 import numpy as np
-import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted, moments
+from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.errors import ConfigError
@@ -51,20 +49,12 @@ class Backcast:
             task.on_frame()
             solver.advance(1)
         places = _fitted(solver.positions.astype(np.float64), task.goal)
-        ways, room = task.goal.ways, task.goal.room
+        room = task.goal.room
         places = np.clip(places, room.lower, room.upper)
-        ends = _means(places, ways.group)
-        corners = np.stack([_means(cloud.x, ways.group), ends], axis=1).reshape(-1, cloud.dim)
-        starts = 2 * np.arange(len(ends) + 1, dtype=np.uint32)
-        return task.tracked(dataclasses.replace(ways, places=places, starts=starts, corners=corners))
+        return task.tracked(Ways.straight(cloud, places, task.goal.ways.group))
 
 
 def _fitted(x: Floats, goal: Goal) -> Floats:
     """Move points (N, D) onto the goal: to its mean, and for an oval also to its covariance."""
     mean, covariance = moments(goal.ways.places, goal.cloud.weight)
     return fitted(x, goal.cloud.weight, mean, None if goal.drawn is None else covariance)
-
-
-def _means(x: Floats, group: npt.NDArray[np.uint32]) -> Floats:
-    sizes = np.bincount(group)
-    return np.stack([np.bincount(group, column) / sizes for column in x.T], axis=1)

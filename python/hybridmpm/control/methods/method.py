@@ -51,6 +51,10 @@ class Task:
         )
 
 
+class HandOver(Exception):  # noqa: N818 - no error: the method says that another one is better here
+    """Raised by a method that leaves a task to analytic control; the message says why."""
+
+
 class Method(Protocol):
     """A way to find the law that follows a sketch.
 
@@ -69,4 +73,6 @@ class Method(Protocol):
         ------
         SimulationError
             No law was found.
+        HandOver
+            Analytic control is to find the law.
         """

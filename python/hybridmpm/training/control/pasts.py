@@ -12,7 +12,7 @@ import numpy.typing as npt
 from hybridmpm import MpmSolver, scenarios
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import usable_cores
-from hybridmpm.control.learned.features import State
+from hybridmpm.control.methods.learned.features import State
 from hybridmpm.errors import DataError, SimulationError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND

@@ -4,8 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from hybridmpm.control.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
-from hybridmpm.control.learned.spec import CELLS, TransportSpec
+from hybridmpm.control.methods.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
+from hybridmpm.control.methods.learned.spec import CELLS, TransportSpec
 
 _EMBEDDING = 64
 """Numbers that stand for the whole: state, sketch and time of the flow."""
@@ -59,7 +59,7 @@ class TransportNetwork(nn.Module):
         Parameters
         ----------
         grid, numbers, particles, places
-            As in `hybridmpm.control.learned.features.Inputs`.
+            As in `hybridmpm.control.methods.learned.features.Inputs`.
         noisy : (B, P, 2)
             The places at a time of the flow, in the aim's own coordinates.
         time : (B,)

@@ -14,8 +14,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from hybridmpm._support.arguments import whole
-from hybridmpm.control.learned.features import SCALE
-from hybridmpm.control.learned.spec import TransportSpec
+from hybridmpm.control.methods.learned.features import SCALE
+from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
 from hybridmpm.training.control.pasts import Past

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hybridmpm.control.learned.spec import TransportSpec
+from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport_trainer import TransportTrainer
 from hybridmpm.training.control.windows import Sample, drawn

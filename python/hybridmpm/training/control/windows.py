@@ -10,8 +10,8 @@ from torch import Tensor
 
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import moments, root_of
-from hybridmpm.control.learned.features import Aim, State, inputs
-from hybridmpm.control.learned.noise import smooth_noise
+from hybridmpm.control.methods.learned.features import Aim, State, inputs
+from hybridmpm.control.methods.learned.noise import smooth_noise
 from hybridmpm.errors import DataError
 from hybridmpm.training.control.pasts import STATES, Past
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm import radius_graph
+from hybridmpm._support.onnx_file import OPSET
 from hybridmpm.physics.model import edge_inputs
-from hybridmpm.physics.model_info import OPSET
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.training.control.controlnet import STEP_EMBEDDING, TIME_EMBEDDING, FluidControlNet, waves
 from hybridmpm.training.control.sketch_encoder import EMBEDDING, SketchEncoder

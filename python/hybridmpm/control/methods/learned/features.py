@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import moments
-from hybridmpm.control.learned.spec import CELLS
+from hybridmpm.control.methods.learned.spec import CELLS
 
 CHANNELS, NUMBERS, OF_PARTICLE = 10, 16, 13
 """Channels of the grid, numbers of the whole, and numbers of each particle."""

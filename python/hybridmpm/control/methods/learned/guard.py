@@ -1,0 +1,63 @@
+"""Whether a learned plan can be trusted: what is looked at before it may move anything."""
+
+import numpy as np
+
+from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.methods.method import Task
+from hybridmpm.downsampling.splines import Stencils
+
+_OUTSIDE_LENGTH = 0.02
+"""Distance from the walls up to which a place outside counts as inside [m]; it is moved to the wall."""
+_OUTSIDE = 0.05
+"""Largest share of the mass that may have places outside."""
+_MISSING = 0.25
+"""Largest share of the mass by which the goal may hold less than by the analytic plan."""
+_CELLS = 32
+"""Cells per metre of the grid on which the density of the places is looked at."""
+_DENSE = 1.5
+"""Density over that at rest from which on a place counts as too dense."""
+_TOO_DENSE = 0.4
+"""Largest share of the mass that may be too dense, beyond that of the analytic plan."""
+
+
+def objection(places: Floats, ways: Ways, task: Task) -> str | None:
+    """Tell what speaks against a plan; None if nothing does.
+
+    Parameters
+    ----------
+    places : (N, D)
+        Where the particles are to be [m], before they are moved between the walls.
+    ways : Ways
+        The ways there.
+    task : Task
+        With the analytic plan in its goal, against which the plan is held.
+    """
+    goal = task.goal
+    weight, room = goal.cloud.weight, goal.room
+    beyond = np.maximum(room.lower - places, places - room.upper).max(axis=1)
+    outside = float(weight @ (beyond > _OUTSIDE_LENGTH))
+    if outside > _OUTSIDE:
+        return f"the plan leads {100 * outside:.0f} % of the fluid out of the box"
+    inside, analytic = goal.inside(ways.places), goal.inside(goal.ways.places)
+    if inside is not None and analytic is not None:
+        missing = float(weight @ analytic) - float(weight @ inside)
+        if missing > _MISSING:
+            return f"the plan leaves {100 * missing:.0f} % of the fluid out of the goal"
+    dense = _too_dense(ways.places, task) - _too_dense(goal.ways.places, task)
+    if dense > _TOO_DENSE:
+        return f"the plan packs {100 * dense:.0f} % of the fluid too densely"
+    seconds = task.frames * goal.cloud.frame_dt
+    need, least = (one.timed(seconds).effort(goal.cloud.gravity).acceleration for one in (ways, goal.ways))
+    if need > max(task.cap, least):
+        return f"the plan takes {need:.1f} g, and {task.cap:g} g are allowed"
+    return None
+
+
+def _too_dense(places: Floats, task: Task) -> float:
+    """Return the share of the mass that lies where places are too dense."""
+    cloud = task.goal.cloud
+    stencils = Stencils.at(places, _CELLS)
+    at_rest = len(places) / cloud.volume / _CELLS**cloud.dim
+    density = stencils.gather(stencils.scatter(np.ones(len(places)))) / at_rest
+    return float(cloud.weight @ (density > _DENSE))
