@@ -232,7 +232,7 @@ def follow(
         In the state that the sketch was drawn on.
     sketch : Arrow or Ellipse
     method : str or Method
-        "auto", "analytic", "constant", "backcast", "shooting", "none" or a method of one's own.
+        "auto", "analytic", "constant", "backcast", "shooting", "learned", "none" or a method of one's own.
     frames, cap, strength, hold, fill, resolution, budget, seed, on_frame : optional
         As for `prepare`.
 

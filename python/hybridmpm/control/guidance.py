@@ -51,7 +51,7 @@ class Guidance:
     method: str
     """Name of the method that made the law."""
     reason: str
-    """Why this method."""
+    """Why this method; of a method that handed the task over to analytic control, why it did."""
     frames: int
     """Number of frames in which the goal is to be reached."""
     hold: int
@@ -201,8 +201,8 @@ def prepare(
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
         baseline, one acceleration for all; "backcast", towards where the fluid may have come from;
-        "shooting", a search on a coarse simulation for a better plan; "none", no force. Or an object with
-        their surface.
+        "shooting", a search on a coarse simulation for a better plan; "learned", towards where a network says
+        that the fluid may have come from; "none", no force. Or an object with their surface.
     frames : int in [1, 10000], optional
         Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
     cap : float in (0, 1000]

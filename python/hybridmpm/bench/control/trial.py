@@ -26,7 +26,8 @@ LOOKS = 4
 MEASURES = (
     "error", "nrmse", "node_error", "transport", "inside", "inside_later", "centroid_error",
     "direction_error", "path_error", "density_ratio", "rms_g", "peak_g", "bound_g", "bound_peak_g",
-    "rms_ratio", "peak_ratio", "fine_share", "plan_ms", "first_frame_ms", "total_ms", "slowdown",
+    "rms_ratio", "peak_ratio", "fine_share", "handed_over", "plan_ms", "first_frame_ms", "total_ms",
+    "slowdown",
 )  # fmt: skip
 """Figures of a run, in the order of the rows; each may be None. `slowdown` is added by `runner.measure`."""
 
@@ -118,6 +119,7 @@ def _followed(problem: Problem, entrant: Entrant, budget: float) -> Trial:
         **bound,
         "rms_ratio": forces["rms_g"] / bound["bound_g"],
         "peak_ratio": forces["peak_g"] / bound["bound_peak_g"],
+        "handed_over": float(guidance.method != entrant.name),
         "plan_ms": guidance.planning_ms,
         **spent,
         "frames": frames,

@@ -63,7 +63,7 @@ from hybridmpm.simulator import Kind, Simulator
     show_default=True,
     help="Way to follow the sketch: guidance without weights (analytic), the paper's constant force "
     "(constant), towards where the fluid may have come from (backcast), a search on a coarse simulation "
-    "(shooting), or no force (none).",
+    "(shooting), towards where a network says that it may have come from (learned), or no force (none).",
 )
 @click.option(
     "--frames",

@@ -18,6 +18,7 @@ from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.method import HandOver, Task
 from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND
 from hybridmpm.simulator import Simulator
 
@@ -60,10 +61,8 @@ class Learned:
         HandOver
             The plan cannot be trusted, or there is none.
         """
-        goal, scene = task.goal, simulator.scene
-        network = self._loaded()
-        if (foreign := network.spec.foreign(scene)) is not None:
-            raise HandOver(f"the network cannot serve this scene: {foreign}")
+        goal = task.goal
+        network = self._serving(simulator.scene)
         aim = _aim(goal, network.spec.clipped(task.frames * goal.cloud.frame_dt))
         try:
             found = network.ends(
@@ -82,11 +81,19 @@ class Learned:
             raise HandOver(reason)
         return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(ways)
 
-    def _loaded(self) -> TransportNetwork:
+    def _serving(self, scene: Scene) -> TransportNetwork:
+        """Return the first network that serves a scene."""
+        reasons = []
         try:
-            return _network(self._network or next(iter(networks()), "transport_2d"))
+            for name in networks() if self._network is None else [self._network]:
+                network = _network(name)
+                foreign = network.spec.foreign(scene)
+                if foreign is None:
+                    return network
+                reasons.append(f"{name} cannot serve this scene: {foreign}")
         except (DataError, ConfigError) as error:
             raise HandOver(f"there is no network: {error}") from error
+        raise HandOver("; ".join(reasons) or "no network comes with this library")
 
 
 @functools.lru_cache(maxsize=4)
