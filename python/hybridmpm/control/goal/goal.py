@@ -179,30 +179,5 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     region = region_of(tip, room, volume=cloud.volume, particles=len(places), fill="shrink")
     moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
     found = _native.match_to_region(moved, region.cells)
-    starts, corners = _along(path, found.group, cloud, found.places)
-    corners = np.clip(corners, room.lower, room.upper)
-    ways = Ways.of_groups(
-        cloud, found.places, found.group, starts, corners, cut_off=found.cut_off, together=True
-    )
+    ways = Ways.along(path, cloud, found.places, found.group, lower=room.lower, upper=room.upper)
     return Goal(sketch, cloud, room, ways, path, None, region)
-
-
-def _along(
-    path: Floats, group: npt.NDArray[np.uint32], cloud: Cloud, places: Floats
-) -> tuple[npt.NDArray[np.uint32], Floats]:
-    """Return starts (G + 1,) and corners (G K, D) of ways along a path (K, D), each from its group on.
-
-    The further along the path, the more of the change of shape is done.
-    """
-    sizes = np.bincount(group)[:, None]
-    start, end = (
-        np.stack([np.bincount(group, column) for column in points.T], axis=1) / sizes
-        for points in (cloud.x, places)
-    )
-    lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-    done = (lengths / lengths[-1])[:, None]
-    shift = path - path[0]
-    change = end - start - shift[-1]
-    corners = start[:, None] + shift + done * change[:, None]
-    starts = np.arange(len(sizes) + 1, dtype=np.uint32) * len(path)
-    return starts.astype(np.uint32), np.asarray(corners.reshape(-1, path.shape[1]))

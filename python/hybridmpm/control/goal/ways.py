@@ -67,6 +67,33 @@ class Ways:
         starts = 2 * np.arange(len(sizes) + 1, dtype=np.uint32)
         return cls.of_groups(cloud, places, group, starts, corners, cut_off=np.zeros(len(sizes), dtype=bool))
 
+    @classmethod
+    def along(
+        cls,
+        path: Floats,
+        cloud: Cloud,
+        places: Floats,
+        group: npt.NDArray[np.uint32],
+        *,
+        lower: Floats,
+        upper: Floats,
+    ) -> "Ways":
+        """Return ways of groups that go together along a path (K, D), each from where it is.
+
+        The further along the path, the more of the change of shape is done. Corners are kept between `lower`
+        and `upper`, (D,) each [m].
+        """
+        straight = cls.straight(cloud, places, group)
+        start, end = straight.corners.reshape(-1, 2, cloud.dim).swapaxes(0, 1)
+        lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+        done = (lengths / lengths[-1])[:, None]
+        shift = path - path[0]
+        change = end - start - shift[-1]
+        corners = np.clip(start[:, None] + shift + done * change[:, None], lower, upper)
+        starts = len(path) * np.arange(len(start) + 1, dtype=np.uint32)
+        corners = corners.reshape(-1, cloud.dim)
+        return cls.of_groups(cloud, places, group, starts, corners, cut_off=straight.cut_off, together=True)
+
     @property
     def offset(self) -> Floats:
         """Distance of each particle's place from the end of its group's way (N, D) [m]."""

@@ -75,8 +75,12 @@ class Learned:
         covariance = None if aim.root is None else aim.root @ aim.root
         places = fitted(found, goal.cloud.weight, aim.mean, covariance)
         group = _groups(goal)
-        inside = np.clip(places, goal.room.lower, goal.room.upper)
-        ways = Ways.straight(goal.cloud, inside, group)
+        room = goal.room
+        inside = np.clip(places, room.lower, room.upper)
+        if goal.drawn is None:
+            ways = Ways.along(goal.path, goal.cloud, inside, group, lower=room.lower, upper=room.upper)
+        else:
+            ways = Ways.straight(goal.cloud, inside, group)
         if (reason := objection(places, ways, task)) is not None:
             raise HandOver(reason)
         return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(ways)
