@@ -10,7 +10,8 @@ from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.guidance import Guidance, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
-from hybridmpm.control.methods.method import Method, Task
+from hybridmpm.control.methods.learned.plan import Learned
+from hybridmpm.control.methods.method import HandOver, Method, Task
 from hybridmpm.control.methods.oracle import Oracle
 from hybridmpm.control.push import Push, push
 from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
@@ -28,7 +29,9 @@ __all__ = [
     "Ellipse",
     "Following",
     "Guidance",
+    "HandOver",
     "Law",
+    "Learned",
     "Method",
     "Needs",
     "Obstruction",
