@@ -33,6 +33,8 @@ AIMS = (
     Aim(scenarios=_IN_3D, sketch="oval", method="analytic", ratio=0.65, one_body=True),
     Aim(scenarios=SETTINGS, sketch="arrow", method="analytic", ratio=0.75),
     Aim(scenarios=("water_2d", "water_3d"), sketch="arrow", method="backcast", ratio=0.62),
+    Aim(scenarios=_IN_2D, sketch="oval", method="learned", ratio=0.60),
+    Aim(scenarios=_IN_2D, sketch="arrow", method="learned", ratio=0.60),
 )
 
 PAPER = {
