@@ -9,10 +9,13 @@ from hybridmpm.errors import ConfigError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = ("#1f6f9f", "#c8553d", "#3a7d44", "#8d6a9f", "#b8860b", "#5c6b73")
+COLOURS = (
+    *("#1f6f9f", "#c8553d", "#3a7d44", "#8d6a9f", "#b8860b", "#5c6b73"),
+    *("#d1458f", "#2a9d8f", "#7f5539"),
+)
 """Colours of lines, in this order. With `MARKERS` in the same order, lines differ also in grey."""
 
-MARKERS = ("o", "s", "^", "D", "v", "P")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", "*")
 
 _STYLE: Any = {
     "axes.grid": True,

@@ -56,7 +56,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
             panel.set(yscale="log")
             charts.plain_log_ticks(panel.yaxis)
     filled = any(row["method"] == FILLED and row["family"] == "reversed" for row in rows)
-    _legend(figure, [one for one in methods if one != FILLED], 1 + 2 * columns, filled=filled)
+    _legend(figure, [one for one in methods if one != FILLED], 2 + 2 * columns, filled=filled)
     charts.save(figure, file)
 
 
