@@ -10,7 +10,7 @@ from hybridmpm.bench.control.report.aims import compared_with_aims, compared_wit
 from hybridmpm.bench.control.report.chart import chart
 from hybridmpm.bench.control.report.means import means
 from hybridmpm.bench.control.report.page import check_page, fill_page
-from hybridmpm.bench.control.report.sheets import first_cases, write_sheets
+from hybridmpm.bench.control.report.sheets import sheets, write_sheets
 from hybridmpm.bench.control.results import Runs
 from hybridmpm.bench.control.runner import BUDGET, ControlSettings, count_missing, measure
 from hybridmpm.bench.control.suite.cases import FAMILIES, cases
@@ -88,7 +88,8 @@ _PAPER_COLUMNS = (
     "sheets_folder",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Write contact sheets control-FAMILY.png into this folder; that runs one sketch of each kind again.",
+    help="Write contact sheets into this folder: control-FAMILY.png of one sketch of each kind, and "
+    "control-worst.png of those that analytic follows worst. That runs these sketches again.",
 )
 @click.option(
     "--page",
@@ -151,9 +152,9 @@ def control(
     if page_file is not None:
         fill_page(page_file, rows, aims)
     if sheets_folder is not None:
-        lines = sum(map(len, first_cases(some).values()))
-        with progress("Drawing", lines) as bar:
-            write_sheets(sheets_folder, some, entrants, budget=budget, on_progress=bar.update)
+        lines = sheets(some, runs.rows(some, [one.name for one in entrants]))
+        with progress("Drawing", sum(map(len, lines.values()))) as bar:
+            write_sheets(sheets_folder, lines, entrants, budget=budget, on_progress=bar.update)
     print_origin(origin)
 
 

@@ -13,12 +13,13 @@ from PIL import Image
 from hybridmpm import ConfigError, DataError
 from hybridmpm.bench.control.entrants import entrant
 from hybridmpm.bench.control.report.means import means
-from hybridmpm.bench.control.report.sheets import write_sheets
+from hybridmpm.bench.control.report.sheets import first_cases, sheets, write_sheets
 from hybridmpm.bench.control.results import Runs
 from hybridmpm.bench.control.runner import ControlSettings, count_missing, measure
-from hybridmpm.bench.control.suite.cases import cases
+from hybridmpm.bench.control.suite.cases import Case, cases
 from hybridmpm.bench.control.trial import MEASURES
 from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Row
 from hybridmpm.cli import cli
 
 pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
@@ -216,14 +217,31 @@ def test_the_command_holds_ones_own_method_against_the_others(tmp_path: Path) ->
     assert rows["idle"]["naturalness"] is None
     assert all(row["count"] == 1 < row["suite_count"] for row in rows.values())
     assert picture.with_suffix(".png").stat().st_size > 10_000
-    assert (tmp_path / "control-gather.png").stat().st_size > 5_000
+    assert all((tmp_path / f"control-{name}.png").stat().st_size > 5_000 for name in ("gather", "worst"))
+
+
+def test_the_worst_sheet_has_the_worst_case_of_each_family() -> None:
+    some = cases(["free", "bent"], ["water_2d", "sand_2d"], seeds=2)
+
+    def row(case: Case, value: float) -> Row:
+        head = {**vars(case), "sketch": case.kind, "method": "analytic", "failed": None}
+        return {**head, "transport": value, "path_error": value}
+
+    rows = [row(case, 0.01 * index) for index, case in enumerate(some)]
+    rows[-1]["failed"] = "the solver stopped"
+    found = sheets(some, rows)
+    assert set(found) == {"free", "bent", "worst"}
+    assert {case.family: case for case in found["worst"]} == {
+        "free": [case for case in some if case.family == "free"][-1],
+        "bent": some[-2],
+    }
 
 
 @pytest.mark.usefixtures("mine")
 def test_a_run_that_fails_is_drawn_as_an_empty_room(tmp_path: Path) -> None:
     some = cases(["bent"], ["water_2d"], seeds=1)
     entrants = [entrant("none"), entrant("my_control:Failing")]
-    (sheet,) = write_sheets(tmp_path, some, entrants, budget=1.0, on_progress=ignore)
+    (sheet,) = write_sheets(tmp_path, first_cases(some), entrants, budget=1.0, on_progress=ignore)
     with Image.open(sheet) as picture:
         pixels = np.asarray(picture)
     # The last picture of the line is that of the method that failed; the one before it shows fluid.

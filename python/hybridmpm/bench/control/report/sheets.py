@@ -1,6 +1,6 @@
-"""Contact sheets: sketch, start, target, and what each method made of it, for the first of each kind."""
+"""Contact sheets: sketch, start, target, and what each method made of it; first and worst cases."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +14,15 @@ from hybridmpm.bench.control.report.means import judged_by
 from hybridmpm.bench.control.suite.cases import Case
 from hybridmpm.bench.control.suite.problems import problem
 from hybridmpm.bench.control.trial import Trial, run
-from hybridmpm.bench.report.rows import Progress
+from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.control.sketch.render import render
 from hybridmpm.export.ink import Picture, empty_front, with_ink
 from hybridmpm.render import view_of
 
 _SIZE, _GAP, _HEAD, _SIDE = 170, 4, 16, 92
 """Side of a picture, gaps, and room for titles above and on the left [pixels]."""
+WORST_OF = "analytic"
+"""Whose worst cases are shown."""
 _INK = (40, 40, 40)
 _MILLIMETRES = 1000
 
@@ -42,10 +44,49 @@ def first_cases(some: Sequence[Case]) -> dict[str, list[Case]]:
     return {family: list(lines.values()) for family, lines in found.items()}
 
 
+def sheets(some: Sequence[Case], rows: Sequence[Row]) -> dict[str, list[Case]]:
+    """Return the cases of each sheet: by family the first ones, and the worst ones of all families.
+
+    The worst case of a family is the one that `WORST_OF` did worst, by what the family is judged by.
+
+    Parameters
+    ----------
+    some : sequence of Case
+    rows : sequence of Row
+        Runs of these cases.
+    """
+    ranked = sorted(
+        (row for row in rows if row["method"] == WORST_OF and row["failed"] is None),
+        key=lambda row: float(row[judged_by(row["family"])]),
+    )
+    by_name = {(case.family, case.scenario, case.kind, case.seed): case for case in some}
+    # The last of a family is its worst.
+    worst = {
+        row["family"]: by_name[row["family"], row["scenario"], row["sketch"], row["seed"]] for row in ranked
+    }
+    return first_cases(some) | ({"worst": list(worst.values())} if worst else {})
+
+
 def write_sheets(
-    folder: Path, some: Sequence[Case], entrants: Sequence[Entrant], *, budget: float, on_progress: Progress
+    folder: Path,
+    lines: Mapping[str, Sequence[Case]],
+    entrants: Sequence[Entrant],
+    *,
+    budget: float,
+    on_progress: Progress,
 ) -> list[Path]:
-    """Run the first case of each scenario once more, and write a sheet `control-FAMILY.png` for each family.
+    """Run cases once more, and write sheets `control-NAME.png`.
+
+    Parameters
+    ----------
+    folder : Path
+    lines : mapping
+        Cases of each sheet by the sheet's name, see `sheets`.
+    entrants : sequence of Entrant
+    budget : float
+        As in `trial.run`.
+    on_progress : callable
+        Called after each case.
 
     Raises
     ------
@@ -55,12 +96,12 @@ def write_sheets(
         A file cannot be written.
     """
     written = []
-    for family, lines in first_cases(some).items():
+    for name, some in lines.items():
         drawn = []
-        for case in lines:
+        for case in some:
             drawn.append(_line(case, entrants, budget))
             on_progress(1)
-        path = folder / f"control-{family}.png"
+        path = folder / f"control-{name}.png"
         with replacing(path) as part:
             _sheet(drawn).save(part, optimize=True)
         written.append(path)
@@ -91,7 +132,7 @@ def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
     if target is not None:
         pictures.insert(2, ("target", drawn(target)))
     by = judged_by(case.family).replace("_", " ")
-    return Line(f"{case.scenario}\n{case.kind}\nseed {case.seed}\n\nfigures:\n{by}", pictures)
+    return Line(f"{case.family}\n{case.scenario}\n{case.kind}\nseed {case.seed}\n\nfigures:\n{by}", pictures)
 
 
 def _figure(trial: Trial, family: str) -> str:
