@@ -72,8 +72,10 @@ def render(drawing: Sketch | Drawing) -> npt.NDArray[np.uint8]:
     for corners in drawing.fills:
         _fill(coverage, _to_pixels(corners))
     ink, ground = np.array(drawing.color), np.array(drawing.ground)
-    picture = np.full((RASTER_SIZE, RASTER_SIZE, 4), 255, dtype=np.uint8)
-    picture[..., :3] = np.rint(ground + coverage[..., None] * (ink - ground))
+    picture = np.empty((RASTER_SIZE, RASTER_SIZE, 4), dtype=np.uint8)
+    picture[:] = (*drawing.ground, 255)
+    inked = coverage > 0
+    picture[inked, :3] = np.rint(ground + coverage[inked, None] * (ink - ground))
     return picture
 
 

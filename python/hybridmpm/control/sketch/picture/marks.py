@@ -50,7 +50,9 @@ def main_mark(mask: Mask) -> tuple[Mask, Mask]:
             f"the sketch consists of {(sizes > 0).sum()} separate marks: draw one arrow or one outline, "
             f"in at most {MAX_PIECES} pieces"
         )
-    return mark, _bridged(np.where(np.isin(pieces, large), pieces, 0))
+    names = np.zeros_like(sizes)
+    names[large] = large
+    return mark, _bridged(names[pieces])
 
 
 def labels(mask: Mask) -> Pieces:

@@ -92,9 +92,10 @@ class Shaft:
         """Return the distance (N,) of points (N, 2) to the nearest point of the line, and its index (N,)."""
         square = np.full(len(points), np.inf)
         nearest = np.zeros(len(points), dtype=np.intp)
+        x, y = points[:, :1], points[:, 1:]
         for first in range(0, len(self.points), _BLOCK):
             block = self.points[first : first + _BLOCK]
-            away = ((points[:, None] - block) ** 2).sum(axis=2)
+            away = (x - block[:, 0]) ** 2 + (y - block[:, 1]) ** 2
             index = away.argmin(axis=1)
             least = away[np.arange(len(points)), index]
             closer = least < square
@@ -148,12 +149,12 @@ def _way_through(mask: Mask) -> Floats:
         raise SketchError(
             f"the line is too long: an arrow may be up to {MAX_WAY} pixels (of 512) long along its way"
         )
-    padded = np.pad(levels, 1, constant_values=-1)
+    padded = np.pad(np.where(levels < 0, levels.size, levels), 1, constant_values=levels.size)
     way = [(column + 0.5, row + 0.5)]
     while levels[row, column] > 0:
         window = padded[row : row + 3, column : column + 3]
-        down, right = np.unravel_index(int(np.where(window < 0, levels.size, window).argmin()), (3, 3))
-        row, column = row + int(down) - 1, column + int(right) - 1
+        down, right = divmod(int(window.argmin()), 3)
+        row, column = row + down - 1, column + right - 1
         way.append((column + 0.5, row + 0.5))
     return _averaged(np.array(way), _SMOOTHED)
 
