@@ -1,6 +1,7 @@
 """How tests are dealt out to processes, and networks that need no training for whatever serves networks."""
 
 import hashlib
+import importlib.util
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,6 +60,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next(ranks, len(LONGEST))
 
     items.sort(key=rank)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a module that is missing.
+
+    Looking for a module takes no time. Importing it where tests are collected would take seconds in every
+    process, though few of them run a test that needs it.
+    """
+    for mark in item.iter_markers("needs"):
+        module, extra = mark.args
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"needs {module}: pip install 'hybridmpm[{extra}]'")
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling:

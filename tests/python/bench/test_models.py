@@ -18,7 +18,7 @@ from hybridmpm.cli import cli
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.recording import record
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
+pytestmark = pytest.mark.needs("ot", "bench")
 
 SOURCE = {"machine", "date", "commit", "command"}
 FIELDS = SOURCE | {

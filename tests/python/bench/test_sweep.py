@@ -20,7 +20,7 @@ from hybridmpm.bench.sweep.results import SweepResults
 from hybridmpm.cli import cli
 from hybridmpm.physics.free_fall import FreeFall
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
+pytestmark = pytest.mark.needs("ot", "bench")
 
 SOURCE = Provenance(machine="m", date="2026-01-01", commit="c", command="sweep")
 TINY = "water_2d-t8-p1_16-32x3-R2.2"

@@ -11,7 +11,7 @@ from hybridmpm.data import metadata
 
 from .conftest import DROPS, trajectories
 
-pytest.importorskip("ray", reason="needs Ray: pip install 'hybridmpm[ray]'")
+pytestmark = pytest.mark.needs("ray", "ray")
 
 CLUSTER = """
 import sys

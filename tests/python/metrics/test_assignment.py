@@ -7,7 +7,7 @@ import pytest
 
 from hybridmpm import ConfigError, metrics
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[metrics]'")
+pytestmark = pytest.mark.needs("ot", "metrics")
 
 
 @pytest.mark.parametrize("dim", [2, 3])

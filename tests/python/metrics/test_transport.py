@@ -8,7 +8,7 @@ import pytest
 from hybridmpm import ConfigError, SimulationError, metrics
 from hybridmpm.metrics import transport
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[metrics]'")
+pytestmark = pytest.mark.needs("ot", "metrics")
 ONE = np.array([[0.5, 0.5]])
 
 

@@ -1,6 +1,7 @@
 """A sketch comes in and steers the session; what cannot be followed is refused in words."""
 
 import io
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -244,21 +245,21 @@ def test_text_that_is_no_sketch_is_refused(service: Any, problem: Any, path: str
 
 
 @pytest.mark.parametrize(
-    ("data", "message"),
+    ("make", "message"),
     [
-        (b"GIF89a" + bytes(50), "not a PNG"),
-        (ARROW_PNG[:300], "truncated"),
-        (_png(Image.new("RGB", (512, 512), "white")), "blank"),
-        (_png(Image.new("RGB", (1, 1), "red")), "16 to 2048"),
-        (_png(Image.new("RGB", (4096, 4096), "white")), "16 to 2048"),
-        (_one_pixel(), "at least 40"),
-        (b"", "not a PNG"),
+        (lambda: b"GIF89a" + bytes(50), "not a PNG"),
+        (lambda: ARROW_PNG[:300], "truncated"),
+        (lambda: _png(Image.new("RGB", (512, 512), "white")), "blank"),
+        (lambda: _png(Image.new("RGB", (1, 1), "red")), "16 to 2048"),
+        (lambda: _png(Image.new("RGB", (4096, 4096), "white")), "16 to 2048"),
+        (_one_pixel, "at least 40"),
+        (lambda: b"", "not a PNG"),
     ],
 )
 def test_a_file_that_is_no_sketch_is_refused_with_what_is_allowed(
-    service: Any, problem: Any, path: str, data: bytes, message: str
+    service: Any, problem: Any, path: str, make: Callable[[], bytes], message: str
 ) -> None:
-    found = problem(service.http.post(f"{path}/sketches", files={"sketch": ("s.png", data)}), 422)
+    found = problem(service.http.post(f"{path}/sketches", files={"sketch": ("s.png", make())}), 422)
     assert found["errors"][0]["field"] == "body.sketch"
     assert message in found["errors"][0]["message"]
     assert service.http.get(path).json()["control"] is None

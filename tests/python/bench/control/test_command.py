@@ -22,7 +22,7 @@ from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.bench.report.rows import Row
 from hybridmpm.cli import cli
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[bench]'")
+pytestmark = pytest.mark.needs("ot", "bench")
 
 SOURCE = Provenance(machine="m", date="2026-01-01", commit="c", command="control")
 CASES = cases(["gather"], ["water_2d"], seeds=2)

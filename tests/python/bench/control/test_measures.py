@@ -14,7 +14,7 @@ from hybridmpm.bench.control.suite.problems import Problem
 from hybridmpm.bench.control.trial import run
 from hybridmpm.control import Arrow, Ellipse, prepare
 
-pytest.importorskip("ot", reason="needs POT: pip install 'hybridmpm[metrics]'")
+pytestmark = pytest.mark.needs("ot", "metrics")
 
 OVAL = Ellipse(np.array([0.5, 0.6]), np.array([0.12, 0.1]), 0.3)
 
