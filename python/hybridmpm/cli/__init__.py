@@ -1,28 +1,55 @@
-"""The `hybridmpm` command. Each module has related subcommands; this one puts them together.
+"""The `hybridmpm` command. Each module has related subcommands; this one finds them.
 
 An error ends the command with one line on stderr, without a traceback. The exit status is 2 for bad input,
 1 for a run that failed and 130 after Ctrl-C.
 """
 
+import importlib
 import warnings
+from collections import UserDict
+from collections.abc import Iterator
 from typing import Any
 
 import click
 
 from hybridmpm import __version__
-from hybridmpm.cli.bench import bench
-from hybridmpm.cli.control import control
-from hybridmpm.cli.dataset import dataset
-from hybridmpm.cli.export import export
-from hybridmpm.cli.fit import fit
-from hybridmpm.cli.report import doctor, scenarios, schema
-from hybridmpm.cli.serve import serve
-from hybridmpm.cli.simulate import simulate
-from hybridmpm.cli.train import train
-from hybridmpm.cli.validate import validate
 from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]
+
+_MODULES = {
+    "bench": "bench",
+    "control": "control",
+    "dataset": "dataset",
+    "doctor": "report",
+    "export": "export",
+    "fit": "fit",
+    "scenarios": "report",
+    "schema": "report",
+    "serve": "serve",
+    "simulate": "simulate",
+    "train": "train",
+    "validate": "validate",
+}
+"""Module of this package that has each subcommand."""
+
+
+class _Subcommands(UserDict[str, click.Command]):
+    """Subcommands by name. Each is imported when it is asked for, because their imports take 0.1 s."""
+
+    def __missing__(self, name: str) -> click.Command:
+        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+        command: click.Command = getattr(module, name)
+        return command
+
+    def __contains__(self, name: object) -> bool:
+        return name in _MODULES
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_MODULES)
+
+    def __len__(self) -> int:
+        return len(_MODULES)
 
 
 class _BadInput(click.ClickException):
@@ -53,16 +80,10 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Commands, commands=_Subcommands(), context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hybridmpm")
 def cli() -> None:
     """Simulate particle fluids, make data sets, train networks, fit solvers, measure, and serve sessions."""
-
-
-for command in (
-    simulate, control, dataset, train, fit, export, scenarios, schema, serve, bench, validate, doctor,
-):  # fmt: skip
-    cli.add_command(command)
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner, Result
 
 from hybridmpm import BallObstacle, Box, MpmSolver, Scene, SceneError, __version__, scenarios
@@ -186,6 +187,27 @@ def test_installed_command_and_module_agree(tmp_path: Path) -> None:
         [installed, "schema"], capture_output=True, text=True, check=True, cwd=tmp_path, env=outside
     )
     assert json.loads(elsewhere.stdout) == Scene.json_schema()
+
+
+def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
+    program = "import sys; from hybridmpm.cli import main; sys.argv[1:] = ['schema']\ntry: main()\n"
+    program += "finally: print(*(name for name in sys.modules if name.startswith('hybridmpm.cli.')))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert set(done.stdout.splitlines()[-1].split()) == {"hybridmpm.cli.report", "hybridmpm.cli.installation"}
+
+
+def test_all_subcommands_are_listed_completed_and_guessed() -> None:
+    names = [
+        "bench", "control", "dataset", "doctor", "export", "fit", "scenarios", "schema", "serve", "simulate",
+        "train", "validate",
+    ]  # fmt: skip
+    listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()
+    assert [line.split()[0] for line in listed] == names
+    assert [cli.commands[name].name for name in names] == names
+    complete = ShellComplete(cli, {}, "hybridmpm", "_HYBRIDMPM_COMPLETE").get_completions
+    assert [found.value for found in complete([], "s")] == ["scenarios", "schema", "serve", "simulate"]
+    assert "--frames" in {found.value for found in complete(["simulate"], "--f")}
+    assert_fails(run("simulat"), 2, "No such command 'simulat'. Did you mean 'simulate'?")
 
 
 def test_schema_scenarios_and_help() -> None:
