@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, ViewportSize, sync_playwright
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
@@ -21,6 +21,8 @@ CHROMIUM_FLAGS = [
     "--enable-unsafe-swiftshader",  # WebGL2 without a graphics card
     "--disable-background-networking",
 ]
+VIEWPORT: ViewportSize = {"width": 920, "height": 800}
+"""The page in its wide layout, stage and tools in sight; without a graphics card every pixel takes time."""
 PATIENCE_MS = 60_000
 """How long a test waits for something that has to happen; a loaded machine may draw one picture a second."""
 
@@ -125,6 +127,26 @@ class Visit:
     page: Page
     errors: list[str] = field(default_factory=list)
 
+    def note_error(self, error: Error) -> None:
+        """Keep an exception that the page did not catch."""
+        self.errors.append(str(error))
+
+    def note_line(self, line: ConsoleMessage) -> None:
+        """Keep an error that the console shows."""
+        if line.type == "error":
+            self.errors.append(line.text)
+
+    def leave(self, *, close: bool) -> None:
+        """Close the tab, or leave it empty, with no button down and nothing of a test in it."""
+        if close:
+            self.page.close()
+            return
+        self.page.mouse.up()
+        self.page.unroute_all()
+        self.page.goto("about:blank")
+        self.page.remove_listener("pageerror", self.note_error)
+        self.page.remove_listener("console", self.note_line)
+
     def value(self, name: str) -> str | None:
         """Return the data attribute `name` of the body."""
         return self.page.locator("body").get_attribute(f"data-{name}")
@@ -203,9 +225,21 @@ def browser() -> Iterator[Browser]:
         running.close()
 
 
+@pytest.fixture(scope="package")
+def tab(browser: Browser) -> Iterator[Page]:
+    """Return a tab that tests may use one after the other: a new one takes the browser half a second."""
+    page = browser.new_page()
+    yield page
+    page.close()
+
+
 @pytest.fixture
-def open_page(browser: Browser, service: LiveService) -> Iterator[Open]:
-    """Open the page of the service, and find at the end that no page complained in its console."""
+def open_page(browser: Browser, service: LiveService, tab: Page) -> Iterator[Open]:
+    """Open the page of the service, and find at the end that no page complained in its console.
+
+    A test's first page is loaded into the shared tab, which is empty before and after; the page stores
+    nothing. What a test wants to `prepare` stays with a tab, so such a page gets one of its own.
+    """
     visits: list[Visit] = []
 
     def open_one(
@@ -213,18 +247,19 @@ def open_page(browser: Browser, service: LiveService) -> Iterator[Open]:
         viewport: ViewportSize | None = None,
         prepare: Callable[[Page], None] | None = None,
     ) -> Visit:
-        page = browser.new_page(viewport=viewport or {"width": 1280, "height": 860})
+        page = tab if prepare is None and not visits else browser.new_page()
+        page.set_viewport_size(viewport or VIEWPORT)
         if prepare is not None:
             prepare(page)
         page.set_default_timeout(PATIENCE_MS)
         visit = Visit(page)
-        page.on("pageerror", lambda error: visit.errors.append(str(error)))
-        page.on("console", lambda line: visit.errors.append(line.text) if line.type == "error" else None)
+        page.on("pageerror", visit.note_error)
+        page.on("console", visit.note_line)
         page.goto(f"{service.url}/?{query}")
         visits.append(visit)
         return visit
 
     yield open_one
     for visit in visits:
-        visit.page.close()
+        visit.leave(close=visit.page is not tab)
     assert [visit.errors for visit in visits] == [[] for _ in visits]
