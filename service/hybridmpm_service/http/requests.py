@@ -6,7 +6,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 
 from hybridmpm.control import METHODS, Stroke
 from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.guidance import MAX_CAP
+from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
@@ -16,6 +16,10 @@ MAX_PUSH_SPEED = 100.0
 MAX_BUDGET = 30.0
 """Longest search for a plan [s]: it holds a core, and the session cannot take another sketch meanwhile."""
 Coordinate = Annotated[float, Field(ge=0, le=1)]
+FrameCount = Annotated[int, Field(ge=1, strict=True)]
+Cap = Annotated[
+    float, Field(gt=0, le=MAX_CAP, description="Largest acceleration of a particle [g = 9.81 m/s^2].")
+]
 
 
 def _known_method(name: str) -> str:
@@ -123,10 +127,8 @@ class AdvanceSession(Request):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"frames": 10}]})
 
-    frames: int = Field(
+    frames: FrameCount = Field(
         default=1,
-        ge=1,
-        strict=True,
         description="Number of frames to compute, at most the setting max_advance_frames.",
     )
 
@@ -139,19 +141,12 @@ class SketchSettings(Request):
         description=f"Method that plans: auto, or one of {', '.join(METHODS)}.",
         examples=["auto", "constant"],
     )
-    frames: int | None = Field(
+    frames: FrameCount | None = Field(
         default=None,
-        ge=1,
-        strict=True,
         description="Number of frames in which the goal is to be reached; with `hold` at most the setting "
         "max_sketch_frames. Chosen from what the goal needs if absent.",
     )
-    cap: float = Field(
-        default=15.0,
-        gt=0,
-        le=MAX_CAP,
-        description="Largest acceleration of a particle [g = 9.81 m/s^2].",
-    )
+    cap: Cap = DEFAULT_CAP
     strength: float = Field(default=1.0, gt=0, le=1, description="Factor on `cap`.")
     hold: int = Field(
         default=0,
@@ -221,7 +216,7 @@ class Step(Request):
     """Stop the player, then compute some frames."""
 
     type: Literal["step"]
-    frames: int = Field(default=1, ge=1, strict=True)
+    frames: FrameCount = 1
 
 
 class Reset(Request):
@@ -246,7 +241,7 @@ class PushFluid(Request):
         min_length=2, max_length=3
     )
     radius: float = Field(gt=0, le=1)
-    cap: float = Field(default=15.0, gt=0, le=MAX_CAP)
+    cap: Cap = DEFAULT_CAP
 
 
 class EndPush(Request):

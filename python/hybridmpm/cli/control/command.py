@@ -24,6 +24,7 @@ from hybridmpm.cli.options import (
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.control import METHODS, Sketch, parse_png, parse_strokes
 from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.guidance import DEFAULT_CAP
 from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.physics.load import ZERO, model_for
 from hybridmpm.scene import Scene
@@ -73,7 +74,7 @@ from hybridmpm.simulator import Kind, Simulator
 @click.option(
     "--cap",
     type=float,
-    default=15.0,
+    default=DEFAULT_CAP,
     show_default=True,
     help="Largest acceleration of a particle, in units of 9.81 m/s^2.",
 )
