@@ -14,11 +14,12 @@ from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.downsampling.merging import checked_ratio
-from hybridmpm.errors import ConfigError, SnapshotError
+from hybridmpm.errors import ConfigError
 from hybridmpm.force import Force, checked_force
+from hybridmpm.hybrid import saved_guards
 from hybridmpm.hybrid.engine import Engine
 from hybridmpm.hybrid.guard import Guard
-from hybridmpm.hybrid.guards import DEFAULT, GUARDS, Cosine, Safeguard, build
+from hybridmpm.hybrid.guards import DEFAULT, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
 from hybridmpm.hybrid.switch import SwitchSettings
 from hybridmpm.mpm import MpmSolver
@@ -293,12 +294,7 @@ class HybridSimulator(Simulator):
     def _settings_to_save(self) -> dict[str, Any]:
         return {
             "model": described(self._model),
-            "guards": [
-                {"name": guard.name, "settings": guard.settings()}
-                if type(guard) is GUARDS.get(guard.name)
-                else None
-                for guard in self._guards
-            ],
+            "guards": saved_guards.described(self._guards),
             "r_c": self._cosine.r_c,
             "hysteresis": self._cosine.hysteresis,
             **dataclasses.asdict(self._settings),
@@ -339,22 +335,10 @@ class HybridSimulator(Simulator):
             settings = dict(saved.settings)
             stepper = recalled(settings.pop("model"), model, saved.scene, threads=threads)
             named = settings.pop("guards")
-            watching = _recalled_guards(named) if guards is None else guards
+            watching = saved_guards.recalled(named) if guards is None else guards
             return cls(saved.scene, stepper, guards=watching, threads=threads, **settings)
 
         return cls._restored(path, make)
-
-
-def _recalled_guards(descriptions: Iterable[dict[str, Any] | None]) -> list[Guard]:
-    guards: list[Guard] = []
-    for description in descriptions:
-        if description is None:
-            raise SnapshotError(
-                "the file was saved with guards of your own: give all guards as `guards` to "
-                "HybridSimulator.load"
-            )
-        guards.append(GUARDS[description["name"]](**description["settings"]))
-    return guards
 
 
 def _check_scene(scene: Scene) -> None:
