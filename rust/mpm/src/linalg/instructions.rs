@@ -7,9 +7,9 @@
 
 use std::sync::atomic::{AtomicU8, Ordering};
 
-#[cfg(target_arch = "x86_64")]
-use super::quad::x86::{Avx2, Avx512};
 use super::quad::{Portable, Quad};
+#[cfg(target_arch = "x86_64")]
+use super::x86::{Avx2, Avx512};
 
 /// Work that is compiled for each set of vector instructions.
 pub trait Kernel {

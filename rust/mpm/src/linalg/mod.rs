@@ -7,6 +7,8 @@ mod lanes;
 mod math;
 mod quad;
 mod svd;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub use eigen::{Spectrum, Symmetrics};
 pub use instructions::{Instructions, Kernel, run_wide};
