@@ -8,8 +8,7 @@ import numpy as np
 
 from hybridmpm import metrics, scenarios
 from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED, LADDER
-from hybridmpm.bench.accuracy.grid import TrueGrids
-from hybridmpm.bench.accuracy.rollouts import Truth, excerpt
+from hybridmpm.bench.accuracy.rollouts import Truth, excerpt, frozen
 from hybridmpm.bench.downsampling.frame_times import FrameTimes, frame_times
 from hybridmpm.bench.report.pareto import dominating
 from hybridmpm.bench.report.rows import Progress, Row, significant
@@ -20,6 +19,12 @@ from hybridmpm.scene import Scene
 
 RATIOS = LADDER
 """Ratios r_p by label."""
+_GRID = {"error": "grid_rmse", "grid_nrmse": "grid_nrmse", "grid_node_error": "grid_node_error"}
+"""Readings of the grid error, by their fields: those that single frames have, too."""
+_MEANS = ("kinetic_energy", "mechanical_energy", "centroid", "max_density")
+"""What is reported as a mean over the states, as `metrics.compare` names it."""
+_BOUNDS = ("jitter", "still", "merged")
+"""Methods that are floors and ceilings of the error: nobody can run them."""
 _TRANSPORTED = (100, 200)
 """Frames after the first impact whose distance of transport counts."""
 
@@ -48,25 +53,29 @@ def measure(settings: DownsamplingSettings, on_progress: Progress) -> Iterator[R
 
     The truth is MPM with all particles and the ground truth's substeps. The methods are `mpm`, merged
     particles on a coarse grid at CFL substeps; `carried`, which carries all particles of the scene along;
-    `fitted`, which does so at a rung of the table; `jitter`, the truth with other jitter; `still`, the state
-    of the first impact held.
+    `fitted`, which does so at a rung of the table. Bounds stand beside them: `merged`, the truth merged state
+    by state, the floor of whoever shows so few particles; `jitter`, the truth with other jitter, the floor of
+    all; `still`, the state of the first impact held, the ceiling.
 
     `error` is the mean of `grid_rmse` over every tenth state after the first impact, `error_40` that of one
-    frame, `transport` the sliced Wasserstein distance [m], a mean of two states, `density` the largest 99th
-    percentile of the density at the particles over that at rest. Fields ending in `_se` are standard errors
-    over the scenes. `minus_mpm`, `minus_carried`, `transport_minus_mpm` are mean differences on the same
-    scenes to the method of that name with the same r_p. Times are those of the scenario's reference scene.
+    frame; `grid_nrmse` and `grid_node_error` are the same for these readings of the grid error.
+    `kinetic_energy`, `mechanical_energy`, `centroid` [m] and `max_density` are means over the states of what
+    `metrics.compare` measures. `transport` is the sliced Wasserstein distance [m], a mean of two states,
+    `density` the largest 99th percentile of the density at the particles over that at rest in the last state.
+    Fields ending in `_se` are standard errors over the scenes. `minus_mpm`, `minus_carried`,
+    `transport_minus_mpm` are mean differences on the same scenes to the method of that name with the same
+    r_p. Times are those of the scenario's reference scene.
     """
     for scenario in settings.scenarios:
         table, facts = metrics.ErrorTable(), _Facts()
         for seed in range(FIRST_SEED, FIRST_SEED + settings.scenes):
             _run_scene(scenarios.get(scenario, seed), settings, table, facts)
             on_progress(1)
-        methods = [name for name in table.methods if name not in {"jitter", "still"}]
+        methods = [name for name in table.methods if not _is_bound(name)]
         times = frame_times(scenario, {name: _maker(name) for name in methods}, settings.repeats)
         head = {"scenario": scenario, "scenes": settings.scenes}
         rows = [head | _row(name, table, facts, times.get(name)) for name in table.methods]
-        rivals = [row for row in rows if row["method"] not in {"jitter", "still"}]
+        rivals = [row for row in rows if row["method"] not in _BOUNDS]
         for row in rows:
             better = dominating(row, rivals)
             yield row | {"dominated_by": better and f"{better['method']} {better['label']}"}
@@ -100,6 +109,10 @@ class _Maker:
         return MpmSolver(scene, r_p=RATIOS[self._label], carry=self._kind == "carried")
 
 
+def _is_bound(name: str) -> bool:
+    return name.partition(" ")[0] in _BOUNDS
+
+
 def _maker(name: str) -> _Maker:
     kind, _, label = name.partition(" ")
     return _Maker(kind, label)
@@ -122,12 +135,14 @@ def _run_scene(
     span = settings.frames
     truth = Truth.of(scene, latest_warm_up=0, span=span)
     true = excerpt(truth.states, truth.impact, span)
-    grids = TrueGrids(true.positions, true.mass, scene.resolution)
     jittered = truth.with_other_jitter()
     if jittered is not None:
-        table.add("jitter", scene.name, _errors(excerpt(jittered, truth.impact, span), true, grids))
-    held = np.broadcast_to(truth.states.positions[truth.impact], true.positions.shape)
-    table.add("still", scene.name, _errors(dataclasses.replace(true, positions=held), true, grids))
+        table.add("jitter", scene.name, _errors(excerpt(jittered, truth.impact, span), true))
+    held = excerpt(frozen(truth.states, truth.impact), truth.impact, span)
+    table.add("still", scene.name, _errors(held, true))
+    for label, r_p in RATIOS.items():
+        if r_p < 1:
+            table.add(f"merged {label}", scene.name, _errors(metrics.merged_states(true, r_p), true))
     for name in _names():
         solver = _maker(name)(scene)
         solver.advance(truth.impact)
@@ -135,19 +150,23 @@ def _run_scene(
         states = dataclasses.replace(
             run, frames=run.frames[1:], positions=run.positions[1:], velocities=run.velocities[1:]
         )
-        table.add(name, scene.name, _errors(states, true, grids))
+        table.add(name, scene.name, _errors(states, true))
         facts.enter(name, solver, _density(states))
 
 
-def _errors(predicted: Recording, true: Recording, grids: TrueGrids) -> dict[str, float]:
-    errors = [grids.rmse(row, x, predicted.mass) for row, x in enumerate(predicted.positions)]
-    rows = {frame: frame // EVERY - 1 for frame in AT if frame // EVERY <= len(errors)}
-    moved = [frame // EVERY - 1 for frame in _TRANSPORTED if frame // EVERY <= len(errors)] or [-1]
+def _errors(predicted: Recording, true: Recording) -> dict[str, float]:
+    measured = metrics.compare(predicted, true)
+    rows = {frame: frame // EVERY - 1 for frame in AT if frame // EVERY <= len(true.frames)}
+    found: dict[str, float] = {}
+    for field, measure in _GRID.items():
+        found[field] = float(measured[measure].mean())
+        found |= {f"{field}_{frame}": float(measured[measure][row]) for frame, row in rows.items()}
+    moved = [frame // EVERY - 1 for frame in _TRANSPORTED if frame // EVERY <= len(true.frames)] or [-1]
     transport = metrics.sliced_distance(
         predicted.positions[moved], predicted.mass, true.positions[moved], true.mass
     )
-    alone = {f"error_{frame}": errors[row] for frame, row in rows.items()}
-    return {"error": float(np.mean(errors)), **alone, "transport": float(transport.mean())}
+    means = {name: float(measured[name].mean()) for name in _MEANS}
+    return {**found, **means, "transport": float(transport.mean())}
 
 
 def _density(states: Recording) -> float:
@@ -161,6 +180,7 @@ def _row(name: str, table: metrics.ErrorTable, facts: _Facts, times: FrameTimes 
     kind, _, label = name.partition(" ")
     entry = next(row for row in table.rows() if row["method"] == name)
     known = name in facts.particles
+    few = name if _is_bound(name) else f"mpm {label}"
     return {
         "method": kind,
         "label": label or None,
@@ -172,9 +192,9 @@ def _row(name: str, table: metrics.ErrorTable, facts: _Facts, times: FrameTimes 
         "density": significant(max(facts.density[name])) if known else None,
         "redone": facts.redone[name] if known else None,
         **{key: significant(value) for key, value in entry.items() if key != "method" and key[-2:] != "_n"},
-        **_apart(table, name, f"mpm {label}", "error", "minus_mpm"),
+        **_apart(table, name, few, "error", "minus_mpm"),
         **_apart(table, name, f"carried {label}" if kind == "fitted" else name, "error", "minus_carried"),
-        **_apart(table, name, f"mpm {label}", "transport", "transport_minus_mpm"),
+        **_apart(table, name, few, "transport", "transport_minus_mpm"),
     }
 
 

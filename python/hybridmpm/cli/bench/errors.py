@@ -26,8 +26,8 @@ from hybridmpm.physics.model import NeuralModel
 
 _DOWNSAMPLING_COLUMNS = (
     "scenario", "method", "label", "particles", "resolution", "ms_per_frame", "ms_shown", "error", "error_se",
-    "minus_carried", "minus_carried_se", "transport", "transport_minus_mpm", "transport_minus_mpm_se",
-    "density", "dominated_by",
+    "grid_nrmse", "grid_node_error", "minus_carried", "minus_carried_se", "transport", "transport_minus_mpm",
+    "transport_minus_mpm_se", "kinetic_energy", "centroid", "density", "dominated_by",
 )  # fmt: skip
 
 _MODELS_COLUMNS = (
@@ -55,8 +55,9 @@ def downsampling(
     """Measure time and error of MPM with fewer particles: alone, carrying all of the scene, and fitted.
 
     Errors are taken against the truth, in scenes that no data set and no fit contains. The table also holds
-    the floor of the error (jitter: the truth with other jitter) and its ceiling (still: the state of the
-    first impact held). ms_shown is the time of a frame whose positions are read, ms_per_frame that of others.
+    the floors of the error (jitter: the truth with other jitter; merged: the truth shown by as few particles)
+    and its ceiling (still: the state of the first impact held). ms_shown is the time of a frame whose
+    positions are read, ms_per_frame that of others.
     """
     settings = downsampling_bench.DownsamplingSettings(
         scenarios=names, scenes=scenes, frames=frames, repeats=repeats
