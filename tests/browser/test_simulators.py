@@ -111,6 +111,28 @@ def test_badge_and_chart_follow_the_session(
     assert chart["width"] > 0.8 * card["width"]
 
 
+@pytest.mark.parametrize("viewport", [{"width": 1440, "height": 900}, {"width": 390, "height": 844}])
+def test_a_rung_is_chosen_on_the_page(
+    open_page: Open, service: LiveService, viewport: dict[str, int]
+) -> None:
+    visit = open_page(f"{FALL}&rung=1/16", viewport=viewport)
+    visit.wait_for(LIVE)
+    first = visit.session
+    made = service.get(f"/v1/sessions/{first}")
+    assert (made["solver"], made["rung"], made["r_p"]) == ("mpm", "1/16", 1 / 16)
+    expect(visit.page.locator("#solver-text")).to_contain_text(
+        "1/16 of the particles, which carry all others"
+    )
+    choice = visit.page.get_by_label("Particles simulated")
+    expect(choice).to_have_value("1/16")
+    choice.select_option("All")
+    visit.wait_for(f"body.session !== '{first}' && {LIVE}")
+    every = service.get(f"/v1/sessions/{visit.session}")
+    assert (every["rung"], every["particles"]) == (None, made["particles"])
+    assert "rung" not in visit.page.url
+    assert visit.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
 def test_a_scenario_without_a_network_is_simulated_by_mpm(open_page: Open, service: LiveService) -> None:
     visit = open_page(f"{FALL}&solver=hybrid")
     visit.wait_for(f"{LIVE} && body.solver === 'hybrid'")
@@ -120,7 +142,9 @@ def test_a_scenario_without_a_network_is_simulated_by_mpm(open_page: Open, servi
     assert service.get(f"/v1/sessions/{visit.session}")["solver"] == "mpm"
     for name in ("Hybrid", "Network"):
         expect(visit.page.get_by_role("radio", name=name)).to_be_disabled()
-    expect(visit.page.locator("#solver-text")).to_have_text("There is no network for this scenario.")
+    expect(visit.page.locator("#solver-text")).to_have_text(
+        "The material point method (MPM) simulates all particles. There is no network for this scenario."
+    )
     expect(visit.page.locator("#mode")).to_be_hidden()
 
 

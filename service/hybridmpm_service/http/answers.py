@@ -74,6 +74,7 @@ class SessionBody(BaseModel):
                     "speed": 0.25,
                     "centroid": [0.41, 0.52],
                     "solver": "hybrid",
+                    "rung": None,
                     "model": "fluids_2d",
                     "r_p": 0.25,
                     "mode": "mpm",
@@ -120,8 +121,13 @@ class SessionBody(BaseModel):
     speed: float = Field(description="Simulated seconds per second that the player aims at.")
     centroid: list[float] = Field(description="Centre of mass, D numbers [m].")
     solver: Kind = Field(description="Simulator of the session.")
+    rung: str | None = Field(
+        description="Rung that few particles simulate at, carrying all others; null where none was chosen."
+    )
     model: str | None = Field(description="Name of the network; null where MPM simulates alone.")
-    r_p: float = Field(description="Ratio of the particles to those of the scene, in (0, 1].")
+    r_p: float = Field(
+        description="Ratio of the particles that are simulated to those of the scene, in (0, 1]."
+    )
     mode: Mode = Field(description="Who simulates the next frame: MPM or the network.")
     safeguard: SafeguardBody | None = Field(
         description="Safeguard that watches the network; null unless the session is hybrid."
@@ -155,6 +161,7 @@ class SessionBody(BaseModel):
             speed=session.speed,
             centroid=list(view.centroid),
             solver=session.solver,
+            rung=session.rung,
             model=session.model,
             r_p=session.simulation.r_p,
             mode=view.mode,

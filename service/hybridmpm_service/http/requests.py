@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 from hybridmpm.control import METHODS, Stroke
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP
+from hybridmpm.downsampling import rung_table
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
@@ -84,6 +85,13 @@ class CreateSession(Request):
         description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
         "or a network alone (neural).",
     )
+    rung: str | None = Field(
+        default=None,
+        max_length=100,
+        description="Part of the particles that MPM simulates at constants fitted to scenes, carrying all "
+        f"others along: one of {', '.join(rung_table().ratios)}. Only with mpm; all particles are simulated "
+        "if absent.",
+    )
     model: str | None = Field(
         default=None,
         max_length=100,
@@ -117,9 +125,15 @@ class CreateSession(Request):
         Raises
         ------
         FieldError
-            An option belongs to another kind of simulator.
+            An option belongs to another kind of simulator, or there is no such rung.
         """
-        return SolverChoice(solver=self.solver, model=self.model, r_c=self.r_c, safeguard=self.safeguard)
+        return SolverChoice(
+            solver=self.solver,
+            rung=self.rung,
+            model=self.model,
+            r_c=self.r_c,
+            safeguard=self.safeguard,
+        )
 
 
 class AdvanceSession(Request):

@@ -7,7 +7,7 @@ import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, PIPELINE, showScenarios } from "./panels/scene-panel.js";
-import { chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
+import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { Hand } from "./sketch/hand.js";
 import { StagePointer } from "./sketch/pointer.js";
@@ -25,6 +25,7 @@ let chosen = {
   scenario: query.get("scenario") ?? "water_2d",
   seed: asSeed(query.get("seed")),
   solver: asSolver(query.get("solver")),
+  rung: asRung(query.get("rung")),
 };
 
 let scene = null; // the scene of the hello message
@@ -123,7 +124,8 @@ function showSession(hello) {
   controls.showTools(scene.dim);
   chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);
   if (!hello.session.scenario) return;
-  chosen = { scenario: hello.session.scenario, seed: hello.session.seed, solver: hello.session.solver };
+  const { scenario, seed, solver, rung } = hello.session;
+  chosen = { scenario, seed, solver, rung };
   chooseScene(chosen);
   showChoice(chosen);
 }
@@ -194,11 +196,15 @@ function startScene(wanted, itsPreset = null) {
     messages.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
   }
-  chosen = { ...wanted, solver: solverFor(wanted.scenario, wanted.solver ?? chosenSolver()) };
+  const solver = solverFor(wanted.scenario, wanted.solver ?? chosenSolver());
+  const rung = wanted.rung === undefined ? chosenRung() : wanted.rung;
+  chosen = { ...wanted, solver, rung: solver === "mpm" ? rung : null };
   showChoice(chosen);
   const address = new URL(window.location.href);
-  for (const [name, value] of Object.entries(chosen)) address.searchParams.set(name, String(value));
-  for (const name of ["session", "preset"]) address.searchParams.delete(name);
+  for (const name of ["rung", "session", "preset"]) address.searchParams.delete(name);
+  for (const [name, value] of Object.entries(chosen)) {
+    if (value !== null) address.searchParams.set(name, String(value));
+  }
   if (itsPreset !== null) address.searchParams.set("preset", "pipeline");
   window.history.replaceState(null, "", address);
   preset = itsPreset;

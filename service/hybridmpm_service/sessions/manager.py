@@ -88,7 +88,7 @@ class SessionManager:
         UnavailableError
             The server is shutting down.
         ConfigError, FieldError, ModelDamagedError
-            The scene or the model is refused.
+            The scene, the rung or the model is refused.
         """
         await self.expire()
         reason = self.why_full()
@@ -104,7 +104,7 @@ class SessionManager:
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
         session = Session(uuid.uuid4().hex, simulation, self.clock)
-        session.solver, session.model = chosen.simulator.kind, chosen.model
+        session.solver, session.rung, session.model = chosen.simulator.kind, chosen.rung, chosen.model
         session.scenario, session.seed = scenario, seed
         self._sessions[session.id] = session
         return session

@@ -52,6 +52,8 @@ class Session:
         Scene that is simulated.
     solver : Kind
         Simulator of the session: "mpm", "hybrid" or "neural".
+    rung : str or None
+        Name of the rung that few particles simulate at, carrying all others; None where there is none.
     model : str or None
         Name of the network; None where there is none.
     simulation : Simulation
@@ -69,6 +71,7 @@ class Session:
         self.scenario: str | None = None
         self.seed: int | None = None
         self.solver: Kind = "mpm"
+        self.rung: str | None = None
         self.model: str | None = None
         self.scene = simulation.scene
         self.simulation = simulation

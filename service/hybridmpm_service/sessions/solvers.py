@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, TypeVar
 
 from hybridmpm import Scene, SceneError, simulators
 from hybridmpm.decisions import Mode
+from hybridmpm.downsampling import rung_table
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.hybrid import Cosine
 from hybridmpm.physics import NeuralModel, default_model, models
@@ -49,20 +50,25 @@ class SolverChoice:
     Raises
     ------
     FieldError
-        An option belongs to another kind of simulator.
+        An option belongs to another kind of simulator, or there is no such rung.
     """
 
     solver: Kind = "mpm"
+    rung: str | None = None
     model: str | None = None
     r_c: float | None = None
     safeguard: SafeguardKind | None = None
 
     def __post_init__(self) -> None:
-        for name in ("model", "r_c", "safeguard"):
+        for name in ("rung", "model", "r_c", "safeguard"):
             if getattr(self, name) is not None and name not in simulators.settings_of(self.solver):
                 takers = [kind for kind in simulators.SIMULATORS if name in simulators.settings_of(kind)]
                 solvers = " and ".join(f'"{kind}"' for kind in takers)
                 raise FieldError(f"body.{name}", f'belongs to the solver {solvers}, got "{self.solver}"')
+        rungs = rung_table().ratios
+        if self.rung is not None and self.rung not in rungs:
+            known = ", ".join(f'"{name}"' for name in rungs)
+            raise FieldError("body.rung", f'must be one of {known}, got "{self.rung}"')
 
     def safeguard_settings(self) -> SafeguardSettings | None:
         """Return the settings of the safeguard, defaults included; None for a simulator without one."""
@@ -79,6 +85,8 @@ class ChosenSolver:
     """A simulator at frame 0, and what it was made with."""
 
     simulator: Simulator
+    rung: str | None = None
+    """Name of the rung that few particles simulate at; None where no rung was chosen."""
     model: str | None = None
     """Name of the network; None without one."""
     safeguard: SafeguardSettings | None = None
@@ -127,26 +135,28 @@ class SolverFactory:
         SceneError
             The scene cannot be filled with particles.
         FieldError
-            There is no such model, or it was not made for such a scene.
+            There is no such model, or it or the rung was not made for such a scene.
         ModelDamagedError
             The model's file is not the one that the manifest names.
         """
         name: str | None = None
         model: NeuralModel | None = None
         if "model" in simulators.settings_of(choice.solver):
-            name = choice.model or _for_model(lambda: self._default(scenario))
+            name = choice.model or _for_option("model", lambda: self._default(scenario))
             model = self._model(name)
-        simulator = _for_model(
+        simulator = _for_option(
+            "model" if choice.rung is None else "rung",
             lambda: simulators.make(
                 choice.solver,
                 scene,
+                rung=choice.rung,
                 model=model,
                 r_c=choice.r_c,
                 safeguard=choice.safeguard,
                 threads=self._threads,
-            )
+            ),
         )
-        return ChosenSolver(simulator, name, choice.safeguard_settings())
+        return ChosenSolver(simulator, choice.rung, name, choice.safeguard_settings())
 
     def _default(self, scenario: str | None) -> str:
         if scenario is None:
@@ -175,11 +185,11 @@ class SolverFactory:
             ) from err
 
 
-def _for_model(make: Callable[[], T]) -> T:
-    """Call `make`, and report a ConfigError as a fault of the chosen model, unless the scene is at fault."""
+def _for_option(name: str, make: Callable[[], T]) -> T:
+    """Call `make`, and report a ConfigError as a fault of an option, unless the scene is at fault."""
     try:
         return make()
     except SceneError:
         raise
     except ConfigError as err:
-        raise FieldError("body.model", str(err)) from err
+        raise FieldError(f"body.{name}", str(err)) from err

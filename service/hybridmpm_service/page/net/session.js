@@ -29,11 +29,11 @@ export class SessionClient {
   }
 
   /** Leave the present session and create another one. */
-  async start({ scenario, seed, solver }) {
+  async start({ scenario, seed, solver, rung }) {
     const generation = this.#leave();
     this.#enter("connecting");
     try {
-      const session = await request("POST", "/v1/sessions", { scenario, seed, solver });
+      const session = await request("POST", "/v1/sessions", { scenario, seed, solver, rung });
       const path = `/v1/sessions/${session.id}`;
       if (generation !== this.#generation) {
         abandon(path);

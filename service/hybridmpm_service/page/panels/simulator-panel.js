@@ -37,25 +37,34 @@ export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined
 
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
 
-export function showChoice({ scenario, solver }) {
+/** The rung of this name; null, for all particles, where there is none. */
+export const asRung = (name) => [...byId("rung").options].find(({ value }) => value !== "" && value === name)?.value ?? null;
+
+export const chosenRung = () => asRung(byId("rung").value);
+
+export function showChoice({ scenario, solver, rung }) {
   const model = modelFor(scenario);
   for (const input of document.querySelectorAll('input[name="solver"]')) {
     input.checked = input.value === solver;
     input.disabled = input.value !== "mpm" && model === undefined;
   }
-  setText("solver-text", choiceText(solver, model));
+  byId("rung").value = rung ?? "";
+  byId("rung-field").hidden = solver !== "mpm";
+  setText("solver-text", choiceText(solver, model, rung));
 }
 
-function choiceText(solver, model) {
-  if (model === undefined) return "There is no network for this scenario.";
-  const share = `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
+function choiceText(solver, model, rung) {
+  const share = model && `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
   switch (solver) {
     case "hybrid":
       return `A network simulates ${share}. Where a guard alarms, MPM takes over.`;
     case "neural":
       return `A network alone simulates ${share}. No guard watches it.`;
-    default:
-      return "The material point method (MPM) simulates all particles.";
+    default: {
+      const who = rung === null ? "simulates all particles" : `simulates ${rung} of the particles, which carry all others along`;
+      const text = `The material point method (MPM) ${who}.`;
+      return model === undefined ? `${text} There is no network for this scenario.` : text;
+    }
   }
 }
 
