@@ -97,8 +97,9 @@ class ThinObstacleWarning(UserWarning):
 
 
 class RungWarning(UserWarning):
-    """A scene is faster than all that a rung was fitted to, or a frame had to be done again at the safe step.
+    """A scene is not one for this rung, or a frame had to be done again at the safe step.
 
-    Not an error: the frames are right as far as a coarse solver is, but errors may be larger than the table
-    of rungs says.
+    The scene is faster than all that the rung was fitted to, or an obstacle is thinner than a cell of its
+    grid. Not an error: the frames are right as far as a coarse solver is, but errors may be larger than the
+    table of rungs says.
     """

@@ -71,7 +71,8 @@ class MpmSolver(MpmState):
     CostlyMaterialWarning
         A body is so light or so stiff that each frame takes 200 substeps or more.
     RungWarning
-        The scene is faster than those that the rung was fitted to, or a frame had to be done again.
+        The scene is faster than those that the rung was fitted to, an obstacle is thinner than a cell of its
+        grid, or a frame had to be done again.
 
     Notes
     -----

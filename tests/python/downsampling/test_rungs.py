@@ -1,5 +1,6 @@
 """Rungs: the table that ships with the library, and what becomes of it in a scene."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -206,6 +207,29 @@ def test_a_scene_too_fast_is_told() -> None:
     ) as told:
         MpmSolver(Scene(dim=2, resolution=64, bodies=(body,)), rung="1/16")
     assert told[0].filename == __file__
+
+
+@pytest.mark.parametrize(
+    ("resolution", "advice"),
+    [
+        (128, "m thick, or take rung '1/4'$"),
+        (72, r"m thick, or take MpmSolver\(scene\), which"),
+        (64, "m thick$"),
+    ],
+)
+def test_obstacles_thinner_than_a_cell_are_told(resolution: int, advice: str) -> None:
+    body = block("water", (0.4, 0.6), (0.6, 0.8))
+    plates = [BoxObstacle(lower=(0.2, 0.3), upper=(0.8, 0.3 + thickness)) for thickness in (0.014, 0.04)]
+    scene = Scene(dim=2, resolution=resolution, bodies=(body,), obstacles=tuple(plates))
+    with pytest.warns(RungWarning) as told:
+        rung = rung_for(scene, "1/16")
+    assert 1 / 0.04 <= rung.resolution < 1 / 0.014
+    (warning,) = told
+    message = rf"obstacles\[0\] \(box\) is 0.014 m thick, less than a cell of .* m of rung '1/16'.*{advice}"
+    assert re.search(message, str(warning.message))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rung_for(scene.model_copy(update={"obstacles": tuple(plates[1:])}), "1/16")
 
 
 class FailsAtFrame:

@@ -40,13 +40,27 @@ def rung_for(scene: Scene, name: str, table: RungTable | None = None) -> Rung:
     Warns
     -----
     RungWarning
-        Matter can land faster than in any scene of the scenarios that the rung was fitted to.
+        Matter can land faster than in any scene of the scenarios that the rung was fitted to, or an obstacle
+        is thinner than a cell of its grid.
     """
     known = rung_table() if table is None else table
+    rung = _settings(scene, name, known)
+    _tell_speed(scene, name, _fitted(scene, name, known))
+    _tell_thin(scene, rung, known)
+    return rung
+
+
+def _fitted(scene: Scene, name: str, table: RungTable) -> list[RungEntry]:
+    """Return the entries of those of the scene's materials that were fitted."""
+    entries = [table.find(material.kind, scene.dim, name) for material in scene.materials]
+    return [entry for entry in entries if entry is not None]
+
+
+def _settings(scene: Scene, name: str, known: RungTable) -> Rung:
+    """Return the settings of a rung in a scene, and warn of nothing."""
     r_p = _checked_ratio(name, known)
     entries = [known.find(material.kind, scene.dim, name) for material in scene.materials]
-    fitted = [entry for entry in entries if entry is not None]
-    _tell_speed(scene, name, fitted)
+    fitted = _fitted(scene, name, known)
     if not fitted:
         return Rung.unfitted(scene, r_p).named(name)
     natives = [material.to_native(scene.potential_drop) for material in scene.materials]
@@ -99,6 +113,28 @@ def _tell_speed(scene: Scene, name: str, entries: list[RungEntry]) -> None:
             f"matter may land at {speed:.2g} m/s in this scene, but rung {name!r} was fitted up to "
             f"{known:.2g} m/s: its error may be larger than the table says; compare it with a rung of more "
             "particles, or with MpmSolver(scene, r_p=..., carry=True), whose constants are not fitted",
+            RungWarning,
+            stacklevel=4,
+        )
+
+
+def _tell_thin(scene: Scene, rung: Rung, table: RungTable) -> None:
+    """Warn of obstacles thinner than a cell of the rung, which the few may pass with what they carry."""
+    if rung.resolution >= scene.resolution:
+        return  # The solver tells of what is thin on the scene's own grid.
+    cell = math.ceil(1e4 / rung.resolution) / 1e4  # Rounded up: who follows the advice is not told again.
+    for i, obstacle in enumerate(scene.obstacles):
+        thickness = obstacle.smallest_extent
+        if thickness >= cell:
+            continue
+        finer = (name for name, r_p in table.ratios.items() if r_p > rung.r_p)
+        fits = next((one for one in finer if _settings(scene, one, table).resolution * thickness >= 1), None)
+        other = f"rung {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
+        rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
+        warnings.warn(
+            f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m "
+            f"of rung {rung.name!r}, so material may pass through it: make it at least {cell:g} m thick"
+            f"{rest}",
             RungWarning,
             stacklevel=4,
         )
