@@ -9,6 +9,7 @@ from hybridmpm._native import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.downsampling import RungTable, rung_table
 from hybridmpm.downsampling.rungs import RungEntry
+from hybridmpm.errors import ConfigError
 from hybridmpm.fitting.cases import Case
 from hybridmpm.fitting.judge import fastest, judge, scenarios_of
 from hybridmpm.fitting.search import PRICE, search
@@ -23,7 +24,7 @@ class FitSettings:
     """Length of the searches."""
 
     trials: int = 80
-    """Number of points that the search of each rung tries."""
+    """Number of points that the search of each rung tries; with 0 the rungs of the table are judged anew."""
     scenes: int = 10
     """Number of training scenes, from seed 0 on."""
     held_out: int = 10
@@ -67,6 +68,8 @@ def fit_rungs(
     ------
     DataError
         A journal or the table is damaged, or a journal is of another search.
+    ConfigError
+        `settings.trials` is 0, and the table lacks one of the targets.
     ExportError
         A file cannot be written.
     """
@@ -75,7 +78,10 @@ def fit_rungs(
     cases: dict[str, list[Case]] = {}
     older = rung_table(file).entries if file.exists() else ()
     entries = {Target(one.material, one.dim, one.name): one for one in older}
-    for target in sorted(targets, key=lambda one: one.scenario):
+    missing = [target.key for target in targets if target not in entries]
+    if settings.trials == 0 and missing:
+        raise ConfigError(f"{file} has no rung {missing[0]} to judge; fit it with at least one trial")
+    for target in sorted(targets if settings.trials else (), key=lambda one: one.scenario):
         scenario = target.scenario
         if scenario not in cases:
             # Those of one scenario at a time: in 3D they take half a gigabyte.

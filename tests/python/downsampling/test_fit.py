@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import DataError, MpmSolver, scenarios
+from hybridmpm import ConfigError, DataError, MpmSolver, scenarios
 from hybridmpm.cli import cli
 from hybridmpm.downsampling import rung_for, rung_table
 from hybridmpm.fitting import judge
@@ -68,6 +68,24 @@ def test_a_search_goes_on_where_it_stopped(folder: Path) -> None:
     assert seen.error == pytest.approx((outcome.error + other.error) / 2, rel=0.02)
     assert outcome.simulated == len(solver.coarse_positions)
     assert outcome.redone == 0
+
+
+def test_without_trials_the_rungs_of_a_table_are_judged_anew(folder: Path, tmp_path: Path) -> None:
+    fit(folder, 1)
+    shutil.copytree(folder / "truths", tmp_path / "truths")
+    file = tmp_path / "rungs.json"
+    rung_table.cache_clear()
+    settings = FitSettings(trials=0, scenes=1, held_out=2)
+    with pytest.raises(ConfigError, match="has no rung water_2d-1-64 to judge"):
+        fit_rungs([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
+    (known,) = rung_table(folder / "rungs.json").entries
+    blank = known.model_copy(update={"held_out": ()})
+    table = rung_table(folder / "rungs.json").model_copy(update={"entries": (blank,)})
+    file.write_text(table.model_dump_json())
+    rung_table.cache_clear()
+    done = fit_rungs([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
+    assert done.entries == (known,)
+    assert not list(tmp_path.glob("*.jsonl"))
 
 
 def test_a_journal_of_another_search_is_refused(folder: Path) -> None:

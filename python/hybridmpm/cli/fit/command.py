@@ -45,7 +45,13 @@ def fit() -> None:
     multiple=True,
     help="Rung that is fitted. May be given several times. Default: all.",
 )
-@number_option("--trials", 1, 100_000, FitSettings.trials, "Number of points that each search tries.")
+@number_option(
+    "--trials",
+    0,
+    100_000,
+    FitSettings.trials,
+    "Number of points that each search tries; with 0 the rungs of the table are judged anew.",
+)
 @number_option("--scenes", 1, 1000, FitSettings.scenes, "Number of training scenes, from seed 0 on.")
 @number_option("--held-out", 2, 1000, FitSettings.held_out, "Number of scenes a rung is judged on.")
 def rungs(
