@@ -23,13 +23,16 @@ use threads::Team;
 /// Frames from one carry to the next, where no particles come and go.
 pub const CARRY_EVERY: u64 = 4;
 
+/// Passes in which the many slide apart at a carry, at most.
+const MOST_PASSES: usize = 8;
+
 /// How particles are carried, apart from the few and the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CarryConstants {
     /// The part of the affine motion of the few that the many take over [-]. All of it moves the centre of mass best,
     /// but lets particles clump; none leaves bodies that turn behind.
     pub affine_share: f32,
-    /// How far the many slide apart at a carry [cells] per density in excess and cell.
+    /// How far the many slide apart in each pass of a carry [cells] per density in excess and cell.
     pub relaxation: f32,
 }
 
@@ -170,12 +173,12 @@ impl<const D: usize> Carrier<D> {
         self.state.blocks = blocks;
         moved?;
         self.shown = None;
-        let state = &mut self.state;
         if frame.is_multiple_of(CARRY_EVERY) {
-            self.crowding.relax(&mut state.blocks, &self.team);
+            self.part();
+        } else {
+            hold(&self.surfaces, &mut self.state.blocks, &self.team);
         }
-        let surfaces = &self.surfaces;
-        hold(surfaces, &mut state.blocks, &self.team);
+        let (state, surfaces) = (&mut self.state, &self.surfaces);
         state.frame = frame;
         state.past = Past::of(few);
         if self.openings.any() {
@@ -270,6 +273,18 @@ impl<const D: usize> Carrier<D> {
         self.state = snapshot::decode(resolution, &self.state, self.openings.any(), data)?;
         self.shown = None;
         Ok(())
+    }
+
+    /// Lets all particles slide apart where they are too dense.
+    fn part(&mut self) {
+        let blocks = &mut self.state.blocks;
+        for _ in 0..MOST_PASSES {
+            let is_crowded = self.crowding.relax(blocks, &self.team);
+            hold(&self.surfaces, blocks, &self.team);
+            if !is_crowded {
+                break;
+            }
+        }
     }
 
     /// The particles at a frame since the latest carry.

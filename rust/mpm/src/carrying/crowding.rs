@@ -1,9 +1,10 @@
 //! Carried particles that have become too dense part.
 //!
 //! The motion of few particles brings many together: it has no divergence that the few can see, but between them it
-//! has. Once a carry, particles therefore slide down the gradient of what the density on the scene's grid exceeds rest
-//! by. The density is counted in integers, whose sums do not depend on their order, so neither particles have to be
-//! sorted nor nodes to be shared out among threads.
+//! has. At a carry, particles therefore slide down the gradient of what the density on the scene's grid exceeds rest
+//! by. The few may bring many together faster than these slide apart in one pass, so passes are repeated while too much
+//! of the matter is crowded. The density is counted in integers, whose sums do not depend on their order, so neither
+//! particles have to be sorted nor nodes to be shared out among threads.
 
 use wide::f32x4;
 
@@ -20,6 +21,11 @@ const ONE: f32 = 65_536.0;
 /// Nodes with less room [-] between walls and outside of obstacles count as if they had this.
 const LEAST_ROOM: f32 = 0.25;
 
+/// A node is crowded where its density exceeds rest by more than this [-].
+const CROWDED: f32 = 0.3;
+/// Another pass follows one that found more than one part in so many of the matter on crowded nodes.
+const CROWDED_PART: u64 = 100;
+
 /// Chunks whose flags are looked at together: of all chunks of a grid few are dirty.
 const GROUP: usize = 64;
 
@@ -29,6 +35,14 @@ struct Counts {
     nodes: Vec<u32>,
     /// Chunks of nodes that are not zero.
     dirty: Vec<bool>,
+}
+
+/// Counts, summed over nodes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Matter {
+    all: u64,
+    /// On crowded nodes.
+    crowded: u64,
 }
 
 /// The density of carried particles on the scene's grid.
@@ -86,10 +100,11 @@ impl<const D: usize> Crowding<D> {
         }
     }
 
-    /// Moves all particles from where they are too dense to where they are less so.
-    pub fn relax(&mut self, blocks: &mut [Block<D>], team: &Team) {
+    /// Moves all particles from where they are too dense to where they are less so, in one pass; returns whether there
+    /// was so much matter on crowded nodes that another should follow.
+    pub fn relax(&mut self, blocks: &mut [Block<D>], team: &Team) -> bool {
         self.count(blocks, team);
-        self.compare(team);
+        let matter = self.compare(team);
         let share = blocks.len().div_ceil(4 * team.size()).max(1);
         let mut parts: Vec<_> = blocks.chunks_mut(share).collect();
         team.for_each(&mut parts, |blocks| {
@@ -100,6 +115,7 @@ impl<const D: usize> Crowding<D> {
                 excess: &self.excess,
             });
         });
+        matter.crowded * CROWDED_PART > matter.all
     }
 
     fn count(&mut self, blocks: &[Block<D>], team: &Team) {
@@ -131,15 +147,16 @@ impl<const D: usize> Crowding<D> {
         });
     }
 
-    /// From counts to what they exceed rest by.
-    fn compare(&mut self, team: &Team) {
+    /// From counts to what they exceed rest by; returns how much matter was counted.
+    fn compare(&mut self, team: &Team) -> Matter {
         let counts = &self.counts;
         let share = self.dirty.len().div_ceil(4 * team.size()).max(1);
         let parts = self.dirty.chunks_mut(share);
         let parts = parts.zip(self.excess.chunks_mut(share * CHUNK));
         let parts = parts.zip(self.weight.chunks(share * CHUNK));
+        let parts = parts.map(|part| (part, Matter::default()));
         let mut parts: Vec<_> = parts.enumerate().collect();
-        team.for_each(&mut parts, |(part, ((dirty, excess), weight))| {
+        team.for_each(&mut parts, |(part, (((dirty, excess), weight), matter))| {
             let first = *part * share;
             for group in (0..dirty.len()).step_by(GROUP) {
                 let chunks = group..(group + GROUP).min(dirty.len());
@@ -165,9 +182,19 @@ impl<const D: usize> Crowding<D> {
                     for k in 0..CHUNK {
                         excess[k] = (sums[k] as f32 * weight[k] - 1.0).max(0.0);
                     }
+                    for k in 0..CHUNK {
+                        matter.all += u64::from(sums[k]);
+                        matter.crowded += u64::from(if excess[k] > CROWDED { sums[k] } else { 0 });
+                    }
                 }
             }
         });
+        let mut total = Matter::default();
+        for (_, (_, matter)) in &parts {
+            total.all += matter.all;
+            total.crowded += matter.crowded;
+        }
+        total
     }
 }
 

@@ -130,6 +130,23 @@ fn the_dense_part_and_the_loose_stay() {
 }
 
 #[test]
+fn only_what_is_crowded_asks_for_another_pass() {
+    // Four particles a cell at rest, so these are about 12, 5 and 4 of them.
+    for (per_cell, again) in [(12, true), (6, true), (4, false)] {
+        let layout = Layout::<2>::new(RESOLUTION);
+        let (walls, team) = (walls(), Team::new(1).unwrap());
+        let none = Obstacles::new(Vec::new(), &walls, &layout);
+        let mut crowding = Crowding::new(layout, 2.0, &walls, &none, 1);
+        let side = 8.0 * DX;
+        let mut carried = blocks(&scattered::<2>(64 * per_cell, 0.5 - 0.5 * side, side));
+        assert_eq!(crowding.relax(&mut carried, &team), again, "{per_cell}");
+        // Passes end: what is crowded has parted after some.
+        let passes = (0..60).take_while(|_| crowding.relax(&mut carried, &team));
+        assert!(passes.count() < 60, "{per_cell}");
+    }
+}
+
+#[test]
 fn at_a_wall_half_of_the_room_is_full_twice_as_soon() {
     // Rest density from the wall on, jittered by nothing: four particles a cell.
     let place = |k: usize| 0.1 + 0.5 * DX * (k as f32 + 0.5);
