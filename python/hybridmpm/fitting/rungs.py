@@ -13,7 +13,7 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.fitting.cases import Case
 from hybridmpm.fitting.judge import fastest, judge, scenarios_of
 from hybridmpm.fitting.search import PRICE, search
-from hybridmpm.fitting.space import TARGETS, Target
+from hybridmpm.fitting.space import TARGETS, Constants, Target
 
 LARGEST_COMPRESSION = 0.02
 """Compression of matter at rest up to which moduli are lowered: the settled depth then misses as much."""
@@ -50,7 +50,8 @@ def fit_rungs(
 ) -> RungTable:
     """Search the constants of rungs, and write them into a table with what held-out scenes say of them.
 
-    The file keeps its rungs of the same solver that are not among the targets. After an interruption the
+    The file keeps its rungs of the same solver that are not among the targets, and the constants of a target
+    that no trial beats on the training scenes. After an interruption the
     same call goes on with the trial at which it stopped.
 
     Parameters
@@ -86,7 +87,8 @@ def fit_rungs(
         if scenario not in cases:
             # Those of one scenario at a time: in 3D they take half a gigabyte.
             cases = {scenario: [Case.of(scenario, seed, truths) for seed in range(settings.scenes)]}
-        entries[target] = _searched(target, cases[scenario], settings, folder, on_step)
+        known = entries.get(target)
+        entries[target] = _searched(target, cases[scenario], settings, folder, on_step, known=known)
     for target in targets:
         table = _table(entries)
         seen = [
@@ -106,8 +108,12 @@ def _searched(
     settings: FitSettings,
     folder: Path,
     on_step: Callable[[], object],
+    *,
+    known: RungEntry | None,
 ) -> RungEntry:
-    found = search(target, cases, settings.trials, folder / f"{target.key}.jsonl", on_step)
+    journal = folder / f"{target.key}.jsonl"
+    older = None if known is None else Constants.of(known)
+    found = search(target, cases, settings.trials, journal, on_step, known=older)
     best = found.constants
     return RungEntry(
         material=target.material,

@@ -40,7 +40,13 @@ class Found:
 
 
 def search(
-    target: Target, cases: Sequence[Case], trials: int, journal: Path, on_trial: Callable[[], object]
+    target: Target,
+    cases: Sequence[Case],
+    trials: int,
+    journal: Path,
+    on_trial: Callable[[], object],
+    *,
+    known: Constants | None = None,
 ) -> Found:
     """Search the constants of a rung on training scenes.
 
@@ -57,6 +63,8 @@ def search(
         File that every trial is appended to. Trials that it holds already are not made again.
     on_trial : callable
         Called after each trial.
+    known : Constants, optional
+        Constants of an older search, which stay where no trial is better on these scenes.
 
     Raises
     ------
@@ -69,15 +77,19 @@ def search(
 
     def value(offset: Floats) -> float:
         constants = Constants.at(target, offset)
-        known = book.known(offset)
-        if known is None:
-            known, means = _value(target, constants, cases, reached)
-            book.write(offset, known, means)
+        noted = book.known(offset)
+        if noted is None:
+            noted, means = _value(target, constants, cases, reached)
+            book.write(offset, noted, means)
         on_trial()
-        return known
+        return noted
 
     best = minimise(value, SCALE, go_on=lambda done: done < trials, seed=1)
-    return Found(Constants.at(target, best.x), best.value, best.trials)
+    found = Found(Constants.at(target, best.x), best.value, best.trials)
+    if known is None:
+        return found
+    of_known, _ = _value(target, known, cases, reached)
+    return found if found.value < of_known else Found(known, of_known, best.trials)
 
 
 def _value(

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.downsampling import Rung, coarse_resolution
+from hybridmpm.downsampling.rungs import RungEntry
 from hybridmpm.fitting.outcome import Outcome
 from hybridmpm.scene import Scene
 
@@ -97,6 +98,17 @@ class Constants:
             cfl=_held(start.cfl + largest * offset[2], 0.5 * largest, largest),
             affine_share=_held(start.affine_share + offset[3], 0.0, 1.0),
             relaxation=_held(start.relaxation * np.exp(offset[4]), 0.25, 8.0),
+        )
+
+    @classmethod
+    def of(cls, entry: RungEntry) -> Self:
+        """Return the constants of a rung of a table."""
+        return cls(
+            particles_per_cell=entry.particles_per_cell,
+            modulus=entry.modulus,
+            cfl=entry.cfl,
+            affine_share=entry.affine_share,
+            relaxation=entry.relaxation,
         )
 
     def rung(self, target: Target, scene: Scene) -> Rung:

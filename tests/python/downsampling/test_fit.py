@@ -2,7 +2,10 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -10,7 +13,7 @@ from click.testing import CliRunner
 from hybridmpm import ConfigError, DataError, MpmSolver, scenarios
 from hybridmpm.cli import cli
 from hybridmpm.downsampling import rung_for, rung_table
-from hybridmpm.fitting import judge
+from hybridmpm.fitting import judge, search
 from hybridmpm.fitting.cases import Case
 from hybridmpm.fitting.outcome import measure
 from hybridmpm.fitting.rungs import FitSettings, fit_rungs
@@ -68,6 +71,20 @@ def test_a_search_goes_on_where_it_stopped(folder: Path) -> None:
     assert seen.error == pytest.approx((outcome.error + other.error) / 2, rel=0.02)
     assert outcome.simulated == len(solver.coarse_positions)
     assert outcome.redone == 0
+
+
+def test_constants_that_no_trial_beats_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def value(_target: Target, constants: Constants, *_: object) -> tuple[float, dict[str, float]]:
+        return abs(constants.modulus - 0.1), {}
+
+    monkeypatch.setattr(search, "_value", value)
+    monkeypatch.setattr(search, "_run", lambda _solver, _case: SimpleNamespace(transport=1.0))
+    cases: list[Any] = [SimpleNamespace(scene=scenarios.water_2d(0))]
+    best = replace(Constants.start(TARGET), modulus=0.1)
+    for known, stays in ((best, True), (replace(best, modulus=1.0), False)):
+        found = search.search(TARGET, cases, 2, tmp_path / "trials.jsonl", lambda: None, known=known)
+        assert (found.constants == known) == stays
+        assert found.trials == 2
 
 
 def test_without_trials_the_rungs_of_a_table_are_judged_anew(folder: Path, tmp_path: Path) -> None:

@@ -27,8 +27,8 @@ def fit() -> None:
     "file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="JSON file of the rungs; those that it holds already stay unless they are fitted now. Default: "
-    "rungs.json in FOLDER.",
+    help="JSON file of the rungs; those that it holds already stay unless a search of now beats them. "
+    "Default: rungs.json in FOLDER.",
 )
 @click.option(
     "--scenario",

@@ -49,7 +49,7 @@ class RungEntry(Record):
     affine_share: Annotated[float, Range(0, 1)]
     relaxation: Annotated[float, Range(0, 8, "cells")]
     seeds: tuple[int, ...] = Field(description="Seeds of the training scenes.")
-    trials: int = Field(description="Number of settings that were tried.")
+    trials: int = Field(description="Number of settings that the latest search tried.")
     fastest: _Positive = Field(description="Largest speed of an impact in the scenario [m/s].")
     held_out: tuple[HeldOut, ...]
 
