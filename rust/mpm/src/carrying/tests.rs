@@ -131,7 +131,7 @@ fn the_dense_part_and_the_loose_stay() {
 
 #[test]
 fn only_what_is_crowded_asks_for_another_pass() {
-    // Four particles a cell at rest, so these are about 12, 5 and 4 of them.
+    // Four particles a cell are rest: three times that, one and a half of it, and itself.
     for (per_cell, again) in [(12, true), (6, true), (4, false)] {
         let layout = Layout::<2>::new(RESOLUTION);
         let (walls, team) = (walls(), Team::new(1).unwrap());
