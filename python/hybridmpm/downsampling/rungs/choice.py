@@ -122,13 +122,13 @@ def _tell_thin(scene: Scene, rung: Rung, table: RungTable) -> None:
     """Warn of obstacles thinner than a cell of the rung, which the few may pass with what they carry."""
     if rung.resolution >= scene.resolution:
         return  # The solver tells of what is thin on the scene's own grid.
-    cell = math.ceil(1e4 / rung.resolution) / 1e4  # Rounded up: who follows the advice is not told again.
+    cell = _cell(rung)
     for i, obstacle in enumerate(scene.obstacles):
         thickness = obstacle.smallest_extent
         if thickness >= cell:
             continue
         finer = (name for name, r_p in table.ratios.items() if r_p > rung.r_p)
-        fits = next((one for one in finer if _settings(scene, one, table).resolution * thickness >= 1), None)
+        fits = next((one for one in finer if _cell(_settings(scene, one, table)) <= thickness), None)
         other = f"rung {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
         rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
         warnings.warn(
@@ -138,3 +138,8 @@ def _tell_thin(scene: Scene, rung: Rung, table: RungTable) -> None:
             RungWarning,
             stacklevel=4,
         )
+
+
+def _cell(rung: Rung) -> float:
+    """Return the width of a cell [m], rounded up: who makes an obstacle as thick is not told again."""
+    return math.ceil(1e4 / rung.resolution) / 1e4
