@@ -85,12 +85,12 @@ class ChosenSolver:
     """A simulator at frame 0, and what it was made with."""
 
     simulator: Simulator
-    rung: str | None = None
-    """Name of the rung that few particles simulate at; None where no rung was chosen."""
     model: str | None = None
     """Name of the network; None without one."""
     safeguard: SafeguardSettings | None = None
     """Settings of the safeguard that watches the network; None without one."""
+    rung: str | None = None
+    """Name of the rung that few particles simulate at; None where no rung was chosen."""
 
 
 class SolverFactory:
@@ -156,7 +156,7 @@ class SolverFactory:
                 threads=self._threads,
             ),
         )
-        return ChosenSolver(simulator, choice.rung, name, choice.safeguard_settings())
+        return ChosenSolver(simulator, name, choice.safeguard_settings(), choice.rung)
 
     def _default(self, scenario: str | None) -> str:
         if scenario is None:
