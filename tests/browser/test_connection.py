@@ -44,7 +44,7 @@ def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:
         sockets.append(socket)
         socket.connect_to_server()
 
-    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream", relay))
+    visit = open_page(prepare=lambda page: page.route_web_socket("**/stream*", relay))
     visit.wait_for(LIVE)
     first, frame = visit.session, visit.frame
     sockets[0].close(code=1011, reason="cut by the test")

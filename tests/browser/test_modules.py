@@ -14,6 +14,7 @@ from playwright.sync_api import Browser, Error, Page
 
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
 from hybridmpm.control import classify_stroke
+from hybridmpm_service.sessions.frames import Frame, Population, decode, encode
 
 from .conftest import LiveService
 
@@ -38,12 +39,13 @@ def _decode(page: Page, message: bytes) -> Any:
     script = """async (text) => {
       const { decodeFrame } = await import("/net/protocol.js");
       const frame = decodeFrame(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-      return { ...frame, positions: [...frame.positions] };
+      const list = (numbers) => (numbers === null ? null : [...numbers]);
+      return { ...frame, positions: list(frame.positions), ids: list(frame.ids), types: list(frame.types) };
     }"""
     return page.evaluate(script, base64.b64encode(message).decode())
 
 
-def _frame(magic: bytes = b"HMPM", version: int = 1, count: int = 2, dim: int = 3) -> bytes:
+def _frame(magic: bytes = b"HMPM", version: int = 2, count: int = 2, dim: int = 3) -> bytes:
     header = struct.pack("<4sBBHQdIBBH", magic, version, 1, 1, 2**40 + 7, 0.125, count, dim, 1, 250)
     return header + struct.pack("<6H", 0, 1, 2, 65533, 65534, 65535)
 
@@ -58,7 +60,38 @@ def test_frame_is_decoded_as_documented(page: Page) -> None:
         "count": 2,
         "dim": 3,
         "positions": [0, 1, 2, 65533, 65534, 65535],
+        "ids": None,
+        "types": None,
     }
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 50])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_page_reads_what_the_service_writes(page: Page, count: int, dim: int) -> None:
+    rng = np.random.default_rng(count + dim)
+    ids = np.sort(rng.choice(2**32, count, replace=False)).astype(np.uint32)
+    types = rng.choice(np.array([3, 5, 6, 7], np.uint8), count)
+    for population in (None, Population(ids=ids, types=types)):
+        written = Frame(
+            number=2**50 + 1,
+            time=0.1,
+            solver_ms=1.25,
+            steered=population is None,
+            positions=rng.random((count, dim), dtype=np.float32),
+            population=population,
+        )
+        message = encode(written)
+        read, known = _decode(page, message), decode(message)
+        assert (read["frame"], read["time"], read["solverMs"]) == (known.number, known.time, known.solver_ms)
+        assert (read["count"], read["dim"], read["steered"]) == (count, dim, known.steered)
+        np.testing.assert_allclose(
+            np.array(read["positions"]).reshape(count, dim) / 65535, known.positions, atol=1e-7
+        )
+        assert read["ids"] == (None if population is None else ids.tolist())
+        assert read["types"] == (None if population is None else types.tolist())
+        if count:
+            with pytest.raises(Error, match="bytes"):
+                _decode(page, message[:-1])
 
 
 @pytest.mark.parametrize(
@@ -68,7 +101,8 @@ def test_frame_is_decoded_as_documented(page: Page) -> None:
         _frame()[:31],
         _frame()[:-1],
         _frame(magic=b"HTTP"),
-        _frame(version=2),
+        _frame(version=1),
+        _frame(version=3),
         _frame(count=3),
         _frame(dim=4),
     ],
@@ -80,6 +114,7 @@ def test_foreign_frame_is_refused(page: Page, message: bytes) -> None:
 
 def test_types_are_decoded(page: Page) -> None:
     assert list(_call(page, "net/protocol.js", "decodeTypes", "BQYH")) == [5, 6, 7]
+    assert _call(page, "net/protocol.js", "decodeTypes", None) is None
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 4.0])
@@ -203,14 +238,29 @@ def test_front_view_gives_back_the_world_position(page: Page) -> None:
     assert page.evaluate(script) == pytest.approx([0.3, 0.8])
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_spacing_is_found_whatever_the_jitter(page: Page, dim: int) -> None:
-    per_axis = 60 if dim == 2 else 16
-    axes = np.meshgrid(*[(np.arange(per_axis) + 0.5) * 0.005] * dim)
-    jitter = np.random.default_rng(4).uniform(-0.002, 0.002, (per_axis**dim, dim))
-    positions = np.stack(axes, -1).reshape(-1, dim) + 0.3 + jitter
-    numbers = np.round(positions * 65535).astype(int).ravel().tolist()
-    assert _call(page, "stage/particles.js", "spacingOf", numbers, dim) == pytest.approx(0.005, rel=0.2)
+def test_speeds_follow_particles_that_come_and_go(page: Page) -> None:
+    script = """async () => {
+      const { SpeedEstimate } = await import("/stage/particles.js");
+      const speeds = new SpeedEstimate();
+      const frames = [
+        { time: 0, ids: [2, 5, 9], positions: [0, 0, 1000, 0, 2000, 0] },
+        { time: 0.01, ids: [2, 5, 9], positions: [0, 0, 1000, 0, 2000, 1311] },
+        { time: 0.02, ids: [5, 9, 11], positions: [1000, 0, 2000, 2622, 0, 0] },
+        { time: 0.01, ids: [2, 9], positions: [0, 0, 0, 0] },
+      ];
+      return frames.map(({ time, ids, positions }) => {
+        speeds.update({ time, dim: 2, count: ids.length, ids, positions });
+        return [...speeds.bytes];
+      });
+    }"""
+    start, moving, changed, reset = page.evaluate(script)
+    assert start == [0, 0, 0]
+    assert moving[:2] == [0, 0]
+    assert changed[0] == changed[2] == 0
+    # 2 m/s are 127.5 of 255, of which 0.4 and then 0.64 have been taken over.
+    assert moving[2] == pytest.approx(0.4 * 127.5, abs=1)
+    assert changed[1] == pytest.approx(0.64 * 127.5, abs=1.6)
+    assert reset == [0, 0]
 
 
 FLAT = Motion(velocity=(0.2, -0.1), angular_velocity=-3.0, center=(0.4, 0.6), period=0.7, phase=0.3)

@@ -92,9 +92,10 @@ class Service:
         return found
 
     @contextlib.contextmanager
-    def stream(self, path: str, **options: Any) -> Iterator[Stream]:
-        """Open a WebSocket."""
-        with connect(f"ws://{self.address}{path}/stream", compression=None, **options) as connection:
+    def stream(self, path: str, version: str | None = None, **options: Any) -> Iterator[Stream]:
+        """Open a WebSocket, and ask for a version of the frames."""
+        query = "" if version is None else f"?version={version}"
+        with connect(f"ws://{self.address}{path}/stream{query}", compression=None, **options) as connection:
             yield Stream(connection)
 
     def stop(self) -> None:

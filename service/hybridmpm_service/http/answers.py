@@ -113,13 +113,17 @@ class SessionBody(BaseModel):
     )
     seed: int | None = Field(description="Seed of the scenario; null where a scene was sent.")
     dim: Literal[2, 3] = Field(description="Dimension D of the scene.")
-    particles: int = Field(description="Number N of particles.")
+    particles: int = Field(
+        description="Number N of particles; it changes where the scene has emitters or sinks."
+    )
     frame: int = Field(description="Number of frames since the start.")
     time: float = Field(description="Simulated time since the start [s].")
     frame_dt: float = Field(description="Simulated time that a frame spans [s].")
     playing: bool = Field(description="Whether the player computes frames.")
     speed: float = Field(description="Simulated seconds per second that the player aims at.")
-    centroid: list[float] = Field(description="Centre of mass, D numbers [m].")
+    centroid: list[float] | None = Field(
+        description="Centre of mass, D numbers [m]; null where there is no particle."
+    )
     solver: Kind = Field(description="Simulator of the session.")
     rung: str | None = Field(
         description="Rung that few particles simulate at, carrying all others; null where none was chosen."
@@ -153,13 +157,13 @@ class SessionBody(BaseModel):
             scenario=session.scenario,
             seed=session.seed,
             dim=session.scene.dim,
-            particles=session.simulation.particle_count,
+            particles=view.particles,
             frame=view.frame,
             time=view.time,
             frame_dt=session.scene.frame_dt,
             playing=session.playing,
             speed=session.speed,
-            centroid=list(view.centroid),
+            centroid=None if view.centroid is None else list(view.centroid),
             solver=session.solver,
             rung=session.rung,
             model=session.model,
@@ -231,6 +235,7 @@ class ParticlesBody(BaseModel):
                     "positions": [[0.4, 0.5]],
                     "velocities": [[0.0, -0.3]],
                     "types": [5],
+                    "ids": [0],
                 }
             ]
         }
@@ -242,4 +247,7 @@ class ParticlesBody(BaseModel):
     velocities: list[list[float]] = Field(description="Velocities; [particle][axis] [m/s].")
     types: list[int] = Field(
         description="Type of each particle: 3 kinematic, 5 water, 6 sand, 7 elastic (goop)."
+    )
+    ids: list[int] = Field(
+        description="Number that each particle keeps, ascending; new particles have larger ones."
     )

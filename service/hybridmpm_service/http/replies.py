@@ -46,6 +46,13 @@ async def json_response(body: Mapping[str, Any]) -> Response:
     return Response(await asyncio.to_thread(encode), media_type="application/json")
 
 
+def with_nulls(array: npt.NDArray[np.floating[Any]]) -> npt.NDArray[Any]:
+    """Return an array with None in the place of NaN: JSON has a null for what is not there."""
+    held = array.astype(object)
+    held[np.isnan(array)] = None
+    return held
+
+
 def _json(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"[{','.join(_pieces(value))}]"

@@ -219,8 +219,9 @@ class TrajectoryBody(GuidanceBody):
     frame_indices: list[int] = Field(
         description="Frame of each row of `positions`, counted from `first_frame`; chosen by `stride`."
     )
-    positions: list[list[list[float]]] = Field(
-        description="Positions of the particles in these frames; [row][particle][axis] [m]."
+    positions: list[list[list[float | None]]] = Field(
+        description="Positions in these frames of the particles that were there at the start; "
+        "[row][particle][axis] [m]. Null where a particle has left the scene."
     )
     force: list[float] | list[list[list[float]]] = Field(
         description="Acceleration that steers, besides gravity [m/s^2]: [axis] where it is one constant, "

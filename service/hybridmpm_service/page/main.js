@@ -33,7 +33,7 @@ let sessionId = null; // the session that the stage shows
 let playing = null; // whether the session plays; null as long as that is unknown
 let tool = "arrow";
 let speed = 0.25; // simulated seconds per second that the player aims at
-let centroid = null; // centre of mass, as the newest status says
+let centroid = null; // centre of mass, as the newest status says; null where there is no particle
 let startsPlaying = false; // whether to play once the session is live: this page has created it
 let preset = null; // like PIPELINE
 let shown = 0; // frame on the stage
@@ -119,7 +119,7 @@ function showSession(hello) {
   sessionId = hello.session.id;
   livePanel.showSession(sessionId);
   scene = hello.scene;
-  stage.setScene(scene, decodeTypes(hello.types));
+  stage.setScene(scene, decodeTypes(hello.types), hello.spacing);
   steering.clear();
   controls.showTools(scene.dim);
   chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);

@@ -1,11 +1,12 @@
 """Routes of sketches: one steers a session, or is followed on a copy and its trajectory answered."""
 
+import asyncio
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
+from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz, with_nulls
 from hybridmpm_service.http.requests import SketchSettings
 from hybridmpm_service.http.sketch_answers import (
     GuidanceBody,
@@ -96,13 +97,15 @@ async def trace_sketch(
     """Follow a sketch to its end on a copy of the session, which does not change; answer the motion."""
     session = sessions.get(session_id)
     sketch, settings = await read_sketch(request, limits.max_upload_bytes)
-    numbers = session.simulation.particle_count * session.scene.dim
+    numbers = max(1, session.view.particles) * session.scene.dim
     most = max(1, min(limits.max_sketch_frames, MAX_TRAJECTORY_NUMBERS // numbers))
     _check_frames(settings, most)
     guidance, motion = await session.trajectory(sketch, most=most, **settings.model_dump())
     arrays = trajectory_arrays(motion, stride)
     if wants_npz(request):
         return await npz_response(arrays)
+    if session.scene.is_open:
+        arrays["positions"] = await asyncio.to_thread(with_nulls, arrays["positions"])
     known = GuidanceBody.of(guidance, motion.first_frame).model_dump(mode="json")
     return await json_response(known | {"reached": vars(motion.reached)} | arrays)
 

@@ -29,6 +29,7 @@ from hybridmpm_service.http.requests import (
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.routes.throttle import Throttle
+from hybridmpm_service.sessions.frames import VERSIONS, FrameMessage
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox, MailboxClosed, Message, Signal
@@ -38,13 +39,23 @@ router = APIRouter()
 
 _LAST_WORDS_SECONDS = 0.3
 """Longest time that a client may take to read the message on its way when its stream ends."""
+_SHOWN = {"dim", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
+"""Fields of a scene that a viewer may draw."""
+_CLOSE_VERSION = 4406
+"""WebSocket close code of a stream that cannot be had in the version that was asked for."""
 _CLOSE_FLOODED = 1008
 """WebSocket close code of a client that sends too many messages."""
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
-async def stream(websocket: WebSocket, session_id: SessionId, sessions: Sessions, limits: Limits) -> None:
-    """Serve one viewer until it leaves or the session ends."""
+async def stream(
+    websocket: WebSocket, session_id: SessionId, sessions: Sessions, limits: Limits, version: str = "1"
+) -> None:
+    """Serve one viewer until it leaves or the session ends.
+
+    The viewer asks for a version of the frames in the address. A subprotocol would do the same, but a browser
+    drops a connection whose subprotocol is refused, and tells nobody why; a close code has a reason.
+    """
     # Accepted first, because a refused handshake cannot carry a close code.
     await websocket.accept()
     try:
@@ -55,10 +66,14 @@ async def stream(websocket: WebSocket, session_id: SessionId, sessions: Sessions
     except UnavailableError as err:
         await _close(websocket, MailboxClosed(CLOSE_GOING_AWAY, str(err)))
         return
+    unreadable = _why_unreadable(version, session)
+    if unreadable is not None:
+        await _close(websocket, MailboxClosed(_CLOSE_VERSION, unreadable))
+        return
     throttle = Throttle(limits.max_messages_per_second, limits.max_messages_at_once, sessions.clock)
     # A client that is too slow, or has gone, gets no farewell: the connection ends with this function.
     with session.viewer() as mailbox, contextlib.suppress(WebSocketDisconnect, TimeoutError):
-        end = await _serve(websocket, session, mailbox, limits, throttle)
+        end = await _serve(websocket, session, mailbox, int(version), limits=limits, throttle=throttle)
         if end is not None:
             await _close(websocket, end)
 
@@ -69,11 +84,26 @@ async def _close(websocket: WebSocket, end: MailboxClosed) -> None:
         await websocket.close(end.code, end.reason.encode()[:123].decode(errors="ignore"))
 
 
+def _why_unreadable(version: str, session: Session) -> str | None:
+    """Return why a viewer cannot have the frames in a version; None if it can."""
+    if version not in map(str, VERSIONS):
+        return f"version must be {' or '.join(map(str, VERSIONS))}"
+    if version != str(VERSIONS[-1]) and session.scene.is_open:
+        return "particles come and go here, which version 1 cannot say: connect with ?version=2"
+    return None
+
+
 async def _serve(
-    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings, throttle: Throttle
+    websocket: WebSocket,
+    session: Session,
+    mailbox: Mailbox,
+    version: int,
+    *,
+    limits: Settings,
+    throttle: Throttle,
 ) -> MailboxClosed | None:
     """Send and receive at once; return how the stream was closed, None where the client left."""
-    sending = asyncio.create_task(_send(websocket, session, mailbox, limits.send_seconds))
+    sending = asyncio.create_task(_send(websocket, session, mailbox, version, limits.send_seconds))
     receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits, throttle))
     ending = asyncio.create_task(mailbox.closed())
     tasks = (sending, receiving, ending)
@@ -91,7 +121,9 @@ async def _serve(
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox, seconds: float) -> None:
+async def _send(
+    websocket: WebSocket, session: Session, mailbox: Mailbox, version: int, seconds: float
+) -> None:
     """Send a greeting, then the messages of the mailbox, until it is closed.
 
     Raises
@@ -99,7 +131,7 @@ async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox, second
     TimeoutError
         The client has taken longer than `seconds` for a message.
     """
-    message: Message | str = _hello(session)
+    message: Message | str = _hello(session, version)
     with contextlib.suppress(MailboxClosed):
         while True:
             if isinstance(message, Signal):
@@ -107,8 +139,8 @@ async def _send(websocket: WebSocket, session: Session, mailbox: Mailbox, second
             elif isinstance(message, Exception):
                 message = _problem(message)
             async with asyncio.timeout(seconds):
-                if isinstance(message, bytes):
-                    await websocket.send_bytes(message)
+                if isinstance(message, FrameMessage):
+                    await websocket.send_bytes(message.of(version))
                 else:
                     await websocket.send_text(message)
             message = await mailbox.take()
@@ -178,12 +210,18 @@ def _refusal(err: ValidationError) -> FieldError:
     return FieldError(field, problem["msg"])
 
 
-def _hello(session: Session) -> str:
-    scene = session.scene.model_dump(
-        mode="json", exclude_none=True, include={"dim", "frame_dt", "gravity", "walls", "obstacles"}
+def _hello(session: Session, version: int) -> str:
+    scene = session.scene.model_dump(mode="json", exclude_none=True, include=_SHOWN)
+    types = session.simulation.types
+    encoded = None if types is None else base64.b64encode(types.tobytes()).decode()
+    return _text(
+        "hello",
+        version=version,
+        session=_session(session),
+        scene=scene,
+        spacing=session.simulation.spacing,
+        types=encoded,
     )
-    types = base64.b64encode(session.simulation.types.tobytes()).decode()
-    return _text("hello", session=_session(session), scene=scene, types=types)
 
 
 def _status(session: Session) -> str:

@@ -13,10 +13,6 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     SceneError
         The scene is beyond a limit; the message has the figure, the limit and what to do.
     """
-    for field in ("emitters", "sinks"):
-        if getattr(scene, field):
-            text = "are not served: a session has the same particles throughout; run `hybridmpm simulate`"
-            raise SceneError.of([(field, text)])
     most = settings.max_grid_nodes
     nodes = (scene.resolution + 1) ** scene.dim
     if nodes > most:
@@ -25,8 +21,8 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
         raise SceneError.of([("resolution", text)])
     limit = min(scene.max_particles, settings.max_particles)
     cost = frame_cost(scene)
-    # More particles than the limit are refused by their number when they are made.
-    particles = min(cost.particles, limit)
+    # Emitters fill a scene up to the limit. More particles at the start are refused when they are made.
+    particles = limit if scene.emitters else min(cost.particles, limit)
     if particles * cost.substeps > settings.max_frame_cost:
         text = (
             f"make a frame of about {particles} particles x {cost.substeps} substeps = "

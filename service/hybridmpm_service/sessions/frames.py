@@ -1,24 +1,39 @@
-"""The binary message of one frame, as docs/http-api.md describes it: 32 bytes, then positions."""
+"""The binary message of one frame, as docs/http-api.md describes it: 32 bytes, then arrays."""
 
 import struct
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 MAGIC = 0x4D50_4D48
-VERSION = 1
+VERSIONS = (1, 2)
+"""Versions of the message that a viewer may ask for; the last is the newest."""
 KIND_POSITIONS = 1
 NUMBERS_U16 = 1
 FLAG_STEERED = 1
+FLAG_POPULATION = 2
+"""Ids and types are in the message: ids (N,) u32 before the positions, types (N,) u8 behind them."""
 HEADER = struct.Struct("<IBBHQdIBBH")
 """Magic, version, kind, flags, frame, time [s], N, D, type of the numbers, solver time [1 / 100 ms]."""
+_VERSION_OFFSET = 4
 _UNITS_PER_METRE = 65535
 _UNITS_PER_MS = 100
 
 
 class FrameError(ValueError):
-    """The bytes are not a frame of this version."""
+    """The bytes are not a frame, or a frame cannot be said in the version that was asked for."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Population:
+    """Who the particles of a frame are, in a scene where particles come and go."""
+
+    ids: npt.NDArray[np.uint32]
+    """Numbers (N,) that the particles keep, modulo 2^32; who stays keeps its order, new ones are last."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,16 +50,49 @@ class Frame:
     """Whether a sketch steered this frame."""
     positions: npt.NDArray[np.float32]
     """Positions (N, D) [m] in [0, 1]; the message rounds them to 1 / 65535 m."""
+    population: Population | None = None
+    """Ids and types of the particles; None where they are the same in all frames."""
+
+
+class FrameMessage:
+    """The bytes of a frame in each version; each is made once, and sent to all viewers who asked for it."""
+
+    def __init__(self, frame: Frame) -> None:
+        self._newest = encode(frame)
+        self._has_population = frame.population is not None
+
+    def of(self, version: int) -> bytes:
+        """Return the bytes in a version.
+
+        Raises
+        ------
+        FrameError
+            Version 1 cannot say who comes and goes.
+        """
+        if version == VERSIONS[-1]:
+            return self._newest
+        if self._has_population:
+            raise FrameError(
+                "version 1 has no ids and types, which a frame needs where particles come and go"
+            )
+        return self._first
+
+    @cached_property
+    def _first(self) -> bytes:
+        # Where particles neither come nor go, the versions differ in their number alone.
+        return self._newest[:_VERSION_OFFSET] + bytes([1]) + self._newest[_VERSION_OFFSET + 1 :]
 
 
 def encode(frame: Frame) -> bytes:
-    """Return the message of a frame."""
+    """Return the message of a frame in the newest version."""
     count, dim = frame.positions.shape
+    population = frame.population
+    flags = (FLAG_STEERED if frame.steered else 0) | (0 if population is None else FLAG_POPULATION)
     header: bytes = HEADER.pack(
         MAGIC,
-        VERSION,
+        VERSIONS[-1],
         KIND_POSITIONS,
-        FLAG_STEERED if frame.steered else 0,
+        flags,
         frame.number,
         frame.time,
         count,
@@ -55,32 +103,45 @@ def encode(frame: Frame) -> bytes:
     # The solver tolerates a particle up to one cell outside; the picture shows it on the edge.
     scaled = np.rint(np.clip(frame.positions, 0.0, 1.0) * np.float32(_UNITS_PER_METRE))
     numbers: bytes = scaled.astype("<u2").tobytes()
-    return header + numbers
+    if population is None:
+        return header + numbers
+    # The widest numbers come first, so that each array is aligned for whoever reads it in place.
+    return header + population.ids.astype("<u4").tobytes() + numbers + population.types.tobytes()
 
 
 def decode(message: bytes) -> Frame:
-    """Return the frame that a message carries.
+    """Return the frame that a message of any version carries.
 
     Raises
     ------
     FrameError
-        The bytes are not a frame of this version.
+        The bytes are not a frame of a version that is known.
     """
     if len(message) < HEADER.size:
         raise FrameError(f"a frame has at least {HEADER.size} bytes, got {len(message)}")
     magic, version, kind, flags, number, time, count, dim, numbers, units = HEADER.unpack_from(message)
-    if (magic, version, kind, numbers) != (MAGIC, VERSION, KIND_POSITIONS, NUMBERS_U16):
+    if (magic, kind, numbers) != (MAGIC, KIND_POSITIONS, NUMBERS_U16) or version not in VERSIONS:
         raise FrameError(
             f"unknown frame: magic {magic:#x}, version {version}, kind {kind}, numbers {numbers}"
         )
-    expected = HEADER.size + 2 * count * dim
+    has_population = version > 1 and bool(flags & FLAG_POPULATION)
+    expected = HEADER.size + (2 * dim + (5 if has_population else 0)) * count
     if dim not in {2, 3} or len(message) != expected:
         raise FrameError(f"{count} particles in {dim}D take {expected} bytes, got {len(message)}")
-    raw = np.frombuffer(message, dtype="<u2", offset=HEADER.size).reshape(count, dim)
+    start = HEADER.size + (4 * count if has_population else 0)
+    raw = np.frombuffer(message, dtype="<u2", offset=start, count=count * dim).reshape(count, dim)
     return Frame(
         number=number,
         time=time,
         solver_ms=units / _UNITS_PER_MS,
         steered=bool(flags & FLAG_STEERED),
         positions=raw.astype(np.float32) / np.float32(_UNITS_PER_METRE),
+        population=_population(message, count) if has_population else None,
+    )
+
+
+def _population(message: bytes, count: int) -> Population:
+    return Population(
+        ids=np.frombuffer(message, dtype="<u4", offset=HEADER.size, count=count),
+        types=np.frombuffer(message, dtype=np.uint8, offset=len(message) - count),
     )

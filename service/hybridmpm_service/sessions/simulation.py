@@ -14,7 +14,7 @@ import numpy.typing as npt
 from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.sessions.frames import Frame, encode
+from hybridmpm_service.sessions.frames import Frame, FrameMessage, Population
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
 from hybridmpm_service.sessions.sketches.steering import Steered, Steering
@@ -52,8 +52,6 @@ class Simulation:
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
         self._frame_dt = self.scene.frame_dt
-        mass = self._solver.mass.astype(np.float64)
-        self._weights = mass / mass.sum()
 
     @property
     def scene(self) -> Scene:
@@ -66,14 +64,14 @@ class Simulation:
         return self._solver.r_p
 
     @property
-    def particle_count(self) -> int:
-        """Number N of particles."""
-        return self._solver.particle_count
+    def spacing(self) -> float:
+        """Distance of neighbouring particles at rest [m]."""
+        return self._solver.particle_spacing
 
     @property
-    def types(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,)."""
-        return self._solver.materials
+    def types(self) -> npt.NDArray[np.uint8] | None:
+        """DeepMind's particle types (N,); None where particles come and go, and each frame has its own."""
+        return None if self.scene.is_open else self._solver.materials
 
     def advance(self, frames: int, go_on: Callable[[], bool] = lambda: True) -> int:
         """Compute frames one by one, as long as `go_on()` is true before each; return how many were computed.
@@ -132,6 +130,7 @@ class Simulation:
             positions=self._solver.positions,
             velocities=self._solver.velocities,
             types=self._solver.materials,
+            ids=self._solver.ids,
         )
 
     def look(self) -> View:
@@ -143,29 +142,45 @@ class Simulation:
             solver_ms=self._milliseconds[-1] if self._milliseconds else 0.0,
             steered=self._steered,
             positions=positions,
+            population=self._population() if self.scene.is_open else None,
         )
         return View(
             frame=frame.number,
             time=frame.time,
-            centroid=tuple(map(float, self._weights @ positions)),
+            particles=len(positions),
+            centroid=self._centroid(positions),
             control=self._control,
             last_frame=self._last_frame(frame) if frame.number else None,
             mode=self._solver.mode,
             safeguard=None if self._recorder is None else self._recorder.look(),
-            message=encode(frame),
+            message=FrameMessage(frame),
         )
 
     def timing(self) -> Timing:
         """Return how fast frames come at present. Safe to call while another thread computes."""
-        latest = list(self._milliseconds.copy())
-        if not latest:
+        times = self._means_over_steps()
+        if not times:
             return Timing(0.0, 0.0, 0.0)
-        span = min(self._solver.r_t, len(latest))
-        times = sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1))
         since = self._clock() - _PACE_WINDOW_SECONDS
         recent = sum(moment > since for moment in self._finished.copy())
         p95 = times[min(len(times) - 1, int(0.95 * len(times)))]
         return Timing(statistics.median(times), p95, recent * self._frame_dt / _PACE_WINDOW_SECONDS)
+
+    def _means_over_steps(self) -> list[float]:
+        """Return the times of the latest frames [ms], ascending; means over as many as a step spans."""
+        latest = list(self._milliseconds.copy())
+        span = min(self._solver.r_t, len(latest))
+        return sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1) if span)
+
+    def _population(self) -> Population:
+        ids = self._solver.ids.astype(np.uint32)
+        return Population(ids=ids, types=self._solver.materials.copy())
+
+    def _centroid(self, positions: npt.NDArray[np.float32]) -> tuple[float, ...] | None:
+        if not len(positions):
+            return None
+        mass = self._solver.mass.astype(np.float64)
+        return tuple(map(float, mass / mass.sum() @ positions))
 
     def _last_frame(self, frame: Frame) -> LastFrame:
         report = self._solver.last_frame

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.decisions import Mode
+from hybridmpm_service.sessions.frames import FrameMessage
 from hybridmpm_service.sessions.safeguard_record import Safeguard
 
 Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
@@ -76,8 +77,10 @@ class View:
     """Number of frames since the start."""
     time: float
     """Simulated time since the start [s]."""
-    centroid: tuple[float, ...]
-    """Centre of mass (D,) [m]."""
+    particles: int
+    """Number N of particles."""
+    centroid: tuple[float, ...] | None
+    """Centre of mass (D,) [m]; None where there is no particle."""
     control: Control | None
     """Newest sketch that has steered or steers; None where there was none since frame 0."""
     last_frame: LastFrame | None
@@ -86,7 +89,7 @@ class View:
     """Simulator of the next frame: "mpm" or "neural"."""
     safeguard: Safeguard | None
     """Safeguard of a hybrid session; None in other sessions."""
-    message: bytes
+    message: FrameMessage
     """Binary frame for viewers, as docs/http-api.md describes it."""
 
 
@@ -104,3 +107,5 @@ class Particles:
     """(N, D) [m/s]."""
     types: npt.NDArray[np.uint8]
     """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    ids: npt.NDArray[np.uint64]
+    """Numbers (N,) that the particles keep for good, ascending."""

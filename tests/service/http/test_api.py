@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import MpmSolver, Scene, scenarios
+from hybridmpm_service.sessions.frames import decode
 
 NPZ = {"Accept": "application/x-npz"}
 
@@ -140,3 +141,70 @@ def test_a_thin_obstacle_is_no_failure(service: Any) -> None:
     answer = service.http.post("/v1/sessions", json={"scene": scene})
     assert answer.status_code == 201, answer.text
     service.http.delete(answer.json()["links"]["self"])
+
+
+JET = {"shape": "rectangle", "material": "sand", "lower": [0.1, 0.6], "upper": [0.1, 0.7], "velocity": [2, 0]}
+OPEN_SCENE: dict[str, Any] = {
+    "dim": 2,
+    "resolution": 32,
+    "bodies": [{"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}],
+    "emitters": [JET],
+    "sinks": [{"shape": "box", "lower": [0.5, 0.3], "upper": [0.55, 0.7]}],
+}
+
+
+def test_frames_of_version_2_tell_who_comes_and_goes(service: Any) -> None:
+    path, solver = service.create(OPEN_SCENE), MpmSolver(Scene.parse(OPEN_SCENE))
+    with service.stream(path, version="2") as stream:
+        hello = stream.receive()
+        assert (hello["version"], hello["types"]) == (2, None)
+        assert hello["spacing"] == pytest.approx(solver.particle_spacing)
+        assert [emitter["shape"] for emitter in hello["scene"]["emitters"]] == ["rectangle"]
+        assert len(hello["scene"]["sinks"]) == 1
+        for _ in range(3):
+            stream.send(type="step", frames=4)
+            solver.advance(4)
+            while (frame := decode(stream.frame())).number < solver.frame:
+                pass
+            assert frame.population is not None
+            assert frame.population.ids.tolist() == solver.ids.tolist()
+            assert frame.population.types.tolist() == solver.materials.tolist()
+            np.testing.assert_allclose(frame.positions, solver.positions, atol=1e-5)
+    particles = service.http.get(f"{path}/particles").json()
+    assert particles["ids"] == solver.ids.tolist()
+    assert service.http.get(path).json()["particles"] == solver.particle_count
+    service.http.delete(path)
+
+
+def test_a_trajectory_has_null_for_who_has_left(service: Any) -> None:
+    path = service.create(OPEN_SCENE)
+    body = {"strokes": [{"points": [[0.4, 0.5], [0.6, 0.5]], "kind": "arrow"}], "frames": 10}
+    answer = service.http.post(f"{path}/trajectories", json=body, params={"stride": 10}).json()
+    before, after = answer["positions"]
+    assert [None, None] not in before
+    gone = np.array([row == [None, None] for row in after])
+    arrays = _arrays(
+        service.http.post(f"{path}/trajectories", json=body, params={"stride": 10}, headers=NPZ).content
+    )
+    assert gone.any()
+    assert np.array_equal(np.isnan(arrays["positions"][1]).all(axis=1), gone)
+    service.http.delete(path)
+
+
+@pytest.mark.parametrize(
+    ("scene", "version", "reason"),
+    [
+        (OPEN_SCENE, None, "version=2"),
+        (OPEN_SCENE, "1", "version=2"),
+        (None, "3", "1 or 2"),
+        (None, "x", "1 or 2"),
+    ],
+)
+def test_a_version_that_cannot_be_had_closes_the_stream(
+    service: Any, scene: dict[str, Any] | None, version: str | None, reason: str
+) -> None:
+    path = service.create(scene)
+    with service.stream(path, version=version) as stream:
+        assert stream.end() == 4406
+        assert reason in stream.connection.protocol.close_reason
+    service.http.delete(path)

@@ -68,8 +68,9 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
         (_scene(gravity=[0.0]), "body.scene.gravity", "2"),
         (_scene(wind=1), "body.scene.wind", "unknown"),
         (_scene(bodies=[]), "body.scene.bodies", "1"),
-        (_scene(emitters=[JET]), "body.scene.emitters", "are not served"),
-        (_scene(sinks=[DRAIN]), "body.scene.sinks", "are not served"),
+        (_scene(emitters=[JET | {"radius": -1}]), "body.scene.emitters[0].radius", "must be in (0, 1]"),
+        (_scene(emitters=[JET], resolution=128, frame_dt=0.1), "body.scene.bodies", "max_frame_cost"),
+        (_scene(sinks=[DRAIN | {"radius": 0}]), "body.scene.sinks[0].radius", "must be in (0, 1]"),
     ],
 )
 def test_a_bad_session_is_refused_with_field_and_range(

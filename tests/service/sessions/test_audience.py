@@ -2,15 +2,23 @@
 
 import asyncio
 
+import numpy as np
+
+from hybridmpm_service.sessions.frames import Frame, FrameMessage
 from hybridmpm_service.sessions.viewers.audience import Audience
 from hybridmpm_service.sessions.viewers.mailbox import Signal
+
+
+def _message(number: int) -> FrameMessage:
+    positions = np.zeros((1, 2), np.float32)
+    return FrameMessage(Frame(number=number, time=0.0, solver_ms=1.0, steered=False, positions=positions))
 
 
 def test_a_posted_frame_and_status_are_the_same_for_all() -> None:
     async def scene() -> None:
         audience, made = Audience(), iter(["first", "second"])
         mailboxes = [audience.join() for _ in range(100)]
-        frame = b"frame"
+        frame = _message(1)
         audience.post_status()
         audience.post_frame(frame)
         for mailbox in mailboxes:

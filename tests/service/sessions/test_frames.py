@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybridmpm_service.sessions.frames import Frame, FrameError, decode, encode
+from hybridmpm_service.sessions.frames import Frame, FrameError, FrameMessage, Population, decode, encode
 
 
 def _frame(count: int = 3, dim: int = 2, **changes: object) -> Frame:
@@ -19,7 +19,7 @@ def _frame(count: int = 3, dim: int = 2, **changes: object) -> Frame:
 def test_the_header_lies_where_the_document_says() -> None:
     message = encode(_frame(positions=np.array([[0.0, 1.0, 0.5]], dtype=np.float32)))
     assert message[:4] == b"HMPM"
-    assert message[4:6] == bytes([1, 1])
+    assert message[4:6] == bytes([2, 1])
     assert struct.unpack_from("<H", message, 6) == (1,)
     assert struct.unpack_from("<Q", message, 8) == (7,)
     assert struct.unpack_from("<d", message, 16) == (0.0175,)
@@ -30,14 +30,64 @@ def test_the_header_lies_where_the_document_says() -> None:
     assert len(message) == 38
 
 
-@given(
-    count=st.integers(0, 50), dim=st.sampled_from([2, 3]), steered=st.booleans(), number=st.integers(0, 2**60)
-)
-def test_decoding_undoes_encoding(*, count: int, dim: int, steered: bool, number: int) -> None:
-    frame = _frame(count, dim, steered=steered, number=number)
+@st.composite
+def _frames(draw: st.DrawFn) -> Frame:
+    count, dim = draw(st.integers(0, 50)), draw(st.sampled_from([2, 3]))
+    population = None
+    if draw(st.booleans()):
+        ids = draw(st.lists(st.integers(0, 2**32 - 1), min_size=count, max_size=count, unique=True))
+        types = draw(st.lists(st.sampled_from([3, 5, 6, 7]), min_size=count, max_size=count))
+        population = Population(ids=np.array(sorted(ids), np.uint32), types=np.array(types, np.uint8))
+    steered, number = draw(st.booleans()), draw(st.integers(0, 2**60))
+    return _frame(count, dim, steered=steered, number=number, population=population)
+
+
+@given(_frames())
+def test_decoding_undoes_encoding(frame: Frame) -> None:
     back = decode(encode(frame))
-    assert (back.number, back.time, back.solver_ms, back.steered) == (number, 0.0175, 1.25, steered)
+    assert (back.number, back.time, back.solver_ms, back.steered) == (
+        frame.number,
+        0.0175,
+        1.25,
+        frame.steered,
+    )
     np.testing.assert_allclose(back.positions, frame.positions, atol=0.5 / 65535 + 1e-7)
+    if frame.population is None:
+        assert back.population is None
+    else:
+        assert back.population is not None
+        assert back.population.ids.tolist() == frame.population.ids.tolist()
+        assert back.population.types.tolist() == frame.population.types.tolist()
+
+
+@given(_frames())
+def test_version_1_differs_in_its_number_alone_and_has_no_ids(frame: Frame) -> None:
+    message = FrameMessage(frame)
+    assert message.of(2) == encode(frame)
+    if frame.population is None:
+        first = message.of(1)
+        assert first == encode(frame)[:4] + b"\x01" + encode(frame)[5:]
+        assert np.array_equal(decode(first).positions, decode(message.of(2)).positions)
+        assert message.of(1) is first
+    else:
+        with pytest.raises(FrameError, match="version 1"):
+            message.of(1)
+
+
+@given(_frames(), st.data())
+def test_a_torn_frame_is_refused(frame: Frame, data: st.DataObject) -> None:
+    message = encode(frame)
+    with pytest.raises(FrameError):
+        decode(message[: data.draw(st.integers(0, len(message) - 1))])
+
+
+def test_ids_come_before_the_positions_and_types_behind_them() -> None:
+    population = Population(ids=np.array([7, 2**32 - 1], np.uint32), types=np.array([5, 6], np.uint8))
+    positions = np.array([[0.0, 1.0], [1.0, 0.0]], np.float32)
+    message = encode(_frame(positions=positions, population=population))
+    assert struct.unpack_from("<H", message, 6) == (3,)
+    assert struct.unpack_from("<2I4H2B", message, 32) == (7, 2**32 - 1, 0, 65535, 65535, 0, 5, 6)
+    assert len(message) == 50
 
 
 def test_positions_just_outside_are_shown_on_the_edge() -> None:

@@ -2,51 +2,64 @@
 
 import asyncio
 
+import numpy as np
 import pytest
 
+from hybridmpm_service.sessions.frames import Frame, FrameMessage
 from hybridmpm_service.sessions.viewers.mailbox import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
 
 
+def _message(number: int) -> FrameMessage:
+    positions = np.zeros((1, 2), np.float32)
+    return FrameMessage(Frame(number=number, time=0.0, solver_ms=1.0, steered=False, positions=positions))
+
+
 def test_only_the_newest_frame_waits() -> None:
+    frames = [_message(number) for number in range(100)]
+
     async def scene() -> list[object]:
         box = Mailbox()
-        for number in range(1000):
-            box.put_frame(str(number).encode())
+        for frame in frames:
+            box.put_frame(frame)
             box.put_status()
         return [await box.take(), await box.take()]
 
-    assert asyncio.run(scene()) == [Signal.STATUS, b"999"]
+    assert asyncio.run(scene()) == [Signal.STATUS, frames[-1]]
 
 
 def test_problems_come_first_and_all_but_not_without_end() -> None:
+    frame = _message(0)
+
     async def scene() -> list[object]:
         box = Mailbox()
-        box.put_frame(b"frame")
+        box.put_frame(frame)
         for number in range(MAX_PROBLEMS + 5):
             box.put_problem(ValueError(number))
         return [await box.take() for _ in range(MAX_PROBLEMS + 1)]
 
     *problems, last = asyncio.run(scene())
     assert [str(problem) for problem in problems] == [str(number) for number in range(5, MAX_PROBLEMS + 5)]
-    assert last == b"frame"
+    assert last is frame
 
 
 def test_taking_waits_for_the_next_message() -> None:
+    later = _message(0)
+
     async def scene() -> object:
         box = Mailbox()
         taking = asyncio.create_task(box.take())
         await asyncio.sleep(0)
         assert not taking.done()
-        box.put_frame(b"later")
+        box.put_frame(later)
         return await taking
 
-    assert asyncio.run(scene()) == b"later"
+    assert asyncio.run(scene()) is later
 
 
 def test_closing_ends_the_stream_once_with_its_code() -> None:
     async def scene() -> MailboxClosed:
         box = Mailbox()
-        box.put_frame(b"frame")
+        box.put_frame(_message(0))
         box.close(4404, "deleted")
         box.close(1001, "too late")
         with pytest.raises(MailboxClosed, match="deleted"):

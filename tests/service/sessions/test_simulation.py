@@ -5,7 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Box, DomainError, MpmSolver, NeuralPhysics, Scene
+from hybridmpm import (
+    Box,
+    DomainError,
+    MpmSolver,
+    NeuralPhysics,
+    Scene,
+)
 from hybridmpm.control import Arrow, Ellipse, follow, prepare, push
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.physics.free_fall import FreeFall
@@ -67,11 +73,11 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     view = simulation.look()
     assert view.control is not None
     assert (view.control.phase, view.control.frames_done) == ("done", 42)
-    assert decode(view.message).steered
+    assert decode(view.message.of(2)).steered
     solver.advance(42, guidance)
     simulation.advance(1)
     solver.advance(1)
-    assert not decode(simulation.look().message).steered
+    assert not decode(simulation.look().message.of(2)).steered
     assert np.array_equal(simulation.particles().positions, solver.positions)
 
 

@@ -1,11 +1,13 @@
 // Decoding of the messages that docs/http-api.md describes. Pure functions: bytes in, plain values out.
 
 const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
-const VERSION = 1;
+/** Version of the frames that this page asks for. */
+export const VERSION = 2;
 const KIND_POSITIONS = 1;
 const NUMBERS_U16 = 1;
 const HEADER_BYTES = 32;
 const FLAG_STEERED = 1;
+const FLAG_POPULATION = 2;
 
 /** Types of particles, in DeepMind's numbering. */
 export const WATER = 5;
@@ -18,7 +20,8 @@ export class ProtocolError extends Error {}
 /**
  * Decode one binary frame of the stream.
  *
- * `positions` is a view into `buffer` (no copy): count x dim numbers, 0 .. 65535 for 0 .. 1 m.
+ * `positions`, `ids` and `types` are views into `buffer` (no copies). `positions` has count x dim numbers, 0 .. 65535
+ * for 0 .. 1 m. `ids` and `types` are null where particles neither come nor go; else `ids` are ascending.
  */
 export function decodeFrame(buffer) {
   if (buffer.byteLength < HEADER_BYTES) {
@@ -33,23 +36,29 @@ export function decodeFrame(buffer) {
   }
   const count = view.getUint32(24, true);
   const dim = view.getUint8(28);
-  const expected = HEADER_BYTES + 2 * count * dim;
+  const flags = view.getUint16(6, true);
+  const hasPopulation = (flags & FLAG_POPULATION) !== 0;
+  const start = HEADER_BYTES + (hasPopulation ? 4 * count : 0);
+  const end = start + 2 * count * dim;
+  const expected = end + (hasPopulation ? count : 0);
   if ((dim !== 2 && dim !== 3) || buffer.byteLength !== expected) {
     throw new ProtocolError(`${count} particles in ${dim}D need ${expected} bytes, got ${buffer.byteLength}`);
   }
   return {
     frame: Number(view.getBigUint64(8, true)),
     time: view.getFloat64(16, true),
-    steered: (view.getUint16(6, true) & FLAG_STEERED) !== 0,
+    steered: (flags & FLAG_STEERED) !== 0,
     solverMs: view.getUint16(30, true) / 100,
     count,
     dim,
     // Typed arrays use the byte order of the machine; every browser in use is little-endian.
-    positions: new Uint16Array(buffer, HEADER_BYTES, count * dim),
+    positions: new Uint16Array(buffer, start, count * dim),
+    ids: hasPopulation ? new Uint32Array(buffer, HEADER_BYTES, count) : null,
+    types: hasPopulation ? new Uint8Array(buffer, end, count) : null,
   };
 }
 
-/** The particle types of the hello message, one byte each. */
+/** The particle types of the hello message, one byte each; null where each frame has its own. */
 export function decodeTypes(base64) {
-  return Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
+  return base64 === null ? null : Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
 }

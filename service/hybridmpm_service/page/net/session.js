@@ -1,6 +1,7 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
 import { abandon, Problem, request } from "./api.js";
+import { VERSION } from "./protocol.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
 const RETRY_SECONDS = [0.5, 1, 2, 4, 5];
@@ -123,7 +124,7 @@ export class SessionClient {
   }
 
   #connect(generation) {
-    const address = new URL(`${this.path}/stream`, window.location.href);
+    const address = new URL(`${this.path}/stream?version=${VERSION}`, window.location.href);
     address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";

@@ -62,7 +62,7 @@ export function showSteering(steering, context) {
   const { path } = plan.goal;
   const from = (point) => point.map((value, axis) => value - path[0][axis]);
   setText("wanted", centimetres(from(path.at(-1))));
-  setText("moved", centimetres(from(context.centroid)));
+  setText("moved", context.centroid === null ? "–" : centimetres(from(context.centroid)));
   setText("need", `${plan.needs.acceleration.toFixed(1)} g of ${plan.needs.cap} g`);
   setText("reached-name", `After ${plan.frames} frames`);
   setText("reached", reachedText(steering) || "–");

@@ -3,7 +3,7 @@
 import { RADIUS } from "../sketch/hand.js";
 import { FlatView, OrbitView } from "./camera.js";
 import { drawFittedEllipse, drawGoal, drawGuess, drawHand, drawSketch } from "./drawing.js";
-import { SpeedEstimate, spacingOf } from "./particles.js";
+import { SpeedEstimate } from "./particles.js";
 import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
@@ -12,11 +12,13 @@ const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get w
 export class Stage {
   view = new FlatView({ lower: [0.1, 0.1], upper: [0.9, 0.9] });
   #scene = { dim: 2, walls: { lower: [0.1, 0.1], upper: [0.9, 0.9] }, obstacles: [] };
-  #types = new Uint8Array(0);
+  #types = null; // types of the particles; null where each frame has its own
+  #spacing = 0.01; // distance of neighbouring particles at rest [m]
   #element;
   #canvases;
   #renderer;
-  #speeds = null;
+  #speeds = new SpeedEstimate();
+  #described = false; // whether the renderer knows the particles
   #time = 0; // simulated time of the frame that is shown [s]
   #steering;
   #hand;
@@ -42,10 +44,12 @@ export class Stage {
     return this.#renderer.kind;
   }
 
-  setScene(scene, types) {
+  setScene(scene, types, spacing) {
     this.#scene = scene;
     this.#types = types;
-    this.#speeds = null;
+    this.#spacing = spacing;
+    this.#speeds = new SpeedEstimate();
+    this.#described = false;
     this.#time = 0;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.#resize();
@@ -53,11 +57,12 @@ export class Stage {
 
   /** Show a decoded frame from now on. */
   show(frame) {
-    if (frame.count !== this.#types.length || frame.dim !== this.#scene.dim) return;
-    if (this.#speeds === null) {
-      this.#speeds = new SpeedEstimate(frame.count);
-      const spacing = spacingOf(frame.positions, frame.dim);
-      this.#renderer.setScene({ dim: frame.dim, types: this.#types, spacing, floor: this.#scene.walls.lower[1] });
+    const { dim, ids } = frame;
+    const types = frame.types ?? this.#types;
+    if (frame.count !== types?.length || dim !== this.#scene.dim) return;
+    if (!this.#described || ids !== null) {
+      this.#renderer.setScene({ dim, types, ids, spacing: this.#spacing, floor: this.#scene.walls.lower[1] });
+      this.#described = true;
     }
     this.#speeds.update(frame);
     this.#time = frame.time;

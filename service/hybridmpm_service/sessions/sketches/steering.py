@@ -72,10 +72,17 @@ class Steering:
     def _with_reached(self, control: Control) -> Control:
         goal, x = self._guidance.goal, self._simulator.positions.astype(np.float64)
         weight = goal.cloud.weight
+        if self._simulator.scene.is_open:
+            # What was there when the sketch was planned is led, and of that what is still there counts.
+            present = self._simulator.ids
+            x = x[np.isin(present, goal.cloud.ids)]
+            weight = weight[np.isin(goal.cloud.ids, present)]
+            if not len(x):
+                return control
         inside, drawn = goal.inside(x), goal.inside_drawn(x)
         return replace(
             control,
             inside=None if inside is None else float(weight @ inside),
             inside_drawn=None if drawn is None else float(weight @ drawn),
-            miss=float(np.linalg.norm(weight @ x - goal.path[-1])),
+            miss=float(np.linalg.norm(weight @ x / weight.sum() - goal.path[-1])),
         )

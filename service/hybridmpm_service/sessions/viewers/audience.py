@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from hybridmpm_service.sessions.frames import FrameMessage
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox
 
 
@@ -26,7 +27,7 @@ class Audience:
         """Send a viewer nothing any more."""
         self._mailboxes.discard(mailbox)
 
-    def post_frame(self, frame: bytes) -> None:
+    def post_frame(self, frame: FrameMessage) -> None:
         """Send a frame to all."""
         for mailbox in self._mailboxes:
             mailbox.put_frame(frame)

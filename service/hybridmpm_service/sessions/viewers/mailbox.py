@@ -5,6 +5,8 @@ from collections import deque
 from enum import Enum
 from typing import TypeAlias
 
+from hybridmpm_service.sessions.frames import FrameMessage
+
 MAX_PROBLEMS = 16
 """Largest number of problems that wait; a further one drops the oldest.
 
@@ -18,8 +20,8 @@ class Signal(Enum):
     STATUS = "status"
 
 
-Message: TypeAlias = bytes | Signal | Exception
-"""A binary frame, a request for the status, or an error that the client has to know."""
+Message: TypeAlias = FrameMessage | Signal | Exception
+"""A frame, a request for the status, or an error that the client has to know."""
 
 
 class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
@@ -48,11 +50,11 @@ class Mailbox:
     def __init__(self) -> None:
         self._problems: deque[Exception] = deque(maxlen=MAX_PROBLEMS)
         self._status = False
-        self._frame: bytes | None = None
+        self._frame: FrameMessage | None = None
         self._end: asyncio.Future[MailboxClosed] = asyncio.get_running_loop().create_future()
         self._changed = asyncio.Event()
 
-    def put_frame(self, frame: bytes) -> None:
+    def put_frame(self, frame: FrameMessage) -> None:
         """Put a frame in, in the place of one that still waits."""
         self._frame = frame
         self._changed.set()

@@ -25,13 +25,13 @@ export class CanvasRenderer {
     this.#context = context;
   }
 
-  /** @param scene {dim, types, spacing [m], floor [m]} */
+  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], floor [m]} */
   setScene(scene) {
     this.#scene = scene;
     this.#particles = null;
     this.#grains = Array.from({ length: GRAIN_SHADES }, () => []);
     scene.types.forEach((type, i) => {
-      if (type === SAND) this.#grains[Math.floor(grainShade(i) * GRAIN_SHADES)].push(i);
+      if (type === SAND) this.#grains[Math.floor(grainShade(scene, i) * GRAIN_SHADES)].push(i);
     });
   }
 

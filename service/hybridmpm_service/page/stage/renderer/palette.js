@@ -21,5 +21,5 @@ export function smoothstep(low, high, value) {
   return t * t * (3 - 2 * t);
 }
 
-/** A repeatable pseudo-random number in [0, 1) for a particle: the shade of its grain. */
-export const grainShade = (index) => (((index * 2654435761) >>> 0) % 1024) / 1024;
+/** A repeatable pseudo-random number in [0, 1) for particle `i` of a scene, which it keeps: the shade of its grain. */
+export const grainShade = ({ ids }, i) => (Math.imul(ids === null ? i : ids[i], 0x9e3779b1) >>> 22) / 1024;

@@ -19,6 +19,7 @@ precision highp float;
 layout(location = 0) in vec3 position;
 layout(location = 1) in float type;
 layout(location = 2) in float speed;
+layout(location = 3) in float grain;
 uniform mat4 matrix;
 uniform float pointSize;
 `;
@@ -98,7 +99,6 @@ out vec3 shade;
 void main() {
   gl_Position = type == ${SAND}.0 ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = pointSize;
-  float grain = fract(float(gl_VertexID) * 0.6180340);
   shade = mix(${palette.glsl(palette.SAND_DARK)}, ${palette.glsl(palette.SAND_LIGHT)}, grain) * (0.94 + 0.2 * speed);
 }`;
 
@@ -137,7 +137,6 @@ out float reach;
 void main() {
   gl_Position = type == ${SAND}.0 ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = max(1.5, pointSize / gl_Position.w);
-  float grain = fract(float(gl_VertexID) * 0.6180340);
   bright = mix(${palette.glsl(palette.SAND_DARK)}, ${palette.glsl(palette.SAND_LIGHT)}, 0.35 + 0.65 * grain);
   deep = 0.42 * bright;
   haze = clamp(0.5 + 0.9 * gl_Position.z / gl_Position.w, 0.0, 1.0);

@@ -93,7 +93,7 @@ export class SpherePicture {
     const reach = SPHERE_SPACINGS * scene.spacing;
     const radius = Math.max(1, Math.round((reach * view.pixelsPerMetre * scale) / (1 - view.perspective * place[2])));
     const type = scene.types[i];
-    const shade = type === WATER ? speeds[i] / 256 : palette.grainShade(i);
+    const shade = type === WATER ? speeds[i] / 256 : palette.grainShade(scene, i);
     const ramp = rampOf(type, Math.floor(shade * SHADES));
     const [cx, cy] = [Math.round(place[0] * scale), Math.round(place[1] * scale)];
     for (const { dx, dy, height, level } of discOf(radius)) {

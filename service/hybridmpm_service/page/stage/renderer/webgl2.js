@@ -3,7 +3,7 @@
 import { DEPTH_SCALE } from "../camera.js";
 import { GOOP, SAND, WATER } from "../../net/protocol.js";
 import { FieldTarget, program, useProgram } from "./gl.js";
-import { smoothstep } from "./palette.js";
+import { grainShade, smoothstep } from "./palette.js";
 import * as shaders from "./shaders.js";
 import { LiquidSurface } from "./surface3d.js";
 
@@ -72,11 +72,11 @@ export class WebglRenderer {
     this.#field = new FieldTarget(gl);
     this.#surface = new LiquidSurface(gl);
     this.#vertexArray = gl.createVertexArray();
-    this.#buffers = { positions: gl.createBuffer(), types: gl.createBuffer(), speeds: gl.createBuffer() };
+    this.#buffers = { positions: gl.createBuffer(), types: gl.createBuffer(), speeds: gl.createBuffer(), grains: gl.createBuffer() };
     return true;
   }
 
-  /** @param scene {dim, types, spacing [m], floor [m]} */
+  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], floor [m]} */
   setScene(scene) {
     const gl = this.#gl;
     this.#scene = scene;
@@ -90,6 +90,8 @@ export class WebglRenderer {
     this.#attribute(1, this.#buffers.types, 1, gl.UNSIGNED_BYTE, false);
     gl.bufferData(gl.ARRAY_BUFFER, scene.types, gl.STATIC_DRAW);
     this.#attribute(2, this.#buffers.speeds, 1, gl.UNSIGNED_BYTE, true);
+    this.#attribute(3, this.#buffers.grains, 1, gl.UNSIGNED_BYTE, true);
+    gl.bufferData(gl.ARRAY_BUFFER, scene.types.map((_, i) => 256 * grainShade(scene, i)), gl.STATIC_DRAW);
   }
 
   #attribute(index, buffer, size, type, normalized) {

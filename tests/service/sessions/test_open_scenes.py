@@ -1,0 +1,70 @@
+"""Sessions whose particles come and go."""
+
+import time
+
+import numpy as np
+
+from hybridmpm import Box, BoxSink, MpmSolver, RectangularEmitter, Scene
+from hybridmpm.control import Arrow, follow, prepare
+from hybridmpm_service.sessions.frames import decode
+from hybridmpm_service.sessions.simulation import Simulation
+from hybridmpm_service.sessions.solvers import ChosenSolver
+
+SCENE = Scene(
+    dim=2,
+    resolution=32,
+    bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
+)
+ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
+JET = RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0))
+DRAIN = BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.5))
+OPEN_SCENE = SCENE.model_copy(update={"emitters": (JET,), "sinks": (DRAIN,)})
+
+
+def test_frames_tell_who_comes_and_goes() -> None:
+    simulation, solver = (
+        Simulation(ChosenSolver(MpmSolver(OPEN_SCENE)), clock=time.perf_counter),
+        MpmSolver(OPEN_SCENE),
+    )
+    assert simulation.types is None
+    counts = set()
+    for _ in range(12):
+        simulation.advance(3)
+        solver.advance(3)
+        view = simulation.look()
+        frame = decode(view.message.of(2))
+        assert frame.population is not None
+        assert frame.population.ids.tolist() == solver.ids.tolist() == simulation.particles().ids.tolist()
+        assert frame.population.types.tolist() == solver.materials.tolist()
+        assert view.particles == len(frame.positions) == solver.particle_count
+        np.testing.assert_allclose(
+            view.centroid, np.average(solver.positions, 0, solver.mass.astype(np.float64)), rtol=1e-6
+        )
+        counts.add(view.particles)
+    assert len(counts) > 3
+
+
+def test_a_scene_that_has_run_empty_has_no_centroid() -> None:
+    drain = BoxSink(lower=(0.3, 0.3), upper=(0.7, 0.7))
+    solver = MpmSolver(SCENE.model_copy(update={"sinks": (drain,)}))
+    simulation = Simulation(ChosenSolver(solver), clock=time.perf_counter)
+    simulation.advance(1)
+    view = simulation.look()
+    assert (view.particles, view.centroid) == (0, None)
+    assert decode(view.message.of(2)).positions.shape == (0, 2)
+
+
+def test_what_a_sketch_reached_counts_who_is_still_there() -> None:
+    scene = SCENE.model_copy(
+        update={"emitters": (JET,), "sinks": (BoxSink(lower=(0.4, 0.3), upper=(0.45, 0.7)),)}
+    )
+    simulation, solver = Simulation(ChosenSolver(MpmSolver(scene)), clock=time.perf_counter), MpmSolver(scene)
+    simulation.steer(prepare(simulation.copy(), ARROW, frames=20), 1)
+    simulation.advance(20)
+    control = simulation.look().control
+    following = follow(solver, ARROW, frames=20).run()
+    assert control is not None
+    assert np.array_equal(simulation.particles().positions, solver.positions)
+    assert np.isnan(following.positions[-1]).any()
+    assert control.miss is not None
+    assert control.miss < 0.2
