@@ -109,7 +109,7 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
         ws=StreamProtocol,
-        http=request_protocol(app.state.settings.request_seconds),
+        http=request_protocol(app.state.settings.request_seconds, app.state.settings.max_connections),
         # Sessions live in this process: there can only be one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,

@@ -30,6 +30,9 @@ class Settings(BaseModel):
     max_sessions: int = Field(
         default=16, ge=1, le=1000, description="Largest number of sessions at the same time."
     )
+    max_connections: int = Field(
+        default=1000, ge=1, le=100_000, description="Largest number of connections at the same time."
+    )
     max_particles: int = Field(
         default=50_000, ge=1, le=2_000_000, description="Largest number of particles of a session."
     )

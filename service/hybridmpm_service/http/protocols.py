@@ -8,25 +8,37 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from hybridmpm_service.http.problems import of_status
+from hybridmpm_service.http.problems import RETRY_AFTER_SECONDS, of_status
 
+_SURPLUS_SECONDS = 1.0
+"""Longest time that a connection beyond the limit may take to ask for something, and so be told why not."""
 _CLOSE_SECONDS = 1.0
 """Longest time that a client may take to confirm the end of its stream."""
 
 
 class RequestProtocol(H11Protocol):
-    """HTTP whose clients have to send a whole request, its head and its body, within `seconds`."""
+    """HTTP whose clients have to send a whole request, its head and its body, within `seconds`.
+
+    A connection beyond `most` of the server, streams among them, is refused when it asks for something.
+    """
 
     seconds: float
+    most: int
+    _surplus = False
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Expect a request from a new connection."""
         super().connection_made(transport)
+        self._surplus = len(self.connections) > self.most
         self._expect()
 
     def data_received(self, data: bytes) -> None:
         """Read a part of a request, and expect its rest."""
+        if self._surplus:
+            text = f"all {self.most} connections of this server are in use: close one, or try again later"
+            self._refuse(503, text)
+            return
         super().data_received(data)
         # Between requests uvicorn has a deadline of its own, which ends with the first byte of the next.
         if self.conn.their_state in {h11.IDLE, h11.SEND_BODY} and not self.transport.is_closing():
@@ -50,7 +62,8 @@ class RequestProtocol(H11Protocol):
 
     def _expect(self) -> None:
         if self._deadline is None:
-            self._deadline = self.loop.call_later(self.seconds, self._on_deadline)
+            seconds = _SURPLUS_SECONDS if self._surplus else self.seconds
+            self._deadline = self.loop.call_later(seconds, self._on_deadline)
 
     def _relax(self) -> None:
         if self._deadline is not None:
@@ -71,7 +84,8 @@ class RequestProtocol(H11Protocol):
             return
         if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
             path = self.scope["path"] if self.scope is not None else "/"
-            answer = of_status(path, status, detail, {"Connection": "close"})
+            headers = {"Retry-After": str(RETRY_AFTER_SECONDS)} if status == 503 else {}
+            answer = of_status(path, status, detail, headers | {"Connection": "close"})
             for part in (
                 h11.Response(
                     status_code=status,
@@ -106,6 +120,6 @@ class StreamProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
-def request_protocol(seconds: float) -> type[RequestProtocol]:
-    """Return the protocol with a deadline, for uvicorn's configuration."""
-    return type("RequestProtocol", (RequestProtocol,), {"seconds": seconds})
+def request_protocol(seconds: float, most: int) -> type[RequestProtocol]:
+    """Return the protocol with a deadline and a limit of connections, for uvicorn's configuration."""
+    return type("RequestProtocol", (RequestProtocol,), {"seconds": seconds, "most": most})

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+import httpx
+
 
 def test_a_full_service_says_so_and_is_not_ready(start: Callable[..., Any], problem: Any) -> None:
     service = start(max_sessions=1)
@@ -38,3 +40,19 @@ def test_the_operators_limits_are_the_ones_in_the_messages(start: Callable[..., 
     with service.stream(path) as stream:
         stream.send(type="step", frames=6)
         assert "[1, 5]" in stream.text("problem")["detail"]
+
+
+def test_a_connection_too_many_is_refused_and_the_others_go_on(start: Callable[..., Any]) -> None:
+    service = start(max_connections=3)
+    path = service.create()
+    with service.stream(path) as stream, service.stream(path):
+        with httpx.Client(base_url=f"http://{service.address}") as surplus:
+            refused = surplus.get("/livez")
+        # The request is not even read, and so its path is not known.
+        assert (refused.status_code, refused.json()["instance"]) == (503, "/")
+        assert "all 3 connections" in refused.json()["detail"]
+        assert int(refused.headers["retry-after"]) > 0
+        assert service.http.get("/livez").status_code == 200
+        stream.send(type="step")
+        assert stream.frame()
+    service.http.delete(path)
