@@ -21,6 +21,10 @@ class TooManySessionsError(UnavailableError):
     """All sessions that the settings allow are in use."""
 
 
+class MachineFullError(UnavailableError):
+    """The sessions that play leave too little of the machine's time for another."""
+
+
 class SessionBusyError(UnavailableError):
     """Too many calls already wait for this session."""
 

@@ -30,6 +30,13 @@ class Settings(BaseModel):
     max_sessions: int = Field(
         default=16, ge=1, le=1000, description="Largest number of sessions at the same time."
     )
+    max_load: float | None = Field(
+        default=None,
+        gt=0,
+        le=1024,
+        description="Largest load of the sessions that play, in cores; if absent, all cores "
+        "that the process may use.",
+    )
     max_connections: int = Field(
         default=1000, ge=1, le=100_000, description="Largest number of connections at the same time."
     )

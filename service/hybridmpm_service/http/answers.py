@@ -12,7 +12,7 @@ from hybridmpm_service.sessions.view import Phase
 
 _ID = "6f0c5b0e4c7d4be59f0d0f5c3c1a2b34"
 _LINK = f"/v1/sessions/{_ID}"
-_LINKED = ("stream", "advance", "particles", "sketches", "trajectories", "decisions")
+_LINKED = ("stream", "advance", "particles", "fork", "sketches", "trajectories", "decisions")
 
 
 class ControlBody(BaseModel):
@@ -98,6 +98,7 @@ class SessionBody(BaseModel):
                         "stream": f"{_LINK}/stream",
                         "advance": f"{_LINK}/advance",
                         "particles": f"{_LINK}/particles",
+                        "fork": f"{_LINK}/fork",
                         "sketches": f"{_LINK}/sketches",
                         "trajectories": f"{_LINK}/trajectories",
                         "decisions": f"{_LINK}/decisions",
@@ -144,7 +145,7 @@ class SessionBody(BaseModel):
     )
     links: dict[str, str] = Field(
         description="Addresses of the session and of what belongs to it: "
-        "self, stream, advance, particles, sketches, trajectories, decisions."
+        "self, stream, advance, particles, fork, sketches, trajectories, decisions."
     )
 
     @classmethod

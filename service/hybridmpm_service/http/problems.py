@@ -15,6 +15,7 @@ from starlette.responses import Response
 from hybridmpm.errors import SceneError, SimulationError, SketchError
 from hybridmpm_service.errors import (
     FieldError,
+    MachineFullError,
     ModelDamagedError,
     ScenarioNotFoundError,
     ServiceError,
@@ -84,6 +85,7 @@ TABLE: dict[type[Exception], Row] = {
     SimulationError: Row(422, "simulation-failed", "The simulation cannot go on"),
     ModelDamagedError: Row(503, "model-damaged", "A model of the server cannot be loaded"),
     TooManySessionsError: Row(503, "too-many-sessions", "No room for another session"),
+    MachineFullError: Row(503, "machine-full", "No time for another session"),
     SessionBusyError: Row(503, "session-busy", "The session is busy"),
     UnavailableError: Row(503, "unavailable", "The service is not available now"),
     ServiceError: Row(400, "refused", "The request is refused"),

@@ -3,7 +3,6 @@
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from hybridmpm_service.errors import UnavailableError
 from hybridmpm_service.routes.dependencies import Sessions, problems
 
 router = APIRouter(tags=["health"])
@@ -25,7 +24,7 @@ async def livez() -> Health:
 async def readyz(sessions: Sessions) -> Health:
     """Tell whether a session can be created now."""
     await sessions.expire()
-    reason = sessions.why_full()
-    if reason is not None:
-        raise UnavailableError(reason)
+    refusal = sessions.why_full()
+    if refusal is not None:
+        raise refusal
     return Health(status="ready")

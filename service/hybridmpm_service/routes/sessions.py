@@ -37,6 +37,14 @@ async def create_session(body: CreateSession, sessions: Sessions, response: Resp
     return answer
 
 
+@router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))
+async def fork_session(session_id: SessionId, sessions: Sessions, response: Response) -> SessionBody:
+    """Start a session that goes on from the present state of another, by itself; it is paused."""
+    answer = SessionBody.of(await sessions.fork(session_id))
+    response.headers["Location"] = answer.links["self"]
+    return answer
+
+
 @router.get("")
 async def list_sessions(sessions: Sessions) -> SessionList:
     """List the sessions, oldest first."""

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from hybridmpm import Scene
+from hybridmpm._support.machine import usable_cores
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
-from hybridmpm_service.sessions.admission import within_limits
+from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds, within_limits
 from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.player import DEFAULT_SPEED
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
@@ -53,6 +55,7 @@ class SessionManager:
         self._solvers = SolverFactory(
             threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
         )
+        self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
         self._being_made = 0
@@ -85,28 +88,52 @@ class SessionManager:
         ------
         TooManySessionsError
             All sessions that the settings allow are in use.
+        MachineFullError
+            The sessions that play leave too little time for it, by the estimate of its frames.
         UnavailableError
             The server is shutting down.
         ConfigError, FieldError, ModelDamagedError
             The scene, the rung or the model is refused.
         """
-        await self.expire()
-        reason = self.why_full()
-        if reason is not None:
-            raise (UnavailableError if self.draining.is_set() else TooManySessionsError)(reason)
+        await self._check_room()
 
-        def make() -> tuple[ChosenSolver, Simulation]:
+        def make() -> tuple[ChosenSolver, Simulation, float]:
             scene = within_limits(make_scene(), self._settings)
+            estimate = estimated_frame_seconds(scene)
+            load = self._machine.load_of(estimate, scene.frame_dt, DEFAULT_SPEED)
+            self._machine.check(load, "a new session of this scene")
             chosen = self._solvers.make(choice or SolverChoice(), scene, scenario)
-            return chosen, Simulation(chosen, clock=self.clock)
+            return chosen, Simulation(chosen, clock=self.clock), estimate
 
-        chosen, simulation = await self._make(make)
-        if self.draining.is_set():
-            raise UnavailableError("the server is shutting down")
-        session = Session(uuid.uuid4().hex, simulation, self.clock)
+        making = asyncio.get_running_loop().run_in_executor(None, make)
+        chosen, simulation, estimate = await self._made(making)
+        session = self._begin(simulation, estimate)
         session.solver, session.rung, session.model = chosen.simulator.kind, chosen.rung, chosen.model
         session.scenario, session.seed = scenario, seed
-        self._sessions[session.id] = session
+        return session
+
+    async def fork(self, name: str) -> Session:
+        """Start a session that goes on from the present state of another, by itself.
+
+        It is paused, at the speed of the other, and a sketch that steers the other steers it too: the same
+        inputs give the same bits from then on. A hand that pushes stays with the viewer that it belongs to,
+        and a sketch that is still being prepared with the session that it was drawn in.
+
+        Raises
+        ------
+        SessionNotFoundError, SessionBusyError
+            As `get` and `Session.advance`.
+        TooManySessionsError, MachineFullError, UnavailableError
+            As `create`; the load of the other session is the estimate of the fork's.
+        """
+        origin = self.get(name)
+        await self._check_room()
+        self._machine.check(origin.load, "a fork of this session")
+        simulation = await self._made(asyncio.ensure_future(origin.fork()))
+        session = self._begin(simulation, origin.frame_seconds)
+        session.solver, session.rung, session.model = origin.solver, origin.rung, origin.model
+        session.scenario, session.seed = origin.scenario, origin.seed
+        session.set_speed(origin.speed)
         return session
 
     def get(self, name: str) -> Session:
@@ -153,15 +180,17 @@ class SessionManager:
             del self._sessions[session.id]
         await _soon([self._end(session, CLOSE_DELETED, "the session has expired") for session in idle])
 
-    def why_full(self) -> str | None:
+    def why_full(self) -> UnavailableError | None:
         """Return why no session can be created now; None if one can."""
         if self.draining.is_set():
-            return "the server is shutting down"
+            return UnavailableError("the server is shutting down")
         limit = self._settings.max_sessions
         # Sessions that end hold memory and a processor as long as their threads run.
         if len(self.all()) + self._being_made + len(self._ending) >= limit:
-            return f"all {limit} sessions are in use; delete one, or wait until one expires"
-        return None
+            return TooManySessionsError(
+                f"all {limit} sessions are in use; delete one, or wait until one expires"
+            )
+        return self._machine.full()
 
     @property
     def watched(self) -> bool:
@@ -182,8 +211,22 @@ class SessionManager:
             self._end(session, CLOSE_GOING_AWAY, "the server stops")
         await asyncio.gather(*self._ending)
 
-    async def _make(self, make: Callable[[], T]) -> T:
-        """Call `make` off the event loop, and count it until it is done, also for a caller that has gone."""
+    async def _check_room(self) -> None:
+        """Raise if no session can be created now."""
+        await self.expire()
+        refusal = self.why_full()
+        if refusal is not None:
+            raise refusal
+
+    def _begin(self, simulation: Simulation, estimate: float) -> Session:
+        if self.draining.is_set():
+            raise UnavailableError("the server is shutting down")
+        session = Session(uuid.uuid4().hex, simulation, self.clock, machine=self._machine, estimate=estimate)
+        self._sessions[session.id] = session
+        return session
+
+    async def _made(self, making: asyncio.Future[T]) -> T:
+        """Wait for a simulation, and count it until it is made, also for a caller that has gone."""
 
         def end(making: asyncio.Future[T]) -> None:
             self._being_made -= 1
@@ -191,7 +234,6 @@ class SessionManager:
             making.exception()
 
         self._being_made += 1
-        making = asyncio.get_running_loop().run_in_executor(None, make)
         making.add_done_callback(end)
         return await asyncio.shield(making)
 

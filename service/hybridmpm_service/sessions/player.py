@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 from hybridmpm import SimulationError
 from hybridmpm_service.errors import SessionBusyError
+from hybridmpm_service.sessions.admission import Machine
 from hybridmpm_service.sessions.pace import Clock, Pace
 
 DEFAULT_SPEED = 0.25
@@ -30,6 +31,10 @@ class Player:
         Simulated seconds of a frame.
     clock : Clock
         Clock on the wall.
+    machine : Machine
+        Says whether there is time to play, and counts the load of the player.
+    frame_seconds : callable
+        Returns about how long a frame takes [s].
     compute : Compute
         Before it raises a SimulationError, it has to stop the player.
     hurried : callable
@@ -43,16 +48,21 @@ class Player:
         frame_dt: float,
         clock: Clock,
         *,
+        machine: Machine,
+        frame_seconds: Callable[[], float],
         compute: Compute,
         hurried: Callable[[], bool],
         on_fault: Callable[[], None],
     ) -> None:
         self._pace = Pace(frame_dt, DEFAULT_SPEED)
         self._clock = clock
+        self._machine = machine
+        self._frame_seconds = frame_seconds
         self._compute = compute
         self._hurried = hurried
         self._on_fault = on_fault
         self._playing = asyncio.Event()
+        machine.join(self)
 
     @property
     def playing(self) -> bool:
@@ -64,18 +74,47 @@ class Player:
         """Simulated seconds per second that the player aims at."""
         return self._pace.speed
 
+    @property
+    def load(self) -> float:
+        """Load on the machine [cores]; 0 while nothing is played."""
+        return self.load_at(self.speed) if self.playing else 0.0
+
+    def load_at(self, speed: float) -> float:
+        """Return the load on the machine at a speed [cores]."""
+        return self._machine.load_of(self._frame_seconds(), self._pace.frame_dt, speed)
+
     def set_speed(self, speed: float) -> None:
-        """Choose simulated seconds per second, in [0.01, 1]."""
+        """Choose simulated seconds per second, in [0.01, 1].
+
+        Raises
+        ------
+        MachineFullError
+            Others leave too little time to play faster; the speed is as before.
+        """
+        if self.playing and speed > self.speed:
+            self._machine.check(self.load_at(speed), "this session at that speed", self)
         self._pace.set_speed(speed, self._clock())
 
     def start(self) -> None:
-        """Play from now on, and owe no frame from before."""
+        """Play from now on, and owe no frame from before.
+
+        Raises
+        ------
+        MachineFullError
+            Others leave too little time.
+        """
+        self._machine.check(self.load_at(self.speed), "this session", self)
         self._pace.start(self._clock())
         self._playing.set()
 
     def stop(self) -> None:
         """Play no more after the frame that is being computed."""
         self._playing.clear()
+
+    def end(self) -> None:
+        """Stop, and put no load on the machine any more."""
+        self.stop()
+        self._machine.leave(self)
 
     async def run(self) -> None:
         """Play whenever `start` has been called, until this task is cancelled."""

@@ -50,6 +50,12 @@ class SafeguardRecorder:
         self._r_t = simulator.r_t
         self._values: deque[tuple[int, float]] = deque(maxlen=max(2, HISTORY_FRAMES // self._r_t))
 
+    def on(self, simulator: Simulator) -> "SafeguardRecorder":
+        """Return a recorder of a copy of the simulator, with the values so far."""
+        twin = SafeguardRecorder(simulator, self._settings)
+        twin._values.extend(self._values)
+        return twin
+
     def note(self) -> None:
         """Keep the present value, in one frame of each step of the network: it changes no faster."""
         value, frame = finite(self._simulator.safeguard), self._simulator.frame

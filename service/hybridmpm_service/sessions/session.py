@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
+from hybridmpm_service.sessions.admission import Machine
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
@@ -34,6 +35,19 @@ T = TypeVar("T")
 class Session:
     """A simulation with a thread, a player and viewers. Belongs to the event loop.
 
+    Parameters
+    ----------
+    name : str
+        Its `id`.
+    simulation : Simulation
+        Nobody else may use it from now on.
+    clock : Clock
+        Clock of the player and of `last_used`.
+    machine : Machine
+        Says whether the session may play.
+    estimate : float
+        About how long a frame takes [s], before one has been measured.
+
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
     in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
     on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
@@ -57,7 +71,7 @@ class Session:
     model : str or None
         Name of the network; None where there is none.
     simulation : Simulation
-        Outside of this class only its unchanging properties and `timing` may be used.
+        Outside of this class only its unchanging properties, `frame_seconds` and `timing` may be used.
     view : View
         The newest view.
     audience : Audience
@@ -66,7 +80,9 @@ class Session:
         Time of the latest use, on the session's clock [s].
     """
 
-    def __init__(self, name: str, simulation: Simulation, clock: Clock) -> None:
+    def __init__(
+        self, name: str, simulation: Simulation, clock: Clock, *, machine: Machine, estimate: float
+    ) -> None:
         self.id = name
         self.scenario: str | None = None
         self.seed: int | None = None
@@ -79,9 +95,12 @@ class Session:
         self.audience = Audience()
         self.last_used = clock()
         self._clock = clock
+        self._estimate = estimate
         self._player = Player(
             self.scene.frame_dt,
             clock,
+            machine=machine,
+            frame_seconds=lambda: self.frame_seconds,
             compute=self._compute,
             hurried=lambda: self._worker.in_demand,
             on_fault=self._on_player_fault,
@@ -120,6 +139,17 @@ class Session:
     def speed(self) -> float:
         """Simulated seconds per second that the player aims at."""
         return self._player.speed
+
+    @property
+    def frame_seconds(self) -> float:
+        """Time that a frame takes [s]: as measured, and as estimated before the first frame."""
+        measured = self.simulation.frame_seconds
+        return self._estimate if measured is None else measured
+
+    @property
+    def load(self) -> float:
+        """Load that the session would put on the machine if it played at its speed [cores]."""
+        return self._player.load_at(self.speed)
 
     def touch(self) -> None:
         """Note that a client has used the session now."""
@@ -219,6 +249,11 @@ class Session:
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
 
+    async def fork(self) -> Simulation:
+        """Return a simulation that goes on from the present state by itself; errors as in `advance`."""
+        with self._in_use():
+            return await self._on_worker(self.simulation.fork)
+
     async def reset(self) -> None:
         """Go back to frame 0; a running player goes on from there. Errors as in `advance`."""
         self._planner.drop("the session went back to its start before the sketch began to steer")
@@ -226,7 +261,13 @@ class Session:
             await self._on_worker(self.simulation.reset)
 
     def play(self) -> None:
-        """Compute frames at the chosen speed until `pause`, or until the last viewer leaves."""
+        """Compute frames at the chosen speed until `pause`, or until the last viewer leaves.
+
+        Raises
+        ------
+        MachineFullError
+            Other sessions leave too little of the machine's time.
+        """
         if not self.playing:
             self._player.start()
             self.audience.post_status()
@@ -238,7 +279,13 @@ class Session:
             self.audience.post_status()
 
     def set_speed(self, speed: float) -> None:
-        """Choose simulated seconds per second, in [0.01, 1]."""
+        """Choose simulated seconds per second, in [0.01, 1].
+
+        Raises
+        ------
+        MachineFullError
+            The session plays, and other sessions leave too little time for it to play faster.
+        """
         self._player.set_speed(speed)
         self.audience.post_status()
 
@@ -266,7 +313,7 @@ class Session:
         """
         self._closed = True
         self._cancel.set()
-        self._player.stop()
+        self._player.end()
         for task in self._tasks:
             task.cancel()
         self.audience.close(code, reason)

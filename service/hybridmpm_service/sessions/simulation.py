@@ -95,6 +95,18 @@ class Simulation:
         """Return a copy of the simulator in its present state, for others to compute on."""
         return self._solver.copy()
 
+    def fork(self) -> "Simulation":
+        """Return a simulation that goes on from the present state by itself, under the same sketch.
+
+        A hand stays with the viewer that it belongs to. Times are measured anew.
+        """
+        twin = Simulation(ChosenSolver(self._solver.copy()), clock=self._clock)
+        solver = twin._solver
+        twin._recorder = None if self._recorder is None else self._recorder.on(solver)
+        twin._steering = None if self._steering is None else self._steering.on(solver)
+        twin._control, twin._steered = self._control, self._steered
+        return twin
+
     def steer(self, guidance: Guidance, number: int) -> Steered:
         """Let a guidance steer from the next frame on, in the place of one that still does.
 
@@ -155,6 +167,16 @@ class Simulation:
             safeguard=None if self._recorder is None else self._recorder.look(),
             message=FrameMessage(frame),
         )
+
+    @property
+    def frame_seconds(self) -> float | None:
+        """Time that a frame takes [s], None before the first. Safe to ask while another thread computes.
+
+        It is the lower quartile over the latest frames: what else runs on the machine makes frames longer,
+        never shorter, and a scene that grows quieter or busier is followed within some seconds.
+        """
+        times = self._means_over_steps()
+        return times[len(times) // 4] / 1000.0 if times else None
 
     def timing(self) -> Timing:
         """Return how fast frames come at present. Safe to call while another thread computes."""

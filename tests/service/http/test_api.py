@@ -208,3 +208,23 @@ def test_a_version_that_cannot_be_had_closes_the_stream(
         assert stream.end() == 4406
         assert reason in stream.connection.protocol.close_reason
     service.http.delete(path)
+
+
+def test_a_fork_goes_on_by_itself_with_the_same_bits(service: Any, path: str) -> None:
+    service.http.post(f"{path}/advance", json={"frames": 5})
+    made = service.http.post(f"{path}/fork")
+    fork = made.json()
+    assert made.status_code == 201
+    assert made.headers["location"] == fork["links"]["self"] != path
+    origin = service.http.get(path).json()
+    for name in fork.keys() - {"id", "links", "last_frame"}:
+        assert fork[name] == origin[name], name
+    first, second = (
+        _arrays(service.http.post(f"{each}/advance", json={"frames": 9}, headers=NPZ).content)
+        for each in (path, fork["links"]["self"])
+    )
+    assert first.keys() == second.keys() > {"ids", "positions"}
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+    service.http.delete(path)
+    assert service.http.post(f"{fork['links']['self']}/advance", json={}).json()["frame"] == 15
+    service.http.delete(fork["links"]["self"])

@@ -4,6 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
+import pytest
+
+from hybridmpm_service.sessions.simulation import Simulation
 
 
 def test_a_full_service_says_so_and_is_not_ready(start: Callable[..., Any], problem: Any) -> None:
@@ -40,6 +43,34 @@ def test_the_operators_limits_are_the_ones_in_the_messages(start: Callable[..., 
     with service.stream(path) as stream:
         stream.send(type="step", frames=6)
         assert "[1, 5]" in stream.text("problem")["detail"]
+
+
+def test_a_full_machine_says_its_load_and_its_limit(
+    start: Callable[..., Any], problem: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Simulation, "frame_seconds", 0.009)  # at a quarter of real time nine tenths of a core
+    service = start(max_load=1.0)
+    first, second = service.create(), service.create()
+    with service.stream(first) as stream, service.stream(second) as other:
+        stream.send(type="play")
+        while not stream.text("status")["session"]["playing"]:
+            pass
+        for refused in (
+            service.http.post("/v1/sessions", json={"scenario": "water_2d"}),
+            service.http.post(f"{first}/fork"),
+        ):
+            found = problem(refused, 503)
+            assert found["type"] == "urn:hybridmpm:problem:machine-full"
+            assert "take 0.90 of 1 cores" in found["detail"]
+            assert "pause or delete" in found["detail"]
+            assert int(refused.headers["retry-after"]) > 0
+        other.send(type="play")
+        assert other.text("problem")["problem"] == "urn:hybridmpm:problem:machine-full"
+        assert service.http.get(second).json()["playing"] is False
+        assert service.http.get(first).json()["playing"] is True
+        assert service.http.get("/readyz").status_code == 200
+        monkeypatch.setattr(Simulation, "frame_seconds", 0.02)
+        assert "take 1.00 of 1" in problem(service.http.get("/readyz"), 503)["detail"]
 
 
 def test_a_connection_too_many_is_refused_and_the_others_go_on(start: Callable[..., Any]) -> None:

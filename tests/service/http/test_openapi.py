@@ -23,6 +23,7 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}"),
     ("delete", "/v1/sessions/{session_id}"),
     ("post", "/v1/sessions/{session_id}/advance"),
+    ("post", "/v1/sessions/{session_id}/fork"),
     ("get", "/v1/sessions/{session_id}/decisions"),
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),

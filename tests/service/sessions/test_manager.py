@@ -124,7 +124,7 @@ def test_a_draining_manager_takes_nobody_and_sends_viewers_away() -> None:
         with session.viewer() as mailbox:
             manager.drain()
             assert (await mailbox.closed()).code == 1001
-        assert manager.why_full() == "the server is shutting down"
+        assert str(manager.why_full()) == "the server is shutting down"
         with pytest.raises(UnavailableError):
             await manager.create(lambda: SCENE)
 

@@ -1,8 +1,14 @@
 """The player keeps to media time, on a clock that the test turns."""
 
+import asyncio
+import itertools
+from collections.abc import Callable
+
 import pytest
 
+from hybridmpm_service.sessions.admission import Machine
 from hybridmpm_service.sessions.pace import MAX_LAG_SECONDS, Pace
+from hybridmpm_service.sessions.player import Player
 
 
 def _pace(speed: float = 1.0) -> Pace:
@@ -48,3 +54,81 @@ def test_a_new_speed_begins_without_a_jump() -> None:
     pace.set_speed(1.0, 100.05)
     assert pace.due(100.05) == 0
     assert pace.due(100.06) == 4
+
+
+FRAME_DT = 0.0025
+
+
+def _play(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, cost: Callable[[float], float], speed: float
+) -> list[tuple[float, int]]:
+    """Let a player play on a clock that only sleeping and computing turn.
+
+    `cost` is the time that a frame takes [s] when it begins at a time. Returns the times at which turns
+    ended, when viewers get a frame, and the numbers of frames that had been computed then.
+    """
+    now, frames = 0.0, 0
+    turns: list[tuple[float, int]] = []
+    end = asyncio.CancelledError()
+
+    async def compute(owed: int, go_on: Callable[[], bool]) -> int:
+        nonlocal now, frames
+        done = 0
+        while done < owed and go_on():
+            now += cost(now)
+            done += 1
+        frames += done
+        turns.append((now, frames))
+        return done
+
+    async def sleep(duration: float) -> None:
+        nonlocal now
+        now += duration
+        if now >= seconds:
+            raise end
+
+    monkeypatch.setattr("hybridmpm_service.sessions.player.asyncio.sleep", sleep)
+
+    async def scene() -> None:
+        player = Player(
+            FRAME_DT,
+            lambda: now,
+            machine=Machine(1.0, threads=1),
+            frame_seconds=lambda: 0.001,
+            compute=compute,
+            hurried=lambda: False,
+            on_fault=lambda: None,
+        )
+        player.set_speed(speed)
+        player.start()
+        await player.run()
+
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(scene())
+    return turns
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.25, 0.037])
+def test_media_time_does_not_drift_in_ten_minutes(monkeypatch: pytest.MonkeyPatch, speed: float) -> None:
+    rate = speed / FRAME_DT
+    for time, frames in _play(monkeypatch, 600.0, lambda _: 0.0008, speed):
+        assert -0.026 * rate - 1 <= frames - time * rate <= 1e-6
+    assert frames == pytest.approx(600.0 * rate, abs=0.03 * rate + 1)
+
+
+def test_late_frames_are_skipped_and_never_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    stall = (5.0, 8.0)
+    turns = _play(monkeypatch, 20.0, lambda now: 3.0 if stall[0] <= now < stall[1] else 0.0008, 1.0)
+    # Before and after three lost seconds, frames come at the same pace; the seconds are not made up for.
+    assert [frames for time, frames in turns if time < stall[0]][-1] == pytest.approx(2000, abs=12)
+    assert turns[-1][1] == pytest.approx((20.0 - 3.0) * 400, abs=2 * MAX_LAG_SECONDS * 400)
+    after = [(time, frames) for time, frames in turns if time > stall[1] + 0.5]
+    for (earlier, before), (later, now) in itertools.pairwise(after):
+        assert now - before <= (later - earlier + 0.02) * 400
+
+
+def test_a_machine_that_is_too_slow_shows_frames_often_and_slowly(monkeypatch: pytest.MonkeyPatch) -> None:
+    turns = _play(monkeypatch, 60.0, lambda _: 0.005, 1.0)
+    assert turns[-1][1] == pytest.approx(60.0 / 0.005, rel=0.05)
+    gaps = [later - earlier for (earlier, _), (later, _) in itertools.pairwise(turns)]
+    assert max(gaps) < 0.05

@@ -255,3 +255,11 @@ def test_the_work_of_a_network_step_is_shared_by_its_frames() -> None:
     simulation = Simulation(ChosenSolver(physics, "slow"), clock=clock)
     simulation.advance(80)
     assert simulation.timing().ms_per_frame == pytest.approx(1 + 8 / 4)
+
+
+def test_a_frame_costs_the_lower_quartile_of_the_latest() -> None:
+    clock = _Clock()
+    simulation = Simulation(ChosenSolver(MpmSolver(SCENE)), clock=clock)
+    assert simulation.frame_seconds is None
+    simulation.advance(20)
+    assert simulation.frame_seconds == pytest.approx(0.001)

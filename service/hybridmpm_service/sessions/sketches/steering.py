@@ -1,5 +1,6 @@
 """A sketch that steers a simulation: who asked for it, how far it is, and what was reached."""
 
+import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,6 +51,12 @@ class Steering:
             hold=guidance.hold,
         )
         """How far it is."""
+
+    def on(self, simulator: Simulator) -> "Steering":
+        """Return the same steering, as far as it is, of a copy of the simulator."""
+        twin = copy.copy(self)
+        twin._simulator = simulator  # noqa: SLF001 - of this very class
+        return twin
 
     def force(self) -> Any:
         """Return the force of the next frame, as `Simulator.advance` takes it."""
