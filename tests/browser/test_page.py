@@ -9,7 +9,7 @@ import httpx
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Locator
+from playwright.sync_api import Locator, expect
 
 import hybridmpm_service
 
@@ -115,6 +115,37 @@ def test_sand_and_water_are_both_drawn(open_page: Open) -> None:
     visit = open_page("scenario=water_sand_2d&seed=0&renderer=webgl2")
     visit.wait_for(LIVE)
     visit.press_until("Space", "body.playing === 'false'")
+    picture = Image.open(io.BytesIO(visit.page.locator("#view").screenshot())).convert("RGB")
+    red, _, blue = np.moveaxis(np.asarray(picture, dtype=int), -1, 0)
+    assert np.count_nonzero(blue > red + 100) > 500
+    assert np.count_nonzero(red > blue + 50) > 500
+
+
+@pytest.mark.parametrize("renderer", ["webgl2", "canvas2d"])
+def test_particles_that_come_and_go_are_drawn(open_page: Open, service: LiveService, renderer: str) -> None:
+    scene = {
+        "dim": 2,
+        "resolution": 64,
+        "bodies": [{"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.2]}],
+        "emitters": [
+            {
+                "shape": "rectangle",
+                "material": "sand",
+                "lower": [0.1, 0.5],
+                "upper": [0.1, 0.7],
+                "velocity": [2, 0],
+            }
+        ],
+        "sinks": [{"shape": "box", "lower": [0.8, 0.05], "upper": [0.95, 0.3]}],
+    }
+    session = service.post("/v1/sessions", {"scene": scene})
+    visit = open_page(f"renderer={renderer}&session={session['id']}")
+    visit.wait_for("body.state === 'live' && body.frame === '0'")
+    visit.press_until("Space", "body.playing === 'true'")
+    visit.pause_at(40)
+    count = service.get(session["links"]["self"])["particles"]
+    assert count != session["particles"]
+    expect(visit.page.locator("#count")).to_have_text(f"{count:,}")
     picture = Image.open(io.BytesIO(visit.page.locator("#view").screenshot())).convert("RGB")
     red, _, blue = np.moveaxis(np.asarray(picture, dtype=int), -1, 0)
     assert np.count_nonzero(blue > red + 100) > 500

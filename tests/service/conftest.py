@@ -108,7 +108,9 @@ class Service:
 
 @contextlib.contextmanager
 def running(settings: Settings) -> Iterator[Service]:
-    """Run a server with these settings."""
+    """Run a server with these settings; unless they say so, how busy this machine is decides nothing."""
+    if settings.max_load is None:
+        settings = settings.model_copy(update={"max_load": 64.0})
     app = create_app(settings)
     with listen(settings) as listener:
         service = Service(app, make_server(app), listener)
