@@ -13,7 +13,7 @@ from hybridmpm_service.errors import MachineFullError
 from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 50e-9
-"""What an estimate takes for a particle in a substep: twice to ten times what MPM takes on a core."""
+"""Estimate for a particle in a substep; on one core MPM takes 15 (2D water) to 43 ns (3D sand)."""
 
 
 class Load(Protocol):

@@ -35,6 +35,12 @@ T = TypeVar("T")
 class Session:
     """A simulation with a thread, a player and viewers. Belongs to the event loop.
 
+    The event loop never computes. All work on the simulation runs on the session's own thread, in the order
+    in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
+    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
+    are computed on copies on a third, while the first goes on. A flag that the simulator and its copies ask
+    in every substep ends all three when the session is closed.
+
     Parameters
     ----------
     name : str
@@ -47,12 +53,6 @@ class Session:
         Says whether the session may play.
     estimate : float
         About how long a frame takes [s], before one has been measured.
-
-    The event loop never computes. All work on the simulation runs on the session's own thread, in the order
-    in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
-    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
-    are computed on copies on a third, while the first goes on. A flag that the simulator and its copies ask
-    in every substep ends all three when the session is closed.
 
     Attributes
     ----------
