@@ -99,10 +99,12 @@ class SessionManager:
 
         def make() -> tuple[ChosenSolver, Simulation, float]:
             scene = within_limits(make_scene(), self._settings)
+            chosen = self._solvers.make(choice or SolverChoice(), scene, scenario)
             estimate = estimated_frame_seconds(scene)
+            if chosen.simulator.kind == "mpm":
+                estimate *= chosen.simulator.r_p
             load = self._machine.load_of(estimate, scene.frame_dt, DEFAULT_SPEED)
             self._machine.check(load, "a new session of this scene")
-            chosen = self._solvers.make(choice or SolverChoice(), scene, scenario)
             return chosen, Simulation(chosen, clock=self.clock), estimate
 
         making = asyncio.get_running_loop().run_in_executor(None, make)
