@@ -89,6 +89,12 @@ def test_the_depth_of_an_arrow_comes_back(points: Floats, start: float, end: flo
 # was taken for a round end, 3.7 pixels behind the point.
 @example(Arrow(np.array([[0.484, 0.181], [0.673, 0.279], [0.851, 0.194]]), np.array([8.9, 12.0, 3.9])))
 @example(Arrow(np.array([[0.622, 0.661], [0.663, 0.447], [0.895, 0.355]]), np.array([12.6, 12.1, 5.6])))
+# The way to the tip went along the back of the head, whose ink was taken for the line.
+@example(
+    Arrow(np.array([[0.06, 0.06], [0.2553125, 0.06], [0.35187886, 0.24972969]]), np.array([5.0, 11.0, 10.0]))
+)
+# The thick end of the line looked like a head, because the head was thought to be as thick a line.
+@example(Arrow(np.array([[0.45416959, 0.65648534], [0.9, 0.47999737]]), np.array([18.0, 2.0])))
 @example(Arrow(np.array([[0.49, 0.646], [0.1, 0.6]]), np.array([14.5, 4.3])))
 def test_a_bent_arrow_comes_back_with_its_bends_and_depths(drawn: Arrow) -> None:
     read = parse_png(render_png(drawn))

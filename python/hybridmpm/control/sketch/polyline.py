@@ -58,19 +58,27 @@ def simplified(points: Floats, tolerance: float) -> list[int]:
     return sorted(kept)
 
 
-def distance_to_segment(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the distances (K,) of points (K, 2) to the segment from `start` to `end`."""
+def distance_to_segment(
+    points: Floats, start: Floats, end: Floats, radii: tuple[float, float] = (0.0, 0.0)
+) -> Floats:
+    """Return the distances (K,) of points (K, 2) to the segment from `start` to `end`.
+
+    With the `radii` of its two ends, between which the radius changes linearly, they are less the radius at
+    the nearest place: negative inside of the stroke.
+    """
     along = end - start
     square = float(along @ along)
     fraction = np.clip((points - start) @ along / square, 0.0, 1.0) if square > 0 else np.zeros(len(points))
-    return np.asarray(np.hypot(*(points - start - fraction[:, None] * along).T))
+    away = np.hypot(*(points - start - fraction[:, None] * along).T)
+    return np.asarray(away - radii[0] - fraction * (radii[1] - radii[0]))
 
 
-def distance_to_line(points: Floats, line: Floats) -> Floats:
-    """Return the distances (K,) of points (K, 2) to the nearest segment of a line (M, 2)."""
+def distance_to_line(points: Floats, line: Floats, radii: Floats | None = None) -> Floats:
+    """Return the distances (K,) of points (K, 2) to a line (M, 2), or to a stroke with `radii` (M,) there."""
+    radii = np.zeros(len(line)) if radii is None else radii
     nearest = np.full(len(points), np.inf)
-    for start, end in pairwise(line):
-        np.minimum(nearest, distance_to_segment(points, start, end), out=nearest)
+    for ends, at_ends in zip(pairwise(line), pairwise(radii.tolist()), strict=True):
+        np.minimum(nearest, distance_to_segment(points, *ends, at_ends), out=nearest)
     return nearest
 
 

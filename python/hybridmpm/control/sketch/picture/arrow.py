@@ -185,7 +185,7 @@ def _read(ink: _Ink, line: _Line, beside: npt.NDArray[np.bool_]) -> _Reading | N
         head = _head(ink, beside)
         if head.radius > _LARGEST_HEAD * line.shaft.length:
             break
-        free = line.shaft.before(head.center, head.radius + line.shaft.width / 2 + 4.0)
+        free = line.shaft.before(head.center, head.radius + line.shaft.width / 2 + 4.0).alone()
         if free.length < _MIN_FREE:
             break
         reading = _reading(ink, free, beside, head) or reading
@@ -231,7 +231,7 @@ def _unexplained(ink: _Ink, line: Floats, widths: Floats) -> float:
     in_head = (
         (depth > -reach) & (aside < depth * _HEAD_OPENING + 2 * reach) & (depth < _LONGEST_HEAD * length)
     )
-    on_line = distance_to_line(ink.pixels, line) < reach
+    on_line = distance_to_line(ink.pixels, line, widths / 2) < _UNSTEADY
     stray = float(ink.amount[~(in_head | on_line)].sum())
     if stray > _OTHER_HEAD * float(ink.amount[in_head & ~on_line].sum()) + _CLEAR_HEAD:
         return 1.0

@@ -73,6 +73,15 @@ class Shaft:
             self, points=self.points[:last], widths=widths, free=_free_widths(widths, self.spacing)
         )
 
+    def alone(self) -> "Shaft":
+        """Return the line up to its last point whose ink is not clearly wider than the line.
+
+        The way through the ink of a head begins with its back, beside the line.
+        """
+        wide = self.widths >= _BROAD * self.free + 1.0
+        last = max(len(wide) - int(np.argmin(wide[::-1])), 1)
+        return replace(self, points=self.points[:last], widths=self.widths[:last], free=self.free[:last])
+
     def tapered(self, free: "Shaft") -> "Shaft":
         """Return the line with other `free` widths behind its first part `free`, if that grows thinner.
 
