@@ -8,13 +8,13 @@ from fastapi import APIRouter, Query, Request, Response
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz, with_nulls
 from hybridmpm_service.http.requests import SketchSettings
-from hybridmpm_service.http.sketch_answers import (
+from hybridmpm_service.http.sketches.answers import (
     GuidanceBody,
     SketchBody,
     TrajectoryBody,
     trajectory_arrays,
 )
-from hybridmpm_service.http.sketch_bodies import read_sketch
+from hybridmpm_service.http.sketches.bodies import read_sketch
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 

@@ -1,0 +1,1 @@
+"""Sketches over HTTP: how they are sent, and what is answered."""
