@@ -80,12 +80,14 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     manager: SessionManager = app.state.sessions
     settings: Settings = app.state.settings
+    # The server answers meanwhile; who asks for one of these sessions is told to come back.
+    reviving = asyncio.create_task(manager.revive())
     sweeping = asyncio.create_task(_sweep(manager, min(_SWEEP_SECONDS, settings.idle_seconds / 4)))
     try:
         yield
     finally:
         sweeping.cancel()
-        await manager.close()
+        await asyncio.gather(reviving, manager.close())
 
 
 async def _sweep(manager: SessionManager, seconds: float) -> None:

@@ -29,6 +29,10 @@ class SessionBusyError(UnavailableError):
     """Too many calls already wait for this session."""
 
 
+class StorageError(UnavailableError):
+    """A session cannot be written to disk, or read from it."""
+
+
 class ModelDamagedError(UnavailableError):
     """The server's copy of a model cannot be loaded."""
 

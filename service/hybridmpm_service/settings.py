@@ -59,6 +59,9 @@ class Settings(BaseModel):
     max_sketch_frames: int = Field(
         default=400, ge=1, le=4000, description="Largest number of frames that a sketch steers."
     )
+    max_replay_frames: int = Field(
+        default=20_000, ge=1, le=1_000_000, description="Largest number of frames of a log that is replayed."
+    )
     max_upload_bytes: int = Field(
         default=1 << 20, ge=1024, le=1 << 20, description="Largest size of an uploaded PNG in bytes."
     )
@@ -94,6 +97,11 @@ class Settings(BaseModel):
         ge=1,
         le=256,
         description="Number of threads of each session's simulator; results do not depend on it.",
+    )
+    state_folder: str = Field(
+        default="",
+        description="Folder in which sessions are kept, so that they survive a stop or a crash of the "
+        "service. If empty, they live in memory alone.",
     )
     models: str = Field(
         default="",

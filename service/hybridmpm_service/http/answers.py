@@ -6,13 +6,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from hybridmpm.scenarios import ScenarioInfo
 from hybridmpm_service.http.learned_answers import SafeguardBody
+from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import Kind, Mode
 from hybridmpm_service.sessions.view import Phase
 
 _ID = "6f0c5b0e4c7d4be59f0d0f5c3c1a2b34"
 _LINK = f"/v1/sessions/{_ID}"
-_LINKED = ("stream", "advance", "particles", "fork", "sketches", "trajectories", "decisions")
+_LINKED = ("stream", "advance", "particles", "fork", "log", "sketches", "trajectories", "decisions")
 
 
 class ControlBody(BaseModel):
@@ -92,6 +93,8 @@ class SessionBody(BaseModel):
                         "inside_drawn": None,
                         "miss": None,
                     },
+                    "kept": "disk",
+                    "notice": None,
                     "last_frame": {"substeps": 12, "bound": "sound", "ms": 1.4},
                     "links": {
                         "self": _LINK,
@@ -99,6 +102,7 @@ class SessionBody(BaseModel):
                         "advance": f"{_LINK}/advance",
                         "particles": f"{_LINK}/particles",
                         "fork": f"{_LINK}/fork",
+                        "log": f"{_LINK}/log",
                         "sketches": f"{_LINK}/sketches",
                         "trajectories": f"{_LINK}/trajectories",
                         "decisions": f"{_LINK}/decisions",
@@ -143,9 +147,16 @@ class SessionBody(BaseModel):
     last_frame: LastFrameBody | None = Field(
         description="Report on the computation of the latest frame; null before the first."
     )
+    kept: Kept = Field(
+        description="Where the session is kept: in memory alone (memory), on disk, too, so that it survives "
+        "a crash (disk), or in memory because the disk cannot be written at present (failing)."
+    )
+    notice: str | None = Field(
+        description="What there is to say of a session that was computed again; null where there is nothing."
+    )
     links: dict[str, str] = Field(
         description="Addresses of the session and of what belongs to it: "
-        "self, stream, advance, particles, fork, sketches, trajectories, decisions."
+        "self, stream, advance, particles, fork, log, sketches, trajectories, decisions."
     )
 
     @classmethod
@@ -155,8 +166,8 @@ class SessionBody(BaseModel):
         link = f"/v1/sessions/{session.id}"
         return cls(
             id=session.id,
-            scenario=session.scenario,
-            seed=session.seed,
+            scenario=session.origin.scenario,
+            seed=session.origin.seed,
             dim=session.scene.dim,
             particles=view.particles,
             frame=view.frame,
@@ -165,13 +176,15 @@ class SessionBody(BaseModel):
             playing=session.playing,
             speed=session.speed,
             centroid=None if view.centroid is None else list(view.centroid),
-            solver=session.solver,
-            rung=session.rung,
-            model=session.model,
+            solver=session.origin.choice.solver,
+            rung=session.origin.choice.rung,
+            model=session.origin.choice.model,
             r_p=session.simulation.r_p,
             mode=view.mode,
             safeguard=None if view.safeguard is None else SafeguardBody.of(view.safeguard),
             control=None if control is None else ControlBody.model_validate(vars(control)),
+            kept=session.kept,
+            notice=session.notice,
             last_frame=None
             if view.last_frame is None
             else LastFrameBody(

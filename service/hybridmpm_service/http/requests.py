@@ -1,16 +1,13 @@
 """What clients send, as JSON: pydantic models with examples."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from hybridmpm.control import METHODS, Stroke
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP
-from hybridmpm.downsampling import rung_table
-from hybridmpm.scenarios import NAMES
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
-from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
 
 MAX_PUSH_SPEED = 100.0
 """Largest speed of a hand along an axis [m/s]."""
@@ -33,107 +30,6 @@ class Request(BaseModel):
     """Base of what clients send: unknown fields, infinite numbers and texts for numbers are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
-
-
-class CreateSession(Request):
-    """A session to create: a scenario with a seed, or a scene, and the simulator."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "oneOf": [
-                {
-                    "required": ["scenario"],
-                    "properties": {"scenario": {"type": "string"}, "scene": {"type": "null"}},
-                },
-                {
-                    "required": ["scene"],
-                    "properties": {
-                        "scene": {"type": "object"},
-                        "scenario": {"type": "null"},
-                        "seed": {"type": "null"},
-                    },
-                },
-            ],
-            "examples": [
-                {"scenario": "water_2d", "seed": 0},
-                {
-                    "scene": {
-                        "dim": 2,
-                        "bodies": [
-                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
-                        ],
-                    }
-                },
-            ],
-        }
-    )
-
-    scenario: str | None = Field(
-        default=None,
-        max_length=100,
-        description=f"Scenario that the scene is drawn from: one of {', '.join(NAMES)}.",
-    )
-    seed: int | None = Field(
-        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
-    )
-    scene: dict[str, Any] | None = Field(
-        default=None,
-        description="Scene of your own, in the place of a scenario, as `hybridmpm schema` describes it.",
-    )
-    solver: Kind = Field(
-        default="mpm",
-        description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
-        "or a network alone (neural).",
-    )
-    rung: str | None = Field(
-        default=None,
-        max_length=100,
-        description="Part of the particles that MPM simulates at constants fitted to scenes, carrying all "
-        f"others along: one of {', '.join(rung_table().ratios)}. Only with mpm; all particles are simulated "
-        "if absent.",
-    )
-    model: str | None = Field(
-        default=None,
-        max_length=100,
-        description="Name of the network, from `GET /v1/models`; not with mpm. If absent, the first that "
-        "serves the scenario; required with a scene.",
-    )
-    r_c: float | None = Field(
-        default=None,
-        ge=-1,
-        le=1,
-        strict=True,
-        description="Mean cosine below which the safeguard alarms; only with hybrid, 0.8 if absent.",
-    )
-    safeguard: SafeguardKind | None = Field(
-        default=None,
-        description="Particles that the safeguard's mean is taken over: those that are not calm (ours), or "
-        "all (paper). Only with hybrid; ours if absent.",
-    )
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> Self:
-        if (self.scenario is None) == (self.scene is None):
-            raise ValueError('give either "scenario" (with "seed") or "scene"')
-        if self.scene is not None and self.seed is not None:
-            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
-        return self
-
-    def choice(self) -> SolverChoice:
-        """Return the simulator that the client asks for.
-
-        Raises
-        ------
-        FieldError
-            An option belongs to another kind of simulator, or there is no such rung.
-        """
-        return SolverChoice(
-            solver=self.solver,
-            rung=self.rung,
-            model=self.model,
-            r_c=self.r_c,
-            safeguard=self.safeguard,
-        )
 
 
 class AdvanceSession(Request):

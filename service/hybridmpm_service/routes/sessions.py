@@ -1,13 +1,17 @@
 """Routes that create, describe, advance and end sessions."""
 
+import asyncio
+
 from fastapi import APIRouter, Request, Response
 
 from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionList
+from hybridmpm_service.http.creation import CreateSession
 from hybridmpm_service.http.learned_answers import DecisionList
+from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
-from hybridmpm_service.http.requests import AdvanceSession, CreateSession
+from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
@@ -18,8 +22,20 @@ _NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
 
 
 @router.post("", status_code=201, responses=problems(413, 415, 422, 503))
-async def create_session(body: CreateSession, sessions: Sessions, response: Response) -> SessionBody:
-    """Start a session from a scenario or a scene."""
+async def create_session(
+    body: CreateSession, sessions: Sessions, limits: Limits, response: Response
+) -> SessionBody:
+    """Start a session from a scenario or a scene, or compute one again from its log."""
+    answer = SessionBody.of(await _created(body, sessions, limits))
+    response.headers["Location"] = answer.links["self"]
+    return answer
+
+
+async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> Session:
+    sent = body.log
+    if sent is not None:
+        log = await asyncio.to_thread(sent.log, limits.max_replay_frames, limits.max_sketch_frames)
+        return await sessions.replay(log)
     choice = body.choice()
 
     def make_scene() -> Scene:
@@ -31,10 +47,7 @@ async def create_session(body: CreateSession, sessions: Sessions, response: Resp
             raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
 
     seed = None if body.scenario is None else body.seed or 0
-    session = await sessions.create(make_scene, scenario=body.scenario, seed=seed, choice=choice)
-    answer = SessionBody.of(session)
-    response.headers["Location"] = answer.links["self"]
-    return answer
+    return await sessions.create(make_scene, scenario=body.scenario, seed=seed, choice=choice)
 
 
 @router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))
@@ -43,6 +56,13 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
     answer = SessionBody.of(await sessions.fork(session_id))
     response.headers["Location"] = answer.links["self"]
     return answer
+
+
+@router.get("/{session_id}/log", responses=problems(400, 404, 503))
+async def get_log(session_id: SessionId, sessions: Sessions) -> LogBody:
+    """Answer all that the session can be computed again from: scene, simulator and inputs since frame 0."""
+    log = await sessions.get(session_id).log()
+    return await asyncio.to_thread(LogBody.of, log)
 
 
 @router.get("")

@@ -1,17 +1,27 @@
 """All sessions of a process: how many may exist, and when an unused one ends."""
 
 import asyncio
+import logging
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
 
-from hybridmpm import Scene
+from hybridmpm import CancelFlag, Scene, SimulationError
 from hybridmpm._support.machine import usable_cores
 from hybridmpm.physics.manifest import WEIGHTS
-from hybridmpm_service.errors import SessionNotFoundError, TooManySessionsError, UnavailableError
+from hybridmpm_service.errors import (
+    ServiceError,
+    SessionNotFoundError,
+    TooManySessionsError,
+    UnavailableError,
+)
 from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds, within_limits
+from hybridmpm_service.sessions.journal.folder import Folder
+from hybridmpm_service.sessions.journal.log import SessionLog
+from hybridmpm_service.sessions.journal.origin import Origin
+from hybridmpm_service.sessions.journal.revival import Revived, revived_from_file, revived_from_log
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.player import DEFAULT_SPEED
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
@@ -24,7 +34,7 @@ CLOSE_GOING_AWAY = 1001
 _ENDING_SECONDS = 0.5
 """Longest time that a call waits for the threads of a session that it ends; they need some milliseconds."""
 
-T = TypeVar("T")
+_log = logging.getLogger(__name__)
 
 
 class SessionManager:
@@ -46,6 +56,8 @@ class SessionManager:
     ------
     DataError
         The folder of models has no manifest, or a damaged one.
+    ConfigError
+        The folder of sessions cannot be used.
     """
 
     def __init__(self, settings: Settings, clock: Clock = time.perf_counter) -> None:
@@ -55,6 +67,9 @@ class SessionManager:
         self._solvers = SolverFactory(
             threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
         )
+        self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
+        self._reviving = set() if self._folder is None else set(self._folder.names())
+        self._replaying: set[CancelFlag] = set()
         self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
@@ -95,24 +110,40 @@ class SessionManager:
         ConfigError, FieldError, ModelDamagedError
             The scene, the rung or the model is refused.
         """
-        await self._check_room()
 
-        def make() -> tuple[ChosenSolver, Simulation, float]:
+        def make() -> Revived:
             scene = within_limits(make_scene(), self._settings)
-            chosen = self._solvers.make(choice or SolverChoice(), scene, scenario)
-            estimate = estimated_frame_seconds(scene)
-            if chosen.simulator.kind == "mpm":
-                estimate *= chosen.simulator.r_p
-            load = self._machine.load_of(estimate, scene.frame_dt, DEFAULT_SPEED)
-            self._machine.check(load, "a new session of this scene")
-            return chosen, Simulation(chosen, clock=self.clock), estimate
+            chosen = self._admitted(choice or SolverChoice(), scene, scenario)
+            simulation = Simulation(chosen, clock=self.clock)
+            return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None)
 
-        making = asyncio.get_running_loop().run_in_executor(None, make)
-        chosen, simulation, estimate = await self._made(making)
-        session = self._begin(simulation, estimate)
-        session.solver, session.rung, session.model = chosen.simulator.kind, chosen.rung, chosen.model
-        session.scenario, session.seed = scenario, seed
-        return session
+        return await self._create(make)
+
+    async def replay(self, log: SessionLog) -> Session:
+        """Start a session from a log: everything in it is computed again, and then it is paused.
+
+        Raises
+        ------
+        TooManySessionsError, MachineFullError, UnavailableError
+            As `create`.
+        ConfigError, FieldError, ModelDamagedError, SketchError, SimulationError
+            The scene, the simulator or an input is refused, or a frame fails.
+        """
+
+        def make() -> Revived:
+            scene = within_limits(log.origin.scene, self._settings)
+            chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
+            limited = replace(log, origin=replace(log.origin, scene=scene))
+            return revived_from_log(limited, chosen, self.clock, cancel)
+
+        cancel = CancelFlag()
+        self._replaying.add(cancel)
+        try:
+            return await self._create(make)
+        finally:
+            # Nobody waits any more for what is still being computed.
+            cancel.set()
+            self._replaying.discard(cancel)
 
     async def fork(self, name: str) -> Session:
         """Start a session that goes on from the present state of another, by itself.
@@ -131,12 +162,21 @@ class SessionManager:
         origin = self.get(name)
         await self._check_room()
         self._machine.check(origin.load, "a fork of this session")
-        simulation = await self._made(asyncio.ensure_future(origin.fork()))
-        session = self._begin(simulation, origin.frame_seconds)
-        session.solver, session.rung, session.model = origin.solver, origin.rung, origin.model
-        session.scenario, session.seed = origin.scenario, origin.seed
+
+        async def forked() -> Revived:
+            return Revived(await origin.fork(), origin.origin, origin.notice)
+
+        session = await self._begun(asyncio.ensure_future(forked()), origin.frame_seconds)
         session.set_speed(origin.speed)
         return session
+
+    async def revive(self) -> None:
+        """Start the sessions again that a server before this one has kept; each is paused where it was."""
+        if self._folder is not None:
+            cores = asyncio.Semaphore(usable_cores())
+            await asyncio.gather(
+                *(self._revive(self._folder, name, cores) for name in sorted(self._reviving))
+            )
 
     def get(self, name: str) -> Session:
         """Return a session and note that it is used.
@@ -150,6 +190,8 @@ class SessionManager:
         """
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
+        if name in self._reviving:
+            raise UnavailableError(f"session {name!r} is being computed again after a restart of the server")
         session = self._sessions.get(name)
         if session is None or self._is_idle(session):
             raise SessionNotFoundError(
@@ -173,14 +215,16 @@ class SessionManager:
         """
         session = self.get(name)
         del self._sessions[session.id]
-        await _soon([self._end(session, CLOSE_DELETED, "the session has been deleted")])
+        await _soon([self._end(session, CLOSE_DELETED, "the session has been deleted", keep=False)])
 
     async def expire(self) -> None:
         """End the sessions that no client has watched or called for `idle_seconds`; wait as `delete` does."""
         idle = [session for session in self._sessions.values() if self._is_idle(session)]
         for session in idle:
             del self._sessions[session.id]
-        await _soon([self._end(session, CLOSE_DELETED, "the session has expired") for session in idle])
+        await _soon(
+            [self._end(session, CLOSE_DELETED, "the session has expired", keep=False) for session in idle]
+        )
 
     def why_full(self) -> UnavailableError | None:
         """Return why no session can be created now; None if one can."""
@@ -188,7 +232,7 @@ class SessionManager:
             return UnavailableError("the server is shutting down")
         limit = self._settings.max_sessions
         # Sessions that end hold memory and a processor as long as their threads run.
-        if len(self.all()) + self._being_made + len(self._ending) >= limit:
+        if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
             return TooManySessionsError(
                 f"all {limit} sessions are in use; delete one, or wait until one expires"
             )
@@ -202,16 +246,20 @@ class SessionManager:
     def drain(self) -> None:
         """Create no more sessions, and close all, their streams with code 1001; a stop begins with this."""
         self.draining.set()
+        for cancel in self._replaying:
+            cancel.set()
         for session in self._sessions.values():
-            session.close(CLOSE_GOING_AWAY, "the server stops")
+            session.close(CLOSE_GOING_AWAY, "the server stops", keep=True)
 
     async def close(self) -> None:
         """End all sessions, and wait for their threads and for those of sessions that ended before."""
         self.drain()
         while self._sessions:
             _, session = self._sessions.popitem()
-            self._end(session, CLOSE_GOING_AWAY, "the server stops")
+            self._end(session, CLOSE_GOING_AWAY, "the server stops", keep=True)
         await asyncio.gather(*self._ending)
+        if self._folder is not None:
+            self._folder.close()
 
     async def _check_room(self) -> None:
         """Raise if no session can be created now."""
@@ -220,28 +268,89 @@ class SessionManager:
         if refusal is not None:
             raise refusal
 
-    def _begin(self, simulation: Simulation, estimate: float) -> Session:
+    def _admitted(self, choice: SolverChoice, scene: Scene, scenario: str | None) -> ChosenSolver:
+        """Return the simulator of a new session, if there is time for it by the estimate of its frames."""
+        chosen = self._solvers.make(choice, scene, scenario)
+        seconds = _estimate(Origin.of(scene, chosen, scenario, None), chosen.simulator.r_p)
+        load = self._machine.load_of(seconds, scene.frame_dt, DEFAULT_SPEED)
+        self._machine.check(load, "a new session of this scene")
+        return chosen
+
+    async def _create(self, make: Callable[[], Revived]) -> Session:
+        await self._check_room()
+        return await self._begun(asyncio.get_running_loop().run_in_executor(None, make))
+
+    async def _begun(self, making: asyncio.Future[Revived], frame_seconds: float | None = None) -> Session:
+        """Wait for a simulation, and start its session; where sessions are kept on disk, it has a file then.
+
+        It is counted until it is made, also where its caller has gone. Then it is thrown away.
+        """
+
+        async def kept() -> Revived:
+            made = await making
+            if self._folder is not None:
+                await asyncio.to_thread(_keep, self._folder, name, made)
+            return made
+
+        def end(keeping: asyncio.Task[Revived]) -> None:
+            self._being_made -= 1
+            # The error is asked for, so that nobody misses that of a caller that has gone.
+            if not keeping.cancelled() and keeping.exception() is None and name not in self._sessions:
+                journal = keeping.result().simulation.journal
+                journal.discard()
+                journal.close()
+
+        name = uuid.uuid4().hex
+        self._being_made += 1
+        keeping = asyncio.get_running_loop().create_task(kept())
+        try:
+            return self._begin(name, await asyncio.shield(keeping), frame_seconds)
+        finally:
+            if keeping.done():
+                end(keeping)
+            else:
+                keeping.add_done_callback(end)
+
+    def _begin(self, name: str, made: Revived, frame_seconds: float | None = None) -> Session:
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")
-        session = Session(uuid.uuid4().hex, simulation, self.clock, machine=self._machine, estimate=estimate)
+        session = Session(
+            name,
+            made.simulation,
+            made.origin,
+            self.clock,
+            machine=self._machine,
+            estimate=frame_seconds or _estimate(made.origin, made.simulation.r_p),
+            notice=made.notice,
+        )
         self._sessions[session.id] = session
         return session
 
-    async def _made(self, making: asyncio.Future[T]) -> T:
-        """Wait for a simulation, and count it until it is made, also for a caller that has gone."""
+    async def _revive(self, folder: Folder, name: str, cores: asyncio.Semaphore) -> None:
+        """Start the session of a file again; one that cannot be is told of, and its file is left alone."""
 
-        def end(making: asyncio.Future[T]) -> None:
-            self._being_made -= 1
-            # Asked for, so that nobody misses the error of a caller that has gone.
-            making.exception()
+        def make() -> Revived:
+            file = folder.open(name)
+            try:
+                return revived_from_file(file, self._solvers, self.clock)
+            except BaseException:
+                file.close()
+                raise
 
-        self._being_made += 1
-        making.add_done_callback(end)
-        return await asyncio.shield(making)
+        try:
+            async with cores:
+                if self.draining.is_set():
+                    return
+                made = await asyncio.to_thread(make)
+            self._begin(name, made)
+        except (ServiceError, SimulationError) as err:
+            _log.error("session %s cannot be started again, and its file is left as it is: %s", name, err)
+        finally:
+            self._reviving.discard(name)
 
-    def _end(self, session: Session, code: int, reason: str) -> asyncio.Task[None]:
+    def _end(self, session: Session, code: int, reason: str, *, keep: bool) -> asyncio.Task[None]:
         """Close a session, and remember it until its threads have ended."""
-        session.close(code, reason)
+        session.close(code, reason, keep=keep)
         ending = asyncio.get_running_loop().create_task(session.ended())
         self._ending.add(ending)
         ending.add_done_callback(self._ending.discard)
@@ -256,3 +365,17 @@ async def _soon(endings: list[asyncio.Task[None]]) -> None:
     """Wait for sessions that end, but not for long: what takes longer goes on, and is counted."""
     if endings:
         await asyncio.wait(endings, timeout=_ENDING_SECONDS)
+
+
+def _estimate(origin: Origin, r_p: float) -> float:
+    """Return about how long a frame takes [s], before any has been measured."""
+    return estimated_frame_seconds(origin.scene) * (r_p if origin.choice.solver == "mpm" else 1.0)
+
+
+def _keep(folder: Folder, name: str, made: Revived) -> None:
+    """Keep a simulation in a file of its own from now on."""
+    simulation = made.simulation
+    file = folder.create(name, made.origin)
+    if simulation.frame:
+        file.rewrite(simulation.journal.inputs or (), simulation.checkpoint(), complete=True)
+    simulation.journal.keep_in(file, simulation.computed_seconds)

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from hybridmpm.decisions import Decision, Mode, without_undone
@@ -61,6 +62,16 @@ class SafeguardRecorder:
         value, frame = finite(self._simulator.safeguard), self._simulator.frame
         if value is not None and frame % self._r_t == 0:
             self._values.append((frame, value))
+
+    @property
+    def values(self) -> list[tuple[int, float]]:
+        """Frames and the values in them, as plain data."""
+        return list(self._values)
+
+    def recall(self, values: Iterable[Sequence[float]]) -> None:
+        """Have these values, from `values`."""
+        self._values.clear()
+        self._values.extend((int(frame), value) for frame, value in values)
 
     def clear(self) -> None:
         """Forget all values."""

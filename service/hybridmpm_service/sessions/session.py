@@ -4,12 +4,15 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
 from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.admission import Machine
+from hybridmpm_service.sessions.journal.journal import Kept
+from hybridmpm_service.sessions.journal.log import SessionLog, log_of
+from hybridmpm_service.sessions.journal.origin import Origin
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
@@ -19,9 +22,6 @@ from hybridmpm_service.sessions.view import Control, Particles, View
 from hybridmpm_service.sessions.viewers.audience import Audience
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox
 from hybridmpm_service.sessions.worker import Worker
-
-if TYPE_CHECKING:
-    from hybridmpm_service.sessions.solvers import Kind
 
 CLOSE_DELETED = 4404
 """WebSocket close code of a session that is unknown, deleted or expired."""
@@ -47,29 +47,25 @@ class Session:
         Its `id`.
     simulation : Simulation
         Nobody else may use it from now on.
+    origin : Origin
+        What the simulation was made from.
     clock : Clock
         Clock of the player and of `last_used`.
     machine : Machine
         Says whether the session may play.
     estimate : float
         About how long a frame takes [s], before one has been measured.
+    notice : str, optional
+        What there is to say about how the simulation was computed again.
 
     Attributes
     ----------
     id : str
         Name of the session in its address.
-    scenario : str or None
-        Scenario that the scene was drawn from; None where a scene was given.
-    seed : int or None
-        Seed of the scenario; None where a scene was given.
+    origin : Origin
+    notice : str or None
     scene : Scene
         Scene that is simulated.
-    solver : Kind
-        Simulator of the session: "mpm", "hybrid" or "neural".
-    rung : str or None
-        Name of the rung that few particles simulate at, carrying all others; None where there is none.
-    model : str or None
-        Name of the network; None where there is none.
     simulation : Simulation
         Outside of this class only its unchanging properties, `frame_seconds` and `timing` may be used.
     view : View
@@ -81,14 +77,19 @@ class Session:
     """
 
     def __init__(
-        self, name: str, simulation: Simulation, clock: Clock, *, machine: Machine, estimate: float
+        self,
+        name: str,
+        simulation: Simulation,
+        origin: Origin,
+        clock: Clock,
+        *,
+        machine: Machine,
+        estimate: float,
+        notice: str | None = None,
     ) -> None:
         self.id = name
-        self.scenario: str | None = None
-        self.seed: int | None = None
-        self.solver: Kind = "mpm"
-        self.rung: str | None = None
-        self.model: str | None = None
+        self.origin = origin
+        self.notice = notice
         self.scene = simulation.scene
         self.simulation = simulation
         self.view = simulation.look()
@@ -112,7 +113,12 @@ class Session:
         simulation.cancel_by(self._cancel)
         self._loop = asyncio.get_running_loop()
         self._worker = Worker("session", name, self._check_open)
-        self._planner = Planner(name, check_open=self._check_open, on_change=self.audience.post_status)
+        self._planner = Planner(
+            name,
+            number=0 if self.view.control is None else self.view.control.number,
+            check_open=self._check_open,
+            on_change=self.audience.post_status,
+        )
         self._tasks = [self._loop.create_task(self._player.run()), self._loop.create_task(self._report())]
 
     @property
@@ -124,6 +130,11 @@ class Session:
     def needed(self) -> bool:
         """Whether the session has a viewer, or a call that has not been answered yet."""
         return self.watched or self._calls > 0
+
+    @property
+    def kept(self) -> Kept:
+        """Where the session is kept."""
+        return self.simulation.journal.kept
 
     @property
     def control(self) -> Control | None:
@@ -172,7 +183,7 @@ class Session:
         abandoned = False
         with self._in_use():
             try:
-                await self._compute(frames, lambda: not abandoned)
+                await self._compute(frames, lambda: not abandoned, answered=True)
             except asyncio.CancelledError:
                 abandoned = True
                 raise
@@ -204,7 +215,7 @@ class Session:
 
         def take_over(guidance: Guidance) -> Steered:
             preparation.check()
-            return self.simulation.steer(guidance, preparation.control.number)
+            return self.simulation.steer(guidance, preparation.control.number, settings | {"most": most})
 
         try:
             with self._in_use():
@@ -248,6 +259,11 @@ class Session:
         """Return the state of all particles; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
+
+    async def log(self) -> SessionLog:
+        """Return what the session can be computed again from; errors as in `advance`."""
+        with self._in_use():
+            return await self._on_worker(lambda: log_of(self.origin, self.simulation))
 
     async def fork(self) -> Simulation:
         """Return a simulation that goes on from the present state by itself; errors as in `advance`."""
@@ -306,19 +322,31 @@ class Session:
                 self.pause()
             self.touch()
 
-    def close(self, code: int, reason: str) -> None:
+    def close(self, code: int, reason: str, *, keep: bool) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        The threads end within a substep of the frame that they are computing: see `ended`.
+        The threads end within a substep of the frame that they are computing: see `ended`. What is on disk
+        is brought up to date then, or, unless it is to be kept, deleted at once.
         """
+        if self._closed:
+            return
         self._closed = True
+        journal = self.simulation.journal
+        if not keep:
+            journal.discard()
         self._cancel.set()
         self._player.end()
         for task in self._tasks:
             task.cancel()
         self.audience.close(code, reason)
         self._planner.stop()
-        self._worker.end()
+
+        def last() -> None:
+            if keep:
+                journal.check(self.simulation)
+            journal.close()
+
+        self._worker.end(last)
 
     async def ended(self) -> None:
         """Wait until the threads of a closed session have ended."""
@@ -334,10 +362,20 @@ class Session:
             self._calls -= 1
             self.touch()
 
-    async def _compute(self, frames: int, go_on: Callable[[], bool]) -> int:
-        """Compute frames as long as `go_on()` is true before each; return how many were computed."""
+    async def _compute(self, frames: int, go_on: Callable[[], bool], *, answered: bool = False) -> int:
+        """Compute frames as long as `go_on()` is true before each; return how many were computed.
+
+        A client to whom the last of them is `answered` can rely on it.
+        """
+
+        def compute() -> int:
+            done = self.simulation.advance(frames, go_on)
+            if answered:
+                self.simulation.journal.mark(self.simulation.frame)
+            return done
+
         try:
-            return await self._on_worker(lambda: self.simulation.advance(frames, go_on))
+            return await self._on_worker(compute)
         except SimulationError as err:
             self._stop_with(err)
             raise
@@ -359,6 +397,7 @@ class Session:
             try:
                 return job()
             finally:
+                self.simulation.journal.settle(self.simulation)
                 # Viewers see the state after a failure too, and when nobody awaits the result any more.
                 self._loop.call_soon_threadsafe(self._publish, self.simulation.look())
 

@@ -5,7 +5,7 @@ It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Sessi
 
 import statistics
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,15 @@ from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.sessions.frames import Frame, FrameMessage, Population
+from hybridmpm_service.sessions.journal.inputs import (
+    PushInput,
+    ReleaseInput,
+    SketchInput,
+    push_of,
+    push_record,
+)
+from hybridmpm_service.sessions.journal.journal import Journal
+from hybridmpm_service.sessions.journal.session_file import Checkpoint
 from hybridmpm_service.sessions.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
 from hybridmpm_service.sessions.sketches.steering import Steered, Steering
@@ -36,9 +45,19 @@ class Simulation:
         Simulator at frame 0; nobody else may use it from now on.
     clock : Clock
         Clock that measures how long frames take.
+    journal : Journal, optional
+        Notes what acts; a new one if absent.
+
+    Attributes
+    ----------
+    journal : Journal
+    computed_seconds : float
+        Time that all frames took that this object has computed [s].
     """
 
-    def __init__(self, chosen: ChosenSolver, *, clock: Clock) -> None:
+    def __init__(self, chosen: ChosenSolver, *, clock: Clock, journal: Journal | None = None) -> None:
+        self.journal = journal or Journal()
+        self.computed_seconds = 0.0
         self._solver = chosen.simulator
         self._recorder = (
             None if chosen.safeguard is None else SafeguardRecorder(chosen.simulator, chosen.safeguard)
@@ -49,6 +68,7 @@ class Simulation:
         self._steered = False
         self.hand: Push | None = None
         """Local force of a hand, the latest of which each frame takes. May be set from any thread."""
+        self._noted_hand: Push | None = None
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
         self._frame_dt = self.scene.frame_dt
@@ -57,6 +77,11 @@ class Simulation:
     def scene(self) -> Scene:
         """Scene that is simulated."""
         return self._solver.scene
+
+    @property
+    def frame(self) -> int:
+        """Number of frames since the start."""
+        return self._solver.frame
 
     @property
     def r_p(self) -> float:
@@ -100,14 +125,16 @@ class Simulation:
 
         A hand stays with the viewer that it belongs to. Times are measured anew.
         """
-        twin = Simulation(ChosenSolver(self._solver.copy()), clock=self._clock)
+        twin = Simulation(ChosenSolver(self._solver.copy()), clock=self._clock, journal=self.journal.fork())
         solver = twin._solver
         twin._recorder = None if self._recorder is None else self._recorder.on(solver)
         twin._steering = None if self._steering is None else self._steering.on(solver)
         twin._control, twin._steered = self._control, self._steered
+        # The hand pushes until the next frame, which notes that it does no more.
+        twin._noted_hand = self._noted_hand
         return twin
 
-    def steer(self, guidance: Guidance, number: int) -> Steered:
+    def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> Steered:
         """Let a guidance steer from the next frame on, in the place of one that still does.
 
         Parameters
@@ -116,23 +143,72 @@ class Simulation:
             Made for a copy of the simulator, perhaps some frames ago.
         number : int
             Number of the sketch in its session.
+        settings : mapping
+            Arguments of `hybridmpm.control.prepare` that the guidance was made with.
         """
+        made = SketchInput(
+            frame=self.frame,
+            number=number,
+            drawn_frame=guidance.first_frame,
+            planned_by=guidance.method,
+            sketch=guidance.sketch,
+            settings=settings,
+        )
+        self.journal.add(made, guidance.snapshot)
         self._steering = Steering(number, guidance, self._solver)
         self._control = self._steering.control
         return Steered(number, self._solver.frame, guidance)
 
     def release(self) -> None:
         """Let no sketch steer any more."""
+        if self._control is not None:
+            self.journal.add(ReleaseInput(frame=self.frame))
         self._steering = self._control = None
 
     def reset(self) -> None:
         """Go back to frame 0; nothing steers any more."""
         self._solver.reset()
-        self.release()
-        self.hand = None
+        self.journal.clear()
+        self._steering = self._control = None
+        self.hand = self._noted_hand = None
         if self._recorder is not None:
             self._recorder.clear()
         self._steered = False
+
+    def checkpoint(self) -> Checkpoint:
+        """Return what a simulation of the same scene and simulator goes on from, by `recall`."""
+        steering = self._steering
+        return Checkpoint(
+            frame=self.frame,
+            state=self._solver.snapshot(),
+            guidance=None if steering is None else steering.guidance.snapshot(),
+            rest={
+                "control": None if self._control is None else vars(self._control),
+                "steered": self._steered,
+                "hand": push_record(self._noted_hand),
+                "safeguard": None if self._recorder is None else self._recorder.values,
+            },
+        )
+
+    def recall(self, checkpoint: Checkpoint) -> None:
+        """Go on from a checkpoint, and with the same bits as the simulation that it is of.
+
+        Raises
+        ------
+        SnapshotError
+            The checkpoint is of another scene, of other settings or of another version.
+        """
+        rest = checkpoint.rest
+        self._solver.restore(checkpoint.state)
+        self._control = None if rest["control"] is None else Control(**rest["control"])
+        self._steering = None
+        if checkpoint.guidance is not None and self._control is not None:
+            guidance = Guidance.restored(checkpoint.guidance, self.scene)
+            self._steering = Steering(self._control.number, guidance, self._solver, self._control)
+        self._steered = rest["steered"]
+        self.hand = self._noted_hand = push_of(rest["hand"])
+        if self._recorder is not None and rest["safeguard"] is not None:
+            self._recorder.recall(rest["safeguard"])
 
     def particles(self) -> Particles:
         """Return a copy of the positions, velocities and types."""
@@ -217,6 +293,7 @@ class Simulation:
         end = self._clock()
         if self._recorder is not None:
             self._recorder.note()
+        self.computed_seconds += end - start
         self._milliseconds.append(1000.0 * (end - start))
         self._finished.append(end)
         while self._finished[0] < end - _PACE_WINDOW_SECONDS:
@@ -231,7 +308,23 @@ class Simulation:
         """Return what acts in the next frame besides gravity: the sketch and the hand together."""
         forces = [] if self._steering is None else [self._steering.force()]
         hand = self.hand
+        if hand is not self._noted_hand:
+            self.journal.add(PushInput(frame=self.frame, push=hand))
+            self._noted_hand = hand
         if hand is not None:
             forces.append(hand(self._solver))
         acting = [force for force in forces if force is not None]
-        return sum(acting[1:], start=acting[0]) if acting else None
+        return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None
+
+    def _sum(self, forces: list[Any]) -> npt.NDArray[np.float32]:
+        """Return the sum (N, D) of forces, each of which may be for the particles of some ids alone."""
+        ids = self._solver.ids
+        total = np.zeros((len(ids), self.scene.dim), dtype=np.float32)
+        for force in forces:
+            if isinstance(force, tuple):
+                named, accelerations = force
+                present = np.isin(named, ids)
+                total[np.searchsorted(ids, named[present])] += accelerations[present]
+            else:
+                total += force
+        return total

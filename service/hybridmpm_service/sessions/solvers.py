@@ -91,6 +91,8 @@ class ChosenSolver:
     """Settings of the safeguard that watches the network; None without one."""
     rung: str | None = None
     """Name of the rung that few particles simulate at; None where no rung was chosen."""
+    model_sha256: str | None = None
+    """SHA-256 of the network's file; None without one."""
 
 
 class SolverFactory:
@@ -156,7 +158,13 @@ class SolverFactory:
                 threads=self._threads,
             ),
         )
-        return ChosenSolver(simulator, name, choice.safeguard_settings(), choice.rung)
+        return ChosenSolver(
+            simulator,
+            model=name,
+            model_sha256=None if model is None else model.sha256,
+            safeguard=choice.safeguard_settings(),
+            rung=choice.rung,
+        )
 
     def _default(self, scenario: str | None) -> str:
         if scenario is None:

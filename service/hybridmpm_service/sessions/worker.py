@@ -74,8 +74,12 @@ class Worker:
         finally:
             self._queued.discard(place)
 
-    def end(self) -> None:
-        """Take no more jobs; those that were taken are still run."""
+    def end(self, last: Callable[[], object] | None = None) -> None:
+        """Take no more jobs; those that were taken are still run, and then the `last` one."""
+        if last is not None:
+            future = self._thread.submit(last)
+            self._unfinished.add(future)
+            future.add_done_callback(self._unfinished.discard)
         self._thread.shutdown(wait=False)
 
     async def ended(self) -> None:

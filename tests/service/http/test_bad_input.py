@@ -50,7 +50,7 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
         ({"scenario": "water_2d", "color": "red"}, "body.color", "not permitted"),
         ({"scenario": 7}, "body.scenario", "string"),
         ({}, "body", "scenario"),
-        ({"scenario": "water_2d", **_scene()}, "body", "either"),
+        ({"scenario": "water_2d", **_scene()}, "body", "give one of"),
         ({"seed": 1, **_scene()}, "body", "seed"),
         ({"scene": []}, "body.scene", "dictionary"),
         ([], "body", "dictionary"),

@@ -9,8 +9,9 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, requests, sketch_answers
+from hybridmpm_service.http import answers, creation, logs, requests
 from hybridmpm_service.http import learned_answers as learned
+from hybridmpm_service.http.sketches import answers as sketch_answers
 
 OPERATIONS = {
     ("get", "/livez"),
@@ -24,6 +25,7 @@ OPERATIONS = {
     ("delete", "/v1/sessions/{session_id}"),
     ("post", "/v1/sessions/{session_id}/advance"),
     ("post", "/v1/sessions/{session_id}/fork"),
+    ("get", "/v1/sessions/{session_id}/log"),
     ("get", "/v1/sessions/{session_id}/decisions"),
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),
@@ -99,7 +101,8 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
 @pytest.mark.parametrize(
     "model",
     [
-        requests.CreateSession,
+        creation.CreateSession,
+        logs.LogBody,
         requests.AdvanceSession,
         requests.SketchRequest,
         answers.SessionBody,
@@ -117,7 +120,7 @@ def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:
 
 
 def test_the_examples_of_requests_work(service: Any) -> None:
-    for example in requests.CreateSession.model_json_schema()["examples"]:
+    for example in creation.CreateSession.model_json_schema()["examples"]:
         answer = service.http.post("/v1/sessions", json=example)
         assert answer.status_code == 201, answer.text
         path = answer.json()["links"]["self"]

@@ -47,6 +47,8 @@ class Planner:
     ----------
     session : str
         Name of the session.
+    number : int
+        Number of the latest sketch of the session; 0 before the first.
     check_open : callable
         Raises once the session is closed.
     on_change : callable
@@ -54,13 +56,18 @@ class Planner:
     """
 
     def __init__(
-        self, session: str, *, check_open: Callable[[], None], on_change: Callable[[], None]
+        self,
+        session: str,
+        *,
+        number: int,
+        check_open: Callable[[], None],
+        on_change: Callable[[], None],
     ) -> None:
         self._check_open = check_open
         self._on_change = on_change
         self._sketches = Worker("sketches", session, check_open)
         self._trajectories = Worker("trajectories", session, check_open)
-        self._count = 0
+        self._count = number
         self._preparation: Preparation | None = None
 
     @property

@@ -36,12 +36,16 @@ class Steering:
     guidance : Guidance
     simulator : Simulator
         It is steered from its next frame on.
+    control : Control, optional
+        How far it is already; at its beginning if absent.
     """
 
-    def __init__(self, number: int, guidance: Guidance, simulator: Simulator) -> None:
-        self._guidance = guidance
+    def __init__(
+        self, number: int, guidance: Guidance, simulator: Simulator, control: Control | None = None
+    ) -> None:
+        self.guidance = guidance
         self._simulator = simulator
-        self.control = Control(
+        self.control = control or Control(
             number=number,
             kind=guidance.sketch.kind,
             phase=self._phase_at(0),
@@ -60,24 +64,24 @@ class Steering:
 
     def force(self) -> Any:
         """Return the force of the next frame, as `Simulator.advance` takes it."""
-        return self._guidance.law.force(self._simulator, self.control.frames_done)
+        return self.guidance.law.force(self._simulator, self.control.frames_done)
 
     def count(self) -> Control:
         """Note that a frame was computed, and return how far it is now."""
         done = self.control.frames_done + 1
         self.control = replace(self.control, frames_done=done, phase=self._phase_at(done))
-        if done == self._guidance.frames:
+        if done == self.guidance.frames:
             self.control = self._with_reached(self.control)
         return self.control
 
     def _phase_at(self, done: int) -> Phase:
-        guidance = self._guidance
+        guidance = self.guidance
         if done < guidance.frames:
             return "steering" if guidance.needs().reachable else "out_of_reach"
         return "holding" if done < guidance.total_frames else "done"
 
     def _with_reached(self, control: Control) -> Control:
-        goal, x = self._guidance.goal, self._simulator.positions.astype(np.float64)
+        goal, x = self.guidance.goal, self._simulator.positions.astype(np.float64)
         weight = goal.cloud.weight
         if self._simulator.scene.is_open:
             # What was there when the sketch was planned is led, and of that what is still there counts.

@@ -1,0 +1,137 @@
+"""What clients send to create a session, as JSON."""
+
+from typing import Any, Self
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic.config import JsonDict
+
+from hybridmpm.downsampling import rung_table
+from hybridmpm.scenarios import NAMES
+from hybridmpm_service.http.logs import LogBody
+from hybridmpm_service.http.requests import Request
+from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
+
+_NOT_BESIDE_A_LOG: JsonDict = {
+    name: {"type": "null"} for name in ("scenario", "seed", "scene", "rung", "model", "r_c", "safeguard")
+}
+
+
+class CreateSession(Request):
+    """A session to create: a scenario with a seed, or a scene, and the simulator; or the log of a session."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [
+                {
+                    "required": ["scenario"],
+                    "properties": {
+                        "scenario": {"type": "string"},
+                        "scene": {"type": "null"},
+                        "log": {"type": "null"},
+                    },
+                },
+                {
+                    "required": ["scene"],
+                    "properties": {
+                        "scene": {"type": "object"},
+                        "scenario": {"type": "null"},
+                        "seed": {"type": "null"},
+                        "log": {"type": "null"},
+                    },
+                },
+                {
+                    "required": ["log"],
+                    "properties": {"log": {"type": "object"}, **_NOT_BESIDE_A_LOG},
+                },
+            ],
+            "examples": [
+                {"scenario": "water_2d", "seed": 0},
+                {
+                    "scene": {
+                        "dim": 2,
+                        "bodies": [
+                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
+                        ],
+                    }
+                },
+            ],
+        }
+    )
+
+    scenario: str | None = Field(
+        default=None,
+        max_length=100,
+        description=f"Scenario that the scene is drawn from: one of {', '.join(NAMES)}.",
+    )
+    seed: int | None = Field(
+        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
+    )
+    scene: dict[str, Any] | None = Field(
+        default=None,
+        description="Scene of your own, in the place of a scenario, as `hybridmpm schema` describes it.",
+    )
+    solver: Kind = Field(
+        default="mpm",
+        description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
+        "or a network alone (neural).",
+    )
+    rung: str | None = Field(
+        default=None,
+        max_length=100,
+        description="Part of the particles that MPM simulates at constants fitted to scenes, carrying all "
+        f"others along: one of {', '.join(rung_table().ratios)}. Only with mpm; all particles are simulated "
+        "if absent.",
+    )
+    model: str | None = Field(
+        default=None,
+        max_length=100,
+        description="Name of the network, from `GET /v1/models`; not with mpm. If absent, the first that "
+        "serves the scenario; required with a scene.",
+    )
+    r_c: float | None = Field(
+        default=None,
+        ge=-1,
+        le=1,
+        strict=True,
+        description="Mean cosine below which the safeguard alarms; only with hybrid, 0.8 if absent.",
+    )
+    safeguard: SafeguardKind | None = Field(
+        default=None,
+        description="Particles that the safeguard's mean is taken over: those that are not calm (ours), or "
+        "all (paper). Only with hybrid; ours if absent.",
+    )
+
+    log: LogBody | None = Field(
+        default=None,
+        description="Log of a session, in the place of everything else: it is computed again, which takes as "
+        "long as its frames took.",
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        given = [name for name in ("scenario", "scene", "log") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError('give one of "scenario" (with "seed"), "scene" and "log"')
+        beside = sorted(self.model_fields_set - {"log"}) if self.log is not None else []
+        beside = [name for name in beside if getattr(self, name) is not None]
+        if beside:
+            raise ValueError(f'"{beside[0]}" cannot be given beside "log", which has its own')
+        if self.scene is not None and self.seed is not None:
+            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
+        return self
+
+    def choice(self) -> SolverChoice:
+        """Return the simulator that the client asks for.
+
+        Raises
+        ------
+        FieldError
+            An option belongs to another kind of simulator, or there is no such rung.
+        """
+        return SolverChoice(
+            solver=self.solver,
+            rung=self.rung,
+            model=self.model,
+            r_c=self.r_c,
+            safeguard=self.safeguard,
+        )

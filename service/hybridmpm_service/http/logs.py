@@ -1,0 +1,242 @@
+"""Logs of sessions, as they are answered and sent again."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from hybridmpm import Scene
+from hybridmpm.control.sketch.sketch import MAX_POINTS
+from hybridmpm_service.errors import FieldError
+from hybridmpm_service.http.requests import Cap, Request, SketchSettings
+from hybridmpm_service.sessions.journal.inputs import Input, input_of
+from hybridmpm_service.sessions.journal.journal import MAX_INPUTS
+from hybridmpm_service.sessions.journal.log import SessionLog
+from hybridmpm_service.sessions.journal.origin import Origin, Versions
+from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
+
+FORMAT = 1
+"""Version of the form of a log."""
+Frame = Annotated[int, Field(ge=0, strict=True)]
+Numbers = Annotated[list[float], Field(min_length=2, max_length=3)]
+
+
+class LoggedVersions(Request):
+    """What computed a session. Others need not give the same bits."""
+
+    hybridmpm: str = Field(max_length=100, description="Version of the library.")
+    solver: int = Field(strict=True, description="Version of the solver.")
+    model: str | None = Field(
+        max_length=64, description="SHA-256 of the network's file; null without a network."
+    )
+
+
+class LoggedSketch(Request):
+    """A sketch as it was understood: an arrow has points and widths, an ellipse the rest."""
+
+    kind: Literal["arrow", "ellipse"] = Field(description="Kind of the sketch.")
+    points: list[list[float]] | None = Field(
+        default=None, max_length=MAX_POINTS, description="Points of an arrow from tail to tip [m]."
+    )
+    widths: list[float] | None = Field(
+        default=None,
+        max_length=MAX_POINTS,
+        description="Width of an arrow's stroke at each point [pixels of 512].",
+    )
+    center: list[float] | None = Field(default=None, description="Centre of an ellipse [m].")
+    axes: list[float] | None = Field(default=None, description="Semi-axes of an ellipse, major first [m].")
+    angle: float | None = Field(default=None, description="Angle of the major axis to +x [rad].")
+    width: float | None = Field(default=None, description="Width of an ellipse's stroke [pixels of 512].")
+
+
+class LoggedSettings(SketchSettings):
+    """How a sketch was followed."""
+
+    most: int = Field(ge=1, strict=True, description="Largest number of frames, above that of `hold`.")
+
+
+class LoggedSteering(Request):
+    """A sketch that steers from a frame on, in the place of one that still does."""
+
+    kind: Literal["sketch"] = Field(description="Kind of the input.")
+    frame: Frame = Field(description="Frame from whose state on it steers.")
+    number: int = Field(ge=1, strict=True, description="Number of the sketch in its session.")
+    drawn_frame: Frame = Field(description="Frame in whose state it was planned.")
+    planned_by: str = Field(max_length=100, description="Name of the method that planned.")
+    sketch: LoggedSketch = Field(description="The sketch.")
+    settings: LoggedSettings = Field(description="How it was followed.")
+
+
+class LoggedRelease(Request):
+    """No sketch steers any more."""
+
+    kind: Literal["release"] = Field(description="Kind of the input.")
+    frame: Frame = Field(description="Frame from whose state on none steers.")
+
+
+class LoggedForce(Request):
+    """A local force, as by a hand that moves through the fluid."""
+
+    point: Numbers = Field(description="Middle [m].")
+    velocity: Numbers = Field(description="Velocity of the hand [m/s].")
+    radius: float = Field(gt=0, le=1, description="Particles farther away feel nothing [m].")
+    cap: Cap
+
+
+class LoggedPush(Request):
+    """A hand that pushes the fluid, in the place of one that did, or lets go of it."""
+
+    kind: Literal["push"] = Field(description="Kind of the input.")
+    frame: Frame = Field(description="Frame from whose state on it pushes.")
+    push: LoggedForce | None = Field(description="Force of the hand; null lets go.")
+
+
+LoggedInput = Annotated[LoggedSteering | LoggedRelease | LoggedPush, Field(discriminator="kind")]
+
+
+class LogBody(Request):
+    """All that a session can be computed again from, and the digest of what comes out.
+
+    Sent back as `log` of a new session, on this server or another one, it makes a session in the same state:
+    with the same bits where versions are the same.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "format": FORMAT,
+                    "versions": {"hybridmpm": "0.1.0", "solver": 4, "model": None},
+                    "scenario": "water_2d",
+                    "seed": 7,
+                    "scene": {
+                        "dim": 2,
+                        "bodies": [
+                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
+                        ],
+                    },
+                    "solver": "mpm",
+                    "rung": None,
+                    "model": None,
+                    "r_c": None,
+                    "safeguard": None,
+                    "frame": 60,
+                    "inputs": [
+                        {
+                            "kind": "push",
+                            "frame": 20,
+                            "push": {"point": [0.4, 0.2], "velocity": [1, 0], "radius": 0.1, "cap": 15},
+                        },
+                        {"kind": "push", "frame": 31, "push": None},
+                    ],
+                    "digest": "0" * 64,
+                }
+            ]
+        }
+    )
+
+    format: Literal[1] = Field(description="Version of the form of the log.")
+    versions: LoggedVersions = Field(description="What computed the session.")
+    scenario: str | None = Field(
+        max_length=100, description="Scenario that the scene was drawn from; null where a scene was sent."
+    )
+    seed: int | None = Field(ge=0, lt=2**53, strict=True, description="Seed of the scenario.")
+    scene: dict[str, Any] = Field(description="Scene, as `hybridmpm schema` describes it.")
+    solver: Kind = Field(description="Simulator.")
+    rung: str | None = Field(max_length=100, description="Rung; null where none was chosen.")
+    model: str | None = Field(max_length=100, description="Name of the network; null without one.")
+    r_c: float | None = Field(ge=-1, le=1, description="Value below which the safeguard alarms.")
+    safeguard: SafeguardKind | None = Field(description="Particles that the safeguard's mean is taken over.")
+    frame: Frame = Field(description="Frame at which the log ends.")
+    inputs: list[LoggedInput] = Field(
+        max_length=MAX_INPUTS, description="What acted on the session, in order; frames ascend."
+    )
+    digest: str = Field(
+        pattern="^[0-9a-f]{64}$",
+        description="SHA-256 of the state in which the log ends: ids (uint64), positions and velocities "
+        "(float32), little-endian, one after the other, as `particles` answers them.",
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        frames = [one.frame for one in self.inputs]
+        if frames != sorted(frames):
+            raise ValueError("the frames of the inputs must ascend")
+        if frames and frames[-1] > self.frame:
+            raise ValueError(f"an input acts in frame {frames[-1]}, after the end of the log at {self.frame}")
+        for one in self.inputs:
+            if isinstance(one, LoggedSteering) and one.drawn_frame > one.frame:
+                raise ValueError(
+                    f"sketch {one.number} was planned in frame {one.drawn_frame}, after it began to steer"
+                )
+        return self
+
+    @classmethod
+    def of(cls, log: SessionLog) -> Self:
+        """Return the body of a log."""
+        return cls.model_validate(
+            {
+                "format": FORMAT,
+                **log.origin.record(),
+                "frame": log.frame,
+                "inputs": [one.record() for one in log.inputs],
+                "digest": log.digest,
+            }
+        )
+
+    def log(self, most_frames: int, most_sketch_frames: int) -> SessionLog:
+        """Return the log.
+
+        Parameters
+        ----------
+        most_frames : int
+            Largest frame at which it may end.
+        most_sketch_frames : int
+            Largest number of frames that a sketch may steer.
+
+        Raises
+        ------
+        SceneError, FieldError, SketchError
+            Something is out of range.
+        """
+        if self.frame > most_frames:
+            raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
+        choice = SolverChoice(
+            solver=self.solver, rung=self.rung, model=self.model, r_c=self.r_c, safeguard=self.safeguard
+        )
+        origin = Origin(
+            scene=Scene.parse(self.scene),
+            scenario=self.scenario,
+            seed=self.seed,
+            choice=choice,
+            versions=Versions(**vars(self.versions)),
+        )
+        inputs = tuple(
+            _input(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
+            for place, one in enumerate(self.inputs)
+        )
+        return SessionLog(origin=origin, frame=self.frame, inputs=inputs, digest=self.digest)
+
+
+def _input(
+    one: LoggedSteering | LoggedRelease | LoggedPush, field: str, dim: int, most_sketch_frames: int
+) -> Input:
+    record = one.model_dump()
+    if isinstance(one, LoggedSteering):
+        settings = one.settings
+        longest = max(settings.most, (settings.frames or 1) + settings.hold)
+        if longest > most_sketch_frames:
+            raise FieldError(
+                f"{field}.settings", f"steers for up to {longest} frames, at most {most_sketch_frames} may be"
+            )
+        record["sketch"] = {name: value for name, value in record["sketch"].items() if value is not None}
+    if isinstance(one, LoggedPush) and one.push is not None:
+        for name in ("point", "velocity"):
+            given = len(getattr(one.push, name))
+            if given != dim:
+                raise FieldError(f"{field}.push.{name}", f"must have {dim} numbers, got {given}")
+    try:
+        return input_of(record)
+    except TypeError:
+        raise FieldError(
+            f"{field}.sketch", "an arrow has points, an ellipse center, axes and angle"
+        ) from None

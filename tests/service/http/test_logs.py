@@ -1,0 +1,121 @@
+"""Logs of sessions over HTTP: what is answered makes the same session again, and nonsense is refused."""
+
+import copy
+import hashlib
+import io
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.service.conftest import SMALL_SCENE
+
+_OVAL = {"points": [[0.6, 0.5], [0.5, 0.6], [0.4, 0.5], [0.5, 0.4]], "kind": "ellipse"}
+
+
+@pytest.fixture(scope="module")
+def logged(service: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Return the path of a session that has been steered, and its log."""
+    path = service.create()
+    service.http.post(f"{path}/advance", json={"frames": 4})
+    answer = service.http.post(f"{path}/sketches", json={"strokes": [_OVAL], "frames": 30})
+    assert answer.status_code == 200, answer.text
+    service.http.post(f"{path}/advance", json={"frames": 10})
+    service.http.delete(f"{path}/sketches")
+    service.http.post(f"{path}/advance", json={"frames": 2})
+    yield path, service.http.get(f"{path}/log").json()
+    service.http.delete(path)
+
+
+def test_it_tells_what_acted_and_its_digest_can_be_checked(
+    service: Any, logged: tuple[str, dict[str, Any]]
+) -> None:
+    path, log = logged
+    assert (log["frame"], log["scenario"], log["solver"]) == (16, None, "mpm")
+    assert [(one["kind"], one["frame"]) for one in log["inputs"]] == [("sketch", 4), ("release", 14)]
+    answer = service.http.get(f"{path}/particles", headers={"Accept": "application/x-npz"})
+    state = np.load(io.BytesIO(answer.content))
+    digest = hashlib.sha256(state["ids"].astype("<u8").tobytes())
+    for name in ("positions", "velocities"):
+        digest.update(state[name].astype("<f4").tobytes())
+    assert log["digest"] == digest.hexdigest()
+
+
+def test_it_makes_the_same_session_again(service: Any, logged: tuple[str, dict[str, Any]]) -> None:
+    _, log = logged
+    answer = service.http.post("/v1/sessions", json={"log": log})
+    assert answer.status_code == 201, answer.text
+    made = answer.json()
+    assert (made["frame"], made["notice"], made["kept"]) == (16, None, "memory")
+    assert service.http.get(made["links"]["log"]).json() == log
+    service.http.delete(made["links"]["self"])
+
+
+def test_a_changed_log_is_played_and_says_that_the_end_is_another(
+    service: Any, logged: tuple[str, dict[str, Any]]
+) -> None:
+    changed = copy.deepcopy(logged[1])
+    changed["inputs"][1]["frame"] = 9
+    made = service.http.post("/v1/sessions", json={"log": changed}).json()
+    assert "not the one that the log ends with: the log was changed" in made["notice"]
+    service.http.delete(made["links"]["self"])
+
+
+def _with(log: dict[str, Any], *keys: Any, value: Any) -> dict[str, Any]:
+    changed = copy.deepcopy(log)
+    inner: Any = changed
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("frame",), 10**6, "body.log.frame: must be at most 20000, got 1000000"),
+        (("frame",), 3, "an input acts in frame 14, after the end of the log at 3"),
+        (("inputs", 1, "frame"), 2, "frames of the inputs must ascend"),
+        (("inputs", 0, "drawn_frame"), 5, "was planned in frame 5, after it began to steer"),
+        (("inputs", 0, "settings", "most"), 10**6, "at most 400 may be"),
+        (("inputs", 0, "sketch", "axes"), [0.1, -1], "two lengths"),
+        (("inputs", 0, "sketch", "axes"), None, "an ellipse center, axes and angle"),
+        (
+            ("inputs", 1),
+            {
+                "kind": "push",
+                "frame": 14,
+                "push": {"point": [0.1, 0.1, 0.1], "velocity": [1, 1], "radius": 1, "cap": 1},
+            },
+            "must have 2 numbers, got 3",
+        ),
+        (("solver",), "neural", "body.model: is required with a scene of your own"),
+        (("rung",), "1/3", "body.rung: must be one of"),
+        (("digest",), "", "body.log.digest"),
+        (("scene", "dim"), 4, "dim"),
+        (("format",), 2, "body.log.format"),
+    ],
+)
+def test_nonsense_is_refused_with_its_field(
+    service: Any, logged: tuple[str, dict[str, Any]], keys: tuple[Any, ...], value: Any, message: str
+) -> None:
+    answer = service.http.post("/v1/sessions", json={"log": _with(logged[1], *keys, value=value)})
+    assert answer.status_code == 422, answer.text
+    assert message in answer.text
+
+
+@pytest.mark.parametrize(
+    ("beside", "message"),
+    [
+        ({"scenario": "water_2d"}, "give one of"),
+        ({"scene": SMALL_SCENE}, "give one of"),
+        ({"solver": "hybrid"}, 'solver\\" cannot be given beside'),
+    ],
+)
+def test_a_log_has_its_own_scene_and_simulator(
+    service: Any, logged: tuple[str, dict[str, Any]], beside: dict[str, Any], message: str
+) -> None:
+    answer = service.http.post("/v1/sessions", json={"log": logged[1]} | beside)
+    assert answer.status_code == 422
+    assert message in answer.text

@@ -1,0 +1,391 @@
+"""A session that is left in the middle goes on with the same bits: after a crash, a stop, or from its log."""
+
+import asyncio
+import dataclasses
+import shutil
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import Box, BoxSink, RectangularEmitter, Scene
+from hybridmpm.control import Arrow, Ellipse, push
+from hybridmpm.errors import ConfigError
+from hybridmpm_service import Settings
+from hybridmpm_service.errors import FieldError, SessionNotFoundError, StorageError, UnavailableError
+from hybridmpm_service.sessions.journal import journal, session_file
+from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.solvers import SolverChoice
+from hybridmpm_service.sessions.viewers.mailbox import Mailbox
+
+SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
+OPEN_SCENE = SCENE.model_copy(
+    update={
+        "emitters": (
+            RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0)),
+        ),
+        "sinks": (BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.1)),),
+    }
+)
+FINE_SCENE = Scene(dim=2, resolution=128, bodies=(Box(lower=(0.4, 0.4), upper=(0.5, 0.5), material="water"),))
+ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
+OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
+CASES = {
+    "mpm": (SCENE, None),
+    "open": (OPEN_SCENE, None),
+    "rung": (SCENE, SolverChoice(rung="1/4")),
+    "hybrid": (FINE_SCENE, SolverChoice(solver="hybrid", model="fluids_2d")),
+}
+
+
+def _play(folder: Path | None, scene: Callable[[SessionManager], Awaitable[None]], **settings: Any) -> None:
+    async def play() -> None:
+        manager = SessionManager(
+            Settings(max_load=64.0, state_folder="" if folder is None else str(folder), **settings)
+        )
+        try:
+            await manager.revive()
+            await scene(manager)
+        finally:
+            await manager.close()
+
+    asyncio.run(play())
+
+
+async def _story(session: Session) -> None:
+    """Do all that can be done to a session, up to frame 60; a sketch steers then."""
+    hand = Mailbox()
+    await session.advance(5)
+    await session.steer(ARROW, most=400, frames=20)
+    await session.advance(7)
+    session.push(push((0.5, 0.4), (1.0, 0.0), 0.1), by=hand)
+    await session.advance(6)
+    session.push(push((0.55, 0.4), (0.0, 1.0), 0.1), by=hand)
+    await session.advance(3)
+    session.push(None, by=hand)
+    await session.release()
+    await session.advance(9)
+    await session.steer(OVAL, most=400, hold=10)
+    await session.advance(30)
+
+
+async def _until(happens: Callable[[], bool]) -> None:
+    async with asyncio.timeout(30):
+        while not happens():  # noqa: ASYNC110 - what it waits for has no event
+            await asyncio.sleep(0.005)
+
+
+async def _digest(session: Session, frames: int = 0) -> str:
+    if frames:
+        await session.advance(frames)
+    return (await session.log()).digest
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("interval", [0.0, 1e9], ids=["checkpoints", "inputs alone"])
+def test_a_crash_costs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str, interval: float
+) -> None:
+    """What lies on the disk while a session lives is what a killed process leaves."""
+    monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", interval)
+    expected: dict[str, str] = {}
+    left = tmp_path / "left"
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
+        assert session.kept == "disk"
+        await _story(session)
+        shutil.copytree(tmp_path / "live", left, ignore=shutil.ignore_patterns("lock*"))
+        expected[session.id] = await _digest(session)
+        expected["later"] = await _digest(session, 25)
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert (session.view.frame, session.notice, session.kept) == (60, None, "disk")
+        assert session.control is not None
+        assert (session.control.number, session.control.phase) == (2, "steering")
+        assert await _digest(session) == expected[session.id]
+        assert await _digest(session, 25) == expected["later"]
+        # Nor is a number given to two sketches.
+        assert (await session.steer(ARROW, most=400, frames=20)).number == 3
+
+    _play(tmp_path / "live", before)
+    _play(left, after)
+
+
+def test_a_stop_keeps_what_the_player_has_computed(tmp_path: Path) -> None:
+    frames: list[int] = []
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        with session.viewer():
+            session.play()
+            await _until(lambda: session.view.frame >= 12)
+        await _until(lambda: not session.playing)
+        await session.particles()
+        frames.append(session.view.frame)
+
+    async def after(manager: SessionManager) -> None:
+        assert [session.view.frame for session in manager.all()] == frames
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> None:
+    names: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        deleted, reset = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+        await _story(reset)
+        await reset.reset()
+        await manager.delete(deleted.id)
+        assert _files(tmp_path) == [f"{reset.id}.session"]
+        names.append(reset.id)
+
+    async def after(manager: SessionManager) -> None:
+        assert [(session.id, session.view.frame) for session in manager.all()] == [(names[0], 0)]
+        log = await manager.all()[0].log()
+        assert log.inputs == ()
+        with pytest.raises(SessionNotFoundError):
+            manager.get("0" * 32)
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
+    digests: dict[str, str] = {}
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await _story(session)
+        fork = await manager.fork(session.id)
+        await fork.advance(11)
+        digests.update({one.id: await _digest(one) for one in (session, fork)})
+
+    async def after(manager: SessionManager) -> None:
+        assert {one.id: await _digest(one) for one in manager.all()} == digests
+        fork = max(manager.all(), key=lambda one: one.view.frame)
+        # The log of a fork tells what acted on its origin, too.
+        again = await manager.replay(await fork.log())
+        assert (again.notice, await _digest(again)) == (None, digests[fork.id])
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
+    async def scene(manager: SessionManager) -> None:
+        session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
+        await _story(session)
+        log = await session.log()
+        again = await manager.replay(log)
+        assert (again.view.frame, again.notice) == (60, None)
+        assert await again.log() == dataclasses.replace(log, inputs=(await again.log()).inputs)
+        assert [one.record() for one in (await again.log()).inputs] == [one.record() for one in log.inputs]
+        assert await _digest(again, 25) == await _digest(session, 25)
+
+    _play(None, scene)
+
+
+def test_a_log_of_another_version_is_played_and_says_what_is_not_promised() -> None:
+    async def scene(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await session.advance(10)
+        log = await session.log()
+        older = dataclasses.replace(log.origin.versions, solver=3)
+        foreign = dataclasses.replace(
+            log, origin=dataclasses.replace(log.origin, versions=older), digest="0" * 64
+        )
+        again = await manager.replay(foreign)
+        assert again.view.frame == 10
+        assert again.notice is not None
+        assert "computed by version 3 of the solver" in again.notice
+        changed = await manager.replay(dataclasses.replace(log, digest="0" * 64))
+        assert changed.notice is not None
+        assert "the log was changed" in changed.notice
+
+    _play(None, scene)
+
+
+def test_a_session_of_another_version_is_computed_again_from_frame_0(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def before(manager: SessionManager) -> None:
+        await _story(await manager.create(lambda: SCENE))
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert session.view.frame == 60
+        assert session.notice is not None
+        assert "need not be as it was: it was computed by version 3 of the solver" in session.notice
+
+    with monkeypatch.context() as patch:
+        patch.setattr("hybridmpm_service.sessions.journal.origin.SOLVER_VERSION", 3)
+        _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal, "_RETRY_SECONDS", 0.0)
+    monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
+    full = [False]
+    insert = session_file._insert
+
+    def failing(*arguments: Any) -> None:
+        if full[0]:
+            raise OSError(28, "No space left on device")
+        insert(*arguments)
+
+    monkeypatch.setattr(session_file, "_insert", failing)
+    expected: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        full[0] = True
+        await _story(session)
+        assert session.kept == "failing"
+        full[0] = False
+        await session.advance(1)
+        assert session.kept == "disk"
+        expected.append(await _digest(session))
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert await _digest(session) == expected[0]
+        assert (await manager.replay(await session.log())).notice is None
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def scene(manager: SessionManager) -> None:
+        monkeypatch.setattr(session_file, "_TABLES", "CREATE nonsense")
+        with pytest.raises(StorageError, match="cannot be read or written"):
+            await manager.create(lambda: SCENE)
+        assert manager.all() == []
+        assert manager.why_full() is None
+        assert _files(tmp_path) == []
+
+    _play(tmp_path, scene, max_sessions=1)
+
+
+def test_a_damaged_file_costs_its_session_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    names: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        for _ in range(2):
+            session = await manager.create(lambda: SCENE)
+            await session.advance(3)
+            names.append(session.id)
+
+    async def after(manager: SessionManager) -> None:
+        assert [session.id for session in manager.all()] == [names[1]]
+
+    _play(tmp_path, before)
+    damaged = tmp_path / f"{names[0]}.session"
+    damaged.write_bytes(b"?" * 4096)
+    _play(tmp_path, after)
+    assert f"session {names[0]} cannot be started again" in caplog.text
+    assert damaged.read_bytes() == b"?" * 4096
+
+
+def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> None:
+    names: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        names.append((await manager.create(lambda: SCENE)).id)
+
+    _play(tmp_path, before)
+
+    async def after() -> None:
+        manager = SessionManager(Settings(state_folder=str(tmp_path), max_load=64.0))
+        with pytest.raises(UnavailableError, match="computed again after a restart"):
+            manager.get(names[0])
+        await manager.revive()
+        assert manager.get(names[0]).view.frame == 0
+        await manager.close()
+
+    asyncio.run(after())
+
+
+def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
+    async def scene(_manager: SessionManager) -> None:
+        with pytest.raises(ConfigError, match=r"state_folder: .* no other service uses"):
+            SessionManager(Settings(state_folder=str(tmp_path)))
+
+    _play(tmp_path, scene)
+    # It is free again.
+    _play(tmp_path, _nothing)
+
+
+def _files(folder: Path) -> list[str]:
+    return [path.name for path in folder.glob("*.session")]
+
+
+async def _nothing(_manager: SessionManager) -> None:
+    pass
+
+
+def test_more_inputs_than_are_kept_cost_the_log_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(journal, "MAX_INPUTS", 4)
+    expected: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await _story(session)
+        expected.append(await _particles_digest(session))
+        with pytest.raises(Exception, match="no longer has a log; a reset begins a new one"):
+            await session.log()
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert await _particles_digest(session) == expected[0]
+        with pytest.raises(Exception, match="no longer has a log"):
+            await session.log()
+        await session.reset()
+        assert (await session.log()).frame == 0
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+async def _particles_digest(session: Session) -> str:
+    return (await session.particles()).positions.tobytes().hex()
+
+
+def test_a_log_is_not_played_for_somebody_who_has_gone() -> None:
+    async def scene(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        log = dataclasses.replace(await session.log(), frame=100_000)
+        replaying = asyncio.create_task(manager.replay(log))
+        await asyncio.sleep(0.1)
+        replaying.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await replaying
+        async with asyncio.timeout(10):
+            while manager._being_made:  # noqa: ASYNC110 - nothing tells when it has ended
+                await asyncio.sleep(0.01)
+        assert manager.all() == [session]
+
+    _play(None, scene, max_sessions=2)
+
+
+def test_an_input_after_the_end_of_a_log_is_refused() -> None:
+    async def scene(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await _story(session)
+        with pytest.raises(FieldError, match="acts in frame"):
+            await manager.replay(dataclasses.replace(await session.log(), frame=3))
+
+    _play(None, scene)
