@@ -18,7 +18,7 @@ from hybridmpm_service.http.middleware import AccessMiddleware, AnswerMiddleware
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
 from hybridmpm_service.sessions.manager import SessionManager
-from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.settings import Settings
 
 PAGE = Path(__file__).parent / "page"

@@ -1,6 +1,6 @@
 """How many messages a client may send: so many a second, with bursts."""
 
-from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.playing.pace import Clock
 
 
 class Throttle:

@@ -21,9 +21,9 @@ from hybridmpm_service.sessions.admission import Machine, estimated_frame_second
 from hybridmpm_service.sessions.journal.folder import Folder
 from hybridmpm_service.sessions.journal.log import SessionLog
 from hybridmpm_service.sessions.journal.origin import Origin
-from hybridmpm_service.sessions.journal.revival import Revived, revived_from_file, revived_from_log
-from hybridmpm_service.sessions.pace import Clock
-from hybridmpm_service.sessions.player import DEFAULT_SPEED
+from hybridmpm_service.sessions.playing.pace import Clock
+from hybridmpm_service.sessions.playing.player import DEFAULT_SPEED
+from hybridmpm_service.sessions.revival import Revived, revived_from_file, revived_from_log
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory

@@ -13,8 +13,8 @@ from hybridmpm_service.sessions.admission import Machine
 from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.journal.log import SessionLog, log_of
 from hybridmpm_service.sessions.journal.origin import Origin
-from hybridmpm_service.sessions.pace import Clock
-from hybridmpm_service.sessions.player import Player
+from hybridmpm_service.sessions.playing.pace import Clock
+from hybridmpm_service.sessions.playing.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.sketches.planning import Planner
 from hybridmpm_service.sessions.sketches.steering import Steered

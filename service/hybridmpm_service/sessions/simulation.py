@@ -24,7 +24,7 @@ from hybridmpm_service.sessions.journal.inputs import (
 )
 from hybridmpm_service.sessions.journal.journal import Journal
 from hybridmpm_service.sessions.journal.session_file import Checkpoint
-from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
 from hybridmpm_service.sessions.sketches.steering import Steered, Steering
 from hybridmpm_service.sessions.solvers import ChosenSolver

@@ -16,10 +16,9 @@ from typing import Any
 
 import httpx
 import pytest
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
-
-from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 
 _ARROW = {"strokes": [{"points": [[0.5, 0.5], [0.6, 0.55]], "kind": "arrow"}], "frames": 30}
 _RESTART_SECONDS = 30.0

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from hybridmpm_service.sessions.admission import Machine
-from hybridmpm_service.sessions.pace import MAX_LAG_SECONDS, Pace
-from hybridmpm_service.sessions.player import Player
+from hybridmpm_service.sessions.playing.pace import MAX_LAG_SECONDS, Pace
+from hybridmpm_service.sessions.playing.player import Player
 
 
 def _pace(speed: float = 1.0) -> Pace:
@@ -87,7 +87,7 @@ def _play(
         if now >= seconds:
             raise end
 
-    monkeypatch.setattr("hybridmpm_service.sessions.player.asyncio.sleep", sleep)
+    monkeypatch.setattr("hybridmpm_service.sessions.playing.player.asyncio.sleep", sleep)
 
     async def scene() -> None:
         player = Player(

@@ -10,7 +10,7 @@ from hybridmpm_service.sessions.journal.log import SessionLog, digest_of, why_un
 from hybridmpm_service.sessions.journal.origin import Origin, Versions
 from hybridmpm_service.sessions.journal.replay import replay
 from hybridmpm_service.sessions.journal.session_file import SessionFile
-from hybridmpm_service.sessions.pace import Clock
+from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
 

@@ -7,7 +7,7 @@ from typing import TypeAlias
 from hybridmpm import SimulationError
 from hybridmpm_service.errors import SessionBusyError
 from hybridmpm_service.sessions.admission import Machine
-from hybridmpm_service.sessions.pace import Clock, Pace
+from hybridmpm_service.sessions.playing.pace import Clock, Pace
 
 DEFAULT_SPEED = 0.25
 """Simulated seconds per second: the eye can follow a splash at a quarter of real time."""

@@ -1,0 +1,1 @@
+"""A player that computes frames at a chosen speed."""
