@@ -62,7 +62,10 @@ class _Client:
 
     def _use(self) -> None:
         stream = f"ws{str(self._client.base_url).removeprefix('http').rstrip('/')}{self._path}/stream"
-        with suppress(httpx.HTTPError, WebSocketException, OSError), connect(stream) as hand:
+        with (
+            suppress(httpx.HTTPError, WebSocketException, OSError),
+            connect(stream, close_timeout=0.1) as hand,
+        ):
             while True:
                 hand.send(json.dumps(self._push()))
                 answer = self._client.post(f"{self._path}/advance", json={"frames": 3})
