@@ -19,34 +19,39 @@ class BatchSettings:
 
     scenario: str = "water_2d"
     """Scenario of the scenes."""
-    scenes: int = 16
-    """Number of scenes; their seeds are 0 and following."""
+    scenes: tuple[int, ...] = (16,)
+    """Numbers of scenes; their seeds are 0 and following."""
     threads: int = 2
     """Number of threads that one thread is compared with."""
     frames: int = 10
     """Number of frames timed in one go."""
     repeats: int = 9
-    """Number of timings, the least of which is reported: a busy machine only adds to it."""
+    """Number of timings of each batch, the least of which is reported: a busy machine only adds to it."""
 
 
 def measure(settings: BatchSettings, on_progress: Progress) -> Iterator[Row]:
-    """Time the batch and yield a row for one thread and one for several; `on_progress` counts repeats."""
-    scenes = [scenarios.get(settings.scenario, seed) for seed in range(settings.scenes)]
+    """Time each batch and yield a row for one thread and one for several; `on_progress` counts repeats."""
+    for count in settings.scenes:
+        yield from _measured(settings, count, on_progress)
+
+
+def _measured(settings: BatchSettings, count: int, on_progress: Progress) -> Iterator[Row]:
+    scenes = [scenarios.get(settings.scenario, seed) for seed in range(count)]
     batches = {threads: MpmBatch(scenes, threads=threads) for threads in (1, settings.threads)}
-    for batch in batches.values():
-        batch.advance(_RUN_UP)
-    starts = [member.snapshot() for member in batches[1]]
+    several = batches[settings.threads]
+    several.advance(_RUN_UP)
+    starts = [member.snapshot() for member in several]
     calls = [
         TimedCall(prepare=partial(_restore, batch, starts), call=partial(batch.advance, settings.frames))
         for batch in batches.values()
     ]
     times = seconds_by_turns(calls, settings.repeats, on_progress)
     seconds = dict(zip(batches, map(min, times), strict=True))
-    total = settings.scenes * settings.frames
+    total = count * settings.frames
     for threads, batch in batches.items():
         yield {
             "scenario": settings.scenario,
-            "scenes": settings.scenes,
+            "scenes": count,
             "particles": sum(member.particle_count for member in batch),
             "threads": threads,
             "ms_per_scene_frame": round(1e3 * seconds[threads] / total, 4),

@@ -187,13 +187,13 @@ def scaling(
 
 @click.command()
 @click.argument("scenario", default="water_2d", type=click.Choice(scenarios.NAMES), metavar="[SCENARIO]")
-@number_option("--scenes", 1, 1000, 16, "Number of scenes of the scenario.")
+@numbers_option("--scenes", 1, 4096, batch_bench.BatchSettings.scenes, "Number of scenes of the scenario.")
 @number_option("--threads", 2, 1024, 2, "Number of threads that one thread is compared with.")
 @number_option("--frames", 1, 1000, 10, "Number of frames timed in one go.")
 @_least_option
 @json_option
 def batch(
-    *, scenario: str, scenes: int, threads: int, frames: int, repeats: int, json_file: Path | None
+    *, scenario: str, scenes: tuple[int, ...], threads: int, frames: int, repeats: int, json_file: Path | None
 ) -> None:
     """Time many scenes on one thread and on several.
 
@@ -204,9 +204,9 @@ def batch(
         scenario=scenario, scenes=scenes, threads=threads, frames=frames, repeats=repeats
     )
     origin = source(
-        f"batch {scenario}", scenes=(scenes,), threads=(threads,), frames=(frames,), repeats=(repeats,)
+        f"batch {scenario}", scenes=scenes, threads=(threads,), frames=(frames,), repeats=(repeats,)
     )
-    rows = measured(partial(batch_bench.measure, settings), repeats, origin)
+    rows = measured(partial(batch_bench.measure, settings), repeats * len(scenes), origin)
     report(rows, _BATCH_COLUMNS, origin, json_file)
 
 
