@@ -43,7 +43,8 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
     errors = [] if error_file is None else _rows(error_file)
     try:
         from hybridmpm.training import checkpoint as checkpoints  # noqa: PLC0415 - an extra
-        from hybridmpm.training.control.export import export_transport, publish_transport  # noqa: PLC0415
+        from hybridmpm.training.control.controlnet.export import export_controlnet  # noqa: PLC0415
+        from hybridmpm.training.control.transport.export import export_transport  # noqa: PLC0415
         from hybridmpm.training.export import export_checkpoint  # noqa: PLC0415
         from hybridmpm.training.publish import publish  # noqa: PLC0415
     except ModuleNotFoundError as error:
@@ -51,10 +52,11 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
             f"exporting needs {error.name}; install it with: pip install 'hybridmpm[train]'"
         ) from None
     files = [] if out is None else [out]
-    if checkpoints.read(checkpoint).get("kind") == "transport":
-        data, training = export_transport(checkpoint)
-        parameters = int(training["parameters"])
-        files += [] if name is None else publish_transport(name, data, training)
+    kind = checkpoints.read(checkpoint).get("kind")
+    if kind in {"transport", "controlnet"}:
+        made = (export_transport if kind == "transport" else export_controlnet)(checkpoint)
+        data, parameters = made.data, made.parameters
+        files += [] if name is None else made.publish(name)
     else:
         data, info = export_checkpoint(checkpoint, errors, name=name)
         parameters = info.parameters

@@ -10,6 +10,7 @@ from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.guidance import Guidance, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
+from hybridmpm.control.methods.controlnet import ControlNet
 from hybridmpm.control.methods.learned.plan import Learned
 from hybridmpm.control.methods.method import HandOver, Method, Task
 from hybridmpm.control.methods.oracle import Oracle
@@ -24,6 +25,7 @@ from hybridmpm.control.trajectory import ControlledTrajectory, Reached
 __all__ = [
     "METHODS",
     "Arrow",
+    "ControlNet",
     "ControlledFrame",
     "ControlledTrajectory",
     "Ellipse",

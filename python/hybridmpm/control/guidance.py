@@ -202,7 +202,8 @@ def prepare(
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
         baseline, one acceleration for all; "backcast", towards where the fluid may have come from;
         "shooting", a search on a coarse simulation for a better plan; "learned", towards where a network says
-        that the fluid may have come from; "none", no force. Or an object with their surface.
+        that the fluid may have come from; "controlnet", forces that the paper's diffusion generates;
+        "none", no force. Or an object with their surface.
     frames : int in [1, 10000], optional
         Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
     cap : float in (0, 1000]

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.control.goal.ways import Motion
@@ -158,8 +159,8 @@ class Tracked:
         return present[known], force
 
 
-LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced]] = {
-    law.name: law for law in (Unforced, Uniform, Tracked, Retraced)
+LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced | Diffused]] = {
+    law.name: law for law in (Unforced, Uniform, Tracked, Retraced, Diffused)
 }
 """Laws of the library by name."""
 

@@ -14,6 +14,7 @@ from hybridmpm.training import checkpoint
 
 CHECKPOINT = "checkpoint.pt"
 LOSSES = "losses.csv"
+VALIDATION = "validation.csv"
 
 _LOGGED_STEPS = 100
 """Number of steps whose mean loss is a row of the log."""

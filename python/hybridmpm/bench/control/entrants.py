@@ -1,9 +1,10 @@
 """Who takes part: the library's methods, the oracle, the filled sketch, and methods of others."""
 
 import importlib
+import re
 from dataclasses import dataclass
 
-from hybridmpm.control import METHODS, Method
+from hybridmpm.control import METHODS, ControlNet, Method
 from hybridmpm.errors import ConfigError
 
 FILLED = "filled"
@@ -14,6 +15,8 @@ CONSTANT = "constant"
 """The paper's baseline, against which all others are held."""
 NAMES = (*METHODS, ORACLE, FILLED)
 """Names of the entrants of the library."""
+_FEW_STEPS = re.compile(r"controlnet-(\d{1,2})")
+"""Name of `controlnet` with another number of evaluations than its own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,8 @@ class Entrant:
 def entrant(name: str) -> Entrant:
     """Return an entrant by its name, or by `MODULE:ATTRIBUTE` for a method of one's own.
 
+    `controlnet-4` is `controlnet` with four evaluations of its network for each frame.
+
     The attribute is an object with the surface of `hybridmpm.control.Method`, or a class or function that
     makes one without arguments.
 
@@ -42,6 +47,8 @@ def entrant(name: str) -> Entrant:
     """
     if name in NAMES:
         return Entrant(name, METHODS.get(name))
+    if (steps := _FEW_STEPS.fullmatch(name)) is not None:
+        return Entrant(name, ControlNet(steps=int(steps[1])))
     module_name, colon, attribute = name.partition(":")
     if not (colon and module_name and attribute):
         raise ConfigError(

@@ -3,6 +3,7 @@
 import click
 
 from hybridmpm.cli.train.control import control
+from hybridmpm.cli.train.controlnet import controlnet
 from hybridmpm.cli.train.physics import physics
 
 __all__ = ["train"]
@@ -14,4 +15,5 @@ def train() -> None:
 
 
 train.add_command(control)
+train.add_command(controlnet)
 train.add_command(physics)

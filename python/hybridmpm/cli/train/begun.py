@@ -5,7 +5,7 @@ import shlex
 import sys
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
@@ -13,12 +13,15 @@ from click.core import ParameterSource
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.progress import progress
+from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID
 from hybridmpm.errors import ConfigError
 
 if TYPE_CHECKING:
     import torch
 
     from hybridmpm.training.run import Trainee
+
+FC = TypeVar("FC", bound=Callable[..., Any] | click.Command)
 
 out_option = click.option(
     "--out",
@@ -50,6 +53,50 @@ finetune_option = click.option(
     metavar="CHECKPOINT",
     help="Checkpoint whose weights, network and scales this training begins with.",
 )
+scenes_option = click.option(
+    "--scenes",
+    type=click.IntRange(1, FIRST_VALID),
+    default=2000,
+    show_default=True,
+    help="Number of scenes of each scenario for training.",
+)
+valid_option = click.option(
+    "--valid",
+    type=click.IntRange(1, FIRST_TEST - FIRST_VALID),
+    default=100,
+    show_default=True,
+    help="Number of scenes of each scenario that the network is held against, now and then.",
+)
+final_rate_option = click.option(
+    "--final-rate",
+    type=float,
+    default=3e-5,
+    show_default=True,
+    help="Learning rate at the end; it falls by a cosine.",
+)
+
+
+def learning_rate_option(default: float) -> Callable[[FC], FC]:
+    """Return the option of the largest learning rate."""
+    return click.option(
+        "--learning-rate", type=float, default=default, show_default=True, help="Largest learning rate."
+    )
+
+
+def make_missing(
+    root: Path,
+    names: Collection[str],
+    splits: Collection[range],
+    prepare: Callable[[Path, str, range, Callable[[int], object]], object],
+) -> None:
+    """Make the missing files of scenarios and seeds by `prepare`, with a bar of progress."""
+    from hybridmpm.training.control import scene_files  # noqa: PLC0415 - needs torch
+
+    for scenario in names:
+        for seeds in splits:
+            if count := scene_files.missing(root, scenario, seeds):
+                with progress(f"Simulating {scenario}", count) as bar:
+                    prepare(root, scenario, seeds, bar.update)
 
 
 def origin(finetuned: Path | None) -> dict[str, str]:

@@ -10,26 +10,30 @@ import click
 
 from hybridmpm import scenarios
 from hybridmpm.cli.devices import device_option, require_torch, torch_device
-from hybridmpm.cli.progress import progress
 from hybridmpm.cli.train.begun import (
+    final_rate_option,
     finetune_option,
+    learning_rate_option,
     machine_of,
+    make_missing,
     origin,
     out_option,
     refuse_other_options,
     run_shown,
+    scenes_option,
     seed_option,
     threads_option,
     told_before,
     until_option,
+    valid_option,
 )
 from hybridmpm.control.methods.learned.spec import TransportSpec
-from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID
+from hybridmpm.data.splits import FIRST_VALID
 
 if TYPE_CHECKING:
     import torch
 
-    from hybridmpm.training.control.transport_trainer import TransportTrainer
+    from hybridmpm.training.control.transport.trainer import TransportTrainer
 
 
 @click.command()
@@ -50,20 +54,8 @@ if TYPE_CHECKING:
     metavar="FOLDER",
     help="Folder of forward runs; a missing run is made from its seed.",
 )
-@click.option(
-    "--scenes",
-    type=click.IntRange(1, FIRST_VALID),
-    default=2000,
-    show_default=True,
-    help="Number of scenes of each scenario for training.",
-)
-@click.option(
-    "--valid",
-    type=click.IntRange(1, FIRST_TEST - FIRST_VALID),
-    default=100,
-    show_default=True,
-    help="Number of scenes of each scenario that the network is held against, now and then.",
-)
+@scenes_option
+@valid_option
 @click.option(
     "--width",
     type=click.IntRange(4, 256),
@@ -93,14 +85,8 @@ if TYPE_CHECKING:
     show_default=True,
     help="Number of particles of a sample whose end is asked for.",
 )
-@click.option("--learning-rate", type=float, default=1.5e-3, show_default=True, help="Largest learning rate.")
-@click.option(
-    "--final-rate",
-    type=float,
-    default=3e-5,
-    show_default=True,
-    help="Learning rate at the end; it falls by a cosine.",
-)
+@learning_rate_option(1.5e-3)
+@final_rate_option
 @seed_option
 @device_option
 @threads_option
@@ -117,9 +103,9 @@ def control(
     """
     torch = require_torch()
     from hybridmpm.training import run  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control.transport_trainer import TransportTrainer  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control.validation import held_out, log_unexplained  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport import pasts  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport.validation import held_out, log_unexplained  # noqa: PLC0415 - needs torch
 
     if threads is not None:
         torch.set_num_threads(threads)
@@ -141,11 +127,7 @@ def control(
         }
     training = range(options["scenes"])
     validation = range(FIRST_VALID, FIRST_VALID + options["valid"])
-    for scenario in trainer.spec.scenarios:
-        for seeds in (training, validation):
-            if count := pasts.missing(options["root"], scenario, seeds):
-                with progress(f"Simulating {scenario}", count) as bar:
-                    pasts.prepare(options["root"], scenario, seeds, bar.update)
+    make_missing(options["root"], trainer.spec.scenarios, (training, validation), pasts.prepare)
     found = [past for name in trainer.spec.scenarios for past in pasts.read(options["root"], name, training)]
     groups = {name: pasts.read(options["root"], name, validation) for name in trainer.spec.scenarios}
     weights = sum(weight.numel() for weight in trainer.network.parameters())
@@ -176,7 +158,7 @@ def _spec(names: tuple[str, ...], options: dict[str, Any]) -> TransportSpec:
 
 def _new(spec: TransportSpec, options: dict[str, Any], device: "torch.device") -> "TransportTrainer":
     """Return a new trainer; with a checkpoint to finetune, one that has its averaged weights."""
-    from hybridmpm.training.control.transport_trainer import (  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport.trainer import (  # noqa: PLC0415 - needs torch
         TransportSettings,
         TransportTrainer,
     )
@@ -184,7 +166,5 @@ def _new(spec: TransportSpec, options: dict[str, Any], device: "torch.device") -
     fields = (field.name for field in dataclasses.fields(TransportSettings))
     trainer = TransportTrainer(spec, TransportSettings(**{name: options[name] for name in fields}), device)
     if options["finetune"] is not None:
-        older = TransportTrainer.load(options["finetune"], device).average.state_dict()
-        trainer.network.load_state_dict(older)
-        trainer.average.load_state_dict(older)
+        trainer.begin_with(TransportTrainer.load(options["finetune"], device).average.state_dict())
     return trainer

@@ -5,6 +5,7 @@ from hybridmpm.control.goal.needs import Needs
 from hybridmpm.control.methods.analytic import Analytic
 from hybridmpm.control.methods.backcast import Backcast
 from hybridmpm.control.methods.constant import Constant
+from hybridmpm.control.methods.controlnet import ControlNet
 from hybridmpm.control.methods.learned.plan import Learned
 from hybridmpm.control.methods.method import Method
 from hybridmpm.control.methods.none import NoControl
@@ -12,7 +13,8 @@ from hybridmpm.control.methods.shooting import Shooting
 from hybridmpm.errors import ConfigError
 
 METHODS: dict[str, Method] = {
-    method.name: method for method in (NoControl(), Constant(), Analytic(), Backcast(), Shooting(), Learned())
+    method.name: method
+    for method in (NoControl(), Constant(), Analytic(), Backcast(), Shooting(), Learned(), ControlNet())
 }
 """Methods of the library by name."""
 

@@ -1,27 +1,39 @@
-"""The Fluid ControlNet: shapes, what its answer depends on, and its form in onnxruntime."""
+"""The Fluid ControlNet: what its answer depends on, its training, and its form in onnxruntime as a method."""
 
-import io
-import logging
-import warnings
+from pathlib import Path
 
 import numpy as np
-import onnxruntime
+import onnx
 import pytest
 import torch
+from click.testing import CliRunner
 from torch import Tensor, nn
 
-from hybridmpm import radius_graph
-from hybridmpm._support.onnx_file import OPSET
+from hybridmpm import MpmSolver, Scene, radius_graph, scenarios
+from hybridmpm.cli import cli
+from hybridmpm.control import ControlNet, Ellipse, follow, prepare
+from hybridmpm.control.diffusion.network import SIDE, ControlNetwork, properties_of
+from hybridmpm.control.guidance import Guidance
+from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.model import edge_inputs
 from hybridmpm.physics.spec import NetworkSpec
-from hybridmpm.training.control.controlnet import STEP_EMBEDDING, TIME_EMBEDDING, FluidControlNet, waves
-from hybridmpm.training.control.sketch_encoder import EMBEDDING, SketchEncoder
-from hybridmpm.training.physics.features import edge_features, node_features
+from hybridmpm.training import checkpoint
+from hybridmpm.training.control.controlnet import cases, windows
+from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
+from hybridmpm.training.control.controlnet.export import export_controlnet, to_onnx
+from hybridmpm.training.control.controlnet.network import STEP_EMBEDDING, TIME_EMBEDDING, waves
+from hybridmpm.training.control.controlnet.sketch_encoder import EMBEDDING, SketchEncoder
+from hybridmpm.training.control.controlnet.trainer import (
+    Conditioned,
+    ControlNetSettings,
+    ControlNetTrainer,
+    scale_of,
+)
 from hybridmpm.training.physics.graph_network import SortedEdges
 
-SIDE = 64
 COUNT = 40
 SETTINGS = ("water_2d", "sand_3d")
+OVAL = Ellipse(np.array([0.5, 0.5]), np.array([0.15, 0.1]), 0.3)
 
 
 def spec_of(scenario: str) -> NetworkSpec:
@@ -29,67 +41,43 @@ def spec_of(scenario: str) -> NetworkSpec:
     return NetworkSpec(scenarios=(scenario,), latent=16, layers=2, hidden_layers=1, radius=radius)
 
 
-def network_of(scenario: str) -> FluidControlNet:
+def network_of(scenario: str) -> Conditioned:
     """Return a network with random weights, those of the condition among them."""
     torch.manual_seed(3)
-    network = FluidControlNet(spec_of(scenario))
-    for modulation in network.modulations:
+    conditioned = Conditioned(spec_of(scenario))
+    for modulation in conditioned.network.modulations:
         nn.init.normal_(modulation[-1].weight, std=0.3)
-    return network.eval()
+    return conditioned.eval()
 
 
 def inputs_of(scenario: str, count: int = COUNT, seed: int = 0) -> dict[str, Tensor]:
     """Return the inputs of one graph, with a disc of ink on the left of its picture."""
     rng, spec = np.random.default_rng(seed), spec_of(scenario)
-    x = rng.uniform(0.1, 0.9, (count, spec.dim)).astype(np.float32)
-    steps = rng.normal(0, 1e-3, (6, count, spec.dim)).astype(np.float32)
+    x = rng.uniform(0.15, 0.85, (count, spec.dim)).astype(np.float32)
     graph = edge_inputs(radius_graph(x, spec.radius))
     picture = torch.zeros(1, 3, SIDE, SIDE)
     picture[0, 1, 20:40, 5:25] = 1
     return {
-        "history": torch.from_numpy(x + np.cumsum(steps, axis=0)),
+        "x": torch.from_numpy(x),
+        "v": torch.from_numpy(rng.normal(size=x.shape).astype(np.float32)),
         "types": torch.full((count,), 5),
         **{name: torch.from_numpy(array) for name, array in graph.items()},
-        "noisy": torch.from_numpy(rng.normal(size=(count, spec.dim)).astype(np.float32)),
+        "noisy": torch.from_numpy(rng.normal(size=x.shape).astype(np.float32)),
         "step": torch.full((count, 1), 0.25),
         "picture": picture,
         "time": torch.tensor([500]),
     }
 
 
-class Whole(nn.Module):
-    """Network, features and condition, as they would be served."""
-
-    def __init__(self, network: FluidControlNet) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(  # noqa: PLR0917 - the exporter names inputs by their place
-        self,
-        history: Tensor,
-        types: Tensor,
-        senders: Tensor,
-        receivers: Tensor,
-        arrivals: Tensor,
-        mask: Tensor,
-        noisy: Tensor,
-        step: Tensor,
-        picture: Tensor,
-        time: Tensor,
-    ) -> Tensor:
-        spec = self.network.spec
-        graph = SortedEdges(senders, receivers, arrivals, mask)
-        walls = torch.tensor([[0.1] * spec.dim, [0.9] * spec.dim])
-        unit = torch.full((spec.dim,), 1e-3)
-        nodes = node_features(history, walls, spec.radius, torch.zeros(spec.dim), unit)
-        edges = edge_features(history[-1], graph, spec.radius)
-        condition = self.network.condition(picture, time)
-        return self.network(nodes, types, edges, graph, noisy=noisy, step=step, condition=condition)
-
-
-def answer(network: FluidControlNet, inputs: dict[str, Tensor]) -> Tensor:
+def answer(conditioned: Conditioned, inputs: dict[str, Tensor]) -> Tensor:
+    graph = SortedEdges(*(inputs[name] for name in ("senders", "receivers", "arrivals", "mask")))
+    walls = torch.tensor(conditioned.spec.bounds).T
     with torch.no_grad():
-        found: Tensor = Whole(network)(**inputs)
+        condition = conditioned.network.condition(inputs["picture"], inputs["time"])
+        told = {name: inputs[name] for name in ("noisy", "step")}
+        found: Tensor = conditioned(
+            inputs["x"], inputs["v"], inputs["types"], walls, graph, condition=condition, **told
+        )
     return found
 
 
@@ -108,22 +96,23 @@ def test_the_encoder_tells_where_the_ink_is() -> None:
 
 
 def test_the_control_step_takes_sixteen_features() -> None:
-    network = network_of("water_2d")
     assert STEP_EMBEDDING == 16
-    assert network.encoder.node.in_features == 30 + 16 + 2
+    # Those of the simulator, the control step, the noisy field, and the place.
+    assert network_of("water_2d").network.encoder.node.in_features == 30 + 16 + 2 + 2
 
 
 @pytest.mark.parametrize("scenario", SETTINGS)
-@pytest.mark.parametrize("key", ["noisy", "step", "picture", "time", "types", "history"])
+@pytest.mark.parametrize("key", ["x", "v", "noisy", "step", "picture", "time", "types"])
 def test_the_answer_depends_on_every_input(scenario: str, key: str) -> None:
     network, inputs = network_of(scenario), inputs_of(scenario)
     changed = {
+        "x": inputs["x"] + 0.05,
+        "v": -inputs["v"],
         "noisy": inputs["noisy"] + 0.5,
         "step": inputs["step"] + 0.5,
         "picture": inputs["picture"].flip(-1),
         "time": inputs["time"] // 2,
         "types": inputs["types"] + 1,
-        "history": inputs["history"].flip(0),
     }
     before = answer(network, inputs)
     assert before.shape == inputs["noisy"].shape
@@ -132,17 +121,9 @@ def test_the_answer_depends_on_every_input(scenario: str, key: str) -> None:
 
 def test_a_new_network_does_not_see_the_sketch() -> None:
     """Training begins from the backbone; the condition grows in from zero."""
-    network, inputs = FluidControlNet(spec_of("water_2d")), inputs_of("water_2d")
+    network, inputs = Conditioned(spec_of("water_2d")), inputs_of("water_2d")
     blank = inputs | {"picture": torch.zeros_like(inputs["picture"])}
     assert torch.equal(answer(network, inputs), answer(network, blank))
-
-
-def test_the_control_step_is_in_the_noise() -> None:
-    network = network_of("water_2d")
-    noise = torch.zeros(2, 2)
-    early, late = (network.start(noise, torch.full((2, 1), step)) for step in (0.0, 1.0))
-    assert torch.equal(early[0], early[1])
-    assert (early - late).abs().max() > 1e-3
 
 
 def test_times_of_the_diffusion_differ() -> None:
@@ -151,31 +132,181 @@ def test_times_of_the_diffusion_differ() -> None:
     assert torch.cdist(found, found).fill_diagonal_(1.0).min() > 0.1
 
 
-@pytest.mark.parametrize("scenario", SETTINGS)
-def test_onnxruntime_answers_as_torch(scenario: str) -> None:
-    network, example = network_of(scenario), inputs_of(scenario)
-    free = torch.export.Dim.DYNAMIC
-    sizes = {"history": {1: free}, "arrivals": {0: free, 1: free}, "mask": {0: free, 1: free}}
-    sizes |= {key: {0: free} for key in ("types", "senders", "receivers", "noisy", "step")}
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        program = torch.onnx.export(
-            Whole(network),
-            tuple(example.values()),
-            dynamo=True,
-            optimize=False,
-            opset_version=OPSET,
-            input_names=list(example),
-            dynamic_shapes=sizes | {"picture": {}, "time": {}},
-            verbose=False,
-        )
-    assert program is not None
-    data = io.BytesIO()
-    program.save(data)
-    assert "Scatter" not in {node.op_type for node in program.model_proto.graph.node}
-    session = onnxruntime.InferenceSession(data.getvalue())
+def _case(seed: int) -> NodeCase:
+    """Return a case whose forces point to where the ink is, left or right."""
+    rng = np.random.default_rng(seed)
+    right = seed % 2
+    x = rng.uniform(0.3, 0.7, (1, 30, 2)) + np.zeros((FRAMES, 1, 1))
+    picture = np.zeros((3, SIDE, SIDE), dtype=np.uint8)
+    picture[1, 20:40, 10 + 32 * right : 20 + 32 * right] = 255
+    force = np.zeros((FRAMES, 30, 2), dtype=np.float32)
+    force[..., 0] = 20.0 * (2 * right - 1)
+    return NodeCase(
+        x=x.astype(np.float32),
+        v=np.zeros((FRAMES, 30, 2), dtype=np.float32),
+        force=force,
+        types=np.full(30, 5),
+        picture=picture,
+        oval=np.ones((), dtype=bool),
+        scene=scenarios.get("water_2d", 0),
+    )
+
+
+def _trainer(steps: int) -> ControlNetTrainer:
+    made = [_case(seed) for seed in range(4)]
+    return ControlNetTrainer(
+        spec_of("water_2d"), ControlNetSettings(steps=steps, batch=4, learning_rate=3e-3), scale_of(made)
+    )
+
+
+def test_it_learns_that_the_sketch_tells_where_to() -> None:
+    trainer, made = _trainer(80), [_case(seed) for seed in range(4)]
+    before = trainer.unexplained(made)
+    for _ in range(80):
+        trainer.step(made)
+    assert before > 0.9
+    assert trainer.unexplained(made) < 0.6 * before
+
+
+def test_a_training_that_was_interrupted_ends_with_the_same_weights(tmp_path: Path) -> None:
+    made = [_case(seed) for seed in range(4)]
+    through, first = _trainer(6), _trainer(6)
+    for _ in range(6):
+        through.step(made)
+    for _ in range(3):
+        first.step(made)
+    checkpoint.save(tmp_path / "checkpoint.pt", first, {})
+    second = ControlNetTrainer.load(tmp_path / "checkpoint.pt")
+    for _ in range(3):
+        second.step(made)
+    pairs = zip(through.average.parameters(), second.average.parameters(), strict=True)
+    assert all(torch.equal(one, other) for one, other in pairs)
+
+
+def test_what_is_pushed_off_its_way_is_led_back_to_the_same_end() -> None:
+    """A free body under the added force, whose share falls linearly to its end, ends where it would have."""
+    case = _case(1)
+    sample = windows._frame(case, 40)
+    left = 60 * case.scene.frame_dt
+    pushed = windows._pushed(np.random.default_rng(3), sample, left)
+    dx, dv = pushed.x - sample.x, pushed.v - sample.v
+    start = pushed.force - sample.force
+    # The least acceleration from (dx, dv) to rest at 0 is linear in time; its end follows from its start.
+    end = 6 * dx / left**2 + 2 * dv / left
+    np.testing.assert_allclose(dx + dv * left + left**2 * (start / 3 + end / 6), 0, atol=1e-5)
+    np.testing.assert_allclose(dv + left * (start + end) / 2, 0, atol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def file_2d(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a network of 2D water with random weights as a file."""
+    conditioned = network_of("water_2d")
+    properties = properties_of(conditioned.spec, 30.0, FRAMES, {"command": "none"})
+    path = tmp_path_factory.mktemp("controlnet") / "random.onnx"
+    path.write_bytes(to_onnx(conditioned, properties))
+    return path
+
+
+def test_onnxruntime_answers_as_torch(file_2d: Path) -> None:
+    model = onnx.load_from_string(file_2d.read_bytes())
+    assert "Scatter" not in {node.op_type for node in model.graph.node}
+    served, conditioned = ControlNetwork.load(file_2d), network_of("water_2d")
     for count, seed in ((COUNT, 0), (17, 1)):
-        inputs = inputs_of(scenario, count, seed)
-        (served,) = session.run(None, {key: value.numpy() for key, value in inputs.items()})
-        np.testing.assert_allclose(served, answer(network, inputs).numpy(), rtol=1e-4, atol=1e-5)
+        inputs = inputs_of("water_2d", count, seed) | {"time": torch.tensor([1000])}
+        found = served.field(
+            inputs["x"].numpy(),
+            inputs["v"].numpy(),
+            inputs["types"].numpy(),
+            step=0.25,
+            picture=(255 * inputs["picture"][0]).to(torch.uint8).numpy(),
+            noise=inputs["noisy"].numpy(),
+            steps=1,
+            solver="ddim",
+        )
+        np.testing.assert_allclose(found, 30.0 * answer(conditioned, inputs).numpy(), rtol=1e-3, atol=1e-3)
+
+
+def test_it_follows_a_sketch_from_seeds_under_the_cap_and_goes_on_from_a_snapshot(file_2d: Path) -> None:
+    solver = MpmSolver(scenarios.water_2d(seed=3), r_p=0.25)
+    solver.advance(30)
+    start = solver.snapshot()
+    runs = []
+    for seed in (1, 1, 2):
+        solver.restore(start)
+        following = follow(solver, OVAL, ControlNet(str(file_2d), steps=2), frames=100, cap=3.0, seed=seed)
+        assert following.guidance.method == "controlnet-2"
+        for _ in range(3):
+            next(following)
+        runs.append(solver.positions)
+    assert np.array_equal(runs[0], runs[1])
+    assert not np.array_equal(runs[0], runs[2])
+    guidance = following.guidance
+    again = Guidance.restored(guidance.snapshot(), solver.scene)
+    force, other = guidance.law.force(solver, 3), again.law.force(solver, 3)
+    assert isinstance(force, np.ndarray)
+    assert np.array_equal(force, other)
+    assert np.linalg.norm(force, axis=1).max() <= 3.0 * 9.81 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("scene", "frames", "reason"),
+    [
+        (scenarios.sand_2d(seed=1), 100, "trained without sand"),
+        (scenarios.water_ramps_2d(seed=1), 100, "trained without obstacles"),
+        (scenarios.water_2d(seed=1), 60, "trained for 100 frames, not for 60"),
+    ],
+)
+def test_analytic_control_takes_over_where_the_network_was_not_trained(
+    file_2d: Path, scene: Scene, frames: int, reason: str
+) -> None:
+    guidance = prepare(MpmSolver(scene, r_p=0.25), OVAL, method=ControlNet(str(file_2d)), frames=frames)
+    assert guidance.method == "analytic"
+    assert reason in guidance.reason
+
+
+def test_a_network_that_is_absent_or_foreign_hands_over(tmp_path: Path) -> None:
+    solver = MpmSolver(scenarios.water_2d(seed=3), r_p=0.25)
+    guidance = prepare(solver, OVAL, method=ControlNet(str(tmp_path / "none.onnx")), frames=100)
+    assert "there is no network: cannot read" in guidance.reason
+    with pytest.raises(DataError, match=r"there is no network 'nobody'|install the library anew"):
+        ControlNetwork.load("nobody")
+    with pytest.raises(ConfigError, match="steps must be in"):
+        ControlNet(steps=0)
+    with pytest.raises(ConfigError, match="solver must be ddim or dpm"):
+        ControlNet(solver="euler")  # type: ignore[arg-type]
+
+
+def test_a_network_that_fails_hands_over(file_2d: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_options: object) -> None:
+        raise RuntimeError("no memory")
+
+    monkeypatch.setattr(ControlNetwork, "field", fail)
+    solver = MpmSolver(scenarios.water_2d(seed=3), r_p=0.25)
+    guidance = prepare(solver, OVAL, method=ControlNet(str(file_2d)), frames=100)
+    assert "the network failed: no memory" in guidance.reason
+
+
+def test_the_command_trains_and_the_export_is_published(tmp_path: Path) -> None:
+    out, data = tmp_path / "run", tmp_path / "nodes"
+    options = ["--scenes", "1", "--valid", "1", "--latent", "8", "--layers", "1", "--batch", "1"]
+    command = ["train", "controlnet", "--scenario", "water_2d", "--out", str(out), "--data", str(data)]
+    done = CliRunner().invoke(cli, [*command, *options, "--steps", "2"], prog_name="hybridmpm")
+    assert done.exit_code == 0, done.output
+    assert (out / "losses.csv").exists() or (out / "validation.csv").exists()
+    other = CliRunner().invoke(cli, [*command, *options, "--steps", "3"], prog_name="hybridmpm")
+    assert other.exit_code == 2
+    assert "has --steps 2, not 3" in other.output
+    made = export_controlnet(out / "checkpoint.pt")
+    written = made.publish("mine", tmp_path / "weights")
+    assert [path.name for path in written] == ["mine.onnx", "mine.md", "manifest.json"]
+    assert "1 reversed cases of each of water_2d" in written[1].read_text(encoding="utf-8")
+    assert ControlNetwork.load(written[0]).spec.latent == 8
+
+
+def test_a_case_tells_places_and_velocities_of_its_nodes(tmp_path: Path) -> None:
+    cases.prepare(tmp_path, "water_2d", range(1))
+    (case,) = cases.read(tmp_path, "water_2d", range(1))
+    assert case.x.shape == case.v.shape == case.force.shape == (FRAMES, 128, 2)
+    # A node's velocity is the rate at which its place changes.
+    moved = np.diff(case.x, axis=0) / case.scene.frame_dt
+    np.testing.assert_allclose(case.v[1:], moved, atol=1e-3)

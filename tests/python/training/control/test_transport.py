@@ -8,15 +8,17 @@ import torch
 from click.testing import CliRunner, Result
 
 from hybridmpm.cli import cli
-from hybridmpm.control.methods.learned import manifest
+from hybridmpm.control import manifest
 from hybridmpm.control.methods.learned.network import TransportNetwork as ServedNetwork
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
-from hybridmpm.training.control import pasts
-from hybridmpm.training.control.export import export_transport, publish_transport
-from hybridmpm.training.control.transport_trainer import TransportSettings, TransportTrainer
-from hybridmpm.training.control.windows import batch_of, drawn
+from hybridmpm.training.control import scene_files
+from hybridmpm.training.control.published import Exported
+from hybridmpm.training.control.transport import pasts
+from hybridmpm.training.control.transport.export import export_transport
+from hybridmpm.training.control.transport.trainer import TransportSettings, TransportTrainer
+from hybridmpm.training.control.transport.windows import batch_of, drawn
 
 CPU = torch.device("cpu")
 SPEC = TransportSpec(scenarios=("water_2d",), width=4)
@@ -42,7 +44,7 @@ def trainer(steps: int = 40, rate: float = 1.5e-3) -> TransportTrainer:
 
 
 def test_pasts_are_kept_and_made_anew_where_missing(root: Path, six: list[pasts.Past]) -> None:
-    assert pasts.missing(root, "water_2d", range(8)) == 2
+    assert scene_files.missing(root, "water_2d", range(8)) == 2
     again = pasts.Past.simulated(six[2].scene)
     np.testing.assert_array_equal(again.x, six[2].x)
     np.testing.assert_array_equal(again.v, six[2].v)
@@ -118,8 +120,9 @@ def test_the_command_trains_and_the_export_answers_alike(
     assert other.exit_code == 2
     assert "has --steps 8, not 9" in other.output
     assert invoke().exit_code == 0
-    data, training = export_transport(out / "checkpoint.pt")
-    assert training["steps"] == "8"
+    made = export_transport(out / "checkpoint.pt")
+    data = made.data
+    assert made.training["steps"] == "8"
     served, torch_one = ServedNetwork(data, where="test"), TransportTrainer.load(out / "checkpoint.pt", CPU)
     rng = np.random.default_rng(2)
     for count in (1, 57, 400):
@@ -132,18 +135,18 @@ def test_the_command_trains_and_the_export_answers_alike(
         feed |= {"noisy": batch.noise.numpy(), "time": np.array([0.25], np.float32)}
         (found,) = served._session.run(["end"], feed)
         np.testing.assert_allclose(found, wanted, atol=2e-5)
-    _published(data, training, tmp_path)
+    _published(made, tmp_path)
 
 
-def _published(data: bytes, training: dict[str, str], folder: Path) -> None:
+def _published(made: Exported, folder: Path) -> None:
     (folder / "manifest.json").write_text("{}", encoding="utf-8")
-    written = publish_transport("mine", data, training, folder)
+    written = made.publish("mine", folder)
     assert [path.name for path in written] == ["mine.onnx", "mine.md", "manifest.json"]
-    assert manifest.read_network("mine", folder) == data
-    (folder / "mine.onnx").write_bytes(data[:-1])
+    assert manifest.read_network("mine", folder) == made.data
+    (folder / "mine.onnx").write_bytes(made.data[:-1])
     with pytest.raises(DataError, match="SHA-256"):
         manifest.read_network("mine", folder)
-    with pytest.raises(DataError, match="no transport network 'other'; known are mine"):
+    with pytest.raises(DataError, match="no network 'other'; known are mine"):
         manifest.read_network("other", folder)
     with pytest.raises(ConfigError, match="lower-case"):
-        publish_transport("Mine!", data, training, folder)
+        made.publish("Mine!", folder)

@@ -10,8 +10,8 @@ import numpy as np
 from hybridmpm._support.arguments import whole
 from hybridmpm._support.onnx_file import session
 from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.manifest import read_network
 from hybridmpm.control.methods.learned.features import Aim, State, inputs
-from hybridmpm.control.methods.learned.manifest import read_network
 from hybridmpm.control.methods.learned.noise import smooth_noise
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import DataError
@@ -20,6 +20,8 @@ FORMAT = 1
 """Version of the network's inputs and of the metadata of its file."""
 INPUTS = ("grid", "numbers", "particles", "places", "noisy", "time")
 OUTPUT = "end"
+WEIGHTS = Path(__file__).parent / "weights"
+"""Folder of the networks that come with the library."""
 
 
 class TransportNetwork:
@@ -57,7 +59,7 @@ class TransportNetwork:
         """
         path = Path(name)
         if path.suffix != ".onnx":
-            return cls(read_network(str(name)), where=f"network {name}", threads=threads)
+            return cls(read_network(str(name), WEIGHTS), where=f"network {name}", threads=threads)
         try:
             data = path.read_bytes()
         except OSError as error:

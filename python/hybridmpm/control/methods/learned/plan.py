@@ -11,10 +11,10 @@ from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
+from hybridmpm.control.manifest import networks
 from hybridmpm.control.methods.learned.features import Aim, State
 from hybridmpm.control.methods.learned.guard import objection
-from hybridmpm.control.methods.learned.manifest import networks
-from hybridmpm.control.methods.learned.network import TransportNetwork
+from hybridmpm.control.methods.learned.network import WEIGHTS, TransportNetwork
 from hybridmpm.control.methods.method import HandOver, Task
 from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError, DataError
@@ -92,7 +92,7 @@ class Learned:
         """Return the first network that serves a scene."""
         reasons = []
         try:
-            for name in networks() if self._network is None else [self._network]:
+            for name in networks(WEIGHTS) if self._network is None else [self._network]:
                 network = _network(name)
                 foreign = network.spec.foreign(scene)
                 if foreign is None:

@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
+from hybridmpm.control.methods.foreign import why_foreign
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 
@@ -14,8 +15,6 @@ FEATURES_VERSION = 1
 """Raised when the same inputs give other features; checkpoints and models of another version are refused."""
 CELLS = 32
 """Cells of the network's grid along each axis, between the walls."""
-_NEAR = 1e-3
-"""Relative difference of lengths and accelerations that count as the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,31 +58,13 @@ class TransportSpec:
         if len({scene.walls for scene in scenes}) > 1:
             raise ConfigError("the scenarios of one network must share their walls")
 
-    @property
-    def example(self) -> Scene:
-        """A scene that it is trained on, for walls and gravity."""
-        return scenarios.get(self.scenarios[0], 0)
-
     def clipped(self, seconds: float) -> float:
         """Return the time nearest to `seconds` among those that the network is trained on [s]."""
         return min(max(seconds, self.shortest), self.longest)
 
     def foreign(self, scene: Scene) -> str | None:
         """Tell in which way a scene is of another kind than those of the training; None if it is not."""
-        like = self.example
-        if scene.dim != like.dim:
-            return f"it is trained in {like.dim}D only"
-        if scene.obstacles:
-            return "it is trained without obstacles"
-        if scene.is_open:
-            return "it is trained without emitters and sinks"
-        if not _alike(scene.walls.lower + scene.walls.upper, like.walls.lower + like.walls.upper):
-            return "it is trained in another box"
-        if not _alike(scene.gravity, like.gravity):
-            return "it is trained under another gravity"
-        known = {material.kind for name in self.scenarios for material in scenarios.get(name, 0).materials}
-        foreign = sorted({material.kind for material in scene.materials} - known)
-        return f"it is trained without {foreign[0]}" if foreign else None
+        return why_foreign(scene, self.scenarios)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data that `from_dict` reads."""
@@ -106,7 +87,3 @@ class TransportSpec:
                 f"{FEATURES_VERSION}: train it anew"
             )
         return cls(**plain)
-
-
-def _alike(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    return all(abs(a - b) <= _NEAR * max(1.0, abs(b)) for a, b in zip(one, other, strict=True))

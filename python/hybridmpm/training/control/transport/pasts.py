@@ -1,7 +1,6 @@
 """Pasts: forward runs, from whose ends control is learned as the way back."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -10,17 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import MpmSolver, scenarios
-from hybridmpm._support.files import replacing
-from hybridmpm._support.machine import usable_cores
 from hybridmpm.control.methods.learned.features import State
-from hybridmpm.errors import DataError, SimulationError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND
+from hybridmpm.training.control import scene_files
 
 STRIDE = 10
 """Frames from one state to the next."""
 STATES = 21
 """States of a past, the first at frame 0."""
+_COLUMNS = ("x", "v", "mass", "sand")
 _STEPS = 65535
 """Steps into which the side of the world box is divided, to store positions in two bytes."""
 
@@ -93,35 +91,8 @@ def prepare(
     seeds: Sequence[int],
     on_progress: Callable[[int], object] = lambda _count: None,
 ) -> None:
-    """Make the missing pasts of a scenario; an interrupted call can be repeated.
-
-    A scene that fails to simulate leaves no past.
-
-    Parameters
-    ----------
-    root : Path
-        Folder with a folder for each scenario.
-    scenario : str
-    seeds : sequence of int
-    on_progress : callable
-        Called with the number of pasts done since its last call.
-
-    Raises
-    ------
-    ExportError
-        A file cannot be written.
-    """
-    folder = root / scenario
-    folder.mkdir(parents=True, exist_ok=True)
-    todo = [seed for seed in seeds if not _file(folder, seed).exists()]
-    with ThreadPoolExecutor(usable_cores()) as pool:
-        for _ in pool.map(lambda seed: _make(folder, scenario, seed), todo):
-            on_progress(1)
-
-
-def missing(root: Path, scenario: str, seeds: Sequence[int]) -> int:
-    """Return the number of pasts that `prepare` would make."""
-    return sum(not _file(root / scenario, seed).exists() for seed in seeds)
+    """Make the missing pasts of a scenario in a folder of it; see `scene_files.prepare`."""
+    scene_files.prepare(root, scenario, seeds, _columns, on_progress)
 
 
 def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[Past]:
@@ -132,33 +103,12 @@ def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[Past]:
     DataError
         A file is damaged, or there is none at all.
     """
-    found = [_read(_file(root / scenario, seed), scenario, seed) for seed in seeds]
-    pasts = [past for past in found if past is not None]
-    if not pasts:
-        raise DataError(f"{root / scenario} holds no past of the {len(seeds)} seeds: delete the folder")
-    return pasts
+    return [
+        Past(scene=scenarios.get(scenario, seed), **columns)
+        for seed, columns in scene_files.read(root, scenario, seeds, _COLUMNS)
+    ]
 
 
-def _file(folder: Path, seed: int) -> Path:
-    return folder / f"{seed:07d}.npz"
-
-
-def _make(folder: Path, scenario: str, seed: int) -> None:
-    try:
-        past = Past.simulated(scenarios.get(scenario, seed))
-        columns = {"x": past.x, "v": past.v, "mass": past.mass, "sand": past.sand}
-    except SimulationError:
-        columns = {}
-    with replacing(_file(folder, seed)) as part:
-        np.savez(part, **columns)  # type: ignore[arg-type]
-
-
-def _read(path: Path, scenario: str, seed: int) -> Past | None:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if not file.files:
-                return None
-            columns = {name: file[name] for name in ("x", "v", "mass", "sand")}
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(f"{path} is damaged ({error}): delete it, and it is made anew") from None
-    return Past(scene=scenarios.get(scenario, seed), **columns)
+def _columns(scenario: str, seed: int) -> scene_files.Columns:
+    past = Past.simulated(scenarios.get(scenario, seed))
+    return {name: getattr(past, name) for name in _COLUMNS}

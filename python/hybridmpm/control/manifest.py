@@ -1,4 +1,4 @@
-"""The transport networks that come with the library: a manifest with the digest of each file."""
+"""The networks of control that come with the library: each folder has a manifest with their digests."""
 
 import json
 from pathlib import Path
@@ -6,11 +6,10 @@ from pathlib import Path
 from hybridmpm._support.files import read_checked
 from hybridmpm.errors import DataError
 
-WEIGHTS = Path(__file__).parent / "weights"
 _MANIFEST = "manifest.json"
 
 
-def networks(folder: Path = WEIGHTS) -> dict[str, str]:
+def networks(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of each network's file, by the network's name, those to be preferred first.
 
     Raises
@@ -26,7 +25,7 @@ def networks(folder: Path = WEIGHTS) -> dict[str, str]:
         raise DataError(f"{path} is missing or damaged: {error!r}; install the library anew") from None
 
 
-def read_network(name: str, folder: Path = WEIGHTS) -> bytes:
+def read_network(name: str, folder: Path) -> bytes:
     """Return the bytes of a network's file, once its digest has been checked.
 
     Raises
@@ -36,13 +35,14 @@ def read_network(name: str, folder: Path = WEIGHTS) -> bytes:
     """
     known = networks(folder)
     if name not in known:
-        raise DataError(f"there is no transport network {name!r}; known are {', '.join(known) or 'none'}")
+        raise DataError(f"there is no network {name!r}; known are {', '.join(known) or 'none'}")
     return read_checked(folder / f"{name}.onnx", known[name])
 
 
-def write_digest(name: str, sha256: str, folder: Path = WEIGHTS) -> Path:
+def write_digest(name: str, sha256: str, folder: Path) -> Path:
     """Add a network to the manifest, or replace the one of this name; return the manifest's path."""
     path = folder / _MANIFEST
-    entries = {key: {"sha256": value} for key, value in networks(folder).items()} | {name: {"sha256": sha256}}
+    known = networks(folder) if path.exists() else {}
+    entries = {key: {"sha256": value} for key, value in known.items()} | {name: {"sha256": sha256}}
     path.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
     return path

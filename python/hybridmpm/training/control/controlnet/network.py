@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.physics.spec import NetworkSpec
-from hybridmpm.training.control.sketch_encoder import EMBEDDING, SketchEncoder
+from hybridmpm.training.control.controlnet.sketch_encoder import EMBEDDING, SketchEncoder
 from hybridmpm.training.physics.graph_network import Decoder, Edges, Encoder, Layer
 
 STEP_EMBEDDING = 16
@@ -19,9 +19,10 @@ _LONGEST_WAVE = 10_000.0
 class FluidControlNet(nn.Module):
     """The graph network of the simulator, conditioned on a sketch, that tells a clean field from a noisy one.
 
-    Each node gets, besides its features, an embedding of the control step and the noisy acceleration. The
-    embeddings of sketch and diffusion time are joined, and shift and scale the nodes before each layer of the
-    processor, as in DiT (Peebles and Xie, arXiv:2212.09748).
+    Each node gets, besides its features, its place between the walls, an embedding of the control step, and
+    the noisy acceleration, into which the control step is embedded, too. The embeddings of sketch and
+    diffusion time are joined, and shift and scale the nodes before each layer of the processor, as in DiT
+    (Peebles and Xie, arXiv:2212.09748).
 
     Parameters
     ----------
@@ -38,22 +39,21 @@ class FluidControlNet(nn.Module):
             nn.Linear(1, STEP_EMBEDDING), nn.SiLU(), nn.Linear(STEP_EMBEDDING, STEP_EMBEDDING)
         )
         self.in_noise = nn.Linear(STEP_EMBEDDING, spec.dim, bias=False)
-        self.encoder = Encoder(spec, STEP_EMBEDDING + spec.dim)
+        self.encoder = Encoder(spec, STEP_EMBEDDING + 2 * spec.dim)
         self.layers = nn.ModuleList(Layer(spec) for _ in range(spec.layers))
         self.modulations = nn.ModuleList(_modulation(condition, spec.latent) for _ in range(spec.layers))
         self.decoder = Decoder(spec)
 
-    def start(self, noise: Tensor, step: Tensor) -> Tensor:
-        """Return the noise (N, D) from which sampling begins: the control step is embedded into it.
+    def embedded(self, noisy: Tensor, step: Tensor) -> Tensor:
+        """Return a noisy field (N, D), at first noise alone, with the control step embedded into it.
 
         Parameters
         ----------
-        noise : (N, D)
-            Normal numbers.
+        noisy : (N, D)
         step : (N, 1)
             Control step of each node's graph over the number of steps, in [0, 1].
         """
-        return noise + self.in_noise(self.control_step(step))  # type: ignore[no-any-return]
+        return noisy + self.in_noise(self.control_step(step))  # type: ignore[no-any-return]
 
     def condition(self, pictures: Tensor, time: Tensor) -> Tensor:
         """Return the condition (B, 108) of pictures (B, 3, H, H) and diffusion times (B,) in [1, 1000]."""
@@ -66,6 +66,7 @@ class FluidControlNet(nn.Module):
         edges: Tensor,
         graph: Edges,
         *,
+        places: Tensor,
         noisy: Tensor,
         step: Tensor,
         condition: Tensor,
@@ -82,14 +83,18 @@ class FluidControlNet(nn.Module):
             Features of the edges.
         graph : Edges
             Pairs of neighbours.
+        places : (N, D)
+            Places of the nodes between the walls, from -1 to 1. The features of the simulator do not tell
+            them, and the sketch says nothing to whoever does not know where it is.
         noisy : (N, D)
             The noisy field x_t.
         step : (N, 1)
-            As in `start`.
+            As in `embedded`.
         condition : (N, 108) or (1, 108)
             From `condition`, for the graph of each node, or for the only graph.
         """
-        given = torch.cat([nodes, self.control_step(step), noisy], dim=-1)
+        noisy = self.embedded(noisy, step)
+        given = torch.cat([nodes, places, self.control_step(step), noisy], dim=-1)
         nodes, edges = self.encoder(given, types, edges)
         for layer, modulation in zip(self.layers, self.modulations, strict=True):
             scale, shift = modulation(condition).chunk(2, dim=-1)

@@ -1,0 +1,96 @@
+"""Exporting the Fluid ControlNet of a checkpoint as one ONNX file; serving it needs no torch."""
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.control.diffusion.network import INPUTS, OUTPUT, SIDE, WEIGHTS, properties_of
+from hybridmpm.training.control.controlnet.cases import FRAMES
+from hybridmpm.training.control.controlnet.trainer import Conditioned, ControlNetTrainer
+from hybridmpm.training.control.published import Exported, told
+from hybridmpm.training.onnx_program import exported
+from hybridmpm.training.physics.graph_network import SortedEdges
+
+
+class _Served(nn.Module):
+    """The network with its graph as separate inputs, which are named as in files."""
+
+    walls: Tensor
+
+    def __init__(self, conditioned: Conditioned) -> None:
+        super().__init__()
+        self.conditioned = conditioned
+        self.register_buffer("walls", torch.tensor(conditioned.spec.bounds).T.contiguous())
+
+    def forward(  # noqa: PLR0917 - the exporter names inputs by their place
+        self,
+        x: Tensor,
+        v: Tensor,
+        types: Tensor,
+        senders: Tensor,
+        receivers: Tensor,
+        arrivals: Tensor,
+        mask: Tensor,
+        noisy: Tensor,
+        step: Tensor,
+        picture: Tensor,
+        time: Tensor,
+    ) -> Tensor:
+        graph = SortedEdges(senders, receivers, arrivals, mask)
+        condition = self.conditioned.network.condition(picture, time)
+        answer: Tensor = self.conditioned(
+            x, v, types, self.walls, graph, noisy=noisy, step=step, condition=condition
+        )
+        return answer
+
+
+def export_controlnet(path: Path) -> Exported:
+    """Return the network of a checkpoint with its averaged weights as an ONNX model, and its training.
+
+    Raises
+    ------
+    DataError
+        `checkpoint.read` refuses the file, or it is the checkpoint of another network.
+    ConfigError
+        The network has other features than those of this library; the message names both versions.
+    """
+    trainer = ControlNetTrainer.load(path)
+    training = told(path, trainer.average)
+    properties = properties_of(trainer.spec, trainer.scale, FRAMES, training)
+    return Exported(
+        data=to_onnx(trainer.average, properties),
+        training=training,
+        folder=WEIGHTS,
+        answers="the accelerations of control nodes in a frame, given a sketch",
+        method="controlnet",
+    )
+
+
+def to_onnx(network: Conditioned, properties: dict[str, str]) -> bytes:
+    """Return a network as an ONNX model; the number of nodes and their edges are free."""
+    count, dim = 3, network.spec.dim
+    example = (
+        torch.rand(count, dim),
+        torch.zeros(count, dim),
+        torch.zeros(count, dtype=torch.int64),
+        torch.tensor([1, 0], dtype=torch.int32),
+        torch.tensor([0, 1], dtype=torch.int32),
+        torch.tensor([[0, 1], [1, 1], [1, 1]], dtype=torch.int32),
+        torch.tensor([[True, False], [True, False], [False, False]]),
+        torch.zeros(count, dim),
+        torch.zeros(count, 1),
+        torch.zeros(1, 3, SIDE, SIDE),
+        torch.tensor([1]),
+    )
+    free = torch.export.Dim.DYNAMIC
+    sizes = {name: {0: free} for name in INPUTS} | {"picture": {}, "time": {}}
+    sizes |= {"arrivals": {0: free, 1: free}, "mask": {0: free, 1: free}}
+    return exported(
+        _Served(network).eval(),
+        example,
+        inputs=INPUTS,
+        outputs=[OUTPUT],
+        dynamic_shapes=sizes,
+        properties=properties,
+    )

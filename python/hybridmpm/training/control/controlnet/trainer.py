@@ -1,0 +1,205 @@
+"""`ControlNetTrainer`: a Fluid ControlNet in training."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from hybridmpm.control.diffusion.schedule import TRAINING_STEPS, cosine_schedule
+from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
+from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
+from hybridmpm.training.control.controlnet.network import FluidControlNet
+from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
+from hybridmpm.training.physics.features import edge_features, node_features
+from hybridmpm.training.physics.graph_network import Edges
+
+_AT_NOISE = 0.3
+"""Share of the samples at the last time of the diffusion, from which all samplers begin."""
+_AT_REST = 0.1
+"""Mean square of a field, in units of the data's, below which its error is not told relative to it."""
+_SPEED = 1.0
+"""Velocity that is one in the features [m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlNetSettings(Schedule):
+    """Settings of a training."""
+
+    batch: int = 8
+    """Number of samples in a training step."""
+    learning_rate: float = 1e-3
+    """Largest learning rate."""
+
+
+class Conditioned(nn.Module):
+    """The network with its features, from positions and velocities of control nodes.
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+        Size, radius and scenarios.
+    """
+
+    def __init__(self, spec: NetworkSpec) -> None:
+        super().__init__()
+        self.spec = spec
+        self.network = FluidControlNet(spec)
+
+    def forward(
+        self,
+        x: Tensor,
+        v: Tensor,
+        types: Tensor,
+        walls: Tensor,
+        graph: Edges,
+        *,
+        noisy: Tensor,
+        step: Tensor,
+        condition: Tensor,
+    ) -> Tensor:
+        """Return the clean field x_0 (N, D), accelerations over the scale of the data.
+
+        The five velocities of the simulator's features are all the present one: control keeps no past, so
+        that it goes on from any state.
+
+        Parameters
+        ----------
+        x, v : (N, D)
+            Positions [m] and velocities [m/s].
+        types : int64 (N,)
+            Particle types.
+        walls : (2, D) or (2, N, D)
+            Lower and upper corner of the walls [m].
+        graph : Edges
+            Pairs of neighbours.
+        noisy, step, condition
+            As `FluidControlNet.forward` takes them.
+        """
+        radius = self.spec.radius
+        back = torch.arange(5, -1, -1, dtype=x.dtype, device=x.device).reshape(-1, 1, 1)
+        unit = torch.ones(self.spec.dim, dtype=x.dtype, device=x.device)
+        history = x - back * (v / _SPEED)
+        nodes = node_features(history, walls, radius, torch.zeros_like(unit), unit)
+        edges = edge_features(x, graph, radius)
+        places = 2.0 * (x - walls[0]) / (walls[1] - walls[0]) - 1.0
+        return self.network(  # type: ignore[no-any-return]
+            nodes, types, edges, graph, places=places, noisy=noisy, step=step, condition=condition
+        )
+
+
+class ControlNetTrainer(AveragedTrainer[Conditioned]):
+    """Training by diffusion: the network predicts the clean field from a noisy one.
+
+    The loss of a sample is the root mean square error of the accelerations, as the paper's, over that of the
+    field itself; fields that are nearly nothing count as one of a tenth of the data's mean square.
+
+    Parameters
+    ----------
+    spec : NetworkSpec
+    settings : ControlNetSettings
+    scale : float
+        Root mean square of the data's accelerations along an axis [m/s^2].
+    """
+
+    kind: ClassVar[str] = "controlnet"
+
+    def __init__(self, spec: NetworkSpec, settings: ControlNetSettings, scale: float) -> None:
+        torch.manual_seed(settings.seed)
+        self.spec, self.settings, self.scale = spec, settings, scale
+        self._kept = torch.from_numpy(cosine_schedule().astype(np.float32))
+        super().__init__(Conditioned(spec), Conditioned(spec), settings)
+
+    def step(self, cases: Sequence[NodeCase]) -> float:
+        """Take one training step on frames of some cases, and return the loss before it.
+
+        Raises
+        ------
+        FloatingPointError
+            The loss is not finite; the weights have not changed.
+        """
+        size = self.settings.batch
+        batch = drawn(self._rng, cases, size, self.spec.radius)
+        time = self._rng.integers(1, TRAINING_STEPS, size, endpoint=True)
+        time[self._rng.random(size) < _AT_NOISE] = TRAINING_STEPS
+        noise = torch.from_numpy(self._rng.standard_normal(batch.force.shape, dtype=np.float32))
+        return self._descend(self.loss(batch, torch.from_numpy(time), noise))
+
+    def loss(self, batch: Batch, time: Tensor, noise: Tensor) -> Tensor:
+        """Return the mean loss of a batch at times (B,) of the diffusion, for normal numbers (N, D)."""
+        clean = batch.force / self.scale
+        miss, size = self._squares(self.network, batch, time, noise, clean)
+        return (miss / (size + _AT_REST) + 1e-8).sqrt().mean()
+
+    def unexplained(self, cases: Sequence[NodeCase]) -> float:
+        """Return the mean square of what one evaluation leaves unexplained, over that of the fields [-].
+
+        Four frames of each case are asked for, from the same noise in each call.
+        """
+        total = torch.zeros(2)
+        for step in range(FRAMES // 8, FRAMES, FRAMES // 4):
+            batch = plain(cases, step, self.spec.radius)
+            noise = torch.from_numpy(
+                np.random.default_rng(step).standard_normal(batch.force.shape, dtype=np.float32)
+            )
+            time = torch.full((len(cases),), TRAINING_STEPS)
+            with torch.no_grad():
+                miss, size = self._squares(self.average, batch, time, noise, batch.force / self.scale)
+            total += torch.stack([miss.sum(), size.sum()])
+        return float(total[0] / total[1])
+
+    def _squares(
+        self, network: Conditioned, batch: Batch, time: Tensor, noise: Tensor, clean: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return for each graph (B,) the mean squares of the error and of the field itself."""
+        kept = self._kept[time][batch.of_graph, None]
+        noisy = kept.sqrt() * clean + (1 - kept).sqrt() * noise
+        condition = network.network.condition(batch.pictures, time)[batch.of_graph]
+        answer = network(
+            batch.x,
+            batch.v,
+            batch.types,
+            batch.walls,
+            batch.edges,
+            noisy=noisy,
+            step=batch.step,
+            condition=condition,
+        )
+        return self._means(answer - clean, batch), self._means(clean, batch)
+
+    @staticmethod
+    def _means(field: Tensor, batch: Batch) -> Tensor:
+        graphs = len(batch.pictures)
+        square = field.square().sum(dim=-1)
+        total = torch.zeros(graphs).index_add(0, batch.of_graph, square)
+        return total / torch.bincount(batch.of_graph, minlength=graphs)
+
+    def state(self) -> dict[str, Any]:
+        """Return the state that `load` needs, as tensors and plain data."""
+        return self._state(self.spec.to_dict()) | {"scale": self.scale}
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Return the trainer of a checkpoint, to go on with the training.
+
+        Raises
+        ------
+        DataError
+            `checkpoint.read` refuses the file, or it is the checkpoint of another network.
+        ConfigError
+            The network has other features than those of this library; the message names both versions.
+        """
+        state = cls.checked(path)
+        spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=str(path))
+        settings = ControlNetSettings(**json.loads(state["settings"]))
+        return cls(spec, settings, float(state["scale"])).restored(state, path)
+
+
+def scale_of(cases: Sequence[NodeCase]) -> float:
+    """Return the root mean square of the accelerations of cases along an axis [m/s^2]."""
+    return float(np.sqrt(np.mean([np.mean(case.force.astype(np.float64) ** 2) for case in cases])))

@@ -1,0 +1,1 @@
+"""Training of the transport network, which tells `learned` control where particles are to end."""

@@ -1,0 +1,57 @@
+"""Exporting the transport network of a checkpoint as one ONNX file; serving it needs no torch."""
+
+from pathlib import Path
+
+import torch
+
+from hybridmpm.control.methods.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
+from hybridmpm.control.methods.learned.network import INPUTS, OUTPUT, WEIGHTS, properties_of
+from hybridmpm.control.methods.learned.spec import CELLS
+from hybridmpm.training.control.published import Exported, told
+from hybridmpm.training.control.transport.network import TransportNetwork
+from hybridmpm.training.control.transport.trainer import TransportTrainer
+from hybridmpm.training.onnx_program import exported
+
+
+def export_transport(path: Path) -> Exported:
+    """Return the network of a checkpoint with its averaged weights as an ONNX model, and its training.
+
+    Raises
+    ------
+    DataError
+        `checkpoint.read` refuses the file, or it is the checkpoint of another network.
+    ConfigError
+        The network has other features than those of this library; the message names both versions.
+    """
+    trainer = TransportTrainer.load(path, torch.device("cpu"))
+    training = told(path, trainer.average)
+    return Exported(
+        data=to_onnx(trainer.average, properties_of(trainer.spec, training)),
+        training=training,
+        folder=WEIGHTS,
+        answers="where each particle of a fluid may have come from, given an oval or an arrow",
+        method="learned",
+    )
+
+
+def to_onnx(network: TransportNetwork, properties: dict[str, str]) -> bytes:
+    """Return a transport network as an ONNX model; the number of particles is free."""
+    batch, count = 1, 3
+    example = (
+        torch.zeros(batch, CHANNELS, CELLS, CELLS),
+        torch.zeros(batch, NUMBERS),
+        torch.zeros(batch, count, OF_PARTICLE),
+        torch.zeros(batch, count, 2),
+        torch.zeros(batch, count, 2),
+        torch.zeros(batch),
+    )
+    free = torch.export.Dim.DYNAMIC
+    sizes = {name: {1: free} if name in {"particles", "places", "noisy"} else {} for name in INPUTS}
+    return exported(
+        network.eval(),
+        example,
+        inputs=INPUTS,
+        outputs=[OUTPUT],
+        dynamic_shapes=sizes,
+        properties=properties,
+    )
