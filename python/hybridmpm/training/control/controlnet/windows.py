@@ -12,6 +12,9 @@ from hybridmpm.training.control.controlnet.cases import NodeCase
 from hybridmpm.training.physics.graph_network import EdgeList
 from hybridmpm.training.physics.windows import edges_of
 
+_PUSHED = 0.8
+"""Share of the samples that are pushed off their way. In open loop even the true field of a frame ends little
+better than a constant force; led back, half of it does."""
 _OFF = 0.03
 """Standard deviation of how far a sample is pushed off its way [m]."""
 _TURNED = 0.1
@@ -48,7 +51,7 @@ class Batch:
 def drawn(rng: np.random.Generator, cases: Sequence[NodeCase], size: int, radius: float) -> Batch:
     """Draw a batch of `size` frames, each of another case, with edges within a radius [m].
 
-    Half of the samples are pushed off the way: places and velocities change by a random affine map. To the
+    Most of the samples are pushed off the way: places and velocities change by a random affine map. To the
     force is added what leads a free body back to the same end in the time that is left, with the least
     acceleration: -6 dx / t^2 - 4 dv / t. So the network learns to make up for errors, which no case shows.
     """
@@ -101,7 +104,7 @@ def _sample(rng: np.random.Generator, case: NodeCase) -> _Sample:
     step = int(rng.integers(len(case.x)))
     sample = _frame(case, step)
     left = max((len(case.x) - step) * case.scene.frame_dt, _SHORTEST)
-    if rng.random() < 0.5:
+    if rng.random() < _PUSHED:
         sample = _pushed(rng, sample, left)
     return _mirrored(sample) if rng.random() < 0.5 else sample
 
