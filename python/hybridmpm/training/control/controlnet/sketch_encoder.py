@@ -7,6 +7,8 @@ EMBEDDING = 44
 """Numbers that stand for a sketch, as in the paper."""
 CHANNELS = 3
 """Colours of a picture."""
+_GIVEN = 3 * CHANNELS
+"""The colours, and each times the place to the right and downwards: their means tell where ink is."""
 _WIDTHS = (16, 24, 32, 48)
 """Channels at each scale. The paper tells the number of convolutions, not their widths."""
 _SHARES = (4, 8, 16, 16)
@@ -26,7 +28,7 @@ class SketchEncoder(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        before = (CHANNELS, *_WIDTHS[:-1])
+        before = (_GIVEN, *_WIDTHS[:-1])
         self.scales = nn.ModuleList(
             nn.Sequential(
                 nn.Conv2d(inputs, width, 3, padding=1), nn.SiLU(),
@@ -48,7 +50,8 @@ class SketchEncoder(nn.Module):
 
         H is a multiple of 32, so that the coarsest scale divides into 4 by 4 cells.
         """
-        found, x = [], pictures
+        along = torch.linspace(-1.0, 1.0, pictures.shape[-1], device=pictures.device)
+        found, x = [], torch.cat([pictures, pictures * along, pictures * along.unsqueeze(-1)], dim=1)
         for index, (scale, project) in enumerate(zip(self.scales, self.projections, strict=True)):
             x = scale(nn.functional.avg_pool2d(x, 2) if index else x)
             cell = x.shape[-1] // _SIDES[index]

@@ -19,7 +19,7 @@ from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges
 
-_AT_NOISE = 0.3
+_AT_NOISE = 0.6
 """Share of the samples at the last time of the diffusion, from which all samplers begin."""
 _AT_REST = 0.1
 """Mean square of a field, in units of the data's, below which its error is not told relative to it."""

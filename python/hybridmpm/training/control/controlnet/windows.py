@@ -1,7 +1,7 @@
 """Training samples of the Fluid ControlNet: frames of reversed cases, pushed off their way and mirrored."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ _OFF = 0.03
 """Standard deviation of how far a sample is pushed off its way [m]."""
 _TURNED = 0.1
 """Standard deviation of how much it is turned, stretched and sheared [-]."""
+_CLEAR = 0.02
+"""Distance from a wall from which on the wall matters [m]."""
 _SHORTEST = 0.06
 """Shortest time in which what was pushed off its way is led back to its end [s]."""
 
@@ -106,7 +108,23 @@ def _sample(rng: np.random.Generator, case: NodeCase) -> _Sample:
     left = max((len(case.x) - step) * case.scene.frame_dt, _SHORTEST)
     if rng.random() < _PUSHED:
         sample = _pushed(rng, sample, left)
+    sample = _shifted(rng, sample, case)
     return _mirrored(sample) if rng.random() < 0.5 else sample
+
+
+def _shifted(rng: np.random.Generator, sample: _Sample, case: NodeCase) -> _Sample:
+    """Shift fluid and sketch to the side by whole pixels, as far as the case stays clear of the walls."""
+    pixel = 1.0 / sample.picture.shape[2]
+    low, high = case.x[..., 0].min(), case.x[..., 0].max()
+    inked = np.flatnonzero(sample.picture.any(axis=(0, 1)))
+    left = min((low - sample.walls[0, 0] - _CLEAR) / pixel, inked[0])
+    right = min((sample.walls[1, 0] - _CLEAR - high) / pixel, sample.picture.shape[2] - 1 - inked[-1])
+    if min(left, right) < 0:
+        return sample
+    pixels = int(rng.integers(-int(left), int(right), endpoint=True))
+    x = sample.x.copy()
+    x[:, 0] += np.float32(pixels * pixel)
+    return replace(sample, x=x, picture=np.roll(sample.picture, pixels, axis=2))
 
 
 def _pushed(rng: np.random.Generator, sample: _Sample, left: float) -> _Sample:
@@ -119,14 +137,11 @@ def _pushed(rng: np.random.Generator, sample: _Sample, left: float) -> _Sample:
     x = np.clip(sample.x + moved, *sample.walls)
     moved = x - sample.x
     back = -6 * moved / left**2 - 4 * sped / left
-    return _Sample(
-        x.astype(np.float32),
-        (sample.v + sped).astype(np.float32),
-        (sample.force + back).astype(np.float32),
-        sample.types,
-        sample.walls,
-        sample.step,
-        sample.picture,
+    return replace(
+        sample,
+        x=x.astype(np.float32),
+        v=(sample.v + sped).astype(np.float32),
+        force=(sample.force + back).astype(np.float32),
     )
 
 
@@ -136,6 +151,4 @@ def _mirrored(sample: _Sample) -> _Sample:
     x[:, 0] = sample.walls[:, 0].sum() - x[:, 0]
     v[:, 0] *= -1
     force[:, 0] *= -1
-    return _Sample(
-        x, v, force, sample.types, sample.walls, sample.step, np.ascontiguousarray(sample.picture[..., ::-1])
-    )
+    return replace(sample, x=x, v=v, force=force, picture=np.ascontiguousarray(sample.picture[..., ::-1]))
