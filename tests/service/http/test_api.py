@@ -228,3 +228,27 @@ def test_a_fork_goes_on_by_itself_with_the_same_bits(service: Any, path: str) ->
     service.http.delete(path)
     assert service.http.post(f"{fork['links']['self']}/advance", json={}).json()["frame"] == 15
     service.http.delete(fork["links"]["self"])
+
+
+def test_a_session_at_a_rung_shows_all_particles(service: Any, problem: Any) -> None:
+    made = service.http.post("/v1/sessions", json={"scenario": "water_2d", "seed": 3, "rung": "1/16"})
+    scene = scenarios.get("water_2d", 3)
+    solver = MpmSolver(scene, rung="1/16")
+    assert (made.json()["rung"], made.json()["r_p"]) == ("1/16", 1 / 16)
+    path = made.json()["links"]["self"]
+    fork = service.http.post(f"{path}/fork").json()
+    assert fork["rung"] == "1/16"
+    solver.advance(6)
+    for each in (path, fork["links"]["self"]):
+        answer = service.http.post(f"{each}/advance", json={"frames": 6}, headers=NPZ)
+        assert np.array_equal(_arrays(answer.content)["positions"], solver.positions)
+        service.http.delete(each)
+    assert solver.particle_count == MpmSolver(scene).particle_count
+    for body, message in (
+        ({"rung": "1/3"}, "must be one of"),
+        ({"solver": "hybrid", "rung": "1/16"}, "belongs"),
+    ):
+        refused = service.http.post("/v1/sessions", json={"scenario": "water_2d"} | body)
+        (error,) = problem(refused, 422)["errors"]
+        assert error["field"] == "body.rung"
+        assert message in error["message"]
