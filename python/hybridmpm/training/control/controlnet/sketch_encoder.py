@@ -9,6 +9,8 @@ CHANNELS = 3
 """Colours of a picture."""
 _GIVEN = 3 * CHANNELS
 """The colours, and each times the place to the right and downwards: their means tell where ink is."""
+_FAINT = 1e-3
+"""Mean ink of a picture that counts as hardly any."""
 _WIDTHS = (16, 24, 32, 48)
 """Channels at each scale. The paper tells the number of convolutions, not their widths."""
 _SHARES = (4, 8, 16, 16)
@@ -50,6 +52,8 @@ class SketchEncoder(nn.Module):
 
         H is a multiple of 32, so that the coarsest scale divides into 4 by 4 cells.
         """
+        # Lines are thin: in means over a picture they would say a hundredth of what a node's own features do.
+        pictures = pictures / (pictures.mean(dim=(1, 2, 3), keepdim=True) + _FAINT)
         along = torch.linspace(-1.0, 1.0, pictures.shape[-1], device=pictures.device)
         found, x = [], torch.cat([pictures, pictures * along, pictures * along.unsqueeze(-1)], dim=1)
         for index, (scale, project) in enumerate(zip(self.scales, self.projections, strict=True)):
