@@ -11,8 +11,8 @@ from torch import Tensor, nn
 
 from hybridmpm import MpmSolver, Scene, radius_graph, scenarios
 from hybridmpm.cli import cli
-from hybridmpm.control import ControlNet, Ellipse, follow, prepare
-from hybridmpm.control.diffusion.network import SIDE, ControlNetwork, properties_of
+from hybridmpm.control import Arrow, ControlNet, Ellipse, follow, prepare
+from hybridmpm.control.diffusion.network import SIDE, ControlNetwork, picture_of, properties_of
 from hybridmpm.control.guidance import Guidance
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.model import edge_inputs
@@ -21,7 +21,7 @@ from hybridmpm.training import checkpoint
 from hybridmpm.training.control.controlnet import cases, windows
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.control.controlnet.export import export_controlnet, to_onnx
-from hybridmpm.training.control.controlnet.network import STEP_EMBEDDING, TIME_EMBEDDING, waves
+from hybridmpm.training.control.controlnet.network import STEP_EMBEDDING, TIME_EMBEDDING, ink_moments, waves
 from hybridmpm.training.control.controlnet.sketch_encoder import EMBEDDING, SketchEncoder
 from hybridmpm.training.control.controlnet.trainer import (
     Conditioned,
@@ -33,7 +33,8 @@ from hybridmpm.training.physics.graph_network import SortedEdges
 
 COUNT = 40
 SETTINGS = ("water_2d", "sand_3d")
-OVAL = Ellipse(np.array([0.5, 0.5]), np.array([0.15, 0.1]), 0.3)
+OVAL = Ellipse(np.array([0.55, 0.5]), np.array([0.2, 0.1]), 0.3)
+ARROW = Arrow(np.array([[0.2, 0.2], [0.6, 0.6]]))
 
 
 def spec_of(scenario: str) -> NetworkSpec:
@@ -97,8 +98,8 @@ def test_the_encoder_tells_where_the_ink_is() -> None:
 
 def test_the_control_step_takes_sixteen_features() -> None:
     assert STEP_EMBEDDING == 16
-    # Those of the simulator, the control step, the noisy field, and the place.
-    assert network_of("water_2d").network.encoder.node.in_features == 30 + 16 + 2 + 2
+    # Those of the simulator, the control step, the noisy field, the place, and where the ink is.
+    assert network_of("water_2d").network.encoder.node.in_features == 30 + 16 + 2 + 2 + 6
 
 
 @pytest.mark.parametrize("scenario", SETTINGS)
@@ -119,11 +120,18 @@ def test_the_answer_depends_on_every_input(scenario: str, key: str) -> None:
     assert (answer(network, inputs | {key: changed[key]}) - before).abs().max() > 1e-4
 
 
-def test_a_new_network_does_not_see_the_sketch() -> None:
-    """Training begins from the backbone; the condition grows in from zero."""
-    network, inputs = Conditioned(spec_of("water_2d")), inputs_of("water_2d")
-    blank = inputs | {"picture": torch.zeros_like(inputs["picture"])}
-    assert torch.equal(answer(network, inputs), answer(network, blank))
+def test_the_moments_of_the_ink_are_those_of_the_sketch() -> None:
+    pictures = torch.from_numpy(np.stack([picture_of(OVAL), picture_of(ARROW)]).astype(np.float32))
+    found = ink_moments(pictures / 255).numpy()
+    np.testing.assert_allclose(found[0, :2], 2 * OVAL.center - 1, atol=0.01)
+    # Points of an ellipse are about its semi-axes over the root of two away, in the root mean square.
+    turn = np.array([[np.cos(OVAL.angle), -np.sin(OVAL.angle)], [np.sin(OVAL.angle), np.cos(OVAL.angle)]])
+    covariance = turn @ np.diag((2 * OVAL.axes) ** 2 / 2) @ turn.T
+    np.testing.assert_allclose(found[0, 2:4] ** 2, np.diag(covariance), rtol=0.2)
+    correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
+    assert found[0, 4] == pytest.approx(correlation, abs=0.1)
+    assert found[1, 4] == pytest.approx(1.0, abs=0.1)
+    assert found[1, 5] < 0.1 < found[0, 5]
 
 
 def test_times_of_the_diffusion_differ() -> None:

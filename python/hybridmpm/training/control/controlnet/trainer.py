@@ -87,7 +87,7 @@ class Conditioned(nn.Module):
         history = x - back * (v / _SPEED)
         nodes = node_features(history, walls, radius, torch.zeros_like(unit), unit)
         edges = edge_features(x, graph, radius)
-        places = 2.0 * (x - walls[0]) / (walls[1] - walls[0]) - 1.0
+        places = 2.0 * x - 1.0
         return self.network(  # type: ignore[no-any-return]
             nodes, types, edges, graph, places=places, noisy=noisy, step=step, condition=condition
         )
