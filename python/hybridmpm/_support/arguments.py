@@ -22,6 +22,13 @@ def whole(name: str, value: object, low: int, high: int) -> int:
     return number
 
 
+def flag(name: str, value: object) -> bool:
+    """Return a value that must be True or False, or raise `ConfigError`."""
+    if not isinstance(value, bool):
+        raise ConfigError(f"{name} must be True or False, got {value!r}")
+    return value
+
+
 def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.float32]:
     """Return `value` as a contiguous float32 array with as many axes as one of `shapes`, e.g. "(N, D)".
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.errors import SnapshotError
 from hybridmpm.scene import Scene
 
 _Floats = npt.NDArray[np.float32]
@@ -169,12 +170,36 @@ class Carrier:
         """Take the state of a snapshot of the same scene; or change nothing and raise `SnapshotError`."""
         self._native.restore(data)
 
-    def copy(self, few: Few) -> Self:
-        """Return an independent carrier in the same state, for a copy of the few."""
+    def copy(self, few: Few | None = None) -> Self:
+        """Return an independent carrier in the same state, for a copy of the few or else for the same few."""
         twin = object.__new__(type(self))
-        twin._few, twin._native = few, self._native.copy()
+        twin._few, twin._native = few or self._few, self._native.copy()
         return twin
 
     def _state(self) -> dict[str, Any]:
         few = self._few
         return {"ids": few.ids, "x": few.positions, "affine": few.affine, "mass": few.mass}
+
+
+def refuse_other_carry(*, saved: bool, here: bool) -> None:
+    """Refuse a snapshot that was taken with `carry` by a simulator without, or the other way round."""
+    if saved != here:
+        raise SnapshotError(
+            f"snapshot refused: it was taken with carry={saved}, and this simulator has carry={here}"
+        )
+
+
+def recalled(carrier: Carrier | None, data: bytes | None) -> Carrier | None:
+    """Return a copy of a carrier in the state of a snapshot; None where neither is.
+
+    Raises
+    ------
+    SnapshotError
+        The snapshot is damaged, of another scene, or only one of carrier and snapshot is there.
+    """
+    refuse_other_carry(saved=data is not None, here=carrier is not None)
+    if carrier is None or data is None:
+        return None
+    twin = carrier.copy()
+    twin.restore(data)
+    return twin

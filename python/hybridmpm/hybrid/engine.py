@@ -8,7 +8,6 @@ from hybridmpm.decisions import Decision
 from hybridmpm.errors import GraphSizeError, NonFiniteError, SimulationError
 from hybridmpm.hybrid import handoff
 from hybridmpm.hybrid.guard import Guard, Stage, View
-from hybridmpm.hybrid.state import Checkpoint
 from hybridmpm.hybrid.switch import Switch, SwitchSettings
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.stepper import Stepper
@@ -20,9 +19,15 @@ class Engine(Switch):
     """A hybrid simulation without checks of arguments: the frame loop."""
 
     def __init__(
-        self, mpm: MpmSolver, stepper: Stepper, guards: tuple[Guard, ...], settings: SwitchSettings
+        self,
+        mpm: MpmSolver,
+        stepper: Stepper,
+        guards: tuple[Guard, ...],
+        settings: SwitchSettings,
+        *,
+        carry: bool,
     ) -> None:
-        super().__init__(mpm, stepper, guards, settings)
+        super().__init__(mpm, stepper, guards, settings, carry=carry)
         self.script: list[Decision] | None = None
         """Decisions of a log that is replayed, to follow in place of the guards'."""
 
@@ -150,7 +155,7 @@ class Engine(Switch):
         """Arrive where the network's step leads, and look whether that state is sound."""
         now, mpm = self._now, self.state.mpm
         assert now.velocities is not None  # noqa: S101 - a step ends where one began
-        before = Checkpoint(now.copy(), mpm.snapshot())
+        before = self.state.checkpoint()
         now.frame += 1
         try:
             report = mpm.prescribe(

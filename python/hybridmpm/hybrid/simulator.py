@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm._support.arguments import whole
+from hybridmpm._support.arguments import flag, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode, without_undone
+from hybridmpm.downsampling import Carrier, CarryingSimulator
 from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import Force, checked_force
@@ -27,17 +28,17 @@ from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind, Simulator
+from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind
 from hybridmpm.snapshots import SavedState
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
-_MAGIC, _VERSION = b"HMPMHYBR", 1
+_MAGIC, _VERSION = b"HMPMHYBR", 2
 
 _Floats = npt.NDArray[np.float32]
 
 
-class HybridSimulator(Simulator):
+class HybridSimulator(CarryingSimulator):
     """A network simulates while its guards see no trouble, and MPM otherwise, on the same particles.
 
     MPM simulates the first 5 `r_t` frames, from which the network gets its history, every frame with an
@@ -65,6 +66,10 @@ class HybridSimulator(Simulator):
         Which mean of the cosines; see `hybrid.Cosine`.
     handoff : "warm", "shadow" or "cold"
         What MPM takes over from the network besides positions and velocities; see docs/hybrid.md.
+    carry : bool
+        Where the network moves fewer particles than the scene has, carry all of them along
+        (`downsampling.Carrier`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        the whole scene, and forces are given for them; `coarse_positions` are those that are simulated.
     threads : int in [1, 1024]
         Threads of MPM and of a network that is loaded here; the result does not depend on them.
 
@@ -78,8 +83,9 @@ class HybridSimulator(Simulator):
 
     Notes
     -----
-    N = round(r_p N_h) particles, in the order of `MpmSolver(scene, r_p=...)`. Between two steps of the
-    network positions and velocities are interpolated. The same scene, network and calls give the same bits.
+    round(r_p N_h) particles are simulated, in the order of `MpmSolver(scene, r_p=...)`. Between two steps of
+    the network positions and velocities are interpolated. What is undone is undone for the particles that are
+    carried, too. The same scene, network and calls give the same bits.
 
     A frame fails with `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError` where MPM failed,
     or the network where no guard watches it. A rollout shows frames that were undone later as they were when
@@ -99,6 +105,7 @@ class HybridSimulator(Simulator):
         guards: Sequence[str | Guard] = DEFAULT,
         safeguard: Safeguard = "ours",
         handoff: Handoff = "warm",
+        carry: bool = True,
         threads: int = 1,
     ) -> None:
         _check_scene(scene)
@@ -114,13 +121,24 @@ class HybridSimulator(Simulator):
         self._settings = SwitchSettings(
             window=whole("window", window, 1, MAX_WINDOW), safeguard=safeguard, handoff=handoff
         )
+        self._carry = flag("carry", carry)
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
-        self._engine = Engine(mpm, self._model, self._guards, self._settings)
+        self._engine = Engine(
+            mpm, self._model, self._guards, self._settings, carry=self._carry and mpm.r_p < 1
+        )
 
     @property
     def model(self) -> Stepper:
         """The network."""
         return self._model
+
+    @property
+    def _few(self) -> Engine:
+        return self._engine
+
+    @property
+    def _carrier(self) -> Carrier | None:
+        return self._engine.state.carrier
 
     @property
     def _mpm(self) -> MpmSolver:
@@ -152,36 +170,6 @@ class HybridSimulator(Simulator):
         return self._engine.state.moment.frame
 
     @property
-    def particle_count(self) -> int:
-        """Number N of particles."""
-        return self._mpm.particle_count
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) of the particles: 0, 1, ..."""
-        return self._mpm.ids
-
-    @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return self._mpm.materials
-
-    @property
-    def mass(self) -> _Floats:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
-        return self._mpm.mass
-
-    @property
-    def positions(self) -> _Floats:
-        """Positions (N, D) [m]; a copy."""
-        return self._engine.positions
-
-    @property
-    def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s]; a copy."""
-        return self._engine.velocities
-
-    @property
     def mode(self) -> Mode:
         """Who simulates the next frame, if no force acts on it: "mpm" or "neural"."""
         return self._engine.state.mode
@@ -211,10 +199,10 @@ class HybridSimulator(Simulator):
         mpm = self._mpm
         if self._engine.is_between:
             mpm = mpm.copy()
-            mpm.prescribe(self.positions, self.velocities, self.frame)
+            mpm.prescribe(self._engine.positions, self._engine.velocities, self.frame)
         return mpm.diagnostics()
 
-    def _advance_frame(self, force: _Floats | None) -> None:
+    def _advance_few(self, force: _Floats | None) -> None:
         self._engine.advance_frame(force if force is not None and force.any() else None)
 
     def replay(self, log: Iterable[Decision], frames: int, force: Force = None) -> None:
@@ -297,6 +285,7 @@ class HybridSimulator(Simulator):
             "guards": saved_guards.described(self._guards),
             "r_c": self._cosine.r_c,
             "hysteresis": self._cosine.hysteresis,
+            "carry": self._carry,
             **dataclasses.asdict(self._settings),
         }
 

@@ -11,6 +11,9 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.decisions import Decision, Mode
+from hybridmpm.downsampling import Carrier
+from hybridmpm.downsampling.carrier import Few
+from hybridmpm.downsampling.carrier import recalled as recalled_carrier
 from hybridmpm.errors import SnapshotError
 from hybridmpm.hybrid.guard import Guard
 from hybridmpm.mpm import MpmSolver
@@ -129,6 +132,8 @@ class Checkpoint:
     moment: Moment
     mpm: bytes
     """Snapshot of MPM."""
+    carried: bytes | None
+    """Snapshot of the carrier; None without one."""
 
 
 @dataclass
@@ -139,6 +144,8 @@ class HybridState:
     """MPM at the present state, or during a step of the network at the step's beginning."""
     moment: Moment
     backoff: Backoff
+    carrier: Carrier | None
+    """Who carries all particles of the scene along; None where those simulated are shown."""
     mode: Mode = "mpm"
     """Who simulates the next frame."""
     log: list[Decision] = field(default_factory=list)
@@ -146,35 +153,48 @@ class HybridState:
     """The latest states to go back to, the oldest first. The first that is kept is MPM's own, where the
     network took over."""
 
-    def copy(self) -> "HybridState":
-        """Return an independent state with the same network."""
+    def copy(self, few: Few | None = None) -> "HybridState":
+        """Return an independent state with the same network, for a copy of the few or for the same few."""
         return dataclasses.replace(
             self,
             mpm=self.mpm.copy(),
             moment=self.moment.copy(),
             backoff=copy.copy(self.backoff),
+            carrier=None if self.carrier is None else self.carrier.copy(few),
             log=list(self.log),
             checkpoints=self.checkpoints.copy(),
         )
 
+    def checkpoint(self) -> Checkpoint:
+        """Return the present state, to go back to."""
+        return Checkpoint(self.moment.copy(), self.mpm.snapshot(), self._carried())
+
     def keep(self) -> None:
         """Keep the present state, to go back to."""
-        self.checkpoints.append(Checkpoint(self.moment.copy(), self.mpm.snapshot()))
+        self.checkpoints.append(self.checkpoint())
 
     def take_back(self, checkpoint: Checkpoint) -> None:
         """Go back to a state. Log, backoff and other checkpoints stay."""
         self.mpm.restore(checkpoint.mpm)
         self.moment = checkpoint.moment.copy()
+        self.carrier = recalled_carrier(self.carrier, checkpoint.carried)
+
+    def _carried(self) -> bytes | None:
+        return None if self.carrier is None else self.carrier.snapshot()
 
     def remember(self) -> dict[str, Any]:
         """Return the state as a tree for a snapshot."""
         return {
             "mpm": self.mpm.snapshot(),
             "moment": self.moment.remember(),
+            "carried": self._carried(),
             "backoff": dataclasses.asdict(self.backoff),
             "mode": self.mode,
             "log": [dataclasses.asdict(decision) for decision in self.log],
-            "checkpoints": [{"moment": kept.moment.remember(), "mpm": kept.mpm} for kept in self.checkpoints],
+            "checkpoints": [
+                {"moment": kept.moment.remember(), "mpm": kept.mpm, "carried": kept.carried}
+                for kept in self.checkpoints
+            ],
         }
 
     def recalled(self, memory: dict[str, Any]) -> Self:
@@ -192,13 +212,14 @@ class HybridState:
         return dataclasses.replace(
             self,
             mpm=mpm,
+            carrier=recalled_carrier(self.carrier, memory["carried"]),
             moment=self.moment.recalled(memory["moment"]),
             backoff=Backoff(**memory["backoff"]),
             mode=memory["mode"],
             log=[Decision(**decision) for decision in memory["log"]],
             checkpoints=deque(
                 (
-                    Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"])
+                    Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"])
                     for kept in memory["checkpoints"]
                 ),
                 maxlen=_CHECKPOINTS,

@@ -52,12 +52,21 @@ class Switch:
     guards : tuple of Guard
         Guards that watch the network, in the order of their stages.
     settings : SwitchSettings
+    carry : bool
+        Carry all particles of the scene along.
     """
 
     def __init__(
-        self, mpm: MpmSolver, stepper: Stepper, guards: tuple[Guard, ...], settings: SwitchSettings
+        self,
+        mpm: MpmSolver,
+        stepper: Stepper,
+        guards: tuple[Guard, ...],
+        settings: SwitchSettings,
+        *,
+        carry: bool,
     ) -> None:
         self._stepper, self._fresh_guards, self._settings = stepper, guards, settings
+        self._carry = carry
         self._fresh = mpm.snapshot()
         self.state = self._first_state(mpm)
 
@@ -75,7 +84,8 @@ class Switch:
         track.observe(x)
         history.push(x)
         moment = Moment(track, history, tuple(guard.copy() for guard in self._fresh_guards))
-        return HybridState(mpm, moment, Backoff(self._settings.window))
+        carrier = mpm.carrier_for(self) if self._carry else None
+        return HybridState(mpm, moment, Backoff(self._settings.window), carrier)
 
     def reset(self) -> None:
         """Go back to frame 0."""
@@ -85,7 +95,7 @@ class Switch:
     def copy(self) -> Self:
         """Return an independent engine in the same state, with the same network."""
         twin = copy.copy(self)
-        twin.state = self.state.copy()
+        twin.state = self.state.copy(twin)
         return twin
 
     @property
@@ -94,14 +104,44 @@ class Switch:
         return self._now.track.is_under_way
 
     @property
+    def frame(self) -> int:
+        """Number of frames since the start."""
+        return self._now.frame
+
+    @property
+    def particle_count(self) -> int:
+        """Number N of particles."""
+        return self.state.mpm.particle_count
+
+    @property
+    def ids(self) -> npt.NDArray[np.uint64]:
+        """Numbers (N,) of the particles: 0, 1, ..."""
+        return self.state.mpm.ids
+
+    @property
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Indices (N,) into the scene's materials."""
+        return self.state.mpm.material
+
+    @property
+    def mass(self) -> _Floats:
+        """Masses (N,) [kg]."""
+        return self.state.mpm.mass
+
+    @property
+    def affine(self) -> _Floats:
+        """Velocity gradients (N, D, D) [1/s]; within a step of the network those at its beginning."""
+        return self.state.mpm.affine
+
+    @property
     def positions(self) -> _Floats:
-        """Positions (N, D) [m], as shown."""
+        """Positions (N, D) [m]; a copy."""
         track = self._now.track
-        return track.positions if track.is_under_way else self.state.mpm.positions
+        return track.positions.copy() if track.is_under_way else self.state.mpm.positions
 
     @property
     def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s], as shown."""
+        """Velocities (N, D) [m/s]; a copy."""
         track, ends = self._now.track, self._now.velocities
         if not track.is_under_way or ends is None:
             return self.state.mpm.velocities
@@ -177,6 +217,8 @@ class Switch:
             while self._now.frame < until:
                 self.state.mpm.advance(1)
                 self._after_mpm(is_forced=False)
+                if self.state.carrier is not None:
+                    self.state.carrier.follow()
         except SimulationError:
             if not self.state.checkpoints:
                 raise

@@ -4,6 +4,7 @@ import math
 
 from hybridmpm import _native
 from hybridmpm.downsampling import Carrier, Rung, merge
+from hybridmpm.downsampling.carrier import Few
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
@@ -54,18 +55,14 @@ def native_solver(
     )
 
 
-def carrier_of(scene: Scene, solver: _native.Solver, rung: Rung, *, carry: bool) -> Carrier | None:
-    """Return who carries all particles of a scene along with those of a solver; None without `carry`.
+def carrier_of(scene: Scene, few: Few, solver: _native.Solver, rung: Rung) -> Carrier:
+    """Return who carries all particles of a scene along with few that start as a solver's.
 
     Raises
     ------
     ConfigError
         There is nothing to carry.
     """
-    if not isinstance(carry, bool):
-        raise ConfigError(f"carry must be True or False, got {carry!r}")
-    if not carry:
-        return None
     if rung.r_p == 1:
         raise ConfigError(
             "carry=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
@@ -73,7 +70,7 @@ def carrier_of(scene: Scene, solver: _native.Solver, rung: Rung, *, carry: bool)
         )
     return Carrier(
         scene,
-        solver,
+        few,
         solver,
         native_emitters(scene),
         affine_share=rung.affine_share,

@@ -50,7 +50,7 @@ class Frames:
         return self._redone.get(self.solver.frame, self.solver.last_frame)
 
     def advance(self, frames: int, force: _Floats | None) -> None:
-        """Advance by frames under one acceleration (D,) [m/s^2], or without."""
+        """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
         if self.carrier is None:
             self._advance_few(frames, force)
             return
@@ -58,12 +58,6 @@ class Frames:
         while self.solver.frame < last:
             self._advance_few(min(self.carrier.frames_to_carry(), last - self.solver.frame), force)
             self.carrier.follow()
-
-    def advance_one(self, force: _Floats | None) -> None:
-        """Advance by one frame under an acceleration, (D,) or of each particle that is shown (N, D)."""
-        if self.carrier is not None and force is not None and force.ndim == 2:
-            force = self.carrier.gather_force(force)
-        self.advance(1, force)
 
     def _advance_few(self, frames: int, force: _Floats | None) -> None:
         last = self.solver.frame + frames

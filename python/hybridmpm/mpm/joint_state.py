@@ -4,6 +4,7 @@ import struct
 
 from hybridmpm import _native
 from hybridmpm.downsampling import Carrier
+from hybridmpm.downsampling.carrier import refuse_other_carry
 from hybridmpm.errors import SnapshotError
 
 _PREFIX = struct.Struct("<8sQ")
@@ -26,11 +27,7 @@ def restore(few: _native.Solver, carrier: Carrier | None, data: bytes) -> None:
         The bytes are damaged, of another scene, or of a solver that differs in `carry`; nothing has changed.
     """
     state, carried = _parted(data)
-    if (carrier is None) != (carried is None):
-        raise SnapshotError(
-            f"snapshot refused: it was taken with carry={carried is not None}, and this solver has "
-            f"carry={carrier is not None}"
-        )
+    refuse_other_carry(saved=carried is not None, here=carrier is not None)
     before = few.snapshot()
     few.restore(state)
     if carrier is not None and carried is not None:

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm._support.arguments import float32, whole
-from hybridmpm.downsampling import Rung, rung_for
+from hybridmpm._support.arguments import flag, float32, whole
+from hybridmpm.downsampling import Carrier, Rung, rung_for
+from hybridmpm.downsampling.carrier import Few
 from hybridmpm.errors import ConfigError, CostlyMaterialWarning, RungWarning, ThinObstacleWarning
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import carrier_of, native_solver
@@ -113,7 +114,6 @@ class MpmSolver(MpmState):
             _refuse_beside_rung(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
             self._rung = _checked(rung, scene) if isinstance(rung, Rung) else rung_for(scene, rung)
             carry = True
-        self._types = np.array([material.type_id for material in scene.materials], dtype=np.uint8)
         self._limit_told = self._redone_told = False
         build = partial(
             native_solver,
@@ -127,7 +127,7 @@ class MpmSolver(MpmState):
         solver = build(cfl=cfl if rung is None else self._rung.cfl)
         self._frames = Frames(
             solver,
-            carrier_of(scene, solver, self._rung, carry=carry),
+            carrier_of(scene, solver, solver, self._rung) if flag("carry", carry) else None,
             safe=None if self._rung.cfl is None else partial(build, cfl=None),
         )
         if substeps == "cfl":
@@ -148,7 +148,7 @@ class MpmSolver(MpmState):
         return self._frames.solver
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
-        carrying = self._frames.carrier is not None
+        carrying = self._carrier is not None
         by_particle = force.array is not None and force.array.ndim > 1
         if force.by_frame or (carrying and (by_particle or path is not None)):
             super()._advance(frames, force, path)
@@ -160,8 +160,8 @@ class MpmSolver(MpmState):
         self._tell_limit(stacklevel=4)
         self._tell_redone(stacklevel=4)
 
-    def _advance_frame(self, force: npt.NDArray[np.float32] | None) -> None:
-        self._frames.advance_one(force)
+    def _advance_few(self, force: npt.NDArray[np.float32] | None) -> None:
+        self._frames.advance(1, force)
 
     def cancel_by(self, flag: _native.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
@@ -200,7 +200,7 @@ class MpmSolver(MpmState):
         ConfigError
             Wrong shapes, or the solver has emitters, sinks, `sleep` or `carry`.
         """
-        if self._frames.carrier is not None:
+        if self._carrier is not None:
             raise ConfigError(
                 "prescribe is for solvers without carry=True: nothing tells how the particles that are "
                 "carried would have moved meanwhile"
@@ -213,9 +213,24 @@ class MpmSolver(MpmState):
             deform=deform,
         )
 
+    def carrier_for(self, few: Few) -> Carrier:
+        """Return who carries all particles of the scene along with few that somebody else moves.
+
+        Parameters
+        ----------
+        few : Few
+            Particles at frame 0, which start as those of this solver.
+
+        Raises
+        ------
+        ConfigError
+            At `r_p` = 1 there is nothing to carry.
+        """
+        return carrier_of(self._scene, few, self._solver, self._rung)
+
     def _tell_limit(self, stacklevel: int) -> None:
         """Warn, once, where an emitter has stopped because of `max_particles`."""
-        if not self._limit_told and "full" in self._shown.emitters:
+        if not self._limit_told and "full" in self.emitters:
             self._limit_told = True
             warnings.warn(
                 f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}",
@@ -256,7 +271,7 @@ class MpmSolver(MpmState):
             "allow_unstable": self._allow_unstable,
             "sleep": None if self._sleep is None else self._sleep.model_dump(),
             **(
-                {"r_p": self.r_p, "carry": self._frames.carrier is not None}
+                {"r_p": self.r_p, "carry": self._carrier is not None}
                 if self.rung is None
                 else {"rung": self.rung.to_dict()}
             ),

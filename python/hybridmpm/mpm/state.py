@@ -1,20 +1,20 @@
 """`MpmState`: what can be read off an MPM solver."""
 
-from typing import Any, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling import Carrier, Rung
+from hybridmpm.downsampling import Carrier, CarryingSimulator, Rung
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.scene import Scene
 from hybridmpm.scene.openings import EmitterStatus
-from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.simulator import Kind
 
 
-class MpmState(Simulator):
+class MpmState(CarryingSimulator):
     """The part of `MpmSolver` that reads: N particles are shown, n simulated, D is the dimension."""
 
     kind: ClassVar[Kind] = "mpm"
@@ -22,12 +22,14 @@ class MpmState(Simulator):
     _scene: Scene
     _rung: Rung
     _frames: Frames
-    _types: npt.NDArray[np.uint8]
 
     @property
-    def _shown(self) -> _native.Solver | Carrier:
-        """Who knows the particles that are shown."""
-        return self._frames.solver if self._frames.carrier is None else self._frames.carrier
+    def _few(self) -> _native.Solver:
+        return self._frames.solver
+
+    @property
+    def _carrier(self) -> Carrier | None:
+        return self._frames.carrier
 
     @property
     def scene(self) -> Scene:
@@ -63,11 +65,6 @@ class MpmState(Simulator):
         return self._frames.redone
 
     @property
-    def particle_spacing(self) -> float:
-        """Distance of the particles of `positions` at rest [m]: above the scene's where they are merged."""
-        return super().particle_spacing if self._frames.carrier is None else self.scene.spacing
-
-    @property
     def r_t(self) -> int:
         """1: MPM makes every frame."""
         return 1
@@ -83,34 +80,14 @@ class MpmState(Simulator):
         return ()
 
     @property
-    def particle_count(self) -> int:
-        """Number N of particles at present."""
-        return self._shown.particle_count
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... in the order in which they came."""
-        return self._shown.ids
-
-    @property
     def emitters(self) -> tuple[EmitterStatus, ...]:
         """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
-        return cast("tuple[EmitterStatus, ...]", tuple(self._shown.emitters))
+        return cast("tuple[EmitterStatus, ...]", tuple((self._carrier or self._few).emitters))
 
     @property
-    def positions(self) -> npt.NDArray[np.float32]:
-        """Positions (N, D) [m]; a copy."""
-        return self._shown.positions
-
-    @property
-    def velocities(self) -> npt.NDArray[np.float32]:
-        """Velocities (N, D) [m/s]; a copy."""
-        return self._shown.velocities
-
-    @property
-    def coarse_positions(self) -> npt.NDArray[np.float32]:
-        """Positions (n, D) [m] of the particles that are simulated: without `carry` all; a copy."""
-        return self._frames.solver.positions
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Indices (n,) into the scene's materials of the particles that are simulated; a copy."""
+        return self._frames.solver.material
 
     @property
     def affine(self) -> npt.NDArray[np.float32]:
@@ -128,16 +105,6 @@ class MpmState(Simulator):
         return self._frames.solver.asleep
 
     @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return _read_only(self._types[self._shown.material])
-
-    @property
-    def mass(self) -> npt.NDArray[np.float32]:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
-        return _read_only(self._shown.mass)
-
-    @property
     def last_frame(self) -> _native.FrameReport | None:
         """How the latest frame was cut into substeps; None before the first."""
         return self._frames.last
@@ -145,8 +112,3 @@ class MpmState(Simulator):
     def diagnostics(self) -> _native.Diagnostics:
         """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._frames.solver.diagnostics()
-
-
-def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    array.flags.writeable = False
-    return array

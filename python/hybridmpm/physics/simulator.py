@@ -8,29 +8,31 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm._support.arguments import whole
+from hybridmpm._support.arguments import flag, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.errors import DomainError, NonFiniteError, SnapshotError
+from hybridmpm.downsampling import Carrier, CarryingSimulator
+from hybridmpm.downsampling.carrier import recalled as recalled_carrier
 from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics.frames import NetworkFrames
 from hybridmpm.physics.load import Model, as_stepper, described, recalled
 from hybridmpm.physics.stepper import Stepper
-from hybridmpm.physics.track import Track, warmup_frames
+from hybridmpm.physics.track import warmup_frames
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
-_MAGIC, _VERSION = b"HMPMNEUR", 1
+_MAGIC, _VERSION = b"HMPMNEUR", 2
 
 _Floats = npt.NDArray[np.float32]
 
 
-class NeuralPhysics(Simulator):
+class NeuralPhysics(CarryingSimulator):
     """A learned simulator on a scene.
 
     MPM makes the first 5 r_t frames, which the network looks back on. From then on the network steps r_t
-    frames at once, and frames between are interpolated. N is the number of fluid particles, D the dimension;
-    obstacles take part as kinematic particles that are not among the N.
+    frames at once, and frames between are interpolated. N is the number of particles that are shown, D the
+    dimension; obstacles take part as kinematic particles that are not among the N.
 
     Parameters
     ----------
@@ -38,6 +40,10 @@ class NeuralPhysics(Simulator):
     model : str, Path or Stepper
         The network: name of a model of the library, an .onnx file, or anything that steps like a
         `NeuralModel`. "zero" is free fall.
+    carry : bool
+        Where the network moves fewer particles than the scene has, carry all of them along
+        (`downsampling.Carrier`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        the whole scene, and forces are given for them; `coarse_positions` are those that the network moves.
     threads : int in [1, 1024]
         Threads of the first frames, and of a network that is loaded here.
 
@@ -61,17 +67,29 @@ class NeuralPhysics(Simulator):
 
     kind: ClassVar[Kind] = "neural"
 
-    def __init__(self, scene: Scene, model: Model, *, threads: int = 1) -> None:
+    def __init__(self, scene: Scene, model: Model, *, carry: bool = True, threads: int = 1) -> None:
         self._model = as_stepper(model, scene, threads=threads)
         self._model.check(scene)
-        self._solver = MpmSolver(scene, r_p=self._model.r_p, threads=threads)
-        self._start()
+        self._carry = flag("carry", carry)
+        self._start(MpmSolver(scene, r_p=self._model.r_p, threads=threads))
 
-    def _start(self) -> None:
-        self._frame = 0
-        self._force = np.zeros((self.particle_count, self.dim), dtype=np.float32)
-        self._track = Track(self._model, self.scene, self.materials)
-        self._track.observe(self._solver.positions)
+    def _start(self, solver: MpmSolver) -> None:
+        self._frames = NetworkFrames(solver, self._model)
+        carrying = self._carry and solver.r_p < 1
+        self._carried_by = solver.carrier_for(self._frames) if carrying else None
+
+    @property
+    def _few(self) -> NetworkFrames:
+        return self._frames
+
+    @property
+    def _carrier(self) -> Carrier | None:
+        return self._carried_by
+
+    @property
+    def _solver(self) -> MpmSolver:
+        """MPM, which makes the first frames."""
+        return self._frames.solver
 
     @property
     def model(self) -> Stepper:
@@ -91,57 +109,27 @@ class NeuralPhysics(Simulator):
     @property
     def r_t(self) -> int:
         """Number of frames that one step of the network spans."""
-        return self._track.r_t
+        return self._frames.track.r_t
 
     @property
     def mode(self) -> Mode:
         """Who simulates the next frame: "mpm" in the first 5 r_t frames, then "neural"."""
-        return "neural" if self._track.ready else "mpm"
+        return "neural" if self._frames.track.ready else "mpm"
 
     @property
     def frame(self) -> int:
         """Number of frames since the start."""
-        return self._frame
-
-    @property
-    def particle_count(self) -> int:
-        """Number N of particles."""
-        return self._solver.particle_count
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) of the particles: 0, 1, ..."""
-        return self._solver.ids
-
-    @property
-    def positions(self) -> _Floats:
-        """Positions (N, D) [m]; a copy."""
-        return self._solver.positions if self._by_mpm else self._track.positions.copy()
-
-    @property
-    def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s]; a copy."""
-        return self._solver.velocities if self._by_mpm else self._track.velocities
-
-    @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
-        return self._solver.materials
-
-    @property
-    def mass(self) -> _Floats:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
-        return self._solver.mass
+        return self._frames.frame
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
         """How MPM cut its latest frame; None before the first and where the network made it."""
-        return self._solver.last_frame if self._by_mpm else None
+        return self._solver.last_frame if self._frames.is_by_mpm else None
 
     @property
     def log(self) -> tuple[Decision, ...]:
         """The one decision there is, once it is made: after the first frames the network takes over."""
-        if not self._track.ready:
+        if not self._frames.track.ready:
             return ()
         warmup = warmup_frames(self.r_t)
         return (Decision(frame=warmup, mode="neural", value=None, reason="warm-up", noticed=warmup),)
@@ -151,59 +139,14 @@ class NeuralPhysics(Simulator):
 
         A network knows no stress: elastic energy is that of the last frame that MPM made.
         """
-        if self._by_mpm:
+        if self._frames.is_by_mpm:
             return self._solver.diagnostics()
         solver = self._solver.copy()
-        solver.prescribe(self.positions, self.velocities, self._frame)
+        solver.prescribe(self._frames.positions, self._frames.velocities, self.frame)
         return solver.diagnostics()
 
-    def _advance_frame(self, force: _Floats | None) -> None:
-        if self._track.ready:
-            held = np.zeros(self.dim, dtype=np.float32) if force is None else force
-            self._advance_by_network(np.broadcast_to(held, self._force.shape))
-        else:
-            self._solver.advance(1, force)
-            if self._solver.frame % self.r_t == 0:
-                self._track.observe(self._solver.positions)
-        self._frame += 1
-
-    def _advance_by_network(self, force: _Floats) -> None:
-        track = self._track.copy()  # a frame that fails leaves the state before it
-        if not track.is_under_way:
-            after = track.answer(force)
-            track.begin(after, force)
-            self._check(track)
-        elif not np.array_equal(force, self._force):
-            track.push(force - self._force)
-            self._check(track)
-        track.tick()
-        if track.phase == track.r_t:
-            track.arrive()
-        # A copy: the caller's array may hold another force at the next frame.
-        self._track, self._force = track, force.copy()
-
-    def _check(self, track: Track) -> None:
-        """Refuse a step that leads nowhere that a particle may be."""
-        frame, end = self._frame + 1, track.end
-        bad = ~np.isfinite(end).all(axis=1)
-        if bad.any():
-            raise NonFiniteError(
-                f"particle {int(bad.argmax())} became non-finite in frame {frame}, in a network step: the "
-                "scene is beyond what the network can do, or a force without bound acts"
-            )
-        lower, upper = track.walls
-        beyond = np.maximum(lower - end, end - upper).max(axis=1, initial=0.0)
-        if (beyond > self.scene.dx).any():
-            particle = int(beyond.argmax())
-            raise DomainError(
-                f"particle {particle} left the domain in frame {frame}, in a network step, at "
-                f"{end[particle].tolist()} m; allowed is up to {self.scene.dx:.2e} m past a wall"
-            )
-
-    @property
-    def _by_mpm(self) -> bool:
-        """Whether MPM made the present state."""
-        return self._frame == self._solver.frame
+    def _advance_few(self, force: _Floats | None) -> None:
+        self._frames.advance(force)
 
     def cancel_by(self, flag: _native.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
@@ -213,22 +156,20 @@ class NeuralPhysics(Simulator):
     def reset(self) -> None:
         """Go back to frame 0."""
         self._solver.reset()
-        self._start()
+        self._start(self._solver)
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state; the two share the network."""
         twin = copy.copy(self)
-        twin._solver, twin._track = self._solver.copy(), self._track.copy()  # noqa: SLF001 - of this class
+        twin._frames = self._frames.copy()  # noqa: SLF001 - of this very class
+        if self._carried_by is not None:
+            twin._carried_by = self._carried_by.copy(twin._frames)  # noqa: SLF001 - of this very class
         return twin
 
     def snapshot(self) -> bytes:
         """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
-        state = {
-            "frame": self._frame,
-            "force": np.ascontiguousarray(self._force),
-            "solver": self._solver.snapshot(),
-            "track": self._track.remember(),
-        }
+        carried = None if self._carrier is None else self._carrier.snapshot()
+        state = {"frames": self._frames.remember(), "carried": carried}
         return pack(_MAGIC, _VERSION, state)
 
     def restore(self, data: bytes) -> None:
@@ -241,15 +182,12 @@ class NeuralPhysics(Simulator):
         """
         with unfitting("snapshot"):
             state = unpack(_MAGIC, _VERSION, data)
-            track, force, frame = self._track.copy(), state["force"], state["frame"]
-            track.recall(state["track"])
-            if force.shape != self._force.shape or not 0 <= frame <= 2**53:
-                raise SnapshotError("the snapshot holds a force or a frame that do not fit")
-            self._solver.restore(state["solver"])
-        self._track, self._force, self._frame = track, force, frame
+            carrier = recalled_carrier(self._carried_by, state["carried"])
+            self._frames.recall(state["frames"])
+        self._carried_by = carrier
 
     def _settings_to_save(self) -> dict[str, Any]:
-        return {"model": described(self._model)}
+        return {"model": described(self._model), "carry": self._carry}
 
     @classmethod
     def load(cls, path: str | Path, *, model: Model | None = None, threads: int = 1) -> Self:
@@ -275,6 +213,6 @@ class NeuralPhysics(Simulator):
 
         def make(saved: SavedState) -> Any:
             stepper = recalled(saved.settings["model"], model, saved.scene, threads=threads)
-            return cls(saved.scene, stepper, threads=threads)
+            return cls(saved.scene, stepper, carry=saved.settings["carry"], threads=threads)
 
         return cls._restored(path, make)

@@ -28,13 +28,13 @@ def test_the_hybrid_simulates_and_tells_the_share_of_mpm(scene_file: Path, tmp_p
     assert done.exit_code == 0, done.output
     # 10 frames of warm-up; the block is still falling after 30.
     assert "33 % of the frames by MPM" in done.output
-    assert np.load(out)["positions"].shape == (4, 146, 2)
+    assert np.load(out)["positions"].shape == (4, 256, 2)
 
 
 def test_a_network_simulates_alone(scene_file: Path) -> None:
     done = run("--scene", str(scene_file), "--solver", "neural", "--model", "zero", "--frames", "30")
     assert done.exit_code == 0, done.output
-    assert "fall: 146 particles, 30 frames" in done.output
+    assert "fall: 256 particles, 30 frames" in done.output
 
 
 @pytest.mark.parametrize(

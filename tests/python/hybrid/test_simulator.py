@@ -228,9 +228,9 @@ def test_force_is_left_to_mpm(drop: Scene, recorded: Make) -> None:
 def test_a_replay_of_the_log_gives_the_same_bits(
     splash: Scene, fake: Make, kind: str, guards: tuple[str, ...]
 ) -> None:
-    force = np.zeros((120, MpmSolver(splash, r_p=0.5).particle_count, 2), dtype=np.float32)
-    force[33:36] = 4
     sim = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2), guards=guards)
+    force = np.zeros((120, sim.particle_count, 2), dtype=np.float32)
+    force[33:36] = 4
     sim.advance(120, force)
     assert len(sim.log) >= 2
     again = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2))

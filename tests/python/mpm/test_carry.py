@@ -22,7 +22,6 @@ from hybridmpm.downsampling import Carrier
 from hybridmpm.downsampling.splines import Stencils
 from hybridmpm.recording import record
 from hybridmpm.scene import BallObstacle, BoxObstacle, Motion
-from hybridmpm.simulators import make
 from hybridmpm.snapshots import read_state, write_state
 
 
@@ -275,8 +274,6 @@ def test_what_cannot_be_carried_is_refused() -> None:
     solver = carried(falling(2), 1 / 8)
     with pytest.raises(ConfigError, match="prescribe is for solvers without carry"):
         solver.prescribe(solver.positions, solver.velocities, 3)
-    with pytest.raises(ConfigError, match="carry belongs to 'mpm', not to 'neural'"):
-        make("neural", falling(2), model="fluids_2d", carry=True)
 
 
 class Mover:

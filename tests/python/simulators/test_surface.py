@@ -300,12 +300,16 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
         return
     simulator.advance(26)
     magic = {"neural": b"HMPMNEUR", "hybrid": b"HMPMHYBR"}[simulator.kind]
-    tree = unpack(magic, 1, simulator.snapshot())
+    tree = unpack(magic, 2, simulator.snapshot())
     before = simulator.snapshot()
-    wrong: list[dict[str, Any]] = [{}, {**tree, "track": 3, "moment": 3}, {**tree, "frame": "x", "mode": "x"}]
+    wrong: list[dict[str, Any]] = [
+        {},
+        {**tree, "frames": 3, "moment": 3},
+        {**tree, "carried": "x", "mode": "x"},
+    ]
     for one in wrong:
         with pytest.raises(SnapshotError):
-            simulator.restore(pack(magic, 1, one))
+            simulator.restore(pack(magic, 2, one))
         assert simulator.snapshot() == before
 
 

@@ -70,10 +70,15 @@ def measure(settings: HybridSettings, on_progress: Progress) -> Iterator[Row]:
     on_progress(1)
     network = as_stepper(model_for(settings.model, settings.scenario), scene, threads=settings.threads)
     hybrid = HybridSimulator(
-        scene, network, r_c=settings.r_c, safeguard=settings.safeguard, threads=settings.threads
+        scene,
+        network,
+        r_c=settings.r_c,
+        safeguard=settings.safeguard,
+        carry=False,
+        threads=settings.threads,
     )
     simulators: dict[str, Simulator] = {
-        "neural": NeuralPhysics(scene, network, threads=settings.threads),
+        "neural": NeuralPhysics(scene, network, carry=False, threads=settings.threads),
         "hybrid": hybrid,
         "mpm": MpmSolver(scene, r_p=network.r_p, threads=settings.threads),
     }

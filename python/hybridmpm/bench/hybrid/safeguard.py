@@ -94,7 +94,7 @@ def measure(settings: SafeguardSettings, on_progress: Progress) -> Iterator[Row]
 def _points(scene: Scene, network: Stepper, guards: GuardValues, frames: int) -> list[Row]:
     """Let the network simulate alone, and return its errors and the guards' values every 10 frames."""
     truth = MpmSolver(scene, substeps="reference")
-    simulator = NeuralPhysics(scene, network)
+    simulator = NeuralPhysics(scene, network, carry=False)
     points = []
     latest: dict[str, float] = {}
     for _ in range(frames // network.r_t):

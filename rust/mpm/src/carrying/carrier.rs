@@ -23,8 +23,9 @@ use threads::Team;
 /// Frames from one carry to the next, where no particles come and go.
 pub const CARRY_EVERY: u64 = 4;
 
-/// Passes in which the many slide apart at a carry, at most.
-const MOST_PASSES: usize = 8;
+/// Passes in which the many slide apart at a carry, at most. Few carries need more than two; in a splash at a wall eight
+/// were too few.
+const MOST_PASSES: usize = 24;
 
 /// How particles are carried, apart from the few and the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]

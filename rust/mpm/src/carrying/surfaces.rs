@@ -5,6 +5,9 @@ use crate::boundary::{Obstacles, Walls};
 use crate::grid::{Layout, Stencils};
 use crate::linalg::{LANES, Vector};
 
+/// What is put back behind a wall lies within a layer of so many cells.
+const LAYER: f32 = 0.5;
+
 /// All surfaces of a scene, for single particles.
 #[derive(Debug, Clone)]
 pub struct Surfaces<const D: usize> {
@@ -17,7 +20,9 @@ pub struct Surfaces<const D: usize> {
 }
 
 impl<const D: usize> Surfaces<D> {
-    /// Puts back what has passed a wall.
+    /// Puts back what has passed a wall, the farther inside the farther it had passed.
+    ///
+    /// Put onto the wall itself, all that passes two walls at once would end in one point, where no density parts it.
     pub fn keep_between_walls(&self, block: &mut Block<D>) {
         let mut outside = false;
         for axis in 0..D {
@@ -39,13 +44,21 @@ impl<const D: usize> Surfaces<D> {
         for axis in 0..D {
             let (lower, upper) = (self.walls.lower[axis], self.walls.upper[axis]);
             // A velocity without bound, as of a network gone wrong, must not make a position that is no number.
-            let inside = particle.x[axis].max(lower).min(upper);
-            if inside.to_bits() != particle.x[axis].to_bits() {
+            let wall = particle.x[axis].max(lower).min(upper);
+            if wall.to_bits() != particle.x[axis].to_bits() {
+                let side = if wall > lower { -1.0 } else { 1.0 };
                 let mut normal = Vector::zeros();
-                normal[axis] = if inside > lower { -1.0 } else { 1.0 };
+                normal[axis] = side;
+                let passed = (particle.x[axis] - wall).abs();
+                let layer = LAYER * self.layout.dx();
+                let inside = if passed < f32::MAX {
+                    passed * (layer / (passed + layer))
+                } else {
+                    0.0
+                };
                 let friction = self.frictions[usize::from(particle.material)];
                 let contact = self.walls.contact;
-                particle.x[axis] = inside;
+                particle.x[axis] = wall + side * inside;
                 particle.v = contact.resolve(&particle.v, &normal, friction);
             }
         }
