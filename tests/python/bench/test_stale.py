@@ -265,6 +265,10 @@ def test_what_the_benchmarks_need() -> None:
     assert {"ladders.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
     assert names.isdisjoint({"provenance.py", "charts.py", "doctor.py", "constant.py"})
     assert "graph_network.py" in {path.name for path in needs["sweep"].files}
+    served = [file for pattern in BENCHES["service"].programs for file in HOME.glob(pattern)]
+    assert HOME / "service/hybridmpm_service/routes/stream.py" in served
+    names = {path.relative_to(HOME).as_posix() for path in python.needed_by((), frozenset(served)).files}
+    assert {f"python/hybridmpm/{name}" for name in ("mpm/solver.py", "scene/scene.py")} <= names
     for name, origin in BENCHES.items():
         assert all(python.path(module) for module in origin.modules), name
         assert all(list(HOME.glob(pattern)) for pattern in origin.data), name
