@@ -29,5 +29,8 @@ BENCHES: dict[str, Origin] = {
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
     "reversal": Origin(modules=("hybridmpm.bench.reversal.reversal",)),
     "control": Origin(modules=("hybridmpm.bench.control.runner", "hybridmpm.bench.control.report.means")),
+    "service": Origin(
+        modules=("hybridmpm.bench.service.service",), programs=("service/hybridmpm_service/**/*.py",)
+    ),
 }
 """Modules and data by the name of the command, which is that of its file in docs/results."""

@@ -22,6 +22,7 @@ from hybridmpm.cli.bench import bench
 HOME = Path(__file__).parents[3]
 SPEED, ERRORS = "python/hybridmpm/bench/speed.py", "python/hybridmpm/bench/errors.py"
 SOLVER = "python/hybridmpm/solver.py"
+SERVER = "service/hybridmpm_service/routes/stream.py"
 FILES = {
     "python/hybridmpm/__init__.py": "from hybridmpm.solver import solve\n",
     SPEED: "from hybridmpm import _native, solve\n\nprint(_native.Solver, solve())\n",
@@ -30,6 +31,7 @@ FILES = {
     "    return math.pi + 1  # so much\n",
     "python/hybridmpm/other.py": "1\n",
     "weights/net.txt": "1",
+    SERVER: "from hybridmpm.other import listen\n\nlisten()\n",
     **{
         f"rust/{crate}/Cargo.toml": f'[package]\nname = "hybridmpm-{crate}"\n[lib]\nname = "{library}"\n'
         "[dependencies]\n" + "".join(f'{one} = {{ path = "../{one}" }}\n' for one in needs)
@@ -118,6 +120,27 @@ def test_an_edit_makes_the_results_stale_that_depend_on_it(checkout: Path) -> No
     assert changed(checkout) == {"speed": (SOLVER,), "errors": ()}
     edit(checkout, "weights/net.txt", "1", "2")
     assert changed(checkout) == {"speed": (SOLVER,), "errors": ("weights/net.txt",)}
+
+
+def test_a_program_beside_the_library_counts_with_what_it_imports(checkout: Path) -> None:
+    row = json.loads((checkout / "results" / "speed.json").read_text())
+    write(checkout, "results/served.json", json.dumps(row))
+    origin = Origin(modules=("hybridmpm.bench.speed",), programs=("service/hybridmpm_service/**/*.py",))
+
+    def served() -> tuple[str, ...]:
+        found = dated_results(checkout / "results", ORIGINS | {"served": origin})
+        return next(one.changed for one in found if one.file == "served.json")
+
+    assert served() == ()
+    edit(checkout, SERVER, "\n\nlisten()", "\n\n# Here.\nlisten()")
+    assert served() == ()
+    edit(checkout, "python/hybridmpm/other.py", "1", "2")
+    assert served() == ("python/hybridmpm/other.py",)
+    edit(checkout, SERVER, "listen()", "listen(2)")
+    write(checkout, "service/hybridmpm_service/new.py", "3\n")
+    assert served() == (
+        "python/hybridmpm/other.py", "service/hybridmpm_service/new.py", SERVER,
+    )  # fmt: skip
 
 
 def test_a_move_alone_changes_nothing(checkout: Path) -> None:
@@ -242,6 +265,10 @@ def test_what_the_benchmarks_need() -> None:
     assert {"ladders.py", "timing.py", "solver.py", "grid.py", "scenarios.py", "recording.py"} < names
     assert names.isdisjoint({"provenance.py", "charts.py", "doctor.py", "constant.py"})
     assert "graph_network.py" in {path.name for path in needs["sweep"].files}
+    served = [file for pattern in BENCHES["service"].programs for file in HOME.glob(pattern)]
+    assert HOME / "service/hybridmpm_service/routes/stream.py" in served
+    names = {path.relative_to(HOME).as_posix() for path in python.needed_by((), frozenset(served)).files}
+    assert {f"python/hybridmpm/{name}" for name in ("mpm/solver.py", "scene/scene.py")} <= names
     for name, origin in BENCHES.items():
         assert all(python.path(module) for module in origin.modules), name
         assert all(list(HOME.glob(pattern)) for pattern in origin.data), name

@@ -46,8 +46,8 @@ class PythonSources:
         self._folder = folder
         self._uses = functools.cache(lambda path: frozenset(self._found_uses(path)))
 
-    def needed_by(self, modules: tuple[str, ...]) -> PythonNeeds:
-        """Follow the imports of modules through the whole package.
+    def needed_by(self, modules: tuple[str, ...], programs: frozenset[Path] = frozenset()) -> PythonNeeds:
+        """Follow the imports of modules, and of files beside the package, through the whole package.
 
         What a package's `__init__` takes from its modules counts only where it is used. A module that is not
         there is passed over.
@@ -55,6 +55,7 @@ class PythonSources:
         files: set[Path] = set()
         native: set[str] = set()
         todo = [_Use(module, ALL) for module in modules]
+        todo += [use for program in programs for use in self._uses(program)]
         seen: set[_Use] = set()
         while todo:
             use = todo.pop()

@@ -17,6 +17,9 @@ class Origin:
 
     modules: tuple[str, ...]
     """Modules that measure; what they import counts with them."""
+    programs: tuple[str, ...] = ()
+    """Patterns of Python files beside the library that run as well, relative to the checkout; what they
+    import of the library counts with them."""
     data: tuple[str, ...] = ()
     """Patterns of the files that the measurement reads, relative to the checkout."""
 
@@ -77,10 +80,15 @@ def _changed(history: History, python: PythonSources, commit: str, origin: Origi
         return
     for missing in (module for module in origin.modules if python.path(module) is None):
         yield f"{missing}, which is gone"
-    needs = python.needed_by(origin.modules)
+    programs = frozenset(_matching(history.root, origin.programs))
+    needs = python.needed_by(origin.modules, programs)
     files = needs.files | rust_sources(history.root / "rust", needs.native)
-    files |= {file for pattern in origin.data for file in history.root.glob(pattern)}
+    files |= programs | set(_matching(history.root, origin.data))
     yield from sorted(history.name(file) for file in files if history.is_changed(file, commit))
+
+
+def _matching(root: Path, patterns: tuple[str, ...]) -> Iterator[Path]:
+    return (file for pattern in patterns for file in root.glob(pattern))
 
 
 def _commits(file: Path) -> set[str]:

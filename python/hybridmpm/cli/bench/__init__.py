@@ -10,6 +10,7 @@ from hybridmpm.cli.bench.control import control
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard
 from hybridmpm.cli.bench.reversal import reversal
+from hybridmpm.cli.bench.service import service
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 from hybridmpm.cli.bench.sweep import sweep
@@ -58,7 +59,7 @@ def _print_stale(folder: Path) -> None:
 
 _COMMANDS = (
     mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
-    hybrid, reversal, control,
+    hybrid, reversal, control, service,
 )  # fmt: skip
 
 for command in _COMMANDS:

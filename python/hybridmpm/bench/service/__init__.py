@@ -1,0 +1,1 @@
+"""How long the service lets its clients wait: a process of its own, of which nothing is imported."""
