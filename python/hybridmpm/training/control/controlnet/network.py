@@ -99,7 +99,8 @@ class FluidControlNet(nn.Module):
             From `condition`, for the graph of each node, or for the only graph.
         """
         noisy = self.embedded(noisy, step)
-        ink = condition[..., -MOMENTS:].expand(len(places), -1)
+        # A sum with zeros: the length of an expanded array would be fixed when the network is exported.
+        ink = condition[..., -MOMENTS:] + torch.zeros_like(places[:, :1])
         seen = torch.cat([ink[:, :2] - places[:, :2], ink[:, 2:]], dim=-1)
         given = torch.cat([nodes, places, seen, self.control_step(step), noisy], dim=-1)
         nodes, edges = self.encoder(given, types, edges)
