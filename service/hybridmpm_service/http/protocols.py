@@ -40,6 +40,9 @@ class RequestProtocol(H11Protocol):
             self._refuse(503, text)
             return
         super().data_received(data)
+        if self.transport.get_protocol() is not self:
+            # The connection has become a stream, which has deadlines of its own.
+            return
         # Between requests uvicorn has a deadline of its own, which ends with the first byte of the next.
         if self.conn.their_state in {h11.IDLE, h11.SEND_BODY} and not self.transport.is_closing():
             self._expect()

@@ -156,6 +156,14 @@ def test_a_byte_now_and_then_buys_no_time(start_module: Callable[..., Any]) -> N
         assert answer.startswith(b"HTTP/1.1 408 ")
 
 
+def test_a_stream_outlives_the_deadline_of_requests(start_module: Callable[..., Any]) -> None:
+    service = _impatient(start_module)
+    with service.stream(service.create()) as stream:
+        time.sleep(0.4)
+        stream.send(type="step")
+        stream.frame()
+
+
 def test_a_connection_that_asks_for_nothing_ends_without_an_answer(start_module: Callable[..., Any]) -> None:
     with _raw(_impatient(start_module)) as connection:
         assert _all_of(connection) == b""
