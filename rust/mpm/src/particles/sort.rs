@@ -171,58 +171,66 @@ impl<const D: usize, S: State> Shelf<'_, D, S> {
 struct Order {
     /// Their numbers before the sort.
     numbers: Vec<u32>,
-    /// They in the order of columns; scratch.
+    /// Those of one plane in the order of columns; scratch, in 3D.
     by_column: Vec<Located>,
     /// Where the next particle of each column or row goes; scratch.
     next: Vec<u32>,
 }
 
 impl Order {
-    /// Stable counting sort, first by column and then by row; the order within a cell is the previous one.
+    /// Stable counting sort of one plane after the other, whose particles fit into the nearest cache; the order within a cell
+    /// is the previous one.
     fn find<const D: usize>(&mut self, parts: &[Places], slab: Slab, layout: &Layout<D>) {
-        let located = || {
-            let of_part = |part| Places::of_planes(part, slab.lo..slab.hi).iter();
-            parts.iter().flat_map(of_part)
-        };
-        let count = count_up(&mut self.next, layout.extent, || {
-            located().map(|located| located.place.column as usize)
-        });
-        self.by_column.resize(count, Located::default());
-        located().for_each(|located| {
-            let slot = &mut self.next[located.place.column as usize];
-            self.by_column[*slot as usize] = *located;
-            *slot += 1;
-        });
-        let in_plane = layout.rows_per_plane();
-        let row = |located: &Located| {
-            let Place { plane, row, .. } = located.place;
-            (plane as usize - slab.lo) * in_plane + row as usize
-        };
-        let rows = (slab.hi - slab.lo) * in_plane;
-        count_up(&mut self.next, rows, || self.by_column.iter().map(row));
-        self.numbers.resize(count, 0);
-        for located in &self.by_column {
-            let slot = &mut self.next[row(located)];
-            self.numbers[*slot as usize] = located.number;
-            *slot += 1;
+        self.numbers.clear();
+        for plane in slab.lo..slab.hi {
+            self.append_plane(parts, plane, layout);
         }
+    }
+
+    /// Sorts the particles of a plane by column and then, in 3D, by row.
+    fn append_plane<const D: usize>(&mut self, parts: &[Places], plane: usize, layout: &Layout<D>) {
+        let of_plane = |part| Places::of_planes(part, plane..plane + 1);
+        let count = parts.iter().map(|part| of_plane(part).len()).sum();
+        if count == 0 {
+            return;
+        }
+        let located = || parts.iter().flat_map(&of_plane);
+        let column = |located: &Located| located.place.column as usize;
+        let row = |located: &Located| located.place.row as usize;
+        let first = self.numbers.len();
+        self.numbers.resize(first + count, 0);
+        let numbers = &mut self.numbers[first..];
+        let next = starts(&mut self.next, layout.extent, located().map(column));
+        if D == 2 {
+            located().for_each(|one| numbers[take(next, column(one))] = one.number);
+            return;
+        }
+        self.by_column.resize(count, Located::default());
+        located().for_each(|one| self.by_column[take(next, column(one))] = *one);
+        let rows = self.by_column.iter().map(row);
+        let next = starts(&mut self.next, layout.rows_per_plane(), rows);
+        let sorted = self.by_column.iter();
+        sorted.for_each(|one| numbers[take(next, row(one))] = one.number);
     }
 }
 
-/// Sets `starts` to where each of `kinds` begins if all are put in order, and returns how many there are.
-fn count_up<I: Iterator<Item = usize>>(
-    starts: &mut Vec<u32>,
-    kinds: usize,
-    all: impl Fn() -> I,
-) -> usize {
+/// Where each of `kinds` begins if all are put in order.
+fn starts(starts: &mut Vec<u32>, kinds: usize, all: impl Iterator<Item = usize>) -> &mut [u32] {
     starts.clear();
     starts.resize(kinds, 0);
-    all().for_each(|kind| starts[kind] += 1);
+    all.for_each(|kind| starts[kind] += 1);
     let mut start = 0;
-    for number in starts {
+    for number in &mut *starts {
         start += std::mem::replace(number, start);
     }
-    start as usize
+    starts
+}
+
+/// The place of the next particle of a kind, which is then taken.
+fn take(next: &mut [u32], kind: usize) -> usize {
+    let place = next[kind];
+    next[kind] = place + 1;
+    place as usize
 }
 
 fn fetch<const D: usize, S: State>(
