@@ -103,7 +103,7 @@ def control(
     """
     torch = require_torch()
     from hybridmpm.training import run  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control.transport import pasts  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.validation import held_out, log_unexplained  # noqa: PLC0415 - needs torch
 

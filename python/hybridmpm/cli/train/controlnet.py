@@ -119,7 +119,7 @@ def controlnet(
         if begun is not None
         else {
             **origin(options["finetune"]),
-            "data": f"{options['scenes']} reversed cases of each of {', '.join(names)}, seeds from 0",
+            "data": f"reversed cases of {options['scenes']} scenes of each of {', '.join(names)}",
             "machine": machine_of(torch.device("cpu")),
         }
     )
@@ -141,8 +141,8 @@ def _new(names: tuple[str, ...], options: dict[str, Any], found: list[Any]) -> "
     from hybridmpm.training.control.controlnet.trainer import (  # noqa: PLC0415 - needs torch
         ControlNetSettings,
         ControlNetTrainer,
-        scale_of,
     )
+    from hybridmpm.training.control.controlnet.windows import scale_of  # noqa: PLC0415 - needs torch
 
     fields = (field.name for field in dataclasses.fields(ControlNetSettings))
     settings = ControlNetSettings(**{name: options[name] for name in fields})

@@ -13,9 +13,8 @@ from hybridmpm.control.methods.learned.network import TransportNetwork as Served
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
-from hybridmpm.training.control import scene_files
+from hybridmpm.training.control import pasts, scene_files
 from hybridmpm.training.control.published import Exported
-from hybridmpm.training.control.transport import pasts
 from hybridmpm.training.control.transport.export import export_transport
 from hybridmpm.training.control.transport.trainer import TransportSettings, TransportTrainer
 from hybridmpm.training.control.transport.windows import batch_of, drawn

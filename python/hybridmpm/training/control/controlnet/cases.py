@@ -1,6 +1,6 @@
-"""Reversed control on control nodes: where they are, which forces act on them, and the sketch."""
+"""Reversed cases on control nodes: where the nodes are, where they were before, and the sketch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,27 +8,37 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import reversed_from_seed
 from hybridmpm.control.diffusion.network import picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
+from hybridmpm.control.reversal.draw import SHORTEST_ARROW
+from hybridmpm.control.reversal.sketches import arrow_of, oval_of
+from hybridmpm.errors import SketchError
 from hybridmpm.scene import Scene
+from hybridmpm.scene.particle_types import SAND, WATER
 from hybridmpm.training.control import scene_files
+from hybridmpm.training.control.pasts import STATES, STRIDE, Past
 
 FRAMES = 100
 """Frames of control, as in the paper."""
-_COLUMNS = ("x", "v", "force", "types", "picture", "oval")
+_CASES = 4
+"""Cases of a past, which start at different times."""
+_NEAREST = 0.03
+"""Distance that the centre of mass goes at least [m]; with less a sketch would ask for nothing."""
+_SALT = 2**23
+"""Number that the generator of a past's cases gets besides the seed."""
+_COLUMNS = ("x", "v", "end", "types", "picture", "oval")
 
 
 @dataclass(frozen=True, eq=False)
 class NodeCase:
-    """One reversed case on K control nodes in D dimensions, of T frames."""
+    """A fluid on K control nodes in D dimensions that is to go back to where it was T frames ago."""
 
     x: npt.NDArray[np.float32]
-    """Positions before each frame (T, K, D) [m]."""
+    """Positions when control starts (K, D) [m]."""
     v: npt.NDArray[np.float32]
-    """Velocities before each frame (T, K, D) [m/s]."""
-    force: npt.NDArray[np.float32]
-    """Smoothed accelerations besides gravity in each frame (T, K, D) [m/s^2]."""
+    """Velocities when control starts (K, D) [m/s]."""
+    end: npt.NDArray[np.float32]
+    """Positions T frames before (K, D) [m], where control is to lead the nodes."""
     types: npt.NDArray[np.int64]
     """Particle types (K,)."""
     picture: npt.NDArray[np.uint8]
@@ -42,6 +52,11 @@ class NodeCase:
         """Whether the sketch is an arrow."""
         return not bool(self.oval)
 
+    @property
+    def seconds(self) -> float:
+        """Time of control [s]."""
+        return FRAMES * self.scene.frame_dt
+
 
 def prepare(
     root: Path,
@@ -50,11 +65,15 @@ def prepare(
     on_progress: Callable[[int], object] = lambda _count: None,
 ) -> None:
     """Make the missing cases of a scenario in a folder of it; see `scene_files.prepare`."""
-    scene_files.prepare(root, scenario, seeds, _columns, on_progress)
+
+    def columns(scenario: str, seed: int) -> scene_files.Columns:
+        return columns_of(Past.simulated(scenarios.get(scenario, seed)), seed)
+
+    scene_files.prepare(root, scenario, seeds, columns, on_progress)
 
 
 def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[NodeCase]:
-    """Return the cases of some seeds, without those that could not be simulated.
+    """Return the cases of some seeds, up to four of each.
 
     Raises
     ------
@@ -62,24 +81,43 @@ def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[NodeCase]:
         A file is damaged, or there is none at all.
     """
     return [
-        NodeCase(scene=scenarios.get(scenario, seed), **columns)
+        NodeCase(scene=scenarios.get(scenario, seed), **dict(zip(_COLUMNS, case, strict=True)))
         for seed, columns in scene_files.read(root, scenario, seeds, _COLUMNS)
+        for case in zip(*(columns[name] for name in _COLUMNS), strict=True)
     ]
 
 
-def _columns(scenario: str, seed: int) -> scene_files.Columns:
-    case = reversed_from_seed(scenario, seed, frames=FRAMES)
-    start = case.positions[0].astype(np.float64)
-    nodes = Nodes.of(start, case.mass.astype(np.float64), case.simulator().materials)
-    x = np.stack([nodes.gathered(state) for state in case.positions])
-    moved = np.diff(x, axis=0) / case.scene.frame_dt
-    v = np.concatenate([nodes.gathered(case.velocities)[None], moved[:-1]])
-    force = np.stack([nodes.gathered(one) for one in case.smoothed_forces])
-    return {
-        "x": x[:-1].astype(np.float32),
-        "v": v.astype(np.float32),
-        "force": force.astype(np.float32),
-        "types": nodes.types,
-        "picture": picture_of(case.sketch),
-        "oval": np.array(case.kind == "oval"),
-    }
+def columns_of(past: Past, seed: int) -> scene_files.Columns:
+    """Return the cases of a past, as rows of arrays; their starts and sketches are drawn from a seed.
+
+    Raises
+    ------
+    SketchError
+        The fluid hardly moves, so that no sketch would ask for anything.
+    """
+    rng = np.random.default_rng([_SALT, seed])
+    strides = FRAMES // STRIDE
+    starts = rng.choice(np.arange(strides, STATES), _CASES, replace=False)
+    kinds = rng.random(_CASES) < 0.5
+    rows = [row for start, arrow in zip(starts, kinds, strict=True) for row in _case(past, int(start), arrow)]
+    if not rows:
+        raise SketchError("the fluid hardly moves")
+    return {name: np.stack(column) for name, column in zip(_COLUMNS, zip(*rows, strict=True), strict=True)}
+
+
+def _case(past: Past, start: int, arrow: np.bool_) -> Iterator[tuple[npt.NDArray[np.generic], ...]]:
+    """Return the only case that begins at a state, or none where the centre of mass hardly moves."""
+    first = start - FRAMES // STRIDE
+    state, end = past.state(start), past.positions(first)
+    distance = float(np.linalg.norm(state.weight @ (end - state.x)))
+    if distance < _NEAREST:
+        return
+    walls, is_oval = past.scene.walls, not arrow or distance < SHORTEST_ARROW
+    if is_oval:
+        picture = picture_of(oval_of(end.astype(np.float32), state.weight, walls))
+    else:
+        way = np.stack([past.positions(index) for index in range(start, first - 1, -1)])
+        picture = picture_of(arrow_of(way.astype(np.float32), state.weight, walls))
+    nodes = Nodes.of(state.x, past.mass, np.where(state.sand, SAND, WATER).astype(np.uint8))
+    places = [nodes.gathered(one).astype(np.float32) for one in (state.x, state.v, end)]
+    yield (*places, nodes.types, picture, np.array(is_oval))

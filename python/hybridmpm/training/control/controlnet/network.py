@@ -27,7 +27,8 @@ class FluidControlNet(nn.Module):
     Xie, arXiv:2212.09748).
 
     Unlike in the paper, a node is also told where the middle of the ink is, seen from it, and how far the ink
-    spreads: through the embedding alone, training on few cases finds that out slowly.
+    spreads, and the same of the fluid, with its mean velocity: through the embedding, and from neighbour to
+    neighbour, training on few cases finds that out slowly.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class FluidControlNet(nn.Module):
             nn.Linear(1, STEP_EMBEDDING), nn.SiLU(), nn.Linear(STEP_EMBEDDING, STEP_EMBEDDING)
         )
         self.in_noise = nn.Linear(STEP_EMBEDDING, spec.dim, bias=False)
-        self.encoder = Encoder(spec, STEP_EMBEDDING + 2 * spec.dim + MOMENTS)
+        self.encoder = Encoder(spec, STEP_EMBEDDING + 5 * spec.dim + MOMENTS)
         self.layers = nn.ModuleList(Layer(spec) for _ in range(spec.layers))
         self.modulations = nn.ModuleList(_modulation(condition, spec.latent) for _ in range(spec.layers))
         self.decoder = Decoder(spec)
@@ -72,6 +73,7 @@ class FluidControlNet(nn.Module):
         graph: Edges,
         *,
         places: Tensor,
+        fluid: Tensor,
         noisy: Tensor,
         step: Tensor,
         condition: Tensor,
@@ -91,6 +93,8 @@ class FluidControlNet(nn.Module):
         places : (N, D)
             Places of the nodes in the box, from -1 to 1. The features of the simulator do not tell them, and
             the sketch says nothing to whoever does not know where it is.
+        fluid : (N, 3 D)
+            From `fluid_moments`.
         noisy : (N, D)
             The noisy field x_t.
         step : (N, 1)
@@ -102,7 +106,7 @@ class FluidControlNet(nn.Module):
         # A sum with zeros: the length of an expanded array would be fixed when the network is exported.
         ink = condition[..., -MOMENTS:] + torch.zeros_like(places[:, :1])
         seen = torch.cat([ink[:, :2] - places[:, :2], ink[:, 2:]], dim=-1)
-        given = torch.cat([nodes, places, seen, self.control_step(step), noisy], dim=-1)
+        given = torch.cat([nodes, places, seen, fluid, self.control_step(step), noisy], dim=-1)
         nodes, edges = self.encoder(given, types, edges)
         for layer, modulation in zip(self.layers, self.modulations, strict=True):
             scale, shift = modulation(condition).chunk(2, dim=-1)
@@ -126,6 +130,30 @@ def ink_moments(pictures: Tensor) -> Tensor:
     a, b = ((square + 1e-6).sqrt() for square in squares)
     product = (ink * along.flip(-1)[:, None] * along).sum(dim=(1, 2)) / total - x * y
     return torch.stack([x, y, a, b, product / (a * b), pictures[:, 0].sum(dim=(1, 2)) / total], dim=-1)
+
+
+def fluid_moments(places: Tensor, v: Tensor, of_graph: Tensor | None = None) -> Tensor:
+    """Return what each node is told of the whole fluid (N, 3 D).
+
+    Where its middle is, seen from the node, its standard deviations along the axes, and its mean velocity.
+
+    Parameters
+    ----------
+    places, v : (N, D)
+        Places and velocities of the nodes.
+    of_graph : int64 (N,), optional
+        Graph of each node; one graph if absent.
+    """
+    dim = places.shape[1]
+    told = torch.cat([places, places.square(), v], dim=1)
+    if of_graph is None:
+        means = told.mean(dim=0, keepdim=True) + torch.zeros_like(told)
+    else:
+        graphs = int(of_graph[-1]) + 1
+        total = torch.zeros(graphs, told.shape[1], dtype=told.dtype).index_add(0, of_graph, told)
+        means = (total / torch.bincount(of_graph, minlength=graphs)[:, None])[of_graph]
+    middle, square, velocity = (means[:, first : first + dim] for first in (0, dim, 2 * dim))
+    return torch.cat([middle - places, (square - middle.square()).clamp(min=1e-6).sqrt(), velocity], dim=1)
 
 
 def waves(time: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from hybridmpm.control.diffusion.schedule import TRAINING_STEPS, cosine_schedule
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
-from hybridmpm.training.control.controlnet.network import FluidControlNet
+from hybridmpm.training.control.controlnet.network import FluidControlNet, fluid_moments
 from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges
@@ -64,6 +64,7 @@ class Conditioned(nn.Module):
         noisy: Tensor,
         step: Tensor,
         condition: Tensor,
+        of_graph: Tensor | None = None,
     ) -> Tensor:
         """Return the clean field x_0 (N, D), accelerations over the scale of the data.
 
@@ -82,6 +83,8 @@ class Conditioned(nn.Module):
             Pairs of neighbours.
         noisy, step, condition
             As `FluidControlNet.forward` takes them.
+        of_graph : int64 (N,), optional
+            Graph of each node; one graph if absent.
         """
         radius = self.spec.radius
         back = torch.arange(5, -1, -1, dtype=x.dtype, device=x.device).reshape(-1, 1, 1)
@@ -91,7 +94,15 @@ class Conditioned(nn.Module):
         edges = edge_features(x, graph, radius)
         places = 2.0 * x - 1.0
         return self.network(  # type: ignore[no-any-return]
-            nodes, types, edges, graph, places=places, noisy=noisy, step=step, condition=condition
+            nodes,
+            types,
+            edges,
+            graph,
+            places=places,
+            fluid=fluid_moments(places, v / _SPEED, of_graph),
+            noisy=noisy,
+            step=step,
+            condition=condition,
         )
 
 
@@ -100,8 +111,7 @@ class ControlNetTrainer(AveragedTrainer[Conditioned]):
 
     The loss of a sample is the root mean square error of the accelerations, as the paper's, over that of the
     field itself; fields that are nearly nothing count as one of a tenth of the data's mean square. To it the
-    same is added of the mean over all nodes. Of a reversed force that is less than a fifth, but nearly all
-    that the sketch can tell, and what moves the fluid to the goal.
+    same is added of the mean over all nodes, which is what a sketch tells best.
 
     Parameters
     ----------
@@ -177,6 +187,7 @@ class ControlNetTrainer(AveragedTrainer[Conditioned]):
             noisy=noisy,
             step=batch.step,
             condition=condition,
+            of_graph=batch.of_graph,
         )
         return answer
 
@@ -214,8 +225,3 @@ class ControlNetTrainer(AveragedTrainer[Conditioned]):
         spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=str(path))
         settings = ControlNetSettings(**json.loads(state["settings"]))
         return cls(spec, settings, float(state["scale"])).restored(state, path)
-
-
-def scale_of(cases: Sequence[NodeCase]) -> float:
-    """Return the root mean square of the accelerations of cases along an axis [m/s^2]."""
-    return float(np.sqrt(np.mean([np.mean(case.force.astype(np.float64) ** 2) for case in cases])))

@@ -1,4 +1,4 @@
-"""Training samples of the Fluid ControlNet: frames of reversed cases, pushed off their way and mirrored."""
+"""Training samples of the Fluid ControlNet: states on the way to a true end, and the least force to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,21 +8,26 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from hybridmpm.training.control.controlnet.cases import NodeCase
+from hybridmpm.control.goal.cloud import EARTH
+from hybridmpm.control.laws import SHORTEST_FRAMES
+from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.physics.graph_network import EdgeList
 from hybridmpm.training.physics.windows import edges_of
 
 _PUSHED = 0.8
-"""Share of the samples that are pushed off their way. In open loop even the true field of a frame ends little
-better than a constant force; led back, half of it does."""
+"""Share of the samples that are pushed off their way, as pressure and the network's errors push a fluid."""
 _OFF = 0.03
 """Standard deviation of how far a sample is pushed off its way [m]."""
 _TURNED = 0.1
 """Standard deviation of how much it is turned, stretched and sheared [-]."""
+_LOOSE = 0.003
+"""Standard deviation of how far each node is pushed by itself [m]."""
+_LOOSE_SPEED = 0.1
+"""The same for its velocity [m/s]."""
 _CLEAR = 0.02
 """Distance from a wall from which on the wall matters [m]."""
-_SHORTEST = 0.06
-"""Shortest time in which what was pushed off its way is led back to its end [s]."""
+_CAP = 15.0
+"""Largest force on a node [g]."""
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -53,9 +58,8 @@ class Batch:
 def drawn(rng: np.random.Generator, cases: Sequence[NodeCase], size: int, radius: float) -> Batch:
     """Draw a batch of `size` frames, each of another case, with edges within a radius [m].
 
-    Most of the samples are pushed off the way: places and velocities change by a random affine map. To the
-    force is added what leads a free body back to the same end in the time that is left, with the least
-    acceleration: -6 dx / t^2 - 4 dv / t. So the network learns to make up for errors, which no case shows.
+    Most of the samples are pushed off the way: places and velocities change by a random affine map, and a
+    little by themselves. So the network learns to make up for errors.
     """
     return batch_of([_sample(rng, cases[int(rng.integers(len(cases)))]) for _ in range(size)], radius)
 
@@ -63,6 +67,12 @@ def drawn(rng: np.random.Generator, cases: Sequence[NodeCase], size: int, radius
 def plain(cases: Sequence[NodeCase], step: int, radius: float) -> Batch:
     """Return the frame `step` of each case as it is."""
     return batch_of([_frame(case, step) for case in cases], radius)
+
+
+def scale_of(cases: Sequence[NodeCase]) -> float:
+    """Return the root mean square of the forces along an axis, half way to the ends of cases [m/s^2]."""
+    squares = [np.mean(_frame(case, FRAMES // 2).force.astype(np.float64) ** 2) for case in cases]
+    return float(np.sqrt(np.mean(squares)))
 
 
 @dataclass(frozen=True)
@@ -97,17 +107,32 @@ def batch_of(samples: Sequence[_Sample], radius: float) -> Batch:
 
 
 def _frame(case: NodeCase, step: int) -> _Sample:
+    """Return the state after some frames on the way of free bodies, with the least force to their ends."""
+    share, seconds = step / FRAMES, case.seconds
+    way = case.end - case.x
+    x = case.x + case.v * seconds * (share - 2 * share**2 + share**3) + way * (3 * share**2 - 2 * share**3)
+    v = case.v * (1 - 4 * share + 3 * share**2) + way / seconds * 6 * (share - share**2)
     walls = np.array([case.scene.walls.lower, case.scene.walls.upper], dtype=np.float32)
-    share = step / len(case.x)
-    return _Sample(case.x[step], case.v[step], case.force[step], case.types, walls, share, case.picture)
+    sample = _Sample(x, v, case.v, case.types, walls, share, case.picture)
+    return _forced(sample, case.end, case)
+
+
+def _forced(sample: _Sample, end: Floats32, case: NodeCase) -> _Sample:
+    """Keep a state between the walls, and add the least force to an end: 6 d / t^2 - 4 v / t - g."""
+    x = np.clip(sample.x, *sample.walls)
+    # What would have gone through a wall has lost its velocity there.
+    v = np.where(x == sample.x, sample.v, 0.0)
+    left = max(case.seconds * (1 - sample.step), SHORTEST_FRAMES * case.scene.frame_dt)
+    force = 6 * (end - x) / left**2 - 4 * v / left - np.array(case.scene.gravity)
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    force *= np.minimum(1.0, _CAP * EARTH / np.maximum(size, 1e-12))
+    return replace(sample, x=x.astype(np.float32), v=v.astype(np.float32), force=force.astype(np.float32))
 
 
 def _sample(rng: np.random.Generator, case: NodeCase) -> _Sample:
-    step = int(rng.integers(len(case.x)))
-    sample = _frame(case, step)
-    left = max((len(case.x) - step) * case.scene.frame_dt, _SHORTEST)
+    sample = _frame(case, int(rng.integers(FRAMES)))
     if rng.random() < _PUSHED:
-        sample = _pushed(rng, sample, left)
+        sample = _forced(_pushed(rng, sample, case.seconds), case.end, case)
     sample = _shifted(rng, sample, case)
     return _mirrored(sample) if rng.random() < 0.5 else sample
 
@@ -115,7 +140,8 @@ def _sample(rng: np.random.Generator, case: NodeCase) -> _Sample:
 def _shifted(rng: np.random.Generator, sample: _Sample, case: NodeCase) -> _Sample:
     """Shift fluid and sketch to the side by whole pixels, as far as the case stays clear of the walls."""
     pixel = 1.0 / sample.picture.shape[2]
-    low, high = case.x[..., 0].min(), case.x[..., 0].max()
+    places = np.concatenate([case.x[:, 0], case.end[:, 0], sample.x[:, 0]])
+    low, high = places.min(), places.max()
     inked = np.flatnonzero(sample.picture.any(axis=(0, 1)))
     left = min((low - sample.walls[0, 0] - _CLEAR) / pixel, inked[0])
     right = min((sample.walls[1, 0] - _CLEAR - high) / pixel, sample.picture.shape[2] - 1 - inked[-1])
@@ -127,22 +153,16 @@ def _shifted(rng: np.random.Generator, sample: _Sample, case: NodeCase) -> _Samp
     return replace(sample, x=x, picture=np.roll(sample.picture, pixels, axis=2))
 
 
-def _pushed(rng: np.random.Generator, sample: _Sample, left: float) -> _Sample:
+def _pushed(rng: np.random.Generator, sample: _Sample, seconds: float) -> _Sample:
     dim = sample.x.shape[1]
     around = sample.x - sample.x.mean(axis=0)
     # Early in the time there was none in which to leave the way.
     size = rng.random() * min(1.0, 0.2 + sample.step)
     moved = size * (rng.normal(0, _OFF, dim) + around @ rng.normal(0, _TURNED, (dim, dim)))
-    sped = size * (rng.normal(0, _OFF, dim) + around @ rng.normal(0, _TURNED, (dim, dim))) / left
-    x = np.clip(sample.x + moved, *sample.walls)
-    moved = x - sample.x
-    back = -6 * moved / left**2 - 4 * sped / left
-    return replace(
-        sample,
-        x=x.astype(np.float32),
-        v=(sample.v + sped).astype(np.float32),
-        force=(sample.force + back).astype(np.float32),
-    )
+    sped = size * (rng.normal(0, _OFF, dim) + around @ rng.normal(0, _TURNED, (dim, dim)))
+    loose = rng.normal(0, (_LOOSE, _LOOSE_SPEED), (*sample.x.shape, 2))
+    left = max(seconds * (1 - sample.step), 0.2 * seconds)
+    return replace(sample, x=sample.x + moved + loose[..., 0], v=sample.v + sped / left + loose[..., 1])
 
 
 def _mirrored(sample: _Sample) -> _Sample:

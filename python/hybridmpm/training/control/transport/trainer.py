@@ -16,8 +16,8 @@ from hybridmpm._support.arguments import whole
 from hybridmpm.control.methods.learned.features import SCALE
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
+from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport.network import TransportNetwork
-from hybridmpm.training.control.transport.pasts import Past
 from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of, drawn
 
 _AT_NOISE = 0.3

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from hybridmpm.control.methods.learned.spec import TransportSpec
-from hybridmpm.training.control.transport.pasts import Past
+from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.control.transport.windows import Sample, drawn
 from hybridmpm.training.run import VALIDATION, log_row

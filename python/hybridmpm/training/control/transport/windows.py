@@ -13,7 +13,7 @@ from hybridmpm.control.goal.moments import moments, root_of
 from hybridmpm.control.methods.learned.features import Aim, State, inputs
 from hybridmpm.control.methods.learned.noise import smooth_noise
 from hybridmpm.errors import DataError
-from hybridmpm.training.control.transport.pasts import STATES, Past
+from hybridmpm.training.control.pasts import STATES, Past
 
 _USUAL = 10
 """Strides between start and end of half of the samples: the 100 frames of the paper."""
