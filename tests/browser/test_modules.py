@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Error, Page
 
 from hybridmpm import BallObstacle, BoxObstacle, HalfSpaceObstacle, Motion, SegmentObstacle
 from hybridmpm.control import classify_stroke
-from hybridmpm_service.sessions.frames import Frame, Population, decode, encode
+from hybridmpm.stream_frames import Frame, Population, decode, encode
 
 from .conftest import LiveService
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from hybridmpm import SimulationError
 from hybridmpm.control import Push, push
+from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError, UnavailableError
 from hybridmpm_service.http.answers import SessionBody
 from hybridmpm_service.http.json_text import read_json
@@ -29,7 +30,6 @@ from hybridmpm_service.http.requests import (
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.routes.throttle import Throttle
-from hybridmpm_service.sessions.frames import VERSIONS, FrameMessage
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox, MailboxClosed, Message, Signal

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.sessions.frames import Frame, FrameMessage, Population
+from hybridmpm.stream_frames import Frame, FrameMessage, Population
 from hybridmpm_service.sessions.journal.inputs import (
     PushInput,
     ReleaseInput,

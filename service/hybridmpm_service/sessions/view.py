@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.decisions import Mode
-from hybridmpm_service.sessions.frames import FrameMessage
+from hybridmpm.stream_frames import FrameMessage
 from hybridmpm_service.sessions.safeguard_record import Safeguard
 
 Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]

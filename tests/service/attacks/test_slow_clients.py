@@ -12,8 +12,8 @@ import httpx
 import pytest
 from websockets.sync.client import connect
 
+from hybridmpm.stream_frames import decode
 from hybridmpm_service.routes.throttle import Throttle
-from hybridmpm_service.sessions.frames import decode
 
 WAIT_SECONDS = 30
 DENSE_SCENE: dict[str, Any] = {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import MpmSolver, Scene, scenarios
-from hybridmpm_service.sessions.frames import decode
+from hybridmpm.stream_frames import decode
 
 NPZ = {"Accept": "application/x-npz"}
 

@@ -10,7 +10,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from hybridmpm import DomainError
-from hybridmpm_service.sessions.frames import decode
+from hybridmpm.stream_frames import decode
 
 
 def test_it_begins_with_a_greeting_and_the_present_frame(service: Any, path: str) -> None:

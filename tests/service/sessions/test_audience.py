@@ -4,7 +4,7 @@ import asyncio
 
 import numpy as np
 
-from hybridmpm_service.sessions.frames import Frame, FrameMessage
+from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.sessions.viewers.audience import Audience
 from hybridmpm_service.sessions.viewers.mailbox import Signal
 

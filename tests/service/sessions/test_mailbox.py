@@ -5,7 +5,7 @@ import asyncio
 import numpy as np
 import pytest
 
-from hybridmpm_service.sessions.frames import Frame, FrameMessage
+from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.sessions.viewers.mailbox import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
 
 

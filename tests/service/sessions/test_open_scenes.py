@@ -6,7 +6,7 @@ import numpy as np
 
 from hybridmpm import Box, BoxSink, MpmSolver, RectangularEmitter, Scene
 from hybridmpm.control import Arrow, follow, prepare
-from hybridmpm_service.sessions.frames import decode
+from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
 

@@ -16,7 +16,7 @@ from hybridmpm.control import Arrow, Ellipse, follow, prepare, push
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.sessions.frames import decode
+from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
 

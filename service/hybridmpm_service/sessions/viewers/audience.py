@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from hybridmpm_service.sessions.frames import FrameMessage
+from hybridmpm.stream_frames import FrameMessage
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox
 
 

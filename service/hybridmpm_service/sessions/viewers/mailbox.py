@@ -5,7 +5,7 @@ from collections import deque
 from enum import Enum
 from typing import TypeAlias
 
-from hybridmpm_service.sessions.frames import FrameMessage
+from hybridmpm.stream_frames import FrameMessage
 
 MAX_PROBLEMS = 16
 """Largest number of problems that wait; a further one drops the oldest.

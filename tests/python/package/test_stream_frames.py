@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybridmpm_service.sessions.frames import Frame, FrameError, FrameMessage, Population, decode, encode
+from hybridmpm.stream_frames import Frame, FrameError, FrameMessage, Population, decode, encode
 
 
 def _frame(count: int = 3, dim: int = 2, **changes: object) -> Frame:

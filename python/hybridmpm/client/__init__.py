@@ -1,0 +1,26 @@
+"""A client of the service: sessions, sketches and live frames from Python, with and without asyncio.
+
+`Client` waits for each answer, `AsyncClient` is awaited; both have the same methods. They need httpx and
+websockets: `pip install 'hybridmpm[client]'`. docs/http-api.md describes what is behind each call.
+"""
+
+from hybridmpm.client.answers import Particles, Trajectory
+from hybridmpm.client.awaited import AsyncClient, AsyncSession, AsyncStream
+from hybridmpm.client.errors import ServiceError, StreamClosedError, UnreachableError
+from hybridmpm.client.waiting import Client, Session, Stream
+from hybridmpm.stream_frames import Frame
+
+__all__ = [
+    "AsyncClient",
+    "AsyncSession",
+    "AsyncStream",
+    "Client",
+    "Frame",
+    "Particles",
+    "ServiceError",
+    "Session",
+    "Stream",
+    "StreamClosedError",
+    "Trajectory",
+    "UnreachableError",
+]

@@ -1,0 +1,270 @@
+"""`hybridmpm.client` against a running service, with and without asyncio."""
+
+import asyncio
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hybridmpm import MpmSolver, scenarios
+from hybridmpm.client import (
+    AsyncClient,
+    AsyncSession,
+    AsyncStream,
+    Client,
+    Frame,
+    ServiceError,
+    Session,
+    Stream,
+    StreamClosedError,
+    UnreachableError,
+    calls,
+)
+from hybridmpm.control import Arrow, Stroke
+from hybridmpm.control.sketch.render import render_png
+from hybridmpm.errors import ConfigError
+
+ARROW = [[0.3, 0.3], [0.5, 0.5]]
+
+
+@pytest.fixture(scope="module")
+def service(start_module: Callable[..., Any]) -> Any:
+    return start_module()
+
+
+@pytest.fixture
+def client(service: Any) -> Iterator[Client]:
+    with Client(f"http://{service.address}") as client:
+        yield client
+        for session in client.sessions():
+            session.delete()
+
+
+def test_every_call_of_the_service_has_its_method(service: Any) -> None:
+    """Paths of the OpenAPI document against those that `calls` builds."""
+    document = service.http.get("/openapi.json").json()
+    there = {
+        (method.upper(), path.replace("{session_id}", "ID").replace("{name}", "NAME"))
+        for path, methods in document["paths"].items()
+        for method in methods
+    }
+    empty: Any = {}
+    built = [
+        calls.ready(),
+        calls.scenario_list(),
+        calls.scenario("NAME", 0),
+        calls.model_list(),
+        calls.session_list(),
+        calls.session("ID"),
+        calls.create("NAME", 0, None, None, empty),
+        calls.delete("ID"),
+        calls.advance("ID", 1),
+        calls.particles("ID"),
+        calls.fork("ID"),
+        calls.log("ID"),
+        calls.decisions("ID"),
+        calls.steer("ID", ARROW, None, empty),
+        calls.release("ID"),
+        calls.trace("ID", ARROW, None, 1, empty),
+    ]
+    # Whether the process is alive is a question of its supervisor.
+    assert {(call.method, call.path) for call in built} == there - {("GET", "/livez")}
+
+
+def test_both_clients_have_the_same_methods() -> None:
+    for waiting, awaited in ((Client, AsyncClient), (Session, AsyncSession), (Stream, AsyncStream)):
+        pairs = [
+            {
+                name: [(each.name, each.default) for each in inspect.signature(method).parameters.values()]
+                for name, method in vars(kind).items()
+                if callable(method) and not name.startswith("__")
+            }
+            for kind in (waiting, awaited)
+        ]
+        assert pairs[0] == pairs[1]
+
+
+def test_a_session_computes_what_the_library_does(client: Client) -> None:
+    assert client.ready()
+    assert {"water_2d", "sand_3d"} <= {one["name"] for one in client.scenarios()}
+    assert "fluids_2d" in {one["name"] for one in client.models()}
+    scene = client.scenario("water_2d", seed=7)
+    solver = MpmSolver(scene)
+    assert scene.to_json() == scenarios.water_2d(seed=7).to_json()
+    for session in (client.create("water_2d", 7), client.create(scene=scene)):
+        assert session.advance(3)["frame"] == 3
+        particles = session.particles()
+        solver.reset()
+        solver.advance(3)
+        assert particles.frame == 3
+        assert particles.time == pytest.approx(0.0075)
+        assert np.array_equal(particles.positions, solver.positions)
+        assert np.array_equal(particles.velocities, solver.velocities)
+        assert np.array_equal(particles.ids, solver.ids)
+        assert set(particles.types) == {5}
+    assert [one.id for one in client.sessions()][-1] == session.id
+    assert client.session(session.id).info == session.refresh()
+    assert repr(session) == f"Session({session.id}, frame 3)"
+
+
+def test_forks_logs_and_deletes(client: Client) -> None:
+    session = client.create("water_2d", 3, solver="hybrid")
+    session.advance(25)
+    assert session.decisions()[0]["mode"] == "neural"
+    fork, again = session.fork(), client.create(log=session.log())
+    for other in (fork, again):
+        assert other.id != session.id
+        assert np.array_equal(other.particles().positions, session.particles().positions)
+    fork.delete()
+    with pytest.raises(ServiceError, match="there is no session") as raised:
+        fork.refresh()
+    assert (raised.value.status, raised.value.kind) == (404, "session-not-found")
+
+
+@pytest.mark.parametrize("form", ["points", "stroke", "bytes", "file"])
+def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str) -> None:
+    session = client.create("water_2d", 1)
+    (tmp_path / "arrow.png").write_bytes(render_png(Arrow(np.array(ARROW))))
+    drawing: Any = {
+        "points": np.array(ARROW),
+        "stroke": Stroke(points=[(0.3, 0.3), (0.5, 0.5)]),
+        "bytes": (tmp_path / "arrow.png").read_bytes(),
+        "file": tmp_path / "arrow.png",
+    }[form]
+    answer = session.steer(drawing, frames=40, cap=9.0)
+    assert answer["sketch"]["kind"] == "arrow"
+    assert (answer["frames"], answer["needs"]["cap"]) == (40, 9.0)
+    session.advance(2)
+    assert session.info["control"]["frames_done"] == 2
+    session.release()
+    assert session.refresh()["control"] is None or session.info["control"]["phase"] == "done"
+
+
+def test_a_trajectory_repeats_the_motion(client: Client) -> None:
+    session = client.create("water_2d", 1)
+    motion = session.trace(ARROW, kind="arrow", stride=1, frames=6, method="analytic")
+    solver = MpmSolver(scenarios.water_2d(seed=1))
+    solver.advance(6, motion.force)
+    assert motion.frame_indices.tolist() == list(range(7))
+    assert np.array_equal(motion.positions[-1], solver.positions)
+    assert motion.centroids.shape == (7, 2)
+    assert motion.mean_force.shape == (6, 2)
+    assert session.refresh()["frame"] == 0
+
+
+def test_a_stream_shows_frames_and_takes_commands(client: Client) -> None:
+    session = client.create("water_2d", 1)
+    with session.stream() as stream:
+        assert stream.hello["session"]["id"] == session.id
+        first = next(stream.frames())
+        stream.step(2)
+        after = next(frame for frame in stream.frames() if frame.number == 2)
+        assert first.positions.shape == after.positions.shape
+        stream.push([0.5, 0.3], [1.0, 0.0], 0.2)
+        stream.speed(1.0)
+        stream.play()
+        numbers = [frame.number for frame in islice(stream.frames(), 3)]
+        assert numbers == sorted(set(numbers))
+        stream.let_go()
+        stream.pause()
+        stream.reset()
+        assert next(frame for frame in stream.frames() if frame.number == 0)
+        stream.speed(7.0)
+        with pytest.raises(ServiceError, match="less than or equal to 1") as raised:
+            for _ in stream:
+                pass
+        assert raised.value.status == 422
+        session.delete()
+        with pytest.raises(StreamClosedError, match="code 4404") as closed:
+            for _ in stream:
+                pass
+        assert closed.value.code == 4404
+        with pytest.raises(StreamClosedError):
+            stream.play()
+
+
+def test_the_same_with_asyncio(service: Any) -> None:
+    async def use() -> list[int]:
+        async with AsyncClient(f"http://{service.address}") as client:
+            session = await client.create("water_2d", 7, rung="1/16")
+            await session.advance(2)
+            particles, fork = await asyncio.gather(session.particles(), session.fork())
+            assert particles.positions.shape == (session.info["particles"], 2)
+            async with fork.stream() as stream:
+                assert stream.hello["session"]["rung"] == "1/16"
+                await stream.step(2)
+                seen: list[int] = []
+                async for frame in stream.frames():
+                    assert isinstance(frame, Frame)
+                    seen.append(frame.number)
+                    if frame.number == 4:
+                        break
+            answer = await session.steer(ARROW, frames=20)
+            assert answer["frames"] == 20
+            for one in (session, fork):
+                await one.delete()
+            with pytest.raises(ServiceError):
+                await session.refresh()
+            return seen
+
+    assert asyncio.run(use())[-1] == 4
+
+
+def test_errors_say_what_to_do(client: Client) -> None:
+    with pytest.raises(ServiceError, match=r"body\.seed: ") as raised:
+        client.create("water_2d", -1)
+    assert raised.value.status == 422
+    assert [field for field, _text in raised.value.fields] == ["body.seed"]
+    with pytest.raises(ServiceError, match="water_2d") as unknown:
+        client.scenario("water_9d")
+    assert unknown.value.status == 404
+    with pytest.raises(ConfigError, match="exactly one of scenario, scene and log"):
+        client.create("water_2d", scene=scenarios.water_2d())
+    with pytest.raises(ConfigError, match="kind belongs to points"):
+        client.create("water_2d").steer(b"", kind="arrow")
+
+
+def test_a_service_that_is_full_says_when_to_try_again(start: Callable[..., Any]) -> None:
+    service = start(max_sessions=1)
+    with Client(f"http://{service.address}") as client:
+        client.create("water_2d")
+        with pytest.raises(ServiceError) as raised:
+            client.create("water_2d")
+        assert (raised.value.status, raised.value.kind) == (503, "too-many-sessions")
+        assert raised.value.retry_after is not None
+        assert raised.value.retry_after > 0
+
+
+def test_no_service_and_no_answer_are_told_apart(service: Any) -> None:
+    with (
+        Client("http://127.0.0.1:9") as nobody,
+        pytest.raises(UnreachableError, match="start one with `hybridmpm serve`"),
+    ):
+        nobody.ready()
+    with Client(f"http://{service.address}", timeout=60) as client:
+        session = client.create("water_2d")
+        client.timeout = 0.05
+        with session.stream() as stream, pytest.raises(UnreachableError, match="not answered in time"):
+            # A session at rest sends its state once, and then a status four times a second.
+            for _ in stream:
+                pass
+        session.delete()
+
+
+def test_the_example_of_the_readme_runs(service: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    readme = Path(__file__).parents[3] / "README.md"
+    (example,) = [
+        block
+        for block in re.findall(r"```python\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+        if "hybridmpm.client" in block
+    ]
+    exec(example.replace("http://127.0.0.1:8000", f"http://{service.address}"), {})  # noqa: S102 - our own
+    said = capsys.readouterr().out
+    off = re.match(r"off by ([\d.e-]+) m;", said)
+    assert off is not None, said
+    assert float(off[1]) < 0.05
