@@ -35,6 +35,7 @@ from hybridmpm.training.control.controlnet.trainer import (
     ControlNetSettings,
     ControlNetTrainer,
 )
+from hybridmpm.training.control.controlnet.ways import WAY, field_of, way_of
 from hybridmpm.training.control.controlnet.windows import scale_of
 from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.physics.graph_network import SortedEdges
@@ -152,7 +153,7 @@ def _case(seed: int) -> NodeCase:
     """Return a case of a fluid at rest that goes to where the ink is, left or right."""
     rng = np.random.default_rng(seed)
     right = seed % 2
-    x = rng.uniform(0.3, 0.7, (30, 2)).astype(np.float32)
+    x = rng.uniform(0.4, 0.6, (30, 2)).astype(np.float32)
     picture = np.zeros((3, SIDE, SIDE), dtype=np.uint8)
     picture[1, 20:40, 10 + 32 * right : 20 + 32 * right] = 255
     return NodeCase(
@@ -216,6 +217,16 @@ def test_from_wherever_it_is_the_force_leads_to_the_true_end_at_rest() -> None:
     assert np.abs(pushed.x - on_its_way.x).max() > 1e-3
 
 
+def test_ways_and_fields_tell_each_other_and_the_true_end() -> None:
+    case = _case(1)
+    for step in (0, 40, 95):
+        batch = windows.plain([case], step, 0.15)
+        told = batch.v, batch.step, batch.seconds, batch.gravity
+        way = way_of(batch.force, *told)
+        torch.testing.assert_close(field_of(way, *told), batch.force, rtol=1e-4, atol=1e-3)
+        np.testing.assert_allclose(batch.x + way, case.end, atol=1e-4)
+
+
 def test_states_on_the_way_begin_where_control_does_and_stay_between_the_walls() -> None:
     case = replace(_case(0), v=np.full((30, 2), -6.0, dtype=np.float32))
     start = windows._frame(case, 0)
@@ -238,7 +249,7 @@ def file_2d(tmp_path_factory: pytest.TempPathFactory) -> Path:
     conditioned = network_of("water_2d")
     properties = properties_of(conditioned.spec, 30.0, FRAMES, {"command": "none"})
     path = tmp_path_factory.mktemp("controlnet") / "random.onnx"
-    path.write_bytes(to_onnx(conditioned, properties))
+    path.write_bytes(to_onnx(conditioned, 30.0, properties))
     return path
 
 
@@ -258,7 +269,9 @@ def test_onnxruntime_answers_as_torch(file_2d: Path) -> None:
             steps=1,
             solver="ddim",
         )
-        np.testing.assert_allclose(found, 30.0 * answer(conditioned, inputs).numpy(), rtol=1e-3, atol=1e-3)
+        way, gravity = WAY * answer(conditioned, inputs), torch.tensor([0.0, -9.81])
+        field = field_of(way, inputs["v"], inputs["step"], torch.tensor(0.25), gravity)
+        np.testing.assert_allclose(found, field.numpy(), rtol=1e-3, atol=1e-2)
 
 
 def test_it_follows_a_sketch_from_seeds_under_the_cap_and_goes_on_from_a_snapshot(file_2d: Path) -> None:

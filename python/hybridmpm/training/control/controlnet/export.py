@@ -5,9 +5,11 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from hybridmpm import scenarios
 from hybridmpm.control.diffusion.network import INPUTS, OUTPUT, SIDE, WEIGHTS, properties_of
 from hybridmpm.training.control.controlnet.cases import FRAMES
 from hybridmpm.training.control.controlnet.trainer import Conditioned, ControlNetTrainer
+from hybridmpm.training.control.controlnet.ways import WAY, field_of
 from hybridmpm.training.control.published import Exported, told
 from hybridmpm.training.onnx_program import exported
 from hybridmpm.training.physics.graph_network import SortedEdges
@@ -17,11 +19,17 @@ class _Served(nn.Module):
     """The network with its graph as separate inputs, which are named as in files."""
 
     walls: Tensor
+    gravity: Tensor
+    seconds: Tensor
 
-    def __init__(self, conditioned: Conditioned) -> None:
+    def __init__(self, conditioned: Conditioned, scale: float) -> None:
         super().__init__()
-        self.conditioned = conditioned
+        self.conditioned, self.scale = conditioned, scale
+        # The scenarios of a network share box, gravity and length of a frame.
+        scene = scenarios.get(conditioned.spec.scenarios[0], 0)
         self.register_buffer("walls", torch.tensor(conditioned.spec.bounds).T.contiguous())
+        self.register_buffer("gravity", torch.tensor(scene.gravity, dtype=torch.float32))
+        self.register_buffer("seconds", torch.tensor(FRAMES * scene.frame_dt))
 
     def forward(  # noqa: PLR0917 - the exporter names inputs by their place
         self,
@@ -42,7 +50,7 @@ class _Served(nn.Module):
         answer: Tensor = self.conditioned(
             x, v, types, self.walls, graph, noisy=noisy, step=step, condition=condition
         )
-        return answer
+        return field_of(WAY * answer, v, step, self.seconds, self.gravity) / self.scale
 
 
 def export_controlnet(path: Path) -> Exported:
@@ -59,7 +67,7 @@ def export_controlnet(path: Path) -> Exported:
     training = told(path, trainer.average)
     properties = properties_of(trainer.spec, trainer.scale, FRAMES, training)
     return Exported(
-        data=to_onnx(trainer.average, properties),
+        data=to_onnx(trainer.average, trainer.scale, properties),
         training=training,
         folder=WEIGHTS,
         answers="the accelerations of control nodes in a frame, given a sketch",
@@ -67,8 +75,11 @@ def export_controlnet(path: Path) -> Exported:
     )
 
 
-def to_onnx(network: Conditioned, properties: dict[str, str]) -> bytes:
-    """Return a network as an ONNX model; the number of nodes and their edges are free."""
+def to_onnx(network: Conditioned, scale: float, properties: dict[str, str]) -> bytes:
+    """Return a network as an ONNX model that answers fields over `scale` [m/s^2].
+
+    The number of nodes and their edges are free.
+    """
     count, dim = 3, network.spec.dim
     example = (
         torch.rand(count, dim),
@@ -87,7 +98,7 @@ def to_onnx(network: Conditioned, properties: dict[str, str]) -> bytes:
     sizes = {name: {0: free} for name in INPUTS} | {"picture": {}, "time": {}}
     sizes |= {"arrivals": {0: free, 1: free}, "mask": {0: free, 1: free}}
     return exported(
-        _Served(network).eval(),
+        _Served(network, scale).eval(),
         example,
         inputs=INPUTS,
         outputs=[OUTPUT],

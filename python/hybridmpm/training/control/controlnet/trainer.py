@@ -15,16 +15,17 @@ from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.control.controlnet.network import FluidControlNet, fluid_moments
+from hybridmpm.training.control.controlnet.ways import WAY, way_of
 from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
 from hybridmpm.training.physics.features import edge_features, node_features
 from hybridmpm.training.physics.graph_network import Edges
 
 _AT_NOISE = 0.6
 """Share of the samples at the last time of the diffusion, from which all samplers begin."""
-_AT_REST = 0.1
-"""Mean square of a field, in units of the data's, below which its error is not told relative to it."""
-_SMALL = 0.03
-"""The same for the mean of a field over all nodes."""
+_AT_REST = 0.05
+"""Mean square of the ways, in squares of `WAY`, below which an error is not told relative to it."""
+_SMALL = 0.02
+"""The same for the mean way of all nodes."""
 _SPEED = 1.0
 """Velocity that is one in the features [m/s]."""
 
@@ -66,10 +67,10 @@ class Conditioned(nn.Module):
         condition: Tensor,
         of_graph: Tensor | None = None,
     ) -> Tensor:
-        """Return the clean field x_0 (N, D), accelerations over the scale of the data.
+        """Return where the network takes each node to go (N, D), from where it is, over `WAY`.
 
-        The five velocities of the simulator's features are all the present one: control keeps no past, so
-        that it goes on from any state.
+        The clean field x_0 follows from that by `ways.field_of`. The five velocities of the simulator's
+        features are all the present one: control keeps no past, so that it goes on from any state.
 
         Parameters
         ----------
@@ -109,9 +110,13 @@ class Conditioned(nn.Module):
 class ControlNetTrainer(AveragedTrainer[Conditioned]):
     """Training by diffusion: the network predicts the clean field from a noisy one.
 
-    The loss of a sample is the root mean square error of the accelerations, as the paper's, over that of the
-    field itself; fields that are nearly nothing count as one of a tenth of the data's mean square. To it the
-    same is added of the mean over all nodes, which is what a sketch tells best.
+    What the network answers is not the field itself but the ways that it is made of: see `ways.field_of`.
+    So it need not learn how a body is braked and held, and its errors count by how far they lead astray: an
+    error of the acceleration early in the time leads much farther than the same error late.
+
+    The loss of a sample is the root mean square error of where the nodes are led, over that of how far they
+    have to go, at least `_AT_REST`. To it the same is added of the mean over all nodes, which is what a
+    sketch tells best.
 
     Parameters
     ----------
@@ -146,37 +151,35 @@ class ControlNetTrainer(AveragedTrainer[Conditioned]):
 
     def loss(self, batch: Batch, time: Tensor, noise: Tensor) -> Tensor:
         """Return the mean loss of a batch at times (B,) of the diffusion, for normal numbers (N, D)."""
-        clean = batch.force / self.scale
-        error = self._answer(self.network, batch, time, noise, clean) - clean
-        miss, size = self._means(error, batch), self._means(clean, batch)
-        whole, wanted = (self._whole(field, batch).square().sum(dim=-1) for field in (error, clean))
+        way = way_of(batch.force, batch.v, batch.step, batch.seconds, batch.gravity) / WAY
+        error = self._answer(self.network, batch, time, noise) - way
+        miss, size = self._means(error, batch), self._means(way, batch)
+        whole, wanted = (self._whole(field, batch).square().sum(dim=-1) for field in (error, way))
         parts = (miss / (size + _AT_REST), whole / (wanted + _SMALL))
         return sum((part + 1e-8).sqrt().mean() for part in parts)  # type: ignore[return-value]
 
     def unexplained(self, cases: Sequence[NodeCase]) -> float:
-        """Return the mean square of what one evaluation leaves unexplained, over that of the fields [-].
+        """Return the mean square of what one evaluation leaves unexplained, over that of the ways [-].
 
         Four frames of each case are asked for, from the same noise in each call.
         """
         total = torch.zeros(2)
-        for step in range(FRAMES // 8, FRAMES, FRAMES // 4):
+        for step in range(0, FRAMES, FRAMES // 4):
             batch = plain(cases, step, self.spec.radius)
             noise = torch.from_numpy(
                 np.random.default_rng(step).standard_normal(batch.force.shape, dtype=np.float32)
             )
             time = torch.full((len(cases),), TRAINING_STEPS)
             with torch.no_grad():
-                clean = batch.force / self.scale
-                error = self._answer(self.average, batch, time, noise, clean) - clean
-            total += torch.stack([self._means(field, batch).sum() for field in (error, clean)])
+                way = way_of(batch.force, batch.v, batch.step, batch.seconds, batch.gravity) / WAY
+                error = self._answer(self.average, batch, time, noise) - way
+            total += torch.stack([self._means(field, batch).sum() for field in (error, way)])
         return float(total[0] / total[1])
 
-    def _answer(
-        self, network: Conditioned, batch: Batch, time: Tensor, noise: Tensor, clean: Tensor
-    ) -> Tensor:
-        """Return what a network takes for the clean field (N, D), from noisy ones at times (B,)."""
+    def _answer(self, network: Conditioned, batch: Batch, time: Tensor, noise: Tensor) -> Tensor:
+        """Return where a network takes the nodes to go (N, D), from noisy fields at times (B,)."""
         kept = self._kept[time][batch.of_graph, None]
-        noisy = kept.sqrt() * clean + (1 - kept).sqrt() * noise
+        noisy = kept.sqrt() * batch.force / self.scale + (1 - kept).sqrt() * noise
         condition = network.network.condition(batch.pictures, time)[batch.of_graph]
         answer: Tensor = network(
             batch.x,

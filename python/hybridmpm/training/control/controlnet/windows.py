@@ -48,6 +48,10 @@ class Batch:
     """Lower and upper corner of the walls (2, N, D) [m]."""
     step: Tensor
     """Control step over the number of steps (N, 1)."""
+    seconds: Tensor
+    """Time of control (N, 1) [s]."""
+    gravity: Tensor
+    """(N, D) [m/s^2]."""
     pictures: Tensor
     """Sketches (B, 3, 64, 64)."""
     of_graph: Tensor
@@ -83,6 +87,8 @@ class _Sample:
     types: npt.NDArray[np.int64]
     walls: Floats32
     step: float
+    seconds: float
+    gravity: Floats32
     picture: npt.NDArray[np.uint8]
 
 
@@ -94,12 +100,16 @@ def batch_of(samples: Sequence[_Sample], radius: float) -> Batch:
         for name in ("x", "v", "force", "types")
     }
     walls = np.concatenate([np.repeat(one.walls[:, None], len(one.types), axis=1) for one in samples], axis=1)
-    steps = np.repeat(np.array([sample.step for sample in samples], dtype=np.float32), counts)
+    numbers = np.array([(sample.step, sample.seconds) for sample in samples], dtype=np.float32)
+    numbers = np.repeat(numbers, counts, axis=0)
+    gravity = np.repeat(np.stack([sample.gravity for sample in samples]), counts, axis=0)
     pictures = np.stack([sample.picture for sample in samples]).astype(np.float32) / 255.0
     return Batch(
         **joined,
         walls=torch.from_numpy(walls),
-        step=torch.from_numpy(steps)[:, None],
+        step=torch.from_numpy(numbers[:, :1]),
+        seconds=torch.from_numpy(numbers[:, 1:]),
+        gravity=torch.from_numpy(gravity),
         pictures=torch.from_numpy(pictures),
         of_graph=torch.from_numpy(np.repeat(np.arange(len(samples)), counts)),
         edges=edges_of(joined["x"], joined["types"], counts, radius),
@@ -113,7 +123,8 @@ def _frame(case: NodeCase, step: int) -> _Sample:
     x = case.x + case.v * seconds * (share - 2 * share**2 + share**3) + way * (3 * share**2 - 2 * share**3)
     v = case.v * (1 - 4 * share + 3 * share**2) + way / seconds * 6 * (share - share**2)
     walls = np.array([case.scene.walls.lower, case.scene.walls.upper], dtype=np.float32)
-    sample = _Sample(x, v, case.v, case.types, walls, share, case.picture)
+    gravity = np.array(case.scene.gravity, dtype=np.float32)
+    sample = _Sample(x, v, case.v, case.types, walls, share, case.seconds, gravity, case.picture)
     return _forced(sample, case.end, case)
 
 
