@@ -1,4 +1,4 @@
-"""Routes of sketches: one steers a session, or is followed on a copy and its trajectory answered."""
+"""Routes of sketches: one steers a session, or is followed on a copy; and of the force that steers."""
 
 import asyncio
 from pathlib import Path
@@ -19,6 +19,7 @@ from hybridmpm_service.http.replies import (
 )
 from hybridmpm_service.http.requests import SketchSettings
 from hybridmpm_service.http.sketches.answers import (
+    ForceBody,
     GuidanceBody,
     SketchBody,
     TrajectoryBody,
@@ -89,6 +90,12 @@ async def steer_session(
 async def release_session(session_id: SessionId, sessions: Sessions) -> None:
     """Let no sketch steer the session any more, and drop one that is being prepared."""
     await sessions.get(session_id).release()
+
+
+@router.get("/{session_id}/force", responses=problems(404, 503))
+async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
+    """Answer what acts on the fluid in the next frame besides gravity, in the mean over cells of a grid."""
+    return ForceBody.of(await sessions.get(session_id).force_field())
 
 
 @router.post(

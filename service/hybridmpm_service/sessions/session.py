@@ -17,6 +17,7 @@ from hybridmpm_service.sessions.journal.origin import Origin
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.playing.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
+from hybridmpm_service.sessions.sketches.force_field import ForceField
 from hybridmpm_service.sessions.sketches.planning import Check, Planner
 from hybridmpm_service.sessions.sketches.steering import Steered
 from hybridmpm_service.sessions.view import Control, Particles, View
@@ -258,6 +259,11 @@ class Session:
         """Return the state of all particles; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
+
+    async def force_field(self) -> ForceField:
+        """Return what acts in the next frame besides gravity; errors as in `advance`."""
+        with self._in_use():
+            return await self._on_worker(self.simulation.force_field)
 
     async def log(self) -> SessionLog:
         """Return what the session can be computed again from; errors as in `advance`."""

@@ -31,6 +31,7 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),
     ("delete", "/v1/sessions/{session_id}/sketches"),
+    ("get", "/v1/sessions/{session_id}/force"),
     ("post", "/v1/sessions/{session_id}/trajectories"),
     ("post", "/v1/sessions/{session_id}/recordings"),
     ("get", "/v1/jobs"),
@@ -101,6 +102,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         "ParticlesBody",
         "SketchBody",
         "TrajectoryBody",
+        "ForceBody",
     ):
         assert schemas[name]["examples"], name
 
@@ -119,6 +121,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         learned.ModelBody,
         sketch_answers.SketchBody,
         sketch_answers.TrajectoryBody,
+        sketch_answers.ForceBody,
     ],
 )
 def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:

@@ -18,8 +18,16 @@ function reachedText({ sketch, reached }) {
   return oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
 }
 
+const HINTS = {
+  orbit: "Drag to look around. Pick Push, Arrow or Oval to steer.",
+  push: "Drag through the fluid to push it",
+  arrow: "Draw an arrow: the fluid moves by it",
+  oval: "Drag across an oval, or trace one, for the fluid to fill",
+  free: "Draw an arrow or an oval: the fluid follows",
+};
+
 /** The line under the picture, for each phase of steering. */
-function steerText(steering, { live, playing, dim, tool }) {
+function steerText(steering, { live, playing, tool, ghost }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
     case "drawing":
@@ -37,9 +45,8 @@ function steerText(steering, { live, playing, dim, tool }) {
       return `Done${steering.reached === null ? "" : `: ${reachedText(steering)}`}`;
     default:
       if (!live) return "Waiting for the simulation";
-      if (dim === 3 && tool === "orbit") return "Drag to look around. Pick arrow or oval to steer.";
-      if (tool === "push") return playing ? "Drag through the fluid to push it" : "Paused: play, then drag to push the fluid";
-      return tool === "oval" ? "Drag across an oval, or trace one, for the fluid to fill" : "Draw on the picture: the fluid follows";
+      if (ghost) return "Draw an oval like this, and the fluid follows";
+      return `${playing ? "" : "Paused. "}${HINTS[tool]}`;
   }
 }
 
