@@ -38,7 +38,7 @@ function steerText(steering, { live, playing, tool, ghost }) {
       return "Planning…";
     case "following":
       if (!playing) return `Paused: play to follow the ${kind}`;
-      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going as near as it can";
+      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going near";
     case "holding":
       return `Holding: ${reachedText(steering) || kind}`;
     case "done":
