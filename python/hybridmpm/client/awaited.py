@@ -203,6 +203,10 @@ class AsyncSession:
         """
         return await self._client.run(calls.steer(self.id, drawing, kind, settings))
 
+    async def force(self) -> Json:
+        """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
+        return await self._client.run(calls.force(self.id))
+
     async def release(self) -> None:
         """Let no sketch steer any more."""
         await self._client.run(calls.release(self.id))

@@ -171,6 +171,11 @@ def steer(session_id: str, drawing: Drawing, kind: str | None, settings: SketchS
     return Call("POST", f"/v1/sessions/{session_id}/sketches", _json, body)
 
 
+def force(session_id: str) -> Call[Json]:
+    """Return the call for what steers in the next frame."""
+    return Call("GET", f"/v1/sessions/{session_id}/force", _json)
+
+
 def release(session_id: str) -> Call[None]:
     """Return the call that lets no sketch steer a session."""
     return Call("DELETE", f"/v1/sessions/{session_id}/sketches", _nothing)

@@ -203,6 +203,10 @@ class Session:
         """
         return self._client.run(calls.steer(self.id, drawing, kind, settings))
 
+    def force(self) -> Json:
+        """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
+        return self._client.run(calls.force(self.id))
+
     def release(self) -> None:
         """Let no sketch steer any more."""
         self._client.run(calls.release(self.id))

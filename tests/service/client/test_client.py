@@ -75,6 +75,7 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.log("ID"),
         calls.decisions("ID"),
         calls.steer("ID", ARROW, None, empty),
+        calls.force("ID"),
         calls.release("ID"),
         calls.trace("ID", ARROW, None, 1, empty),
         calls.record("ID", 1, empty),
@@ -156,6 +157,7 @@ def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str
     answer = session.steer(drawing, frames=40, cap=9.0)
     assert answer["sketch"]["kind"] == "arrow"
     assert (answer["frames"], answer["needs"]["cap"]) == (40, 9.0)
+    assert session.force()["frame"] == 0
     session.advance(2)
     assert session.info["control"]["frames_done"] == 2
     session.release()
