@@ -1,9 +1,14 @@
 """Real-time, interactive particle fluids: scenes, an MLS-MPM solver and errors between states.
 
-The names in `__all__` are public, and so are the modules among them; the rest may move.
+The names in `__all__` are public, and so are the modules among them; the rest may move. What a scene and MPM
+do not need is imported when it is first asked for.
 """
 
-from hybridmpm import control, data, downsampling, hybrid, metrics, physics, recording, scenarios, simulators
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
+from hybridmpm import downsampling, recording, scenarios
 from hybridmpm._native import (
     SOLVER_VERSION,
     CancelFlag,
@@ -35,9 +40,7 @@ from hybridmpm.errors import (
     ThinObstacleWarning,
     UnknownScenarioError,
 )
-from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.mpm import MpmBatch, MpmSolver, Sleep
-from hybridmpm.physics import NeuralPhysics
 from hybridmpm.scene import (
     Ball,
     BallObstacle,
@@ -60,7 +63,12 @@ from hybridmpm.scene import (
     Water,
 )
 from hybridmpm.simulator import Simulator
-from hybridmpm.simulators import load
+
+if _TYPE_CHECKING:
+    from hybridmpm import control, data, hybrid, metrics, physics, simulators
+    from hybridmpm.hybrid import HybridSimulator
+    from hybridmpm.physics import NeuralPhysics
+    from hybridmpm.simulators import load
 
 __all__ = [
     "SOLVER_VERSION",
@@ -126,3 +134,23 @@ __all__ = [
     "scenarios",
     "simulators",
 ]
+
+_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "simulators")
+_NAMES_ON_DEMAND = {"HybridSimulator": "hybrid", "NeuralPhysics": "physics", "load": "simulators"}
+"""Room that has each name."""
+
+if not _TYPE_CHECKING:  # a type checker would take any name to be there
+
+    def __getattr__(name: str) -> _Any:
+        if name in _ROOMS_ON_DEMAND:
+            return _import_module(f"hybridmpm.{name}")
+        if name in _NAMES_ON_DEMAND:
+            return getattr(_import_module(f"hybridmpm.{_NAMES_ON_DEMAND[name]}"), name)
+        from hybridmpm._support.suggestions import did_you_mean  # noqa: PLC0415 - of use to mistakes alone
+
+        near = did_you_mean(name, __all__)
+        raise AttributeError(f"module 'hybridmpm' has no attribute {name!r}{near}", name=name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -648,32 +648,32 @@ class Solver:
         """Whether there are emitters or sinks."""
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending; a copy."""
+        """Numbers (N,) that particles keep for good, ascending; a snapshot, read-only."""
     @property
     def material(self) -> npt.NDArray[np.uint8]:
-        """Index into the materials (N,); a copy."""
+        """Index into the materials (N,); a snapshot, read-only."""
     @property
     def mass(self) -> npt.NDArray[np.float32]:
-        """(N,) [kg]; a copy."""
+        """(N,) [kg]; a snapshot, read-only."""
     @property
     def emitters(self) -> list[str]:
         """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
     @property
     def positions(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m]; a copy."""
+        """Positions (N, D) [m]; a snapshot, read-only."""
     @property
     def velocities(self) -> npt.NDArray[np.float32]:
-        """Snapshot (N, D) [m/s]; a copy."""
+        """Velocities (N, D) [m/s]; a snapshot, read-only."""
     @property
     def affine(self) -> npt.NDArray[np.float32]:
-        """APIC matrix C, snapshot (N, D, D) [1/s]; a copy."""
+        """APIC matrix C (N, D, D) [1/s]; a snapshot, read-only."""
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:
-        """Which particles sleep, snapshot (N,)."""
+        """Which particles sleep (N,); a snapshot, read-only."""
 
     @property
     def volume_ratio(self) -> npt.NDArray[np.float32]:
-        """J of water, det F of solids, snapshot (N,) [-]; a copy."""
+        """J of water, det F of solids (N,) [-]; a snapshot, read-only."""
     @property
     def last_frame(self) -> FrameReport | None:
         """Report on the latest frame; None before the first."""
@@ -755,15 +755,15 @@ class Carrier:
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending."""
+        """Numbers (N,) that particles keep for good, ascending; a snapshot, read-only."""
 
     @property
     def mass(self) -> npt.NDArray[np.float32]:
-        """Masses (N,) [kg]; a copy."""
+        """Masses (N,) [kg]; a snapshot, read-only."""
 
     @property
     def material(self) -> npt.NDArray[np.uint8]:
-        """Indices (N,) into the materials; a copy."""
+        """Indices (N,) into the materials; a snapshot, read-only."""
 
     @property
     def emitters(self) -> list[str]:

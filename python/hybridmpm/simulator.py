@@ -1,7 +1,7 @@
 """`Simulator`: what all simulators have in common, whatever moves the particles."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
@@ -13,6 +13,7 @@ from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
 from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
 from hybridmpm.force import CheckedForce, Force, checked_force
+from hybridmpm.render import notebook
 from hybridmpm.scene import Scene
 from hybridmpm.snapshots import SavedState, read_state, write_state
 
@@ -29,12 +30,51 @@ class Simulator(ABC):
 
     N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
     frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
+
+    Arrays that a simulator gives are snapshots of its state: they do not follow it when it advances, and they
+    are read-only, because what is written to them would reach no particle. `positions.copy()` may be changed.
     """
 
     _cancel: _native.CancelFlag | None = None
 
     kind: ClassVar[Kind]
     """Name of this kind of simulator: "mpm", "neural" or "hybrid"."""
+
+    def __repr__(self) -> str:
+        count = f"{self.particle_count} particles"
+        parts = (self.scene.title, *self._traits(), count, f"frame {self.frame}")
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+    def _traits(self) -> Sequence[str]:
+        """Return what tells this simulator from others of its kind, in a few words for `repr`."""
+        return ()
+
+    def _repr_html_(self) -> str:
+        return notebook.figure(self._picture(notebook.WIDTH), repr(self))
+
+    def show(self, width: int = notebook.WIDTH) -> None:
+        """Show a picture of the present state, in a notebook or else in the system's viewer of pictures.
+
+        Within one cell of a notebook each picture takes the place of the one before, so that
+        `for _ in range(100): solver.advance(4); solver.show()` is a film.
+
+        Parameters
+        ----------
+        width : int in [64, 4096]
+            Width of the picture [pixels].
+
+        Raises
+        ------
+        ConfigError
+            `width` is out of range.
+        ExportError
+            There is neither a notebook nor a viewer.
+        """
+        notebook.show(self, self._picture(width), repr(self))
+
+    def _picture(self, width: int) -> npt.NDArray[np.uint8]:
+        view = notebook.view_for(self, self.scene, self.materials, width, self.particle_spacing)
+        return view.draw(self.positions, self.velocities, self.time)
 
     @property
     @abstractmethod
@@ -84,27 +124,27 @@ class Simulator(ABC):
     @property
     @abstractmethod
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that the particles keep for good, ascending."""
+        """Numbers (N,) that the particles keep for good, ascending; a snapshot, read-only."""
 
     @property
     @abstractmethod
     def positions(self) -> _Floats:
-        """Positions (N, D) [m]; a copy."""
+        """Positions (N, D) [m]; a snapshot, read-only."""
 
     @property
     @abstractmethod
     def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s]; a copy."""
+        """Velocities (N, D) [m/s]; a snapshot, read-only."""
 
     @property
     @abstractmethod
     def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
+        """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop); a snapshot, read-only."""
 
     @property
     @abstractmethod
     def mass(self) -> _Floats:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
+        """Masses (N,) [kg], in 2D those of a slice one metre deep; a snapshot, read-only."""
 
     @property
     @abstractmethod
@@ -289,3 +329,11 @@ class Simulator(ABC):
         except Exception as error:
             raise SnapshotError(f"{path} cannot be restored: {error}") from error
         return simulator
+
+
+def checked_simulator(value: object) -> Simulator:
+    """Return a value that is a simulator, or raise `ConfigError`, which says what to write instead."""
+    if isinstance(value, Simulator):
+        return value
+    advice = ": write MpmSolver(scene)" if isinstance(value, Scene) else ""
+    raise ConfigError(f"this takes a simulator, such as an MpmSolver; got a {type(value).__name__}{advice}")

@@ -4,6 +4,7 @@ import inspect
 from pathlib import Path
 from typing import Any
 
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.mpm import MpmSolver
@@ -42,7 +43,10 @@ def make(kind: Kind, scene: Scene, **settings: Any) -> Simulator:
         The scene cannot be filled with particles.
     """
     if kind not in SIMULATORS:
-        raise ConfigError(f"the simulator must be among {', '.join(SIMULATORS)}; got {kind!r}")
+        listed = ", ".join(SIMULATORS)
+        raise ConfigError(
+            f"the simulator must be among {listed}; got {kind!r}{did_you_mean(kind, SIMULATORS)}"
+        )
     given = {name: value for name, value in settings.items() if value is not None}
     for name in sorted(given.keys() - settings_of(kind)):
         takers = " and ".join(repr(other) for other in SIMULATORS if name in settings_of(other))

@@ -14,9 +14,15 @@ from starlette.middleware.cors import CORSMiddleware
 
 import hybridmpm
 from hybridmpm_service.http import problems
-from hybridmpm_service.http.middleware import AccessMiddleware, AnswerMiddleware, BodyLimitMiddleware
+from hybridmpm_service.http.connection.middleware import (
+    AccessMiddleware,
+    AnswerMiddleware,
+    BodyLimitMiddleware,
+)
 from hybridmpm_service.http.requests import SketchRequest
-from hybridmpm_service.routes import health, models, scenarios, sessions, sketches, stream
+from hybridmpm_service.jobs.table import JobTable
+from hybridmpm_service.routes import health, jobs, models, recordings, scenarios, sessions, sketches, stream
+from hybridmpm_service.routes.handling.idempotency import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.settings import Settings
@@ -52,8 +58,11 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     )
     app.state.settings = settings
     app.state.sessions = SessionManager(settings, clock)
+    app.state.idempotency = Idempotency()
+    app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    routers = [module.router for module in (health, models, scenarios, sessions, sketches, stream)]
+    modules = (health, scenarios, models, sessions, sketches, recordings, jobs, stream)
+    routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)
     app.state.operations = [
@@ -67,7 +76,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
             CORSMiddleware,
             allow_origins=settings.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
-            allow_headers=["Content-Type"],
+            allow_headers=["Content-Type", "Idempotency-Key", "Prefer"],
             expose_headers=["Location", "Retry-After"],
         )
     app.add_middleware(AccessMiddleware, hosts=settings.hosts, origins=settings.cors_origins)
@@ -80,21 +89,23 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     manager: SessionManager = app.state.sessions
     settings: Settings = app.state.settings
+    jobs: JobTable = app.state.jobs
     # The server answers meanwhile; who asks for one of these sessions is told to come back.
     reviving = asyncio.create_task(manager.revive())
-    sweeping = asyncio.create_task(_sweep(manager, min(_SWEEP_SECONDS, settings.idle_seconds / 4)))
+    sweeping = asyncio.create_task(_sweep(manager, jobs, min(_SWEEP_SECONDS, settings.idle_seconds / 4)))
     try:
         yield
     finally:
         sweeping.cancel()
-        await asyncio.gather(reviving, manager.close())
+        await asyncio.gather(reviving, jobs.close(), manager.close())
 
 
-async def _sweep(manager: SessionManager, seconds: float) -> None:
-    """End idle sessions regularly, until this task is cancelled."""
+async def _sweep(manager: SessionManager, jobs: JobTable, seconds: float) -> None:
+    """End idle sessions and forget old jobs regularly, until this task is cancelled."""
     while True:
         await asyncio.sleep(seconds)
         try:
+            jobs.expire()
             await manager.expire()
         except Exception:  # noqa: BLE001 - the next sweep may succeed, and must come
             _log.exception("ending idle sessions failed; trying again")

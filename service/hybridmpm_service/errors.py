@@ -9,6 +9,14 @@ class SessionNotFoundError(ServiceError):
     """The session does not exist: it was never created, or has been deleted, or has expired."""
 
 
+class JobNotFoundError(ServiceError):
+    """The job does not exist: it was never begun, or has been deleted, or ended long ago."""
+
+
+class JobUnfinishedError(ServiceError):
+    """The job has no result yet."""
+
+
 class ScenarioNotFoundError(ServiceError):
     """The address names a scenario that does not exist."""
 
@@ -25,6 +33,10 @@ class MachineFullError(UnavailableError):
     """The sessions that play leave too little of the machine's time for another."""
 
 
+class TooManyJobsError(UnavailableError):
+    """All jobs that the settings allow still run."""
+
+
 class SessionBusyError(UnavailableError):
     """Too many calls already wait for this session."""
 
@@ -35,6 +47,10 @@ class StorageError(UnavailableError):
 
 class ModelDamagedError(UnavailableError):
     """The server's copy of a model cannot be loaded."""
+
+
+class IdempotencyKeyError(ServiceError):
+    """The key of a request came with another request before."""
 
 
 class SketchDroppedError(ServiceError):

@@ -62,6 +62,9 @@ class Settings(BaseModel):
     max_replay_frames: int = Field(
         default=20_000, ge=1, le=1_000_000, description="Largest number of frames of a log that is replayed."
     )
+    max_jobs: int = Field(
+        default=16, ge=1, le=1024, description="Largest number of jobs, those that have ended among them."
+    )
     max_upload_bytes: int = Field(
         default=1 << 20, ge=1024, le=1 << 20, description="Largest size of an uploaded PNG in bytes."
     )

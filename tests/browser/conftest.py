@@ -21,7 +21,7 @@ CHROMIUM_FLAGS = [
     "--enable-unsafe-swiftshader",  # WebGL2 without a graphics card
     "--disable-background-networking",
 ]
-VIEWPORT: ViewportSize = {"width": 920, "height": 800}
+VIEWPORT: ViewportSize = {"width": 1100, "height": 740}
 """The page in its wide layout, stage and tools in sight; without a graphics card every pixel takes time."""
 PATIENCE_MS = 60_000
 """How long a test waits for something that has to happen; a loaded machine may draw one picture a second."""

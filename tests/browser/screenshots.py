@@ -50,6 +50,7 @@ def main() -> None:
 
         desktop = _open(browser, service, "scenario=water_2d&seed=0", {"width": 1440, "height": 900}, 1)
         _go_to(desktop, service, 150)
+        desktop.press_until("a", "body.tool === 'arrow'")
         desktop.drag([(0.36, 0.42), (0.52, 0.72)])
         desktop.wait_for("body.control === 'following'")
         _go_to(desktop, service, 62)

@@ -196,6 +196,24 @@ def test_stroke_widths_run_from_start_to_end(page: Page) -> None:
     assert _call(page, "sketch/sketch.js", "strokeOf", oval, [2, 20])["widths"] == [20, 20, 20]
 
 
+def test_a_prediction_carries_the_centre_along_an_arrow_and_into_an_oval(page: Page) -> None:
+    walls = {"lower": [0.1, 0.1], "upper": [0.9, 0.9]}
+    arrow = {"kind": "arrow", "points": [[0.2, 0.2], [0.3, 0.25], [0.4, 0.4]], "widths": [2, 20]}
+    goal = _call(page, "sketch/prediction.js", "predicted", arrow, [0.5, 0.3], walls)
+    assert goal["region"] is None
+    assert np.array(goal["path"]) == pytest.approx(np.array([[0.5, 0.3], [0.6, 0.35], [0.7, 0.5]]))
+    outline = _call(page, "sketch/sketch.js", "ovalBetween", [0.4, 0.5], [0.6, 0.7])
+    oval = {"kind": "ellipse", "points": outline, "widths": [2, 20]}
+    goal = _call(page, "sketch/prediction.js", "predicted", oval, [0.5, 0.3], walls)
+    assert np.array(goal["path"]) == pytest.approx(np.array([[0.5, 0.3], [0.5, 0.6]]), abs=1e-3)
+    assert goal["region"] == outline
+    # In 3D the width of the stroke says how deep.
+    room = {"lower": [0.1] * 3, "upper": [0.9] * 3}
+    goal = _call(page, "sketch/prediction.js", "predicted", arrow, [0.5, 0.3, 0.2], room)
+    assert goal["path"][-1] == pytest.approx([0.7, 0.5, 1.0])
+    assert _call(page, "sketch/prediction.js", "predicted", arrow, None, walls) is None
+
+
 def test_a_hand_is_as_fast_as_its_latest_samples_in_simulated_time(page: Page) -> None:
     samples = [{"point": [0.1 * i, 0.5], "time": 1 + 0.02 * i} for i in range(6)]
     # Over the last 80 ms: three steps of 0.1 m in 60 ms.

@@ -152,6 +152,7 @@ def test_a_sketch_puts_mpm_in_the_networks_place(open_page: Open, service: LiveS
     visit = _rewound(open_page, "solver=hybrid")
     service.advance(visit.session, 40)
     visit.wait_for("body.mode === 'neural' && body.frame === '40'")
+    visit.press_until("a", "body.tool === 'arrow'")
     visit.drag([(0.5, 0.4), (0.5, 0.5)])
     visit.wait_for("body.control === 'following'")
     visit.press_until(".", "body.frame === '41' && body.mode === 'mpm'")

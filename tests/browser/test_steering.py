@@ -38,6 +38,7 @@ def test_fluid_follows_an_arrow(open_page: Open, service: LiveService, arrow: tu
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
     visit.pause_at(5)
     start = service.get(f"/v1/sessions/{visit.session}")
+    visit.press_until("a", "body.tool === 'arrow'")
     plan = _draw(visit, [(0.5, 0.4), (0.5 + arrow[0], 0.4 + arrow[1])])
     visit.wait_for("body.control === 'following'")
     control = service.get(f"/v1/sessions/{visit.session}")["control"]
@@ -59,6 +60,7 @@ def test_playing_fluid_goes_on_while_it_is_planned_for_and_is_steered_to_the_end
 ) -> None:
     visit = open_page("scenario=water_2d&seed=1&renderer=canvas2d")
     visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
+    visit.press_until("a", "body.tool === 'arrow'")
     plan = _draw(visit, [(0.4, 0.4), (0.5, 0.6)])
     assert plan["first_frame"] >= plan["drawn_frame"] > 5
     visit.wait_for("body.control === 'done'")
@@ -72,6 +74,7 @@ def test_playing_fluid_goes_on_while_it_is_planned_for_and_is_steered_to_the_end
 def test_fluid_that_is_let_go_falls_again(open_page: Open, service: LiveService) -> None:
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
     visit.pause_at(5)
+    visit.press_until("a", "body.tool === 'arrow'")
     _draw(visit, [(0.5, 0.4), (0.5, 0.7)])
     visit.wait_for("body.control === 'following'")
     visit.page.get_by_role("button", name="Let go").click()
@@ -82,6 +85,7 @@ def test_fluid_that_is_let_go_falls_again(open_page: Open, service: LiveService)
 def test_what_somebody_else_ends_is_taken_off_the_picture(open_page: Open, service: LiveService) -> None:
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
     visit.pause_at(5)
+    visit.press_until("a", "body.tool === 'arrow'")
     _draw(visit, [(0.5, 0.4), (0.5, 0.6)])
     visit.wait_for("body.control === 'following'")
     service.advance(visit.session, 3)
@@ -110,6 +114,7 @@ def test_fluid_fills_an_oval_that_is_dragged_or_traced(
 def test_a_goal_out_of_reach_is_said_in_words(open_page: Open) -> None:
     visit = open_page("scenario=water_2d&seed=0&renderer=canvas2d")
     visit.pause_at(5)
+    visit.press_until("a", "body.tool === 'arrow'")
     _draw(visit, [(0.2, 0.4), (0.85, 0.4)])
     expect(visit.page.locator(".toast")).to_contain_text("Out of reach")
     expect(visit.page.locator(".toast")).to_contain_text("shorten it")
@@ -200,6 +205,7 @@ def test_wrong_guess_can_be_switched(open_page: Open) -> None:
 def test_click_is_not_a_sketch(open_page: Open) -> None:
     visit = open_page()
     visit.pause_at(3)
+    visit.press_until("a", "body.tool === 'arrow'")
     visit.drag([(0.5, 0.5), (0.503, 0.5)])
     visit.wait_for("body.control === 'idle'")
     assert "very short" in (visit.page.locator(".toast").text_content() or "")
@@ -232,6 +238,7 @@ def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: 
         route.fulfill(status=422, content_type="application/problem+json", body=json.dumps(problem))
 
     visit.page.route("**/sketches*", refuse)
+    visit.press_until("a", "body.tool === 'arrow'")
     visit.drag([(0.4, 0.4), (0.5, 0.6)])
     toast = visit.page.locator(".toast").text_content() or ""
     assert "at least 2 points" in toast

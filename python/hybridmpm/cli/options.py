@@ -1,6 +1,6 @@
 """Command-line options that several commands share, and types of options."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -10,6 +10,8 @@ from hybridmpm import export, simulators
 from hybridmpm.errors import ExportError
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import Substeps
+from hybridmpm.physics import models
+from hybridmpm.physics.load import ZERO
 
 
 class RatioType(click.ParamType[float, object]):
@@ -59,9 +61,19 @@ def substeps_option(default: str | None, more: str = "") -> Callable[..., Any]:
 seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Seed of the scenario.")
 """Seed that a scene is drawn from."""
 
+
+def completing(names: Callable[[], Iterable[str]]) -> Callable[..., list[str]]:
+    """Return the completion of a name in a shell, for the `shell_complete` of an argument or an option.
+
+    `names` is called only when somebody asks.
+    """
+    return lambda _ctx, _param, incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
 model_option = click.option(
     "--model",
     metavar="NAME",
+    shell_complete=completing(lambda: [*models(), ZERO]),
     help="Name of the network, or its .onnx file, for a simulator that has one; zero is free fall. Default: "
     "the first network that serves the scenario.",
 )

@@ -9,6 +9,7 @@ import numpy as np
 from hybridmpm import export, scenarios, simulators
 from hybridmpm.cli.options import (
     check_targets,
+    completing,
     model_option,
     r_c_option,
     safeguard_option,
@@ -21,6 +22,7 @@ from hybridmpm.cli.options import (
     width_option,
 )
 from hybridmpm.cli.progress import CountedProgress, progress
+from hybridmpm.downsampling import rung_table
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
@@ -30,7 +32,7 @@ from hybridmpm.simulator import Kind, Simulator
 
 
 @click.command()
-@click.argument("scenario", required=False)
+@click.argument("scenario", required=False, shell_complete=completing(lambda: scenarios.NAMES))
 @click.option(
     "--scene",
     "scene_file",
@@ -55,6 +57,7 @@ from hybridmpm.simulator import Kind, Simulator
 @click.option(
     "--rung",
     metavar="NAME",
+    shell_complete=completing(lambda: rung_table().ratios),
     help="Fitted rung, such as 1/16: so large a part of the particles simulates and carries all others, for "
     "mpm.",
 )
@@ -114,7 +117,8 @@ def simulate(
 
     The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
     a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
-    %04d in it stands for a series of numbered files, one for each recorded state.
+    %04d in it stands for a series of numbered files, one for each recorded state. Without --out and --save
+    the run is timed, and nothing of it is kept.
     """
     style = export.Style(width=width, speed=speed, strip=strip)
     check_targets(targets)
@@ -143,6 +147,8 @@ def simulate(
     frames = max(solver.scene.frames - solver.frame, 0) if frames is None else frames
     if not any(export.needs_history(target, style) for target in targets):
         every = max(frames, 1)
+    if frames and not targets and save_file is None:
+        click.echo(_what_is_discarded(frames, scenario or "fluid"), err=True)
 
     began = time.perf_counter()
     try:
@@ -157,6 +163,13 @@ def simulate(
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
         _write(target, recording, style)
+
+
+def _what_is_discarded(frames: int, name: str) -> str:
+    return (
+        f"All states of these {frames} frames will be discarded: --out {name}.gif keeps a film of them, "
+        f"--out {name}.npz the states, --save {name}.hmpm the last one to go on from."
+    )
 
 
 def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:

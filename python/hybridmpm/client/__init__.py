@@ -5,17 +5,19 @@ websockets: `pip install 'hybridmpm[client]'`. docs/http-api.md describes what i
 """
 
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.awaited import AsyncClient, AsyncSession, AsyncStream
+from hybridmpm.client.awaited import AsyncClient, AsyncJob, AsyncSession, AsyncStream
 from hybridmpm.client.errors import ServiceError, StreamClosedError, UnreachableError
-from hybridmpm.client.waiting import Client, Session, Stream
+from hybridmpm.client.waiting import Client, Job, Session, Stream
 from hybridmpm.stream_frames import Frame
 
 __all__ = [
     "AsyncClient",
+    "AsyncJob",
     "AsyncSession",
     "AsyncStream",
     "Client",
     "Frame",
+    "Job",
     "Particles",
     "ServiceError",
     "Session",

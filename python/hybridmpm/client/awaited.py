@@ -12,7 +12,14 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hybridmpm.client import calls, messages
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.calls import Call, Drawing, Json, SimulatorSettings, SketchSettings
+from hybridmpm.client.calls import (
+    Call,
+    Drawing,
+    Json,
+    RecordingSettings,
+    SimulatorSettings,
+    SketchSettings,
+)
 from hybridmpm.client.errors import refusal, unreachable
 from hybridmpm.client.waiting import ADDRESS, TIMEOUT, closed
 from hybridmpm.scene import Scene
@@ -114,6 +121,26 @@ class AsyncClient:
         """Return a session by its id."""
         return AsyncSession(self, await self.run(calls.session(session_id)))
 
+    async def jobs(self) -> list["AsyncJob"]:
+        """Return all jobs of the service, the oldest first."""
+        return [AsyncJob(self, info) for info in await self.run(calls.job_list())]
+
+    async def job(self, job_id: str) -> "AsyncJob":
+        """Return a job by its id."""
+        return AsyncJob(self, await self.run(calls.job(job_id)))
+
+    @contextlib.asynccontextmanager
+    async def lines(self, path: str) -> AsyncIterator[AsyncIterator[str]]:
+        """Read the answer of an address line by line: a context manager."""
+        try:
+            async with self._http.stream("GET", path) as answer:
+                if not answer.is_success:
+                    await answer.aread()
+                    raise refusal(answer)
+                yield answer.aiter_lines()
+        except httpx.TransportError as error:
+            raise unreachable(self.address, error) from error
+
 
 class AsyncSession:
     """A session of a service; it lives on when this object is gone.
@@ -176,6 +203,10 @@ class AsyncSession:
         """
         return await self._client.run(calls.steer(self.id, drawing, kind, settings))
 
+    async def force(self) -> Json:
+        """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
+        return await self._client.run(calls.force(self.id))
+
     async def release(self) -> None:
         """Let no sketch steer any more."""
         await self._client.run(calls.release(self.id))
@@ -193,6 +224,18 @@ class AsyncSession:
         `stride` is the distance in frames between two rows of positions; all else is as in `steer`.
         """
         return await self._client.run(calls.trace(self.id, drawing, kind, stride, settings))
+
+    async def record(self, frames: int, **settings: Unpack[RecordingSettings]) -> "AsyncJob":
+        """Begin a job that computes frames on a copy of the session, and writes them to a file.
+
+        Parameters
+        ----------
+        frames : int
+            Number of frames to compute.
+        **settings
+            every, format ("npz", "gif", "mp4" or "png"), width and speed; see docs/http-api.md.
+        """
+        return AsyncJob(self._client, await self._client.run(calls.record(self.id, frames, settings)))
 
     async def delete(self) -> None:
         """End the session."""
@@ -217,6 +260,51 @@ class AsyncSession:
             hello = await stream.receive()
             stream.hello = hello if isinstance(hello, dict) else {}
             yield stream
+
+
+class AsyncJob:
+    """Work of a service in the background.
+
+    Attributes
+    ----------
+    id : str
+    info : dict
+        What the service told of it last: phase, done, total and more; see docs/http-api.md.
+    """
+
+    def __init__(self, client: AsyncClient, info: Json) -> None:
+        self._client = client
+        self.id: str = info["id"]
+        self.info = info
+
+    def __repr__(self) -> str:
+        """Return id and phase, for a reader."""
+        return f"AsyncJob({self.id}, {self.info['phase']})"
+
+    async def events(self) -> AsyncIterator[Json]:
+        """Iterate over the job's `info` as it changes, until the job has ended."""
+        async with self._client.lines(f"{calls.job(self.id).path}/events") as lines:
+            async for line in lines:
+                told = messages.event(line)
+                if told is not None:
+                    self.info = told
+                    yield told
+
+    async def result(self) -> bytes:
+        """Wait until the job has ended, and return the file that it has made.
+
+        Raises
+        ------
+        ServiceError
+            The job has failed; the error is what it failed with.
+        """
+        async for _ in self.events():
+            pass
+        return await self._client.run(calls.result(self.id))
+
+    async def delete(self) -> None:
+        """End the job, and let the service forget its result."""
+        await self._client.run(calls.delete_job(self.id))
 
 
 class AsyncStream:

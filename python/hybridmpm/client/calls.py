@@ -44,6 +44,19 @@ class SketchSettings(TypedDict, total=False):
     """Seed of what a method draws at random, in [0, 2^32)."""
 
 
+class RecordingSettings(TypedDict, total=False):
+    """What a recording holds and how it looks; what is absent takes the service's default."""
+
+    every: int
+    """Number of frames from one recorded state to the next."""
+    format: Literal["npz", "gif", "mp4", "png"]
+    """File to write."""
+    width: int
+    """Width of a picture, in [64, 1280] [pixels]."""
+    speed: float
+    """Simulated seconds in a second of film, in [0.01, 10]."""
+
+
 class SimulatorSettings(TypedDict, total=False):
     """Who simulates a new session; what is absent takes the service's default."""
 
@@ -158,6 +171,11 @@ def steer(session_id: str, drawing: Drawing, kind: str | None, settings: SketchS
     return Call("POST", f"/v1/sessions/{session_id}/sketches", _json, body)
 
 
+def force(session_id: str) -> Call[Json]:
+    """Return the call for what steers in the next frame."""
+    return Call("GET", f"/v1/sessions/{session_id}/force", _json)
+
+
 def release(session_id: str) -> Call[None]:
     """Return the call that lets no sketch steer a session."""
     return Call("DELETE", f"/v1/sessions/{session_id}/sketches", _nothing)
@@ -167,9 +185,34 @@ def trace(
     session_id: str, drawing: Drawing, kind: str | None, stride: int, settings: SketchSettings
 ) -> Call[Trajectory]:
     """Return the call that follows a sketch on a copy of a session."""
-    more = {"params": {"stride": stride}, "headers": _NPZ}
-    body = _sketch(drawing, kind, settings) | more
+    body = _sketch(drawing, kind, settings) | {"params": {"stride": stride}, "headers": _NPZ}
     return Call("POST", f"/v1/sessions/{session_id}/trajectories", Trajectory.of, body)
+
+
+def record(session_id: str, frames: int, settings: RecordingSettings) -> Call[Json]:
+    """Return the call that begins a job, which records a copy of a session."""
+    body = {"json": {"frames": frames, **settings}}
+    return Call("POST", f"/v1/sessions/{session_id}/recordings", _json, body)
+
+
+def job_list() -> Call[list[Json]]:
+    """Return the call for the jobs."""
+    return Call("GET", "/v1/jobs", _part("jobs"))
+
+
+def job(job_id: str) -> Call[Json]:
+    """Return the call for one job."""
+    return Call("GET", f"/v1/jobs/{job_id}", _json)
+
+
+def result(job_id: str) -> Call[bytes]:
+    """Return the call for the file that a job has made."""
+    return Call("GET", f"/v1/jobs/{job_id}/result", lambda answer: answer.content)
+
+
+def delete_job(job_id: str) -> Call[None]:
+    """Return the call that ends a job."""
+    return Call("DELETE", f"/v1/jobs/{job_id}", _nothing)
 
 
 def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> dict[str, Any]:

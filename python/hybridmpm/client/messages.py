@@ -29,6 +29,12 @@ def read(message: str | bytes) -> Message:
     return told
 
 
+def event(line: str) -> dict[str, Any] | None:
+    """Return the job that a line of server-sent events tells of; None for any other line."""
+    told: dict[str, Any] | None = json.loads(line[5:]) if line.startswith("data:") else None
+    return told
+
+
 def command(kind: str, **values: Any) -> str:
     """Return a command of the player."""
     return json.dumps({"type": kind} | {name: value for name, value in values.items() if value is not None})

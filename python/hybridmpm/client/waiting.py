@@ -11,7 +11,14 @@ from websockets.sync.client import ClientConnection, connect
 
 from hybridmpm.client import calls, messages
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.calls import Call, Drawing, Json, SimulatorSettings, SketchSettings
+from hybridmpm.client.calls import (
+    Call,
+    Drawing,
+    Json,
+    RecordingSettings,
+    SimulatorSettings,
+    SketchSettings,
+)
 from hybridmpm.client.errors import StreamClosedError, refusal, unreachable
 from hybridmpm.scene import Scene
 from hybridmpm.stream_frames import Frame
@@ -116,6 +123,26 @@ class Client:
         """Return a session by its id."""
         return Session(self, self.run(calls.session(session_id)))
 
+    def jobs(self) -> list["Job"]:
+        """Return all jobs of the service, the oldest first."""
+        return [Job(self, info) for info in self.run(calls.job_list())]
+
+    def job(self, job_id: str) -> "Job":
+        """Return a job by its id."""
+        return Job(self, self.run(calls.job(job_id)))
+
+    @contextlib.contextmanager
+    def lines(self, path: str) -> Iterator[Iterator[str]]:
+        """Read the answer of an address line by line: a context manager."""
+        try:
+            with self._http.stream("GET", path) as answer:
+                if not answer.is_success:
+                    answer.read()
+                    raise refusal(answer)
+                yield answer.iter_lines()
+        except httpx.TransportError as error:
+            raise unreachable(self.address, error) from error
+
 
 class Session:
     """A session of a service; it lives on when this object is gone.
@@ -176,6 +203,10 @@ class Session:
         """
         return self._client.run(calls.steer(self.id, drawing, kind, settings))
 
+    def force(self) -> Json:
+        """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
+        return self._client.run(calls.force(self.id))
+
     def release(self) -> None:
         """Let no sketch steer any more."""
         self._client.run(calls.release(self.id))
@@ -193,6 +224,18 @@ class Session:
         `stride` is the distance in frames between two rows of positions; all else is as in `steer`.
         """
         return self._client.run(calls.trace(self.id, drawing, kind, stride, settings))
+
+    def record(self, frames: int, **settings: Unpack[RecordingSettings]) -> "Job":
+        """Begin a job that computes frames on a copy of the session, and writes them to a file.
+
+        Parameters
+        ----------
+        frames : int
+            Number of frames to compute.
+        **settings
+            every, format ("npz", "gif", "mp4" or "png"), width and speed; see docs/http-api.md.
+        """
+        return Job(self._client, self._client.run(calls.record(self.id, frames, settings)))
 
     def delete(self) -> None:
         """End the session."""
@@ -217,6 +260,51 @@ class Session:
             hello = stream.receive()
             stream.hello = hello if isinstance(hello, dict) else {}
             yield stream
+
+
+class Job:
+    """Work of a service in the background.
+
+    Attributes
+    ----------
+    id : str
+    info : dict
+        What the service told of it last: phase, done, total and more; see docs/http-api.md.
+    """
+
+    def __init__(self, client: Client, info: Json) -> None:
+        self._client = client
+        self.id: str = info["id"]
+        self.info = info
+
+    def __repr__(self) -> str:
+        """Return id and phase, for a reader."""
+        return f"Job({self.id}, {self.info['phase']})"
+
+    def events(self) -> Iterator[Json]:
+        """Iterate over the job's `info` as it changes, until the job has ended."""
+        with self._client.lines(f"{calls.job(self.id).path}/events") as lines:
+            for line in lines:
+                told = messages.event(line)
+                if told is not None:
+                    self.info = told
+                    yield told
+
+    def result(self) -> bytes:
+        """Wait until the job has ended, and return the file that it has made.
+
+        Raises
+        ------
+        ServiceError
+            The job has failed; the error is what it failed with.
+        """
+        for _ in self.events():
+            pass
+        return self._client.run(calls.result(self.id))
+
+    def delete(self) -> None:
+        """End the job, and let the service forget its result."""
+        self._client.run(calls.delete_job(self.id))
 
 
 class Stream:

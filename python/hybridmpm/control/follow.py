@@ -67,6 +67,10 @@ class Following(Iterator[ControlledFrame]):
         self._positions = [self.placed(simulator.positions)]
         self._forces: list[Floats32] = []
 
+    def __repr__(self) -> str:
+        progress = f"{self.frames_done} of {self.guidance.total_frames} frames"
+        return f"Following({self.simulator!r}, {self.guidance.sketch.kind}, {progress})"
+
     @property
     def frames_done(self) -> int:
         """Number of frames that were computed."""

@@ -24,7 +24,7 @@ from hybridmpm.control.methods.method import HandOver, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import Simulator
+from hybridmpm.simulator import Simulator, checked_simulator
 
 MAX_FRAMES = 10_000
 MAX_CAP = 1000.0
@@ -59,6 +59,9 @@ class Guidance:
     planning_ms: float
     """Time that goal and law took [ms]."""
     _needs: Needs
+
+    def __repr__(self) -> str:
+        return f"Guidance({self.sketch.kind}, {self.method}: {self._needs})"
 
     @property
     def sketch(self) -> Sketch:
@@ -230,13 +233,14 @@ def prepare(
     Raises
     ------
     ConfigError
-        An argument is out of range, or there are no particles.
+        An argument is out of range, `simulator` is none, or there are no particles.
     SketchError
         Walls and obstacles leave nothing of the goal.
     SimulationError
         The method found no law.
     """
     start = time.perf_counter()
+    checked_simulator(simulator)
     largest = positive("cap", cap, MAX_CAP) * positive("strength", strength, 1.0)
     if fill not in ("even", "shrink"):
         raise ConfigError(f'fill must be "even" or "shrink", got {fill!r}')

@@ -75,6 +75,10 @@ class ControlledTrajectory:
     ending: Ending
     """How it ended."""
 
+    def __repr__(self) -> str:
+        run = f"{len(self.ids)} particles, {self.frames} frames from frame {self.first_frame}"
+        return f"ControlledTrajectory({run}, {self.ending}: {self.reached})"
+
     @property
     def frames(self) -> int:
         """Number T of frames."""

@@ -83,6 +83,11 @@ class Trajectory:
         if self.control is not None:
             self._check_control(self.control)
 
+    def __repr__(self) -> str:
+        title = self.place.file if self.scene is None else self.scene.title
+        states, count, _ = self.positions.shape
+        return f"Trajectory({title}, {count} particles, {states} states)"
+
     def _check_control(self, control: Control) -> None:
         place = self.place
         if self.force is None:

@@ -57,33 +57,33 @@ class CarryingSimulator(Simulator):
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... in the order in which they came."""
+        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... as they came; read-only."""
         return self._shown.ids
 
     @property
     def positions(self) -> _Floats:
-        """Positions (N, D) [m]; a copy."""
-        return self._shown.positions
+        """Positions (N, D) [m]; a snapshot, read-only."""
+        return _read_only(self._shown.positions)
 
     @property
     def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s]; a copy."""
-        return self._shown.velocities
+        """Velocities (N, D) [m/s]; a snapshot, read-only."""
+        return _read_only(self._shown.velocities)
 
     @property
     def coarse_positions(self) -> _Floats:
-        """Positions (n, D) [m] of the particles that are simulated: without `carry` all; a copy."""
-        return self._few.positions
+        """Positions (n, D) [m] of those that are simulated: without `carry` all; a snapshot, read-only."""
+        return _read_only(self._few.positions)
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,), read-only: 5 water, 6 sand, 7 elastic (goop)."""
+        """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop); a snapshot, read-only."""
         types = np.array([material.type_id for material in self.scene.materials], dtype=np.uint8)
         return _read_only(types[self._shown.material])
 
     @property
     def mass(self) -> _Floats:
-        """Masses (N,) [kg], read-only; in 2D those of a slice one metre deep."""
+        """Masses (N,) [kg], in 2D those of a slice one metre deep; a snapshot, read-only."""
         return _read_only(self._shown.mass)
 
     def _advance_frame(self, force: _Floats | None) -> None:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import whole
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.mpm import MpmSolver
@@ -317,7 +318,8 @@ def build(guards: Iterable[str | Guard], cosine: Cosine) -> tuple[Guard, ...]:
         elif guard in GUARDS:
             made.append(GUARDS[guard]())
         else:
-            raise ConfigError(f"guards must be among {', '.join(GUARDS)}; got {guard!r}")
+            listed = ", ".join(GUARDS)
+            raise ConfigError(f"guards must be among {listed}; got {guard!r}{did_you_mean(guard, GUARDS)}")
     _refuse_twins(made)
     return tuple(sorted(made, key=lambda guard: guard.stage.value))
 

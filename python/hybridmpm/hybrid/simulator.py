@@ -24,9 +24,10 @@ from hybridmpm.hybrid.guards import DEFAULT, Cosine, Safeguard, build
 from hybridmpm.hybrid.handoff import KINDS, Handoff
 from hybridmpm.hybrid.switch import SwitchSettings
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.load import Model, as_stepper, described, recalled
+from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
+from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind
 from hybridmpm.snapshots import SavedState
@@ -80,6 +81,8 @@ class HybridSimulator(CarryingSimulator):
         cannot be simulated by a network.
     DataError
         The network's file is damaged.
+    SceneError
+        `scene` is no Scene, or it cannot be filled with particles.
 
     Notes
     -----
@@ -108,7 +111,7 @@ class HybridSimulator(CarryingSimulator):
         carry: bool = True,
         threads: int = 1,
     ) -> None:
-        _check_scene(scene)
+        _check_scene(checked_scene(scene))
         self._model = as_stepper(model, scene, threads=threads)
         self._model.check(scene)
         if handoff not in KINDS:
@@ -126,6 +129,10 @@ class HybridSimulator(CarryingSimulator):
         self._engine = Engine(
             mpm, self._model, self._guards, self._settings, carry=self._carry and mpm.r_p < 1
         )
+
+    def _traits(self) -> list[str]:
+        who = {"mpm": "MPM", "neural": "the network"}[self.mode]
+        return [f"model {name_of(self._model)}", f"{who} simulates"]
 
     @property
     def model(self) -> Stepper:

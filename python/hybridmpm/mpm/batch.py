@@ -1,6 +1,6 @@
 """`MpmBatch`: many scenes side by side, each on one thread."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import overload
 
 import numpy as np
@@ -34,9 +34,9 @@ class MpmBatch(Sequence[MpmSolver]):
     Raises
     ------
     SceneError
-        A scene cannot be filled with particles.
+        A scene is no Scene, or cannot be filled with particles.
     ConfigError
-        A setting is out of range.
+        `scenes` is no list, or a setting is out of range.
     """
 
     def __init__(
@@ -49,11 +49,19 @@ class MpmBatch(Sequence[MpmSolver]):
         sleep: Sleep | None = None,
         threads: int | None = None,
     ) -> None:
+        if isinstance(scenes, Scene | str) or not isinstance(scenes, Iterable):
+            raise ConfigError(
+                f"scenes must be a list of scenes, got a {type(scenes).__name__}: write [scene]"
+            )
         self._threads = None if threads is None else whole("threads", threads, 1, 1024)
         self._members = tuple(
             MpmSolver(scene, substeps=substeps, cfl=cfl, allow_unstable=allow_unstable, sleep=sleep)
             for scene in scenes
         )
+
+    def __repr__(self) -> str:
+        count = sum(member.particle_count for member in self._members)
+        return f"MpmBatch({len(self)} scenes, {count} particles)"
 
     def __len__(self) -> int:
         return len(self._members)

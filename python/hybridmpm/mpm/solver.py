@@ -20,6 +20,7 @@ from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.state import MpmState
+from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.snapshots import SavedState
 
@@ -61,7 +62,7 @@ class MpmSolver(MpmState):
     Raises
     ------
     SceneError
-        The scene cannot be filled with particles.
+        `scene` is no Scene, or it cannot be filled with particles.
     ConfigError
         A setting is out of range.
 
@@ -99,7 +100,7 @@ class MpmSolver(MpmState):
         rung: str | Rung | None = None,
         threads: int = 1,
     ) -> None:
-        self._scene = scene
+        self._scene = checked_scene(scene)
         self._substeps: Substeps = (
             substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS)
         )
@@ -137,10 +138,12 @@ class MpmSolver(MpmState):
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self.snapshot()
 
-    def __repr__(self) -> str:
-        setting = f"r_p={self.r_p:g}" if self.rung is None else f"rung={self.rung.name!r}"
-        name = self._scene.name or "scene"
-        return f"MpmSolver({name}, {setting}, frame {self.frame}, {self.particle_count} particles)"
+    def _traits(self) -> list[str]:
+        if self.rung is not None:
+            return [f"rung {self.rung.name!r}"]
+        if self.r_p == 1:
+            return []
+        return [f"r_p = {self.r_p:.4g}, all carried along" if self._carrier else f"r_p = {self.r_p:.4g}"]
 
     @property
     def _solver(self) -> _native.Solver:

@@ -86,22 +86,22 @@ class MpmState(CarryingSimulator):
 
     @property
     def material(self) -> npt.NDArray[np.uint8]:
-        """Indices (n,) into the scene's materials of the particles that are simulated; a copy."""
+        """Indices (n,) into the scene's materials of the particles simulated; a snapshot, read-only."""
         return self._frames.solver.material
 
     @property
     def affine(self) -> npt.NDArray[np.float32]:
-        """APIC matrices C (n, D, D) [1/s] of the particles that are simulated; a copy."""
+        """APIC matrices C (n, D, D) [1/s] of the particles simulated; a snapshot, read-only."""
         return self._frames.solver.affine
 
     @property
     def volume_ratio(self) -> npt.NDArray[np.float32]:
-        """Volume over rest volume (n,) [-] of those simulated: J of water, det F of solids; a copy."""
+        """Volume over rest volume (n,) [-] of those simulated, J of water, det F of solids; read-only."""
         return self._frames.solver.volume_ratio
 
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:
-        """Whether each particle simulated (n,) sleeps; a copy. None does without a `Sleep`."""
+        """Whether each particle simulated (n,) sleeps, read-only. None does without a `Sleep`."""
         return self._frames.solver.asleep
 
     @property

@@ -1,4 +1,9 @@
-"""Learned simulators: what they are and how they run. Nothing here needs torch; `hybridmpm.training` does."""
+"""Learned simulators: what they are and how they run. Nothing here needs torch; `hybridmpm.training` does.
+
+The models that come with the library are here by name, for completion: `physics.fluids_2d` is "fluids_2d".
+"""
+
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from hybridmpm.physics.manifest import default_model, models
 from hybridmpm.physics.model import NeuralModel
@@ -17,3 +22,14 @@ __all__ = [
     "default_model",
     "models",
 ]
+
+if not _TYPE_CHECKING:  # a type checker would take any name to be there
+
+    def __getattr__(name: str) -> str:
+        if not name.startswith("_") and name in models():
+            return name
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *models()])

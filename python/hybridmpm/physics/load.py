@@ -69,6 +69,12 @@ def described(stepper: Stepper) -> dict[str, Any] | None:
     return None
 
 
+def name_of(stepper: Stepper) -> str:
+    """Return the name of a network; that of its class where it has none of its own."""
+    description = described(stepper)
+    return type(stepper).__name__ if description is None else str(description["name"])
+
+
 def recalled(
     description: dict[str, Any] | None, model: Model | None, scene: Scene, *, threads: int
 ) -> Stepper:

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from hybridmpm import scenarios
 from hybridmpm._support.files import read_checked
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import ConfigError, DataError
 
 WEIGHTS = Path(__file__).parent / "weights"
@@ -86,7 +87,8 @@ def read_model(name: str, folder: Path = WEIGHTS) -> bytes:
     """
     known = models(folder)
     if name not in known:
-        raise ConfigError(f"there is no model {name!r}; known are {', '.join(known) or 'none yet'}")
+        listed = ", ".join(known) or "none yet"
+        raise ConfigError(f"there is no model {name!r}; known are {listed}{did_you_mean(name, known)}")
     return read_checked(folder / known[name].file, known[name].sha256)
 
 

@@ -15,9 +15,10 @@ from hybridmpm.downsampling import Carrier, CarryingSimulator
 from hybridmpm.downsampling.carrier import recalled as recalled_carrier
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.frames import NetworkFrames
-from hybridmpm.physics.load import Model, as_stepper, described, recalled
+from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
+from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
@@ -54,7 +55,7 @@ class NeuralPhysics(CarryingSimulator):
     DataError
         The network's file is damaged.
     SceneError
-        The scene cannot be filled with particles.
+        `scene` is no Scene, or it cannot be filled with particles.
 
     Notes
     -----
@@ -68,7 +69,7 @@ class NeuralPhysics(CarryingSimulator):
     kind: ClassVar[Kind] = "neural"
 
     def __init__(self, scene: Scene, model: Model, *, carry: bool = True, threads: int = 1) -> None:
-        self._model = as_stepper(model, scene, threads=threads)
+        self._model = as_stepper(model, checked_scene(scene), threads=threads)
         self._model.check(scene)
         self._carry = flag("carry", carry)
         self._start(MpmSolver(scene, r_p=self._model.r_p, threads=threads))
@@ -77,6 +78,9 @@ class NeuralPhysics(CarryingSimulator):
         self._frames = NetworkFrames(solver, self._model)
         carrying = self._carry and solver.r_p < 1
         self._carried_by = solver.carrier_for(self._frames) if carrying else None
+
+    def _traits(self) -> list[str]:
+        return [f"model {name_of(self._model)}"]
 
     @property
     def _few(self) -> NetworkFrames:

@@ -9,11 +9,14 @@ import numpy.typing as npt
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.recording.tracks import Tracks
+from hybridmpm.render import notebook, side_by_side, view_of
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Simulator
+from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Simulator, checked_simulator
 
 MAX_BYTES = 4 * 2**30
 """Largest size of a recording [bytes], which is kept in memory."""
+_IN_A_ROW = 4
+"""Largest number of states that a notebook shows side by side."""
 _AT_ONCE = 25
 """Number of frames after which progress is reported and Ctrl-C is noticed."""
 
@@ -41,6 +44,16 @@ class Recording:
     """Velocities (F, N, D) [m/s]."""
     spacing: float | None = None
     """Distance of the particles at rest [m]; None: that of the scene."""
+
+    def __repr__(self) -> str:
+        states = f"{len(self.frames)} states from frame {self.frames[0]} to {self.frames[-1]}"
+        return f"Recording({self.scene.title}, {len(self.ids)} particles, {states})"
+
+    def _repr_html_(self) -> str:
+        rows = np.unique(np.linspace(0, len(self.frames) - 1, _IN_A_ROW).round().astype(int))
+        view = view_of(self.scene, self.types, notebook.WIDTH // 2, self.spacing)
+        pictures = [view.draw(self.positions[row], self.velocities[row], self.time(row)) for row in rows]
+        return notebook.figure(side_by_side(pictures), repr(self))
 
     def present(self, row: int) -> npt.NDArray[np.bool_]:
         """Return whether each particle (N,) is in the scene at a state."""
@@ -70,11 +83,12 @@ def record(
     Raises
     ------
     ConfigError
-        A number is out of range, or the recording would exceed `MAX_BYTES`. In a scene with emitters this is
-        found only when the particles have come.
+        `solver` is no simulator, a number is out of range, or the recording would exceed `MAX_BYTES`. In a
+        scene with emitters this is found only when the particles have come.
     SimulationError
         A frame failed; see `Simulator.advance`.
     """
+    checked_simulator(solver)
     frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
     every = whole("every", every, 1, MAX_FRAMES_AT_ONCE)
     stops = [*range(0, frames, every), frames]

@@ -32,3 +32,7 @@ __all__ = [
     "water_ramps_2d",
     "water_sand_2d",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

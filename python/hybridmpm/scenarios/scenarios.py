@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import SceneError, UnknownScenarioError
 from hybridmpm.scenarios.placement import CLEARANCE, Block, NoRoomError, draw_blocks, draw_ramps
 from hybridmpm.scenarios.samplers import SAMPLERS, Sampler
@@ -130,7 +131,7 @@ def _sampler(name: str) -> Sampler:
     try:
         return SAMPLERS[name]
     except (KeyError, TypeError):
-        text = f"must be one of {', '.join(NAMES)}; got {name!r}"
+        text = f"must be one of {', '.join(NAMES)}; got {name!r}{did_you_mean(name, NAMES)}"
         raise UnknownScenarioError.of([("scenario", text)]) from None
 
 

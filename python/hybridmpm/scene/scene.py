@@ -4,6 +4,7 @@ The world is the box [0, 1]^D in metres, with y up. Times are in seconds. Every 
 construction, so that the rest of the library may trust a scene.
 """
 
+import html
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -15,6 +16,7 @@ from pydantic_core import from_json
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
 from hybridmpm.scene.bodies import Body
+from hybridmpm.scene.drawing import svg
 from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
 from hybridmpm.scene.materials import Material, Water
 from hybridmpm.scene.obstacles import Obstacle
@@ -188,6 +190,25 @@ class Scene(Record):
         if isinstance(material, Water) and material.max_compression and self.potential_drop <= 0:
             return [((*where, "material", "water", "max_compression"), "needs gravity above 0")]
         return []
+
+    @property
+    def title(self) -> str:
+        """The name, or what stands for it where there is none."""
+        return self.name or f"{self.dim}D scene"
+
+    def __repr__(self) -> str:
+        counts = {name: len(getattr(self, name)) for name in ("bodies", "obstacles", "emitters", "sinks")}
+        parts = [f"{name}: {count}" for name, count in counts.items() if count]
+        materials = " and ".join(dict.fromkeys(material.kind for material in self.materials))
+        return f"Scene({', '.join([self.title, f'{self.dim}D', materials, *parts])})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        drawing = svg(self.walls, self.bodies, self.obstacles, (*self.emitters, *self.sinks), 320)
+        return (
+            f'<figure style="margin: 0">{drawing}<figcaption>{html.escape(repr(self))}</figcaption></figure>'
+        )
 
     @property
     def is_open(self) -> bool:

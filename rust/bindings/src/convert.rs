@@ -3,7 +3,7 @@
 use mpm::{Contact, ContactKind, Vector};
 use numpy::ndarray::Dimension;
 use numpy::{
-    Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArray,
+    Element, IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArray,
     PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
@@ -35,6 +35,14 @@ pub fn array<'py, T: Element, D: Dimension>(
             describe(value)
         ))
     })
+}
+
+/// The array, which nobody may write to: it is a snapshot of a state, and what is written would be lost.
+pub fn read_only<T: Element, D: Dimension>(
+    array: Bound<'_, PyArray<T, D>>,
+) -> Bound<'_, PyArray<T, D>> {
+    array.readwrite().make_nonwriteable();
+    array
 }
 
 /// Numbers of vectors of D components as an array (N, D).

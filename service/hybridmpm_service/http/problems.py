@@ -15,6 +15,9 @@ from starlette.responses import Response
 from hybridmpm.errors import SceneError, SimulationError, SketchError
 from hybridmpm_service.errors import (
     FieldError,
+    IdempotencyKeyError,
+    JobNotFoundError,
+    JobUnfinishedError,
     MachineFullError,
     ModelDamagedError,
     ScenarioNotFoundError,
@@ -23,6 +26,7 @@ from hybridmpm_service.errors import (
     SessionNotFoundError,
     SketchDroppedError,
     StorageError,
+    TooManyJobsError,
     TooManySessionsError,
     UnavailableError,
     UnsupportedFormatError,
@@ -76,16 +80,20 @@ class Row(NamedTuple):
 
 TABLE: dict[type[Exception], Row] = {
     SessionNotFoundError: Row(404, "session-not-found", "Unknown session"),
+    JobNotFoundError: Row(404, "job-not-found", "Unknown job"),
+    JobUnfinishedError: Row(409, "job-unfinished", "The job has not ended"),
     ScenarioNotFoundError: Row(404, "scenario-not-found", "Unknown scenario"),
     SketchDroppedError: Row(409, "sketch-dropped", "The sketch was dropped"),
     UploadTooLargeError: Row(413, "upload-too-large", "The file is too large"),
     UnsupportedFormatError: Row(415, "unsupported-format", "The format of the body is not supported"),
+    IdempotencyKeyError: Row(422, "idempotency-key-reused", "The key belongs to another request"),
     FieldError: Row(422, "bad-field", "A field is out of range"),
     SceneError: Row(422, "bad-scene", "The scene is not valid"),
     SketchError: Row(422, "bad-sketch", "The sketch is refused"),
     SimulationError: Row(422, "simulation-failed", "The simulation cannot go on"),
     ModelDamagedError: Row(503, "model-damaged", "A model of the server cannot be loaded"),
     TooManySessionsError: Row(503, "too-many-sessions", "No room for another session"),
+    TooManyJobsError: Row(503, "too-many-jobs", "No room for another job"),
     MachineFullError: Row(503, "machine-full", "No time for another session"),
     StorageError: Row(503, "storage-failed", "A session cannot be kept on disk"),
     SessionBusyError: Row(503, "session-busy", "The session is busy"),
@@ -107,14 +115,15 @@ def urn_of(row: Row) -> str:
     return f"urn:hybridmpm:problem:{row.slug}"
 
 
-def problem_response(
-    instance: str,
-    row: Row,
-    detail: str,
-    errors: Sequence[tuple[str, str]] = (),
-    headers: dict[str, str] | None = None,
-) -> Response:
-    """Return the answer for a problem; of `errors`, pairs of a field and a message, the first are named."""
+def problem_of(instance: str, error: Exception) -> Problem:
+    """Return the problem that an exception is, for the address that it belongs to."""
+    row = row_of(error)
+    # What is no error of ours may quote anything; the server's log has it.
+    detail = str(error) if row.status != 500 else "the server has a fault; its log has the cause"
+    return Problem(**_body(instance, row, detail, fields_of(error)))
+
+
+def _body(instance: str, row: Row, detail: str, errors: Sequence[tuple[str, str]]) -> dict[str, Any]:
     body: dict[str, Any] = {
         "type": urn_of(row),
         "title": row.title,
@@ -127,6 +136,18 @@ def problem_response(
             {"field": shortened(field, _MAX_FIELD), "message": shortened(message, _MAX_MESSAGE)}
             for field, message in errors[:MAX_ERRORS]
         ]
+    return body
+
+
+def problem_response(
+    instance: str,
+    row: Row,
+    detail: str,
+    errors: Sequence[tuple[str, str]] = (),
+    headers: dict[str, str] | None = None,
+) -> Response:
+    """Return the answer for a problem; of `errors`, pairs of a field and a message, the first are named."""
+    body = _body(instance, row, detail, errors)
     # JSON in ASCII, because messages quote the client's text, which may hold half a surrogate pair.
     return Response(json.dumps(body), row.status, headers, media_type=MEDIA_TYPE)
 

@@ -17,12 +17,20 @@ _NUMBERS_AT_ONCE = 4096
 """Largest count of numbers that are encoded as JSON without a pause."""
 
 
-def wants_npz(request: Request) -> bool:
-    """Return whether a request asks for npz instead of JSON."""
-    accepted = [
-        part.partition(";")[0].strip().lower() for part in request.headers.get("accept", "").split(",")
-    ]
-    return NPZ in accepted
+def accepts(request: Request, media_type: str) -> bool:
+    """Return whether a request names a media type as one that it accepts."""
+    return media_type in _tokens(request, "accept")
+
+
+def prefers_async(request: Request) -> bool:
+    """Return whether a request prefers to be answered before its work is done (RFC 7240)."""
+    return "respond-async" in _tokens(request, "prefer")
+
+
+def _tokens(request: Request, header: str) -> list[str]:
+    """Return the items of a header, which commas part, in lower case and without parameters."""
+    lines = ",".join(request.headers.getlist(header))
+    return [part.partition(";")[0].strip().lower() for part in lines.split(",")]
 
 
 async def npz_response(arrays: Mapping[str, npt.ArrayLike]) -> Response:

@@ -1,29 +1,30 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
 import { request } from "./net/api.js";
+import { ForceField } from "./net/force-field.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, PIPELINE, showScenarios } from "./panels/scene-panel.js";
+import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
+import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
+import { PIPELINE, Presenter, WELCOME } from "./presets.js";
 import { Hand } from "./sketch/hand.js";
-import { StagePointer } from "./sketch/pointer.js";
-import { depthOfWidth } from "./sketch/sketch.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
+import { Tools } from "./tools.js";
 
 const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
-const overlay = document.getElementById("overlay");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
-const asSeed = (text) => (/^\d{1,9}$/.test(text ?? "") ? Number(text) : 0);
+const isSeed = (text) => /^\d{1,9}$/.test(text);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
 let chosen = {
   scenario: query.get("scenario") ?? "water_2d",
-  seed: asSeed(query.get("seed")),
+  seed: isSeed(query.get("seed") ?? "") ? Number(query.get("seed")) : 0,
   solver: asSolver(query.get("solver")),
   rung: asRung(query.get("rung")),
 };
@@ -31,19 +32,17 @@ let chosen = {
 let scene = null; // the scene of the hello message
 let sessionId = null; // the session that the stage shows
 let playing = null; // whether the session plays; null as long as that is unknown
-let tool = "arrow";
 let speed = 0.25; // simulated seconds per second that the player aims at
 let centroid = null; // centre of mass, as the newest status says; null where there is no particle
 let startsPlaying = false; // whether to play once the session is live: this page has created it
-let preset = null; // like PIPELINE
-let shown = 0; // frame on the stage
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
 let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
-  plan: (stroke) => session.steer(stroke),
+  plan: (stroke, settings) => session.steer(stroke, settings),
+  settings: sketchSettings,
   release: () => session.release().catch(messages.toast),
   dim: () => scene.dim,
   widths: controls.depthWidths,
@@ -58,14 +57,32 @@ const steering = new Steering({
 });
 const hand = new Hand({
   speed: () => speed,
+  cap: handCap,
   push: (push) => session.send({ type: "push", ...push }),
   end: () => session.send({ type: "push_end" }),
   changed: refreshSteering,
 });
-const stage = new Stage(document.getElementById("view"), steering, hand, query.get("renderer"));
+const presenter = new Presenter(steering);
+const forces = new ForceField({
+  ask: async () => (session.state === "live" ? session.force() : null),
+  changed: () => stage.invalidate(),
+});
+const stage = new Stage(document.getElementById("view"), { steering, hand, presenter, forces }, query.get("renderer"));
+const tools = new Tools(document.getElementById("overlay"), {
+  stage,
+  steering,
+  hand,
+  isLive: () => session.state === "live",
+  play: () => playing || session.send({ type: "play" }),
+  glides: () => !reducedMotion.matches,
+  changed: refreshSteering,
+});
 
 function refreshSteering() {
-  showSteering(steering, { live: session.state === "live", playing, dim: scene?.dim ?? 2, tool, centroid });
+  const ghost = presenter.ghost !== null;
+  controls.showTool(ghost ? "oval" : tools.name);
+  showSteering(steering, { live: session.state === "live", playing, tool: tools.name, centroid, ghost });
+  stage.showCentroid(centroid);
   stage.invalidate();
 }
 
@@ -120,9 +137,9 @@ function showSession(hello) {
   livePanel.showSession(sessionId);
   scene = hello.scene;
   stage.setScene(scene, decodeTypes(hello.types), hello.spacing);
+  showFrameLength(scene.frame_dt);
   steering.clear();
-  controls.showTools(scene.dim);
-  chooseTool(scene.dim === 3 ? "orbit" : tool === "orbit" ? "arrow" : tool);
+  tools.setScene(scene);
   if (!hello.session.scenario) return;
   const { scenario, seed, solver, rung } = hello.session;
   chosen = { scenario, seed, solver, rung };
@@ -163,10 +180,7 @@ function showNewest() {
     livePanel.showFrame(frame);
     messages.hideSkeleton();
     steering.follow(frame.frame);
-    const isCue = preset !== null && shown < preset.frame && frame.frame >= preset.frame;
-    shown = frame.frame;
-    // Whoever draws is not interrupted.
-    if (isCue && steering.phase === "idle") steering.present(preset.sketch);
+    presenter.follow(frame.frame, performance.now());
     if (steering.plan !== null && steering.phase !== "done") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
@@ -179,6 +193,7 @@ function showNewest() {
 function animate(now) {
   requestAnimationFrame(animate);
   showNewest();
+  if (presenter.animate(now)) refreshSteering();
   if (stage.draw(now)) drawnTimes.push(now);
 }
 
@@ -191,7 +206,13 @@ function measureDrawing() {
 
 // ---- from the user ----
 
-function startScene(wanted, itsPreset = null) {
+/**
+ * Leave the session for another one, and play it.
+ *
+ * @param itsPreset sketch that draws itself, as in presets.js; null without one
+ * @param plays whether it plays by itself
+ */
+function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
     messages.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
@@ -205,64 +226,14 @@ function startScene(wanted, itsPreset = null) {
   for (const [name, value] of Object.entries(chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
   }
-  if (itsPreset !== null) address.searchParams.set("preset", "pipeline");
+  if (itsPreset === PIPELINE) address.searchParams.set("preset", "pipeline");
   window.history.replaceState(null, "", address);
-  preset = itsPreset;
-  shown = 0;
+  presenter.set(itsPreset);
   steering.clear();
   newestMessage = null;
-  startsPlaying = true;
+  startsPlaying = plays;
   session.start(chosen);
 }
-
-function chooseTool(name) {
-  if (name === "orbit" && scene?.dim !== 3) return;
-  const switched = name !== tool;
-  tool = name;
-  controls.showTool(name);
-  if (scene?.dim === 3 && switched) {
-    stage.view.glideTo(name !== "orbit", performance.now(), !reducedMotion.matches);
-  }
-  refreshSteering();
-}
-
-/** A pointer's position as a point inside the world box. */
-function sampleOf({ at, time }) {
-  const clamp = (value) => Math.min(1, Math.max(0, value));
-  return { point: stage.view.unproject(...at).map(clamp), time };
-}
-
-/** In 3D a hand pushes at the depth that a stroke would begin at. */
-function inDepth({ point, time }) {
-  if (scene.dim === 2) return { point, time };
-  const { lower, upper } = scene.walls;
-  return { point: [...point, lower[2] + depthOfWidth(controls.depthWidths()[0]) * (upper[2] - lower[2])], time };
-}
-
-const pointer = new StagePointer(overlay, {
-  mode: () => (scene?.dim === 3 && tool === "orbit" ? "orbit" : "stroke"),
-  begin: (sample) => {
-    if (session.state !== "live") return;
-    // Strokes are taken in the front view: whoever draws does not want to wait for the camera.
-    if (stage.view.settle(Infinity)) stage.invalidateView();
-    if (tool === "push") hand.begin(inDepth(sampleOf(sample)));
-    else steering.begin(tool, sampleOf(sample));
-  },
-  extend: (samples) => {
-    if (hand.point !== null) hand.extend(samples.map((sample) => inDepth(sampleOf(sample))));
-    else steering.extend(samples.map(sampleOf));
-  },
-  finish: () => (hand.point === null ? steering.finish() : hand.finish()),
-  cancel: () => (hand.point === null ? steering.clear() : hand.finish()),
-  orbit: (dx, dy) => {
-    stage.view.orbit(dx, dy);
-    stage.invalidateView();
-  },
-  zoom: (factor) => {
-    stage.view.zoomBy(factor);
-    stage.invalidateView();
-  },
-});
 
 controls.bindControls({
   play: () => session.send({ type: playing ? "pause" : "play" }),
@@ -280,23 +251,25 @@ controls.bindControls({
     clearTimeout(speedTimer);
     speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
   },
-  tool: chooseTool,
+  tool: (name) => tools.choose(name),
   undo: () => steering.takeBack(),
   switchKind: () => steering.switchKind(),
-  escape: () => {
-    if (steering.phase === "drawing" || hand.point !== null) pointer.abort();
-    else steering.takeBack();
-  },
+  escape: () => tools.escape(),
+  forces: toggleForces,
 });
 
-bindScene(startScene);
-const startPreset = () => startScene(PIPELINE.scene, PIPELINE);
-document.getElementById("pipeline").addEventListener("click", startPreset);
+bindScene((wanted) => startScene(wanted));
+bindToolPanel((shown) => {
+  forces.wanted = shown;
+});
+document.getElementById("pipeline").addEventListener("click", () => startScene(PIPELINE.scene, { itsPreset: PIPELINE }));
+for (const kind of ["pointerdown", "keydown", "wheel"]) {
+  document.addEventListener(kind, () => presenter.interrupt(), { capture: true, passive: true });
+}
 
 // ---- start ----
 
 livePanel.showRenderer(stage.rendererKind);
-controls.showTool(tool);
 refreshSteering();
 const modelsKnown = request("GET", "/v1/models").then(
   (answer) => setModels(answer.models),
@@ -308,10 +281,31 @@ modelsKnown.then(() => {
   showChoice(chosen);
   document.getElementById("preset").hidden = solverFor(PIPELINE.scene.scenario) === "mpm";
 });
-if (query.get("preset") === "pipeline") modelsKnown.then(startPreset);
-else if (query.has("session")) session.attach(query.get("session"));
-else if (chosen.solver === "mpm") startScene(chosen);
-else modelsKnown.then(() => startScene(chosen));
+/** Begin with what the address asks for. Where motion is to be reduced, nothing plays before somebody wants it. */
+function begin() {
+  const plays = !reducedMotion.matches;
+  if (query.has("seed") && !isSeed(query.get("seed"))) {
+    messages.toast({
+      title: "The seed in the address does not fit",
+      detail: `It is "${query.get("seed").slice(0, 40)}", and a seed is a whole number from 0 to 999 999 999.`,
+      advice: "Seed 0 is shown. Choose another one in the scene panel.",
+      hint: true,
+    });
+  }
+  const asksFor = (...names) => names.some((name) => query.has(name));
+  if (query.get("preset") === "pipeline") {
+    modelsKnown.then(() => startScene(PIPELINE.scene, { itsPreset: PIPELINE, plays }));
+  } else if (query.has("session")) {
+    session.attach(query.get("session"));
+  } else if (!asksFor("scenario", "seed", "solver", "rung")) {
+    startScene(WELCOME.scene, { itsPreset: plays ? WELCOME : null, plays });
+  } else if (chosen.solver === "mpm") {
+    startScene(chosen, { plays });
+  } else {
+    modelsKnown.then(() => startScene(chosen, { plays }));
+  }
+}
+begin();
 request("GET", "/v1/scenarios").then(
   (answer) => showScenarios(answer.scenarios, chosen),
   () => {

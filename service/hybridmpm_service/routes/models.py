@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 
 from hybridmpm_service.http.learned_answers import ModelBody, ModelList
-from hybridmpm_service.routes.dependencies import Sessions
+from hybridmpm_service.routes.handling.dependencies import Sessions
 
 router = APIRouter(prefix="/v1/models", tags=["models"])
 

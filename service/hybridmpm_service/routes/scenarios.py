@@ -7,7 +7,7 @@ from fastapi import APIRouter, Path, Query
 from hybridmpm import scenarios
 from hybridmpm_service.errors import ScenarioNotFoundError
 from hybridmpm_service.http.answers import ScenarioBody, ScenarioList
-from hybridmpm_service.routes.dependencies import problems
+from hybridmpm_service.routes.handling.dependencies import problems
 
 router = APIRouter(prefix="/v1/scenarios", tags=["scenarios"])
 

@@ -10,10 +10,10 @@ from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionLi
 from hybridmpm_service.http.creation import CreateSession
 from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.logs import LogBody
-from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz
+from hybridmpm_service.http.replies import NPZ, accepts, json_response, npz_response
 from hybridmpm_service.http.requests import AdvanceSession
-from hybridmpm_service.routes.calls import SessionRoute
-from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
+from hybridmpm_service.routes.handling.calls import SessionRoute
+from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)
@@ -103,7 +103,7 @@ async def advance_session(
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"
         raise FieldError("body.frames", text)
     await session.advance(body.frames)
-    return await _particles(session, as_npz=True) if wants_npz(request) else SessionBody.of(session)
+    return await _particles(session, as_npz=True) if accepts(request, NPZ) else SessionBody.of(session)
 
 
 @router.get(
@@ -113,7 +113,7 @@ async def advance_session(
 )
 async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
     """Return the state of all particles as JSON or npz."""
-    return await _particles(sessions.get(session_id), as_npz=wants_npz(request))
+    return await _particles(sessions.get(session_id), as_npz=accepts(request, NPZ))
 
 
 async def _particles(session: Session, *, as_npz: bool) -> Response:

@@ -1,22 +1,36 @@
-"""Routes of sketches: one steers a session, or is followed on a copy and its trajectory answered."""
+"""Routes of sketches: one steers a session, or is followed on a copy; and of the force that steers."""
 
 import asyncio
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
+from hybridmpm.control import ControlledTrajectory, Guidance
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.replies import NPZ, json_response, npz_response, wants_npz, with_nulls
+from hybridmpm_service.http.jobs import JobBody
+from hybridmpm_service.http.replies import (
+    NPZ,
+    accepts,
+    json_response,
+    npz_response,
+    prefers_async,
+    with_nulls,
+)
 from hybridmpm_service.http.requests import SketchSettings
 from hybridmpm_service.http.sketches.answers import (
+    ForceBody,
     GuidanceBody,
     SketchBody,
     TrajectoryBody,
     trajectory_arrays,
 )
 from hybridmpm_service.http.sketches.bodies import read_sketch
-from hybridmpm_service.routes.calls import SessionRoute
-from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
+from hybridmpm_service.http.sketches.streams import FRAMES, streamed
+from hybridmpm_service.jobs.job import Progress, Result
+from hybridmpm_service.routes.handling.calls import SessionRoute
+from hybridmpm_service.routes.handling.dependencies import Jobs, Limits, SessionId, Sessions, problems
+from hybridmpm_service.sessions.sketches.tracing import Tell, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
 
@@ -78,33 +92,76 @@ async def release_session(session_id: SessionId, sessions: Sessions) -> None:
     await sessions.get(session_id).release()
 
 
+@router.get("/{session_id}/force", responses=problems(404, 503))
+async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
+    """Answer what acts on the fluid in the next frame besides gravity, in the mean over cells of a grid."""
+    return ForceBody.of(await sessions.get(session_id).force_field())
+
+
 @router.post(
     "/{session_id}/trajectories",
     response_model=TrajectoryBody,
     responses={
-        200: {"content": {NPZ: {"schema": {"type": "string", "format": "binary"}}}},
+        200: {
+            "content": {
+                NPZ: {"schema": {"type": "string", "format": "binary"}},
+                FRAMES: {"schema": {"type": "string", "format": "binary"}},
+            }
+        },
+        202: {"model": JobBody, "description": "The job that a request with `Prefer: respond-async` began."},
         **problems(400, 404, 413, 415, 422, 503),
     },
     openapi_extra=_BODY,
 )
 async def trace_sketch(
+    *,
     session_id: SessionId,
     request: Request,
     sessions: Sessions,
+    jobs: Jobs,
     limits: Limits,
     stride: Annotated[int, Query(ge=1, le=10_000, description=_STRIDE)] = 10,
 ) -> Response:
-    """Follow a sketch to its end on a copy of the session, which does not change; answer the motion."""
+    """Follow a sketch to its end on a copy of the session, which does not change; answer the motion.
+
+    With `Accept: application/x-hybridmpm-frames` frames are sent as they are computed; with `Prefer:
+    respond-async` a job computes the motion.
+    """
     session = sessions.get(session_id)
     sketch, settings = await read_sketch(request, limits.max_upload_bytes)
     numbers = max(1, session.view.particles) * session.scene.dim
     most = max(1, min(limits.max_sketch_frames, MAX_TRAJECTORY_NUMBERS // numbers))
     _check_frames(settings, most)
-    guidance, motion = await session.trajectory(sketch, most=most, **settings.model_dump())
+    chosen = {"most": most, **settings.model_dump()}
+    if accepts(request, FRAMES):
+        return await streamed(session, sketch, chosen)
+    as_npz = accepts(request, NPZ)
+
+    async def motion(tell: Tell = lambda _done, _total: None) -> Response:
+        found = await session.beside(lambda twin, check: traced(twin, check, sketch, on_frame=tell, **chosen))
+        return await _told(*found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
+
+    if not prefers_async(request):
+        return await motion()
+
+    async def work(progress: Progress, folder: Path) -> Result:
+        answer = await motion(progress.tell)
+        file = folder / f"trajectory.{'npz' if as_npz else 'json'}"
+        await asyncio.to_thread(file.write_bytes, answer.body)
+        return Result(file=file, media_type=str(answer.media_type))
+
+    job = JobBody.of(jobs.begin("trajectory", session_id, work))
+    headers = {"Location": job.links["self"], "Preference-Applied": "respond-async"}
+    return Response(job.model_dump_json(), 202, headers, media_type="application/json")
+
+
+async def _told(
+    guidance: Guidance, motion: ControlledTrajectory, stride: int, *, as_npz: bool, may_leave: bool
+) -> Response:
     arrays = trajectory_arrays(motion, stride)
-    if wants_npz(request):
+    if as_npz:
         return await npz_response(arrays)
-    if session.scene.is_open:
+    if may_leave:
         arrays["positions"] = await asyncio.to_thread(with_nulls, arrays["positions"])
     known = GuidanceBody.of(guidance, motion.first_frame).model_dump(mode="json")
     return await json_response(known | {"reached": vars(motion.reached)} | arrays)

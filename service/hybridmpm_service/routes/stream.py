@@ -28,7 +28,7 @@ from hybridmpm_service.http.requests import (
     Speed,
     Step,
 )
-from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
+from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.routes.throttle import Throttle
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
-from hybridmpm.control import ControlledTrajectory, Guidance, Push, Sketch
+from hybridmpm.control import Guidance, Push, Sketch
+from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.admission import Machine
 from hybridmpm_service.sessions.journal.journal import Kept
@@ -16,7 +17,8 @@ from hybridmpm_service.sessions.journal.origin import Origin
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.playing.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
-from hybridmpm_service.sessions.sketches.planning import Planner
+from hybridmpm_service.sessions.sketches.force_field import ForceField
+from hybridmpm_service.sessions.sketches.planning import Check, Planner
 from hybridmpm_service.sessions.sketches.steering import Steered
 from hybridmpm_service.sessions.view import Control, Particles, View
 from hybridmpm_service.sessions.viewers.audience import Audience
@@ -37,9 +39,9 @@ class Session:
 
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
     in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
-    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and trajectories
-    are computed on copies on a third, while the first goes on. A flag that the simulator and its copies ask
-    in every substep ends all three when the session is closed.
+    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and other work
+    beside the session is done on copies on a third, while the first goes on. A flag that the simulator and
+    its copies ask in every substep ends all three when the session is closed.
 
     Parameters
     ----------
@@ -228,13 +230,11 @@ class Session:
         finally:
             self._planner.end(preparation)
 
-    async def trajectory(
-        self, sketch: Sketch, *, most: int, **settings: Any
-    ) -> tuple[Guidance, ControlledTrajectory]:
-        """Compute how a sketch would be followed, on a copy; parameters and errors as in `steer`."""
+    async def beside(self, work: Callable[[Simulator, Check], T]) -> T:
+        """Do work on a copy of the simulator while the session goes on; see `Planner.beside`."""
         with self._in_use():
             twin = await self._on_worker(self.simulation.copy)
-            return await self._planner.trajectory(twin, sketch, most=most, **settings)
+            return await self._planner.beside(lambda check: work(twin, check))
 
     async def release(self) -> None:
         """Let no sketch steer any more; drop one that is being prepared. Errors as in `advance`."""
@@ -259,6 +259,11 @@ class Session:
         """Return the state of all particles; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
+
+    async def force_field(self) -> ForceField:
+        """Return what acts in the next frame besides gravity; errors as in `advance`."""
+        with self._in_use():
+            return await self._on_worker(self.simulation.force_field)
 
     async def log(self) -> SessionLog:
         """Return what the session can be computed again from; errors as in `advance`."""

@@ -26,6 +26,7 @@ from hybridmpm_service.sessions.journal.journal import Journal
 from hybridmpm_service.sessions.journal.session_file import Checkpoint
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
+from hybridmpm_service.sessions.sketches.force_field import ForceField
 from hybridmpm_service.sessions.sketches.steering import Steered, Steering
 from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.view import Control, LastFrame, Particles, Timing, View
@@ -221,6 +222,11 @@ class Simulation:
             ids=self._solver.ids,
         )
 
+    def force_field(self) -> ForceField:
+        """Return what acts in the next frame besides gravity, in the mean over cells; nothing changes."""
+        force = self._sum(self._acting(self.hand))
+        return ForceField.of(self._solver.frame, self._solver.positions, force)
+
     def look(self) -> View:
         """Return what other threads may see of the present state."""
         positions = self._solver.positions
@@ -306,15 +312,19 @@ class Simulation:
 
     def _force(self) -> Any:
         """Return what acts in the next frame besides gravity: the sketch and the hand together."""
-        forces = [] if self._steering is None else [self._steering.force()]
         hand = self.hand
         if hand is not self._noted_hand:
             self.journal.add(PushInput(frame=self.frame, push=hand))
             self._noted_hand = hand
+        acting = self._acting(hand)
+        return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None
+
+    def _acting(self, hand: Push | None) -> list[Any]:
+        """Return the forces of the sketch and of a hand in the next frame, those that there are."""
+        forces = [] if self._steering is None else [self._steering.force()]
         if hand is not None:
             forces.append(hand(self._solver))
-        acting = [force for force in forces if force is not None]
-        return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None
+        return [force for force in forces if force is not None]
 
     def _sum(self, forces: list[Any]) -> npt.NDArray[np.float32]:
         """Return the sum (N, D) of forces, each of which may be for the particles of some ids alone."""

@@ -64,6 +64,14 @@ def test_simulate_without_output_tells_a_summary(scene_file: Path) -> None:
     assert result.stdout.startswith("drop: 184 particles, 0 frames; ")
 
 
+def test_simulate_without_output_says_what_it_discards(tmp_path: Path, scene_file: Path) -> None:
+    discards = run("simulate", "--scene", scene_file, "--frames", 2)
+    assert discards.exit_code == 0
+    assert "All states of these 2 frames will be discarded: --out fluid.gif keeps a film" in discards.stderr
+    for keeps in (("--save", tmp_path / "a.hmpm"), ("--out", tmp_path / "a.npz")):
+        assert "discarded" not in run("simulate", "--scene", scene_file, "--frames", 2, *keeps).stderr
+
+
 @pytest.mark.parametrize("rule", ["cfl", "reference", "20"])
 def test_substep_rules(scene_file: Path, rule: str) -> None:
     assert run("simulate", "--scene", scene_file, "--frames", 2, "--substeps", rule).exit_code == 0
@@ -207,6 +215,13 @@ def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     complete = ShellComplete(cli, {}, "hybridmpm", "_HYBRIDMPM_COMPLETE").get_completions
     assert [found.value for found in complete([], "s")] == ["scenarios", "schema", "serve", "simulate"]
     assert "--frames" in {found.value for found in complete(["simulate"], "--f")}
+    assert [found.value for found in complete(["simulate"], "sand")] == [
+        "sand_2d",
+        "sand_ramps_2d",
+        "sand_3d",
+    ]
+    assert [found.value for found in complete(["simulate", "--rung"], "1/1")] == ["1/16"]
+    assert "fluids_2d" in {found.value for found in complete(["simulate", "--model"], "f")}
     assert_fails(run("simulat"), 2, "No such command 'simulat'. Did you mean 'simulate'?")
 
 
@@ -363,6 +378,8 @@ def test_warnings_are_one_line(tmp_path: Path) -> None:
         tmp_path / "thin.yaml",
         "--frames",
         "1",
+        "--save",
+        tmp_path / "state.hmpm",
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr.startswith("Warning: obstacles[0] (ball) is 0.02 m thick")

@@ -81,7 +81,7 @@ def test_the_report_tells_density_divergence_and_energy() -> None:
 
 def test_particles_are_put_back_to_walls_and_obstacles() -> None:
     solver = MpmSolver(block(obstacles=(BoxObstacle(lower=(0.7, 0.1), upper=(0.8, 0.5)),)))
-    x, v = solver.positions, solver.velocities
+    x, v = solver.positions.copy(), solver.velocities.copy()
     x[0], v[0] = (0.1 - 0.01, 0.5), (-1, 3)
     x[1], v[1] = (0.71, 0.3), (2, 0)
     solver.prescribe(x, v, 1)

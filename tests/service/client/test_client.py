@@ -2,6 +2,7 @@
 
 import asyncio
 import inspect
+import io
 import re
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -14,10 +15,12 @@ import pytest
 from hybridmpm import MpmSolver, scenarios
 from hybridmpm.client import (
     AsyncClient,
+    AsyncJob,
     AsyncSession,
     AsyncStream,
     Client,
     Frame,
+    Job,
     ServiceError,
     Session,
     Stream,
@@ -49,7 +52,10 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
     """Paths of the OpenAPI document against those that `calls` builds."""
     document = service.http.get("/openapi.json").json()
     there = {
-        (method.upper(), path.replace("{session_id}", "ID").replace("{name}", "NAME"))
+        (
+            method.upper(),
+            path.replace("{session_id}", "ID").replace("{name}", "NAME").replace("{job_id}", "ID"),
+        )
         for path, methods in document["paths"].items()
         for method in methods
     }
@@ -69,15 +75,27 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.log("ID"),
         calls.decisions("ID"),
         calls.steer("ID", ARROW, None, empty),
+        calls.force("ID"),
         calls.release("ID"),
         calls.trace("ID", ARROW, None, 1, empty),
+        calls.record("ID", 1, empty),
+        calls.job_list(),
+        calls.job("ID"),
+        calls.result("ID"),
+        calls.delete_job("ID"),
     ]
-    # Whether the process is alive is a question of its supervisor.
-    assert {(call.method, call.path) for call in built} == there - {("GET", "/livez")}
+    # Whether the process is alive is a question of its supervisor; events are read as they come.
+    others = {("GET", "/livez"), ("GET", "/v1/jobs/ID/events")}
+    assert {(call.method, call.path) for call in built} == there - others
 
 
 def test_both_clients_have_the_same_methods() -> None:
-    for waiting, awaited in ((Client, AsyncClient), (Session, AsyncSession), (Stream, AsyncStream)):
+    for waiting, awaited in (
+        (Client, AsyncClient),
+        (Session, AsyncSession),
+        (Job, AsyncJob),
+        (Stream, AsyncStream),
+    ):
         pairs = [
             {
                 name: [(each.name, each.default) for each in inspect.signature(method).parameters.values()]
@@ -139,6 +157,7 @@ def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str
     answer = session.steer(drawing, frames=40, cap=9.0)
     assert answer["sketch"]["kind"] == "arrow"
     assert (answer["frames"], answer["needs"]["cap"]) == (40, 9.0)
+    assert session.force()["frame"] == 0
     session.advance(2)
     assert session.info["control"]["frames_done"] == 2
     session.release()
@@ -213,6 +232,33 @@ def test_the_same_with_asyncio(service: Any) -> None:
             return seen
 
     assert asyncio.run(use())[-1] == 4
+
+
+def test_jobs_tell_their_progress_and_bring_files(client: Client) -> None:
+    session = client.create("water_2d", 1)
+    job = session.record(50, every=25)
+    told = list(job.events())
+    assert told[-1]["phase"] == job.info["phase"] == "done"
+    assert (told[-1]["done"], told[-1]["total"]) == (50, 50)
+    with np.load(io.BytesIO(job.result())) as arrays:
+        assert arrays["frames"].tolist() == [0, 25, 50]
+    assert [one.id for one in client.jobs()] == [job.id]
+    assert repr(client.job(job.id)) == f"Job({job.id}, done)"
+    job.delete()
+    assert client.jobs() == []
+    with pytest.raises(ServiceError, match="there is no job") as raised:
+        list(job.events())
+    assert raised.value.kind == "job-not-found"
+
+    async def use() -> bytes:
+        async with AsyncClient(client.address) as awaited:
+            mine = await awaited.session(session.id)
+            begun = await mine.record(6, every=3, format="gif", width=64)
+            made = await begun.result()
+            await begun.delete()
+            return made
+
+    assert asyncio.run(use()).startswith(b"GIF89a")
 
 
 def test_errors_say_what_to_do(client: Client) -> None:

@@ -1,6 +1,7 @@
 """The OpenAPI document: complete, resolvable, with examples that the models accept."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,14 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}/particles"),
     ("post", "/v1/sessions/{session_id}/sketches"),
     ("delete", "/v1/sessions/{session_id}/sketches"),
+    ("get", "/v1/sessions/{session_id}/force"),
     ("post", "/v1/sessions/{session_id}/trajectories"),
+    ("post", "/v1/sessions/{session_id}/recordings"),
+    ("get", "/v1/jobs"),
+    ("get", "/v1/jobs/{job_id}"),
+    ("delete", "/v1/jobs/{job_id}"),
+    ("get", "/v1/jobs/{job_id}/events"),
+    ("get", "/v1/jobs/{job_id}/result"),
 }
 
 
@@ -63,7 +71,7 @@ def test_it_lists_exactly_the_operations_of_the_contract(document: dict[str, Any
 def test_the_contract_in_the_docs_names_them_too() -> None:
     text = (Path(__file__).parents[3] / "docs" / "http-api.md").read_text(encoding="utf-8")
     for method, address in OPERATIONS:
-        assert f"{method.upper()} {address.replace('{session_id}', '{id}')}" in text
+        assert f"{method.upper()} {re.sub('{.*_id}', '{id}', address)}" in text
 
 
 def test_every_reference_resolves(document: dict[str, Any]) -> None:
@@ -94,6 +102,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         "ParticlesBody",
         "SketchBody",
         "TrajectoryBody",
+        "ForceBody",
     ):
         assert schemas[name]["examples"], name
 
@@ -112,6 +121,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         learned.ModelBody,
         sketch_answers.SketchBody,
         sketch_answers.TrajectoryBody,
+        sketch_answers.ForceBody,
     ],
 )
 def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:

@@ -27,6 +27,23 @@ def _one_pixel() -> bytes:
     return _png(image)
 
 
+def test_the_force_is_that_of_the_next_frame(service: Any, path: str) -> None:
+    nothing = service.http.get(f"{path}/force").json()
+    assert (nothing["frame"], nothing["points"], nothing["force"]) == (0, [], [])
+    constant = {"strokes": [ARROW], "frames": 45, "method": "constant"}
+    needed = service.http.post(f"{path}/trajectories?stride=10000", json=constant).json()["mean_force"][0]
+    service.http.post(f"{path}/sketches", json=constant)
+    field = service.http.get(f"{path}/force").json()
+    assert len(field["points"]) == len(field["force"]) > 10
+    np.testing.assert_allclose(field["force"], [needed] * len(field["force"]), atol=0.01)
+    positions = np.array(service.http.get(f"{path}/particles").json()["positions"])
+    cells = {tuple(cell) for cell in np.floor(positions / field["cell"]).astype(int)}
+    assert {tuple(cell) for cell in np.floor(np.array(field["points"]) / field["cell"]).astype(int)} == cells
+    service.http.post(f"{path}/advance", json={"frames": 3})
+    assert service.http.get(f"{path}/force").json()["frame"] == 3
+    assert service.http.get(path).json()["control"]["frames_done"] == 3
+
+
 def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None:
     service.http.post(f"{path}/advance", json={"frames": 4})
     answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 45, "hold": 3})

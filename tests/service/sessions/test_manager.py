@@ -18,6 +18,7 @@ from hybridmpm_service.errors import (
 )
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.sketches.tracing import traced
 from hybridmpm_service.sessions.worker import MAX_WAITING
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
@@ -195,7 +196,11 @@ def test_a_call_that_is_given_up_ends_after_its_frame_and_still_reaches_the_view
     _run(scene)
 
 
-@pytest.mark.parametrize("follow", [Session.steer, Session.trajectory])
+async def _trace(session: Session, sketch: Arrow, **settings: Any) -> object:
+    return await session.beside(lambda twin, check: traced(twin, check, sketch, **settings))
+
+
+@pytest.mark.parametrize("follow", [Session.steer, _trace])
 def test_a_plan_that_is_given_up_ends(follow: Callable[..., Any]) -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
@@ -238,7 +243,7 @@ def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
             asyncio.create_task(call)
             for call in (
                 session.advance(1000),
-                session.trajectory(arrow, most=400, method="constant", frames=300),
+                _trace(session, arrow, most=400, method="constant", frames=300),
             )
         ]
         await _until(lambda: session._worker._unfinished)

@@ -10,10 +10,11 @@ import pytest
 from tests.service.sessions.test_manager import SCENE, _Clock, _run
 
 from hybridmpm import DomainError, MpmSolver, SketchError
-from hybridmpm.control import Arrow, Ellipse, follow, prepare, push
+from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, follow, prepare, push
 from hybridmpm_service.errors import SessionNotFoundError, SketchDroppedError
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.sketches.tracing import traced
 
 ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 
@@ -21,7 +22,7 @@ ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 class _Gate:
     """Holds the preparation of sketches until it is opened."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, module: str = "planning") -> None:
         self.inside, self._opened = threading.Event(), threading.Event()
         self.frames = 0
 
@@ -35,7 +36,7 @@ class _Gate:
 
             return prepare(*arguments, on_frame=counted, **settings)
 
-        monkeypatch.setattr("hybridmpm_service.sessions.sketches.planning.prepare", held)
+        monkeypatch.setattr(f"hybridmpm_service.sessions.sketches.{module}.prepare", held)
 
     async def reached(self) -> None:
         assert await asyncio.to_thread(self.inside.wait, 60)
@@ -117,17 +118,20 @@ def test_a_sketch_that_is_being_prepared_is_dropped(
     assert gate.frames == 0
 
 
-@pytest.mark.parametrize("work", ["steer", "trajectory"])
+async def _trace(session: Session, sketch: Arrow, **settings: Any) -> tuple[Guidance, ControlledTrajectory]:
+    return await session.beside(lambda twin, check: traced(twin, check, sketch, **settings))
+
+
+@pytest.mark.parametrize(("plan", "module"), [(Session.steer, "planning"), (_trace, "tracing")])
 @pytest.mark.parametrize("stop", ["delete", "close"])
 def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
-    monkeypatch: pytest.MonkeyPatch, work: str, stop: str
+    monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], module: str, stop: str
 ) -> None:
-    gate = _Gate(monkeypatch)
+    gate = _Gate(monkeypatch, module)
 
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        plan = getattr(session, work)
-        planning = asyncio.create_task(plan(ARROW, most=400, frames=100, method="constant"))
+        planning = asyncio.create_task(plan(session, ARROW, most=400, frames=100, method="constant"))
         await gate.reached()
         ending = asyncio.create_task(manager.delete(session.id) if stop == "delete" else manager.close())
         await asyncio.sleep(0.05)
@@ -170,7 +174,7 @@ def test_a_trajectory_leaves_the_session_as_it_is() -> None:
         session = await manager.create(lambda: SCENE)
         await session.advance(4)
         before = await session.particles()
-        guidance, motion = await session.trajectory(ARROW, most=400, frames=20)
+        guidance, motion = await _trace(session, ARROW, most=400, frames=20)
         after = await session.particles()
         assert np.array_equal(before.positions, after.positions)
         assert (after.frame, session.control, motion.first_frame) == (4, None, 4)
@@ -186,10 +190,9 @@ def test_a_trajectory_leaves_the_session_as_it_is() -> None:
 def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        gate = _Gate(monkeypatch)
-        tracing = asyncio.create_task(session.trajectory(ARROW, most=400, frames=20))
+        gate = _Gate(monkeypatch, "tracing")
+        tracing = asyncio.create_task(_trace(session, ARROW, most=400, frames=20))
         await gate.reached()
-        monkeypatch.setattr("hybridmpm_service.sessions.sketches.planning.prepare", prepare)
         await session.steer(ARROW, most=400, frames=20)
         assert _phase(session) == "steering"
         gate.open()

@@ -1,5 +1,6 @@
 """The methods by name, and the rule by which "auto" chooses among them."""
 
+from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.needs import Needs
 from hybridmpm.control.methods.analytic import Analytic
@@ -43,7 +44,8 @@ def chosen(method: str | Method, goal: Goal, needs: Needs, budget: float | None)
         if method == "auto":
             return _by_rule(goal, needs, budget)
         if method not in METHODS:
-            raise ConfigError(f"method must be auto, {', '.join(METHODS)} or a Method, got {method!r}")
+            near = did_you_mean(method, ("auto", *METHODS))
+            raise ConfigError(f"method must be auto, {', '.join(METHODS)} or a Method, got {method!r}{near}")
         return METHODS[method], "asked for"
     if not callable(getattr(method, "plan", None)):
         raise ConfigError(f"method must be a name or have the function plan, got {method!r}")

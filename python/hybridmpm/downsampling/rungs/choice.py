@@ -1,9 +1,9 @@
 """From the name of a rung to its settings in a scene."""
 
-import difflib
 import math
 import warnings
 
+from hybridmpm._support.suggestions import nearest
 from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution
 from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
 from hybridmpm.downsampling.rungs.rung import Rung
@@ -100,8 +100,8 @@ def _suggestion(name: object, ratios: dict[str, float]) -> str:
     near: str | None = None
     if isinstance(name, int | float) and not isinstance(name, bool) and name > 0 and math.isfinite(name):
         near = min(ratios, key=lambda one: abs(math.log(ratios[one] / name)))
-    elif isinstance(name, str):
-        near = next(iter(difflib.get_close_matches(name, ratios, n=1)), None)
+    else:
+        near = nearest(name, ratios)
     return "" if near is None else f"; did you mean {near!r}?"
 
 

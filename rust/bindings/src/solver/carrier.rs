@@ -12,7 +12,7 @@ use super::any::{AnyCarrier, AnySolver, with_any};
 use super::build::{Arrays, same_dim};
 use super::class::PySolver;
 use super::held::Held;
-use crate::convert::{array, slice_of, vectors};
+use crate::convert::{array, read_only, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, PyEmitter};
 
@@ -177,19 +177,19 @@ impl PyCarrier {
         let ids = self
             .held
             .detached(py, |any| with_any!(any, c => c.ids().to_vec()));
-        ids.into_pyarray(py)
+        read_only(ids.into_pyarray(py))
     }
 
     #[getter]
     fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        self.read(py, |any, out| with_any!(any, c => c.write_masses(out)))
-            .into_pyarray(py)
+        let out = self.read(py, |any, out| with_any!(any, c => c.write_masses(out)));
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]
     fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        self.read(py, |any, out| with_any!(any, c => c.write_materials(out)))
-            .into_pyarray(py)
+        let out = self.read(py, |any, out| with_any!(any, c => c.write_materials(out)));
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]

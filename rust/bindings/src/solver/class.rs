@@ -14,7 +14,7 @@ use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{array, contact, slice_of, vectors};
+use crate::convert::{array, contact, read_only, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
@@ -69,13 +69,13 @@ impl PySolver {
         self.held.read(py, size, write)
     }
 
-    /// The same as an array (N, D).
+    /// The same as an array (N, D) to read from.
     fn read_vectors<'py>(
         &self,
         py: Python<'py>,
         write: impl Fn(&AnySolver, &mut [f32]) + Sync,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        vectors(py, self.dim, self.read(py, self.dim, write))
+        vectors(py, self.dim, self.read(py, self.dim, write)).map(read_only)
     }
 }
 
@@ -269,23 +269,23 @@ impl PySolver {
         let ids = self
             .held
             .detached(py, |any| with_any!(any, s => s.ids().to_vec()));
-        ids.into_pyarray(py)
+        read_only(ids.into_pyarray(py))
     }
 
     #[getter]
     fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
-        self.read(
+        let out = self.read(
             py,
             1,
             |any, out| with_any!(any, s => s.write_materials(out)),
-        )
-        .into_pyarray(py)
+        );
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]
     fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        self.read(py, 1, |any, out| with_any!(any, s => s.write_masses(out)))
-            .into_pyarray(py)
+        let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_masses(out)));
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]
@@ -315,7 +315,8 @@ impl PySolver {
             |any, out| with_any!(any, s => s.write_affine(out)),
         );
         let count = out.len() / width;
-        out.into_pyarray(py).reshape([count, self.dim, self.dim])
+        let shape = [count, self.dim, self.dim];
+        out.into_pyarray(py).reshape(shape).map(read_only)
     }
 
     #[getter]
@@ -325,13 +326,13 @@ impl PySolver {
             1,
             |any, out| with_any!(any, s => s.write_volume_ratios(out)),
         );
-        out.into_pyarray(py)
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]
     fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        self.read(py, 1, |any, out| with_any!(any, s => s.write_asleep(out)))
-            .into_pyarray(py)
+        let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_asleep(out)));
+        read_only(out.into_pyarray(py))
     }
 
     #[getter]

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from hybridmpm.control import Arrow, ControlledTrajectory, Guidance, Needs, Sketch
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.oval import Oval
+from hybridmpm_service.sessions.sketches.force_field import ForceField
 
 _OUTLINE_POINTS = 96
 _DIGITS = 4
@@ -37,6 +38,27 @@ _GUIDED: dict[str, Any] = {
     },
     "goal": {"path": [[0.41, 0.52], [0.71, 0.72]], "drawn": None, "region": None},
 }
+
+
+class ForceBody(BaseModel):
+    """What acts on the fluid in the next frame besides gravity, where anything does; [cell][axis]."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"frame": 12, "cell": 0.05, "points": [[0.41, 0.52]], "force": [[8.1, 16.2]]}]
+        }
+    )
+
+    frame: int = Field(description="Number of frames before that frame.")
+    cell: float = Field(description="Side of a cell [m].")
+    points: list[list[float]] = Field(description="Mean position of the particles of each cell [m].")
+    force: list[list[float]] = Field(description="Mean acceleration of these particles [m/s^2].")
+
+    @classmethod
+    def of(cls, field: ForceField) -> Self:
+        """Describe a field, rounded to what a picture can show."""
+        points, force = field.points.round(_DIGITS).tolist(), field.force.round(2).tolist()
+        return cls(frame=field.frame, cell=field.cell, points=points, force=force)
 
 
 class ObstructionBody(BaseModel):

@@ -3,7 +3,6 @@
 const ADVICE = {
   404: "Start a new simulation from the scene panel.",
   413: "Draw a shorter stroke.",
-  422: "Draw the stroke again, inside the box.",
   429: "Wait a moment and try again.",
   503: "Close a simulation in another tab, or wait a minute, then try again.",
 };
@@ -13,6 +12,12 @@ const ADVICE_BY_TYPE = {
   "urn:hybridmpm:problem:simulation-failed": "Go back to the start (r), or begin a new simulation.",
 };
 
+/** What to do about a body that was refused, by the end of the address. */
+const ADVICE_ON_BODY = {
+  sketches: "Draw the stroke again, inside the box.",
+  sessions: "Choose another scenario or seed in the scene panel.",
+};
+
 /** A request that the server refused or that never reached it. */
 export class Problem extends Error {
   /**
@@ -20,22 +25,24 @@ export class Problem extends Error {
    * @param {string} detail  what exactly, with the field and its range where the server names them
    * @param {number} status  HTTP status, 0 when there was no answer
    * @param {string} type    name of the kind of problem, where the server gives one
+   * @param {string} path    address that was asked; empty for a command of the stream
    */
-  constructor(title, detail, status, type = "") {
+  constructor(title, detail, status, type = "", path = "") {
     super(detail ? `${title}: ${detail}` : title);
     this.title = title;
     this.detail = detail;
     this.status = status;
-    this.advice = ADVICE_BY_TYPE[type] ?? ADVICE[status] ?? "";
+    const onBody = status === 422 ? ADVICE_ON_BODY[path.split("/").at(-1)] : undefined;
+    this.advice = ADVICE_BY_TYPE[type] ?? onBody ?? ADVICE[status] ?? "";
   }
 }
 
-async function problemOf(response) {
+async function problemOf(response, path) {
   try {
     const body = await response.json();
     const fields = (body.errors ?? []).map((error) => `${error.field}: ${error.message}`);
     const detail = fields.length > 0 ? fields.join("; ") : body.detail;
-    return new Problem(body.title ?? response.statusText, detail ?? "", response.status, body.type);
+    return new Problem(body.title ?? response.statusText, detail ?? "", response.status, body.type, path);
   } catch {
     return new Problem("The server answered with an error", `status ${response.status}`, response.status);
   }
@@ -53,7 +60,7 @@ export async function request(method, path, body) {
   } catch {
     throw new Problem("The server does not answer", "Check that it is still running.", 0);
   }
-  if (!response.ok) throw await problemOf(response);
+  if (!response.ok) throw await problemOf(response, path);
   return response.status === 204 ? null : response.json();
 }
 

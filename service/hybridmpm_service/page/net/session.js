@@ -64,9 +64,18 @@ export class SessionClient {
     return true;
   }
 
-  /** Let a stroke steer the simulation. Resolves to how it was understood, what it takes and where it leads. */
-  steer(stroke) {
-    return request("POST", `${this.path}/sketches`, { strokes: [stroke] });
+  /**
+   * Let a stroke steer the simulation. Resolves to how it was understood, what it takes and where it leads.
+   *
+   * @param settings {strength, frames, hold}, each of which may be absent
+   */
+  steer(stroke, settings) {
+    return request("POST", `${this.path}/sketches`, { strokes: [stroke], ...settings });
+  }
+
+  /** The mean acceleration that steers the particles of each cell of a coarse grid, besides gravity. */
+  force() {
+    return request("GET", `${this.path}/force`);
   }
 
   /** Let no sketch steer the simulation any more. */

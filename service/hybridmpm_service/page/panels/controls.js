@@ -50,7 +50,7 @@ function describeDepths() {
 /**
  * Call an action whenever the user asks for it.
  *
- * @param actions {play, step, reset, speed(value), tool(name), undo, switchKind, escape}
+ * @param actions {play, step, reset, speed(value), tool(name), undo, switchKind, escape, forces}
  */
 export function bindControls(actions) {
   byId("play").addEventListener("click", actions.play);
@@ -91,17 +91,20 @@ function bindKeys(actions) {
     f: () => actions.tool("free"),
     p: () => actions.tool("push"),
     v: () => actions.tool("orbit"),
+    g: actions.forces,
     "?": () => byId("help").showModal(),
   };
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || byId("help").open) return;
-    if (event.key === "Escape") {
+    if (byId("help").open) return;
+    // A focused field keeps all its keys, a focused button its space bar.
+    const inField = event.target.matches("input:not([type=range], [type=checkbox]), select, textarea");
+    const takesBack = (event.ctrlKey || event.metaKey) && event.key === "z" && !inField;
+    if (event.key === "Escape" || takesBack) {
       actions.escape();
       return;
     }
-    // A focused field keeps all its keys, a focused button its space bar.
-    const inField = event.target.matches("input:not([type=range]), select, textarea");
-    const pressesButton = event.key === " " && event.target.matches("button");
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const pressesButton = event.key === " " && event.target.matches("button, [type=checkbox]");
     const action = keys[event.key];
     if (inField || pressesButton || action === undefined) return;
     event.preventDefault();

@@ -1,14 +1,6 @@
 // The form that chooses a scene: scenario, seed, and the buttons that start it.
 
-import { ovalBetween } from "../sketch/sketch.js";
 import { byId, setText } from "./dom.js";
-
-/** A scene whose sketch draws itself at a frame. */
-export const PIPELINE = {
-  scene: { scenario: "water_2d", seed: 10, solver: "hybrid" },
-  frame: 150,
-  sketch: { kind: "ellipse", points: ovalBetween([0.355, 0.525], [0.645, 0.715]) },
-};
 
 const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
 

@@ -18,8 +18,16 @@ function reachedText({ sketch, reached }) {
   return oval ? `${percent(reached.inside)} inside` : `${lengthText(reached.miss)} from the target`;
 }
 
+const HINTS = {
+  orbit: "Drag to look around. Pick Push, Arrow or Oval to steer.",
+  push: "Drag through the fluid to push it",
+  arrow: "Draw an arrow: the fluid moves by it",
+  oval: "Drag across an oval, or trace one, for the fluid to fill",
+  free: "Draw an arrow or an oval: the fluid follows",
+};
+
 /** The line under the picture, for each phase of steering. */
-function steerText(steering, { live, playing, dim, tool }) {
+function steerText(steering, { live, playing, tool, ghost }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
     case "drawing":
@@ -30,16 +38,15 @@ function steerText(steering, { live, playing, dim, tool }) {
       return "Planning…";
     case "following":
       if (!playing) return `Paused: play to follow the ${kind}`;
-      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going as near as it can";
+      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going near";
     case "holding":
       return `Holding: ${reachedText(steering) || kind}`;
     case "done":
       return `Done${steering.reached === null ? "" : `: ${reachedText(steering)}`}`;
     default:
       if (!live) return "Waiting for the simulation";
-      if (dim === 3 && tool === "orbit") return "Drag to look around. Pick arrow or oval to steer.";
-      if (tool === "push") return playing ? "Drag through the fluid to push it" : "Paused: play, then drag to push the fluid";
-      return tool === "oval" ? "Drag across an oval, or trace one, for the fluid to fill" : "Draw on the picture: the fluid follows";
+      if (ghost) return "Draw an oval like this, and the fluid follows";
+      return `${playing ? "" : "Paused. "}${HINTS[tool]}`;
   }
 }
 

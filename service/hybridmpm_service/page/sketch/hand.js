@@ -28,7 +28,8 @@ export class Hand {
   #timer = 0;
   #handlers;
 
-  /** @param handlers {speed() -> simulated seconds per second, push({point, velocity, radius}), end(), changed()} */
+  /** @param handlers {speed() -> simulated seconds per second, cap() -> largest acceleration [g],
+   *   push({point, velocity, radius, cap}), end(), changed()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -59,6 +60,6 @@ export class Hand {
 
   #send() {
     const velocity = simulated(velocityOf(this.#samples, performance.now() / 1000), this.#handlers.speed());
-    this.#handlers.push({ point: this.point, velocity, radius: RADIUS });
+    this.#handlers.push({ point: this.point, velocity, radius: RADIUS, cap: this.#handlers.cap() });
   }
 }

@@ -22,8 +22,8 @@ export class Steering {
   #attempt = 0; // number of the present sketch, which tells answers to replaced ones apart
   #handlers;
 
-  /** @param handlers {plan(stroke) -> promise, release(), dim(), widths(), changed(), refused(problem), planned(plan),
-   *   tooSmall()} */
+  /** @param handlers {plan(stroke, settings) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
+   *   changed(), refused(problem), planned(plan), tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -78,11 +78,11 @@ export class Steering {
     this.#enter("staged");
   }
 
-  /** Send a sketch that no hand has drawn. */
-  present(sketch) {
+  /** Send a sketch that no hand has drawn, with settings of its own. */
+  present(sketch, settings) {
     this.clear();
     this.sketch = { ...sketch, widths: this.#handlers.widths() };
-    this.#send();
+    this.#send(settings);
   }
 
   /** Take a stroke that was guessed wrongly for the other kind. */
@@ -97,12 +97,12 @@ export class Steering {
     this.#stage();
   }
 
-  async #send() {
+  async #send(settings = this.#handlers.settings()) {
     this.#enter("planning");
     const serial = this.#attempt;
     try {
       const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
-      const plan = await this.#handlers.plan(stroke);
+      const plan = await this.#handlers.plan(stroke, settings);
       if (serial !== this.#attempt) return;
       this.plan = plan;
       this.#enter("following");

@@ -1,20 +1,15 @@
 // Sketches, where they lead, and the hand that pushes, painted over the particles.
 
-import { arrowHead, depthOfWidth, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
+import { inSpace } from "../sketch/prediction.js";
+import { arrowHead, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";
 import { trace, traceWorld } from "./lines.js";
 
 const COLORS = { arrow: "#ff6b61", ellipse: "#62e08c" };
 const HAND_COLOR = "#58b9ff";
 
-/** Points of a sketch on the stage [px]; in 3D each at the depth that its stroke width means. */
+/** Points of a sketch on the stage [px]. */
 function project(view, scene, sketch) {
-  if (scene.dim === 2) return sketch.points.map((point) => view.project(point));
-  const { lower, upper } = scene.walls;
-  const widths = widthsAlong(sketch, sketch.widths);
-  return sketch.points.map(([x, y], i) => {
-    const z = lower[2] + depthOfWidth(widths[i]) * (upper[2] - lower[2]);
-    return view.project([x, y, z]);
-  });
+  return inSpace(sketch, scene.walls).map((point) => view.project(point));
 }
 
 /** Draw a stroke, with its head if it is an arrow. `alpha` fades strokes that are done. */
@@ -31,6 +26,18 @@ export function drawSketch(context, view, scene, sketch, alpha) {
   context.shadowBlur = 6;
   if (sketch.kind === "ellipse") drawOutline(context, view, scene, sketch, points);
   else drawArrow(context, view, scene, sketch, points);
+  context.restore();
+}
+
+/** Draw a stroke of a flat scene that is not finished yet, as the line that it is. */
+export function drawStroke(context, view, sketch) {
+  context.save();
+  context.strokeStyle = COLORS[sketch.kind];
+  context.lineWidth = Math.max(3, (3.2 * view.size) / 512);
+  context.lineJoin = "round";
+  context.lineCap = "round";
+  traceWorld(context, view, sketch.points);
+  context.stroke();
   context.restore();
 }
 
@@ -135,6 +142,52 @@ export function drawGoal(context, view, goal) {
   context.fillStyle = "rgb(255 255 255 / 0.7)";
   drawDot(context, view.project(goal.path[0]), 3);
   drawTarget(context, ...view.project(goal.path.at(-1)));
+  context.restore();
+}
+
+/**
+ * Draw where a sketch is likely to lead, as long as the service has not said it: dots that walk along the way.
+ *
+ * @param goal as `predicted` gives it
+ * @param steps how far the dots have walked [px]
+ */
+export function drawPrediction(context, view, { path, region }, steps) {
+  context.save();
+  context.lineCap = "round";
+  context.lineDashOffset = -steps;
+  if (region !== null) {
+    context.strokeStyle = COLORS.ellipse;
+    context.globalAlpha = 0.5;
+    context.lineWidth = 1.5;
+    context.setLineDash([5, 5]);
+    traceWorld(context, view, region, true);
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+  context.strokeStyle = "rgb(255 255 255 / 0.6)";
+  context.fillStyle = "rgb(255 255 255 / 0.6)";
+  context.lineWidth = 2.5;
+  context.setLineDash([0.1, 8]);
+  traceWorld(context, view, path);
+  context.stroke();
+  drawDot(context, view.project(path[0]), 3);
+  drawDot(context, view.project(path.at(-1)), 4);
+  context.restore();
+}
+
+/** Draw the hand that draws by itself, at a point of the world: a fingertip, and the ring of its touch. */
+export function drawGhostHand(context, view, point) {
+  const [px, py] = view.project(point);
+  context.save();
+  context.shadowColor = "rgb(0 0 0 / 0.5)";
+  context.shadowBlur = 10;
+  context.fillStyle = "rgb(255 255 255 / 0.9)";
+  context.strokeStyle = "rgb(255 255 255 / 0.55)";
+  context.lineWidth = 2;
+  context.beginPath();
+  context.arc(px, py, 16, 0, 2 * Math.PI);
+  context.stroke();
+  drawDot(context, [px, py], 7);
   context.restore();
 }
 

@@ -2,12 +2,24 @@
 
 import { RADIUS } from "../sketch/hand.js";
 import { FlatView, OrbitView } from "./camera.js";
-import { drawFittedEllipse, drawGoal, drawGuess, drawHand, drawSketch } from "./drawing.js";
+import { predicted } from "../sketch/prediction.js";
+import {
+  drawFittedEllipse,
+  drawGhostHand,
+  drawGoal,
+  drawGuess,
+  drawHand,
+  drawPrediction,
+  drawSketch,
+  drawStroke,
+} from "./drawing.js";
+import { drawForces } from "./forces.js";
 import { SpeedEstimate } from "./particles.js";
 import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
 const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get warm
+const DOT_SPEED = 0.03; // px/ms at which the dots of a prediction walk
 
 export class Stage {
   view = new FlatView({ lower: [0.1, 0.1], upper: [0.9, 0.9] });
@@ -20,15 +32,15 @@ export class Stage {
   #speeds = new SpeedEstimate();
   #described = false; // whether the renderer knows the particles
   #time = 0; // simulated time of the frame that is shown [s]
-  #steering;
-  #hand;
+  #shown; // {steering, hand, presenter, forces}: what is drawn over the particles
+  #centroid = null; // centre of mass of the fluid
   #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
-  constructor(element, steering, hand, wantedRenderer) {
+  /** @param shown {steering, hand, presenter, forces}: what is drawn over the particles */
+  constructor(element, shown, wantedRenderer) {
     this.#element = element;
-    this.#steering = steering;
-    this.#hand = hand;
+    this.#shown = shown;
     const { renderer, canvas } = createRenderer(element.querySelector("#particles"), wantedRenderer);
     this.#renderer = renderer;
     this.#canvases = {
@@ -71,6 +83,11 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Begin predictions at this centre of mass from now on; null where there is no particle. */
+  showCentroid(centroid) {
+    this.#centroid = centroid;
+  }
+
   /** Draw again at the next opportunity. */
   invalidate() {
     this.#stale = true;
@@ -98,6 +115,7 @@ export class Stage {
   /** Draw if something has changed; return whether it has. */
   draw(now) {
     if (this.view.settle(now)) this.invalidateView();
+    if (this.#shown.steering.phase === "planning") this.invalidate();
     if (!this.#stale) return false;
     this.#stale = false;
     if (this.#backdropStale) {
@@ -105,7 +123,7 @@ export class Stage {
       drawBackdrop(this.#clear(this.#canvases.backdrop), this.view, this.#scene, this.#time);
     }
     this.#renderer.draw(this.view);
-    this.#drawOverlay();
+    this.#drawOverlay(now);
     return true;
   }
 
@@ -117,17 +135,32 @@ export class Stage {
     return context;
   }
 
-  #drawOverlay() {
+  #drawOverlay(now) {
     const context = this.#clear(this.#canvases.overlay);
-    const { sketch, plan, phase } = this.#steering;
+    const { steering, hand, presenter, forces } = this.#shown;
     drawForeground(context, this.view, this.#scene, this.#time);
-    if (sketch !== null) {
-      const faded = plan !== null;
-      drawSketch(context, this.view, this.#scene, sketch, faded ? 0.55 : 1);
-      if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
-      if (phase === "drawing" || phase === "staged") drawGuess(context, this.view, this.#scene, sketch);
+    if (forces.latest !== null) drawForces(context, this.view, forces.latest);
+    if (steering.sketch !== null) this.#drawSteering(context, steering, now);
+    else if (presenter.ghost !== null) this.#drawGhost(context, presenter.ghost);
+    if (hand.point !== null) drawHand(context, this.view, hand.point, RADIUS);
+  }
+
+  #drawSteering(context, { sketch, plan, phase }, now) {
+    drawSketch(context, this.view, this.#scene, sketch, plan === null ? 1 : 0.55);
+    if (plan !== null) {
+      drawGoal(context, this.view, plan.goal);
+      return;
     }
-    if (plan !== null) drawGoal(context, this.view, plan.goal);
-    if (this.#hand.point !== null) drawHand(context, this.view, this.#hand.point, RADIUS);
+    const goal = predicted(sketch, this.#centroid, this.#scene.walls);
+    if (goal !== null) drawPrediction(context, this.view, goal, phase === "planning" ? DOT_SPEED * now : 0);
+    if (phase === "planning") return;
+    if (phase === "staged" && sketch.kind === "ellipse") drawFittedEllipse(context, this.view, this.#scene, sketch);
+    drawGuess(context, this.view, this.#scene, sketch);
+  }
+
+  #drawGhost(context, { sketch, hand }) {
+    // An oval that is not closed yet is drawn as the line that it is.
+    drawStroke(context, this.view, sketch);
+    drawGhostHand(context, this.view, hand);
   }
 }

@@ -2,17 +2,45 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
-from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
+from hybridmpm.control import Guidance, Sketch, prepare
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SketchDroppedError
 from hybridmpm_service.sessions.view import Control
 from hybridmpm_service.sessions.worker import Worker
 
+T = TypeVar("T")
+Check: TypeAlias = Callable[[], None]
+"""Raises where work is to end early."""
 
-class Preparation:
-    """A sketch that is being prepared. Safe to use from several threads.
+
+class Errand:
+    """Work beside a session, which may be dropped. Safe to use from several threads.
+
+    Parameters
+    ----------
+    check_open : callable
+        Raises once the session is closed.
+    """
+
+    def __init__(self, check_open: Check) -> None:
+        self._check_open = check_open
+        self._why_dropped: str | None = None
+
+    def drop(self, why: str) -> None:
+        """Let the work end at its next check."""
+        self._why_dropped = why
+
+    def check(self) -> None:
+        """Raise if the work was dropped or the session is closed: neither waits for its end."""
+        self._check_open()
+        if self._why_dropped is not None:
+            raise SketchDroppedError(self._why_dropped)
+
+
+class Preparation(Errand):
+    """A sketch that is being prepared.
 
     Parameters
     ----------
@@ -20,28 +48,18 @@ class Preparation:
         Number of the sketch in its session.
     sketch : Arrow or Ellipse
     check_open : callable
-        Raises once the session is closed.
     """
 
-    def __init__(self, number: int, sketch: Sketch, check_open: Callable[[], None]) -> None:
+    def __init__(self, number: int, sketch: Sketch, check_open: Check) -> None:
+        super().__init__(check_open)
         self.control = Control(number=number, kind=sketch.kind, phase="preparing")
         """What the session says of the sketch meanwhile."""
-        self._check_open = check_open
-        self._why_dropped: str | None = None
-
-    def drop(self, why: str) -> None:
-        """Let the preparation end at its next check."""
-        self._why_dropped = why
-
-    def check(self) -> None:
-        """Raise if the sketch was dropped or the session is closed: neither waits for a plan's end."""
-        self._check_open()
-        if self._why_dropped is not None:
-            raise SketchDroppedError(self._why_dropped)
 
 
 class Planner:
-    """Plans the sketches of one session, one at a time, and computes trajectories. Belongs to the event loop.
+    """Plans the sketches of one session, one at a time, and does other work on copies.
+
+    Belongs to the event loop.
 
     Parameters
     ----------
@@ -66,7 +84,7 @@ class Planner:
         self._check_open = check_open
         self._on_change = on_change
         self._sketches = Worker("sketches", session, check_open)
-        self._trajectories = Worker("trajectories", session, check_open)
+        self._copies = Worker("copies", session, check_open)
         self._count = number
         self._preparation: Preparation | None = None
 
@@ -126,34 +144,33 @@ class Planner:
 
         return await self._sketches.run(plan)
 
-    async def trajectory(
-        self, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
-    ) -> tuple[Guidance, ControlledTrajectory]:
-        """Let a copy of the simulator follow a sketch to the end; parameters and errors as in `prepare`.
+    async def beside(self, work: Callable[[Check], T]) -> T:
+        """Do work on a copy of the simulator, after that which was asked for before.
 
-        A caller that is cancelled ends the computation after the frame that is being computed.
+        A caller that is cancelled ends it at its next check.
+
+        Parameters
+        ----------
+        work : callable
+            Called in a thread, with a check that it makes in each frame.
+
+        Raises
+        ------
+        SessionBusyError, SessionNotFoundError
+            As `Worker.run`; otherwise what the work raises.
         """
-        # Nobody else hears of it, and so it has no number.
-        tracing = Preparation(0, sketch, self._check_open)
-
-        def trace() -> tuple[Guidance, ControlledTrajectory]:
-            guidance = prepare(twin, sketch, most=most, on_frame=tracing.check, **settings)
-            following = Following(twin, guidance)
-            for _ in following:
-                tracing.check()
-            return guidance, following.result
-
+        errand = Errand(self._check_open)
         try:
-            return await self._trajectories.run(trace)
+            return await self._copies.run(lambda: work(errand.check))
         except asyncio.CancelledError:
-            tracing.drop("its client has gone")
+            errand.drop("its client has gone")
             raise
 
     def stop(self) -> None:
         """Take no more plans."""
         self._sketches.end()
-        self._trajectories.end()
+        self._copies.end()
 
     async def ended(self) -> None:
         """Wait until the threads have ended after `stop`."""
-        await asyncio.gather(self._sketches.ended(), self._trajectories.ended())
+        await asyncio.gather(self._sketches.ended(), self._copies.ended())

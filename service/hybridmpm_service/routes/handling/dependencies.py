@@ -6,6 +6,7 @@ from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
 from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
+from hybridmpm_service.jobs.table import JobTable
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
@@ -15,12 +16,18 @@ def _sessions(connection: HTTPConnection) -> SessionManager:
     return manager
 
 
+def _jobs(connection: HTTPConnection) -> JobTable:
+    table: JobTable = connection.app.state.jobs
+    return table
+
+
 def _settings(connection: HTTPConnection) -> Settings:
     settings: Settings = connection.app.state.settings
     return settings
 
 
 Sessions = Annotated[SessionManager, Depends(_sessions)]
+Jobs = Annotated[JobTable, Depends(_jobs)]
 Limits = Annotated[Settings, Depends(_settings)]
 SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 

@@ -10,6 +10,7 @@ from starlette.requests import ClientDisconnect
 
 from hybridmpm_service.errors import UnavailableError
 from hybridmpm_service.http.json_text import read_json
+from hybridmpm_service.routes.handling.idempotency import HEADER, Idempotency
 
 Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
@@ -17,6 +18,7 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 class SessionRoute(APIRoute):
     """A route whose calls are cancelled when their client has gone, and refused when the server stops.
 
+    A POST with an `Idempotency-Key` that came before is answered as it was then.
     A DELETE is done in any case: a page that is left sends one, and waits for no answer.
     """
 
@@ -35,10 +37,16 @@ class SessionRoute(APIRoute):
                 await asyncio.to_thread(read_json, body, "body")
             return await _unless(_left(request), handle(request)) or _answer_to_nobody()
 
+        async def once(request: Request) -> Response:
+            if request.method != "POST" or HEADER not in request.headers:
+                return await call(request)
+            kept: Idempotency = request.app.state.idempotency
+            return await kept.once(request, lambda: call(request))
+
         async def answer(request: Request) -> Response:
             draining: asyncio.Event = request.app.state.sessions.draining
             try:
-                response = await _unless(draining.wait(), call(request))
+                response = await _unless(draining.wait(), once(request))
             except ClientDisconnect:
                 return _answer_to_nobody()
             if response is None:

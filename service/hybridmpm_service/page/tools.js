@@ -1,0 +1,90 @@
+// The tool in hand: what pointers on the stage do with it.
+
+import * as controls from "./panels/controls.js";
+import { StagePointer } from "./sketch/pointer.js";
+import { depthOfWidth } from "./sketch/sketch.js";
+
+export class Tools {
+  name = "push";
+  #scene = null;
+  #parts;
+  #pointer;
+
+  /** @param parts {stage, steering, hand, isLive(), play(), glides() -> whether the camera may, changed()} */
+  constructor(overlay, parts) {
+    this.#parts = parts;
+    this.#pointer = new StagePointer(overlay, {
+      mode: () => (this.name === "orbit" ? "orbit" : "stroke"),
+      begin: (sample) => this.#begin(sample),
+      extend: (samples) => this.#extend(samples),
+      finish: () => (parts.hand.point === null ? parts.steering.finish() : parts.hand.finish()),
+      cancel: () => (parts.hand.point === null ? parts.steering.clear() : parts.hand.finish()),
+      orbit: (dx, dy) => {
+        parts.stage.view.orbit(dx, dy);
+        parts.stage.invalidateView();
+      },
+      zoom: (factor) => {
+        parts.stage.view.zoomBy(factor);
+        parts.stage.invalidateView();
+      },
+    });
+  }
+
+  /** Take another scene, with the tool that it is best looked at with. */
+  setScene(scene) {
+    this.#scene = scene;
+    controls.showTools(scene.dim);
+    this.choose(scene.dim === 3 ? "orbit" : this.name === "orbit" ? "push" : this.name);
+  }
+
+  choose(name) {
+    const inSpace = this.#scene?.dim === 3;
+    if (name === "orbit" && !inSpace) return;
+    const switched = name !== this.name;
+    this.name = name;
+    if (inSpace && switched) {
+      this.#parts.stage.view.glideTo(name !== "orbit", performance.now(), this.#parts.glides());
+    }
+    this.#parts.changed();
+  }
+
+  /** Drop the stroke in progress, or else take back the sketch that steers. */
+  escape() {
+    const { steering, hand } = this.#parts;
+    if (steering.phase === "drawing" || hand.point !== null) this.#pointer.abort();
+    else steering.takeBack();
+  }
+
+  #begin(sample) {
+    const { stage, steering, hand, isLive, play } = this.#parts;
+    if (!isLive()) return;
+    // Strokes are taken in the front view: whoever draws does not want to wait for the camera.
+    if (stage.view.settle(Infinity)) stage.invalidateView();
+    if (this.name === "push") {
+      play();
+      hand.begin(this.#inDepth(this.#sampleOf(sample)));
+    } else {
+      steering.begin(this.name, this.#sampleOf(sample));
+    }
+  }
+
+  #extend(samples) {
+    const { steering, hand } = this.#parts;
+    const taken = samples.map((sample) => this.#sampleOf(sample));
+    if (hand.point === null) steering.extend(taken);
+    else hand.extend(taken.map((sample) => this.#inDepth(sample)));
+  }
+
+  /** A pointer's position as a point inside the world box. */
+  #sampleOf({ at, time }) {
+    const clamp = (value) => Math.min(1, Math.max(0, value));
+    return { point: this.#parts.stage.view.unproject(...at).map(clamp), time };
+  }
+
+  /** In 3D a hand pushes at the depth that a stroke would begin at. */
+  #inDepth({ point, time }) {
+    if (this.#scene.dim === 2) return { point, time };
+    const { lower, upper } = this.#scene.walls;
+    return { point: [...point, lower[2] + depthOfWidth(controls.depthWidths()[0]) * (upper[2] - lower[2])], time };
+  }
+}

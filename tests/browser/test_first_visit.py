@@ -1,0 +1,88 @@
+"""What somebody sees who opens the page for the first time: it moves, a hand draws, the fluid follows."""
+
+import pytest
+from playwright.sync_api import Page, ViewportSize, expect
+
+from .conftest import Open
+
+pytestmark = pytest.mark.browser
+
+SIZES: list[ViewportSize] = [{"width": 1440, "height": 900}, {"width": 390, "height": 844}]
+
+
+@pytest.mark.parametrize("viewport", SIZES, ids=["desktop", "phone"])
+def test_a_ghost_hand_draws_once_and_the_fluid_follows(open_page: Open, viewport: ViewportSize) -> None:
+    with_sketch = "**/sketches"
+    visit = open_page(viewport=viewport)
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    assert visit.value("tool") == "push"
+    with visit.page.expect_response(with_sketch) as answer:
+        visit.wait_for("body.tool === 'oval'")
+        expect(visit.page.locator("#steer-text")).to_have_text(
+            "Draw an oval like this, and the fluid follows"
+        )
+        assert visit.value("control") == "idle"
+    sketch = answer.value.json()["sketch"]
+    assert sketch["kind"] == "ellipse"
+    assert sketch["center"] == pytest.approx([0.5, 0.63], abs=0.01)
+    visit.wait_for("body.control === 'following' && body.tool === 'push'")
+    visit.wait_for("body.control === 'done'")
+    expect(visit.page.locator("#steer-text")).to_contain_text("% inside")
+    # Then the picture is the visitor's.
+    visit.wait_for("body.control === 'idle'")
+    last = visit.frame
+    visit.wait_for(f"Number(body.frame) > {last + 30}")
+    assert visit.value("control") == "idle"
+
+
+def test_whoever_touches_the_page_is_not_shown_how(open_page: Open) -> None:
+    visit = open_page()
+    visit.wait_for("body.state === 'live'")
+    visit.page.keyboard.press("p")
+    visit.wait_for("Number(body.frame) > 170")
+    assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
+
+
+def test_who_comes_for_a_scene_is_shown_the_scene_alone(open_page: Open) -> None:
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0")
+    visit.wait_for("Number(body.frame) > 170")
+    assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
+
+
+@pytest.mark.parametrize("query", ["renderer=canvas2d", "renderer=canvas2d&scenario=sand_2d"])
+def test_where_motion_is_reduced_nothing_starts_by_itself(open_page: Open, query: str) -> None:
+    def reduce_motion(page: Page) -> None:
+        page.emulate_media(reduced_motion="reduce")
+
+    visit = open_page(query, prepare=reduce_motion)
+    visit.wait_for("body.state === 'live' && body.frame === '0'")
+    visit.page.wait_for_timeout(1500)
+    assert (visit.frame, visit.value("playing"), visit.value("control")) == (0, "false", "idle")
+    expect(visit.page.locator("#steer-text")).to_have_text("Paused. Drag through the fluid to push it")
+    visit.press_until("Space", "body.playing === 'true' && Number(body.frame) > 150")
+    assert visit.value("control") == "idle"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("viewport", SIZES, ids=["desktop", "phone"])
+def test_the_picture_moves_within_two_seconds(open_page: Open, viewport: ViewportSize) -> None:
+    """Long because only a machine that does nothing else can tell."""
+
+    def watch(page: Page) -> None:
+        page.add_init_script(
+            "new MutationObserver(() => { if (Number(document.body?.dataset.frame) >= 5) window.moved ??="
+            " performance.now(); }).observe(document, { attributes: true, subtree: true });"
+        )
+
+    visit = open_page("", viewport=viewport, prepare=watch)
+    visit.page.wait_for_function("() => window.moved")
+    assert visit.page.evaluate("window.moved") < 2000
+
+
+def test_a_seed_that_does_not_fit_is_told(open_page: Open) -> None:
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=-3")
+    visit.wait_for("Number(body.frame) > 0")
+    toast = visit.page.locator(".toast")
+    expect(toast).to_contain_text("The seed in the address does not fit")
+    expect(toast).to_contain_text('It is "-3"')
+    assert visit.page.locator("#seed").input_value() == "0"

@@ -1,0 +1,168 @@
+"""Every tool at the width of a desktop and of a phone, and how hard and how long tools act."""
+
+import json
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, Route, ViewportSize, expect
+
+from .conftest import LiveService, Open, Visit
+
+pytestmark = pytest.mark.browser
+
+WATER = "renderer=canvas2d&scenario=water_2d&seed=0"
+SIZES: list[ViewportSize] = [
+    {"width": 1440, "height": 900},
+    {"width": 1100, "height": 640},
+    {"width": 920, "height": 800},
+    {"width": 390, "height": 844},
+]
+FORCE_COLOR = (0xFF, 0x9F, 0x43)
+
+
+def _choose(visit: Visit, name: str) -> None:
+    visit.page.get_by_role("radio", name=name, exact=True).click()
+    visit.wait_for(f"body.tool === '{name.lower()}'")
+
+
+def _answered(visit: Visit, points: list[tuple[float, float]]) -> dict[str, Any]:
+    with visit.page.expect_response("**/sketches") as answer:
+        visit.drag(points)
+    plan: dict[str, Any] = answer.value.json()
+    return plan
+
+
+def _painted(visit: Visit, color: tuple[int, int, int]) -> int:
+    """Return how many pixels of the overlay are of a colour."""
+    script = """(canvas, color) => {
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      let count = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        if (data[i + 3] > 200 && color.every((value, k) => Math.abs(data[i + k] - value) < 24)) count += 1;
+      }
+      return count;
+    }"""
+    count: int = visit.page.locator("#overlay").evaluate(script, list(color))
+    return count
+
+
+@pytest.mark.parametrize("viewport", [SIZES[0], SIZES[-1]], ids=["desktop", "phone"])
+def test_each_tool_does_what_it_says(open_page: Open, service: LiveService, viewport: ViewportSize) -> None:
+    visit = open_page(WATER, viewport=viewport)
+    visit.pause_at(5)
+    assert visit.value("tool") == "push"
+    # Whoever pushes wants to see it.
+    visit.drag([(0.3, 0.4), (0.5, 0.4)], release=False)
+    visit.wait_for("body.playing === 'true'")
+    visit.page.mouse.up()
+    visit.press_until("Space", "body.playing === 'false'")
+
+    _choose(visit, "Arrow")
+    assert _answered(visit, [(0.45, 0.4), (0.55, 0.5)])["sketch"]["kind"] == "arrow"
+    visit.wait_for("body.control === 'following'")
+    visit.page.get_by_role("button", name="Let go").click()
+    visit.wait_for("body.control === 'idle'")
+
+    _choose(visit, "Oval")
+    assert _answered(visit, [(0.4, 0.4), (0.65, 0.6)])["sketch"]["kind"] == "ellipse"
+    visit.wait_for("body.control === 'following'")
+    visit.page.keyboard.press("Control+z")
+    visit.wait_for("body.control === 'idle'")
+    visit.eventually(lambda: service.get(f"/v1/sessions/{visit.session}")["control"] is None)
+
+    _choose(visit, "Free")
+    assert _answered(visit, [(0.4, 0.4), (0.45, 0.5), (0.55, 0.55)])["sketch"]["kind"] == "arrow"
+    visit.wait_for("body.control === 'following'")
+
+
+def test_strength_duration_and_hold_go_with_the_sketch_and_the_hand(open_page: Open) -> None:
+    sent: list[dict[str, Any]] = []
+
+    def listen(page: Page) -> None:
+        page.on(
+            "websocket",
+            lambda socket: socket.on("framesent", lambda frame: sent.append(json.loads(frame))),
+        )
+
+    visit = open_page(WATER, prepare=listen)
+    visit.pause_at(5)
+    expect(visit.page.locator("#duration-out")).to_have_text("as needed")
+    expect(visit.page.locator("#hold-out")).to_have_text("let go at once")
+    visit.page.locator("#strength").fill("50")
+    visit.page.locator("#duration").fill("120")
+    visit.page.locator("#hold").fill("40")
+    expect(visit.page.locator("#strength-out")).to_have_text("50 %, up to 7.5 g")
+    expect(visit.page.locator("#duration-out")).to_have_text("0.30 s, 120 frames")
+    expect(visit.page.locator("#hold-out")).to_have_text("0.10 s, 40 frames")
+    _choose(visit, "Arrow")
+    plan = _answered(visit, [(0.45, 0.4), (0.5, 0.45)])
+    assert (plan["needs"]["cap"], plan["frames"], plan["hold"]) == (7.5, 120, 40)
+    _choose(visit, "Push")
+    sent.clear()
+    visit.drag([(0.3, 0.4), (0.5, 0.4)])
+    visit.eventually(lambda: bool(sent) and sent[-1]["type"] == "push_end")
+    assert {push["cap"] for push in sent if push["type"] == "push"} == {7.5}
+
+
+def test_the_picture_plays_on_beside_a_prediction_while_a_sketch_is_planned(open_page: Open) -> None:
+    visit = open_page(WATER)
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
+    held: list[Route] = []
+    visit.page.route("**/sketches", lambda route: held.append(route))  # noqa: PLW0108 - Playwright marks it
+    _choose(visit, "Arrow")
+    visit.drag([(0.35, 0.4), (0.55, 0.6)])
+    visit.eventually(lambda: bool(held))
+    start = visit.frame
+    visit.wait_for(f"body.control === 'planning' && Number(body.frame) > {start + 20}")
+    expect(visit.page.locator("#steer-text")).to_have_text("Planning…")
+    # The dots of the prediction walk along the way.
+    overlay = visit.page.locator("#overlay")
+    drawn = overlay.evaluate("(canvas) => canvas.toDataURL()")
+    visit.eventually(lambda: overlay.evaluate("(canvas) => canvas.toDataURL()") != drawn)
+    assert visit.value("control") == "planning"
+    held[0].continue_()
+    visit.wait_for("body.control === 'following'")
+
+
+def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> None:
+    visit = open_page(WATER)
+    visit.pause_at(5)
+    _choose(visit, "Arrow")
+    _answered(visit, [(0.45, 0.4), (0.55, 0.55)])
+    visit.wait_for("body.control === 'following'")
+    visit.page.wait_for_timeout(300)
+    before = _painted(visit, FORCE_COLOR)
+    visit.page.keyboard.press("g")
+    expect(visit.page.locator("#forces")).to_be_checked()
+    visit.eventually(lambda: _painted(visit, FORCE_COLOR) > before + 200)
+    field = service.get(f"/v1/sessions/{visit.session}/force")
+    assert np.linalg.norm(field["force"], axis=1).max() > 1
+    visit.page.locator("#forces").uncheck()
+    visit.eventually(lambda: _painted(visit, FORCE_COLOR) == before)
+
+
+@pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
+def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
+    visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1")
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    for size in SIZES:
+        visit.page.set_viewport_size(size)
+        assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]
+        boxes = [button.bounding_box() for button in visit.page.locator(".toolbar button:visible").all()]
+        assert len(boxes) == (7 if scenario == "water_2d" else 8)
+        ends = []
+        for box in boxes:
+            assert box is not None
+            ends.append((box["x"], box["x"] + box["width"]))
+            assert box["y"] + box["height"] <= size["height"]
+        assert all(left[1] <= right[0] + 0.5 for left, right in pairwise(ends)), size
+        toolbar = visit.page.locator(".toolbar").bounding_box()
+        assert toolbar is not None
+        assert ends[0][0] >= toolbar["x"]
+        assert ends[-1][1] <= toolbar["x"] + toolbar["width"] + 0.5, size
+        # What the tool does is said in sight, not under the toolbar.
+        line = visit.page.locator("#steerline").bounding_box()
+        assert line is not None
+        assert line["y"] + line["height"] <= toolbar["y"] + 0.5, size
