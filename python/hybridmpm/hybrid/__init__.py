@@ -2,10 +2,10 @@
 
 - `HybridSimulator` is the simulator; `physics.Stepper` is what it asks of a network.
 - `GUARDS` are the guards by name; `Guard` is their interface, for guards of your own.
-- `Decision` is an entry of the log that a run can be replayed from.
+- `Decision` is an entry of the log that a run can be replayed from; `Answered` counts frames.
 """
 
-from hybridmpm.decisions import Decision
+from hybridmpm.decisions import Answered, Decision
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
     DEFAULT,
@@ -14,6 +14,7 @@ from hybridmpm.hybrid.guards import (
     Cosine,
     Density,
     Divergence,
+    Drift,
     Energy,
     Impact,
     NonFinite,
@@ -24,11 +25,13 @@ from hybridmpm.hybrid.simulator import HybridSimulator
 __all__ = [
     "DEFAULT",
     "GUARDS",
+    "Answered",
     "Audit",
     "Cosine",
     "Decision",
     "Density",
     "Divergence",
+    "Drift",
     "Energy",
     "Guard",
     "HybridSimulator",

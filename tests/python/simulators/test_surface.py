@@ -299,8 +299,8 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
     if simulator.kind == "mpm":
         return
     simulator.advance(26)
-    magic = {"neural": b"HMPMNEUR", "hybrid": b"HMPMHYBR"}[simulator.kind]
-    tree = unpack(magic, 2, simulator.snapshot())
+    magic, version = {"neural": (b"HMPMNEUR", 2), "hybrid": (b"HMPMHYBR", 3)}[simulator.kind]
+    tree = unpack(magic, version, simulator.snapshot())
     before = simulator.snapshot()
     wrong: list[dict[str, Any]] = [
         {},
@@ -309,7 +309,7 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
     ]
     for one in wrong:
         with pytest.raises(SnapshotError):
-            simulator.restore(pack(magic, 2, one))
+            simulator.restore(pack(magic, version, one))
         assert simulator.snapshot() == before
 
 
