@@ -62,18 +62,29 @@ class Engine(Switch):
             self.state.mpm.advance(1, force)
         except SimulationError:
             # A state that MPM cannot go on from, shortly after it took over, is the network's doing.
-            if not self.state.checkpoints or force is not None:
+            if not self.state.can_go_back or force is not None:
                 raise
             with self._all_or_nothing():
-                self.state.backoff.restart(is_fault=True)
-                self._roll_back("unsound", None)
-                self.state.mpm.advance(1)
+                self._advance_from_earlier()
         self._after_mpm(is_forced=force is not None)
         reason = self._entry(is_forced=force is not None)
         if reason is not None:
             self._decide("neural", reason, self._now.value)
-            self.state.checkpoints.clear()
-            self.state.keep()
+            # A state that a network left behind may fail some frames later only.
+            self.state.begin_with_present(self._now.frame - 4 * self._settings.window * self._r_t)
+
+    def _advance_from_earlier(self) -> None:
+        """Go back as far as needed for MPM to simulate the next frame."""
+        while True:
+            self.state.backoff.restart(is_fault=True)
+            self._roll_back("unsound", None)
+            try:
+                self.state.mpm.advance(1)
+            except SimulationError:
+                if not self.state.can_go_back:
+                    raise
+            else:
+                return
 
     def _entry(self, *, is_forced: bool) -> str | None:
         """Return for what reason the network takes over here, None where it does not."""

@@ -155,6 +155,10 @@ class Checkpoint:
     carried: bytes | None
     """Snapshot of the carrier; None without one."""
 
+    def remember(self) -> dict[str, Any]:
+        """Return the state as a tree for a snapshot."""
+        return {"moment": self.moment.remember(), "mpm": self.mpm, "carried": self.carried}
+
 
 @dataclass
 class HybridState:
@@ -172,6 +176,8 @@ class HybridState:
     checkpoints: list[Checkpoint] = field(default_factory=list)
     """States to go back to, the oldest first: the beginnings of the network's latest steps, and a few of
     those before."""
+    entries: list[Checkpoint] = field(default_factory=list)
+    """States in which MPM handed over to the network lately, before the latest time, the oldest first."""
 
     def copy(self, few: Few | None = None) -> "HybridState":
         """Return an independent state with the same network, for a copy of the few or for the same few."""
@@ -183,6 +189,7 @@ class HybridState:
             carrier=None if self.carrier is None else self.carrier.copy(few),
             log=list(self.log),
             checkpoints=list(self.checkpoints),
+            entries=list(self.entries),
         )
 
     def checkpoint(self) -> Checkpoint:
@@ -196,6 +203,25 @@ class HybridState:
         near = self.checkpoints[len(older) :]
         apart = [kept for kept in older if kept.moment.steps % _APART == 0]
         self.checkpoints = [*apart[-_FAR:], *near, self.checkpoint()]
+
+    def begin_with_present(self, since: int) -> None:
+        """Keep the present state, in which the network takes over, and such ones since a frame."""
+        older = [*self.entries, *self.checkpoints[:1]]
+        self.entries = [kept for kept in older if kept.moment.frame >= since][-_FAR:]
+        self.checkpoints = [self.checkpoint()]
+
+    def forget(self) -> None:
+        """Forget all states to go back to."""
+        self.checkpoints, self.entries = [], []
+
+    @property
+    def can_go_back(self) -> bool:
+        """Whether there is a state to go back to."""
+        return bool(self.checkpoints or self.entries)
+
+    def go_back(self) -> None:
+        """Go back to the latest state that is kept, and keep it no longer."""
+        self.take_back((self.checkpoints or self.entries).pop())
 
     def take_back(self, checkpoint: Checkpoint) -> None:
         """Go back to a state. Log, backoff and other checkpoints stay."""
@@ -215,10 +241,8 @@ class HybridState:
             "backoff": dataclasses.asdict(self.backoff),
             "mode": self.mode,
             "log": [dataclasses.asdict(decision) for decision in self.log],
-            "checkpoints": [
-                {"moment": kept.moment.remember(), "mpm": kept.mpm, "carried": kept.carried}
-                for kept in self.checkpoints
-            ],
+            "checkpoints": [kept.remember() for kept in self.checkpoints],
+            "entries": [kept.remember() for kept in self.entries],
         }
 
     def recalled(self, memory: dict[str, Any]) -> Self:
@@ -241,8 +265,11 @@ class HybridState:
             backoff=Backoff(**memory["backoff"]),
             mode=memory["mode"],
             log=[Decision(**decision) for decision in memory["log"]],
-            checkpoints=[
-                Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"])
-                for kept in memory["checkpoints"]
-            ],
+            checkpoints=self._recalled(memory["checkpoints"]),
+            entries=self._recalled(memory["entries"]),
         )
+
+    def _recalled(self, trees: list[dict[str, Any]]) -> list[Checkpoint]:
+        return [
+            Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"]) for kept in trees
+        ]

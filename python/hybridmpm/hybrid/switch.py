@@ -191,7 +191,7 @@ class Switch:
         try:
             self._hand_over()
         except SimulationError:
-            if not self.state.checkpoints:
+            if not self.state.can_go_back:
                 raise
             self._roll_back(reason, value)
             return False
@@ -213,14 +213,14 @@ class Switch:
                 and state.checkpoints[-1].moment.steps > steps
             ):
                 state.checkpoints.pop()
-            state.take_back(state.checkpoints.pop())
+            state.go_back()
             if state.carrier is not None:
                 # Checkpoints are taken before the carrier has followed to their frame.
                 state.carrier.follow()
             try:
                 self._hand_over()
             except SimulationError:
-                if not state.checkpoints:
+                if not state.can_go_back:
                     raise
                 continue
             self._decide("mpm", reason, value, noticed)
@@ -237,7 +237,7 @@ class Switch:
                 if self.state.carrier is not None:
                     self.state.carrier.follow()
         except SimulationError:
-            if not self.state.checkpoints:
+            if not self.state.can_go_back:
                 raise
             self.state.backoff.restart(is_fault=True)
             return False
@@ -282,10 +282,10 @@ class Switch:
         """Take note of the frame that MPM has made."""
         state, now = self.state, self._now
         now.frame += 1
-        if state.checkpoints and (
+        if state.can_go_back and (
             is_forced or now.frame - state.log[-1].noticed > self._settings.window * self._r_t
         ):
-            state.checkpoints.clear()
+            state.forget()
         if now.frame % self._r_t:
             return
         x = state.mpm.positions

@@ -210,7 +210,7 @@ def test_a_small_impact_on_a_large_pool_is_noticed(drop_on_pool: Scene, recorded
     force = np.zeros((frames, len(drop), 2), dtype=np.float32)
     force[:held, drop, 1] = 9.81
     network = recorded(drop_on_pool, frames, force=force)
-    sim = HybridSimulator(drop_on_pool, network, guards=("cosine", "impact"))
+    sim = HybridSimulator(drop_on_pool, network, guards=("cosine", "impact"), shortcuts=False)
     sim.advance(frames, force)
     since = held + landing(network.path[held:, drop])
     alarms = [decision.noticed for decision in sim.log if decision.mode == "mpm" and decision.frame > held]
@@ -265,15 +265,15 @@ def test_a_replay_of_the_log_gives_the_same_bits(
     assert again.mode == sim.mode
 
 
-def test_switches_are_bounded_by_the_window(fall: Scene, fake: Make) -> None:
-    window = 10
+def test_switches_are_bounded_by_the_wait(fall: Scene, fake: Make) -> None:
+    wait = 10
     for kind in ("nan", "random", "held"):
-        sim = HybridSimulator(fall, fake(kind, r_p=0.25), window=window)
+        sim = HybridSimulator(fall, fake(kind, r_p=0.25), wait=wait)
         sim.advance(400)
         frames = np.array([decision.noticed for decision in sim.log])
         for start in range(0, 400, 50):
             inside = np.count_nonzero((frames >= start) & (frames < start + 100))
-            assert inside <= 2 * 100 / window
+            assert inside <= 2 * 100 / wait
 
 
 def test_it_can_be_recorded_copied_and_reset(fall: Scene, fake: Make) -> None:
