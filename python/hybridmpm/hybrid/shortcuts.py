@@ -14,6 +14,8 @@ TOLERANCE = 0.05 * 9.81
 """Acceleration [m/s^2] that free fall may leave unexplained in a step."""
 STILL = 0.05
 """Speed [m/s] that a particle stays below over all steps looked back on, to be at rest."""
+SETTLED = 2.0
+"""Mean acceleration [m/s^2] over these steps that it stays below: a thrown body is slow at its top."""
 ROUSED = 0.15
 """Speed [m/s] of a particle that rouses those near it."""
 _UNNOTICED = 1e-4
@@ -44,8 +46,11 @@ class Shortcuts:
 
     def resting(self, track: Track) -> npt.NDArray[np.bool_]:
         """Return which particles (N,) are at rest: still for long, and nothing near them is fast."""
-        speeds = np.linalg.norm(np.diff(np.array(track.states), axis=0), axis=2) / track.step_dt
-        still: npt.NDArray[np.bool_] = speeds.max(axis=0) < STILL
+        velocities = np.diff(np.array(track.states), axis=0) / np.float32(track.step_dt)
+        speeds = np.linalg.norm(velocities, axis=2)
+        change = np.linalg.norm(velocities[-1] - velocities[0], axis=1)
+        time = (len(velocities) - 1) * track.step_dt
+        still: npt.NDArray[np.bool_] = (speeds.max(axis=0) < STILL) & (change < SETTLED * time)
         fast = speeds[-1] > ROUSED
         if still.any() and fast.any():
             graph = _native.radius_graph(track.states[-1], self._reach)
