@@ -6,15 +6,14 @@
 """
 
 from hybridmpm.decisions import Answered, Decision
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
     DEFAULT,
     GUARDS,
-    Audit,
     Cosine,
     Density,
     Divergence,
-    Drift,
     Energy,
     Impact,
     NonFinite,

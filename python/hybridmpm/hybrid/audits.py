@@ -135,7 +135,8 @@ def _departures(view: View, own: npt.NDArray[np.float32]) -> tuple[_Doubles, _Do
     dt = view.r_t * mpm.scene.frame_dt
     start, velocity = mpm.positions.astype(np.float64), mpm.velocities.astype(np.float64)
     fall = start + dt * velocity + 0.5 * dt**2 * np.array(mpm.scene.gravity)
-    return 2 / dt**2 * (view.x - own.astype(np.float64)), 2 / dt**2 * (fall - own)
+    end = own.astype(np.float64)
+    return 2 / dt**2 * (view.x.astype(np.float64) - end), 2 / dt**2 * (fall - end)
 
 
 def _mean_square(mpm: MpmSolver, rows: _Doubles, width: float) -> float:

@@ -54,8 +54,7 @@ class Shortcuts:
         fast = speeds[-1] > ROUSED
         if still.any() and fast.any():
             graph = _native.radius_graph(track.states[-1], self._reach)
-            receivers = np.repeat(np.arange(len(still)), np.diff(graph.starts.view(np.int32)))
-            still[receivers[fast[graph.senders]]] = False
+            still[graph.receivers[fast[graph.senders]]] = False
         return still
 
     def _falls(self, track: Track) -> bool:

@@ -14,10 +14,12 @@ from hybridmpm.cli import cli
 from hybridmpm.errors import ConfigError, DataError
 
 
-def test_an_interrupted_bench_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_bench_that_was_interrupted_goes_on(tmp_path: Path) -> None:
     runs, target = tmp_path / "runs.jsonl", tmp_path / "rows.json"
-    words = ["bench", "shares", "--scenario", "sand_2d", "--scenes", "1", "--frames", "120", "--model", "zero",
-             "--method", "hybrid", "--method", "mpm", "--runs", str(runs), "--json", str(target)]  # fmt: skip
+    words = [
+        "bench", "shares", "--scenario", "sand_2d", "--scenes", "1", "--frames", "120", "--model", "zero",
+        "--method", "hybrid", "--method", "mpm", "--runs", str(runs), "--json", str(target),
+    ]  # fmt: skip
     done = CliRunner().invoke(cli, words, prog_name="hybridmpm")
     assert done.exit_code == 0, done.output
     rows = json.loads(target.read_text())

@@ -10,13 +10,12 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
-    Audit,
     Cosine,
     Density,
     Divergence,
-    Drift,
     Energy,
     Impact,
     NonFinite,

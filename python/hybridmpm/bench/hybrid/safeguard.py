@@ -17,7 +17,7 @@ from hybridmpm.bench.hybrid.guard_values import AUDIT_PERIOD, GuardValues
 from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
-from hybridmpm.hybrid.guards import Audit, Drift
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import as_stepper, model_for
 from hybridmpm.physics.simulator import NeuralPhysics
