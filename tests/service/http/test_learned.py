@@ -158,9 +158,9 @@ def test_the_status_tells_modes_values_and_decisions_as_they_come(
             pass
         assert status["session"]["playing"]
         history = status["history"]
-        # Near the floor the network is asked for the first time, and refused before its step begins.
+        # Near the floor the network is asked first; the alarm at frame 84 undoes the step before it.
         assert history["phases"][:3] == [[0, "mpm"], [20, "neural"], [80, "mpm"]]
-        assert history["decisions"][1]["noticed"] == 80
+        assert history["decisions"][1]["noticed"] == 84
         assert [row["mode"] for row in history["decisions"][:2]] == ["neural", "mpm"]
         while len((history := stream.text("status")["history"])["frames"]) < 3:
             pass
