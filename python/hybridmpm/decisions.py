@@ -1,11 +1,30 @@
 """Who simulates which frame, and why: the log of a simulator that may change hands."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 Mode = Literal["neural", "mpm"]
 """Who simulates: a network, or the material point method."""
+
+Answerer = Literal["network", "free_fall", "rest"]
+"""Who answers a step of a network: itself, or free fall or rest where nothing else can happen."""
+
+
+@dataclass(frozen=True)
+class Answered:
+    """Numbers of frames that MPM did not simulate, by who answered them."""
+
+    network: int = 0
+    """The network was evaluated."""
+    free_fall: int = 0
+    """All particles fell freely, and the network was not asked."""
+    rest: int = 0
+    """All particles were at rest, and the network was not asked."""
+
+    def with_frame(self, by: Answerer) -> Self:
+        """Return the numbers with one frame more."""
+        return replace(self, **{by: getattr(self, by) + 1})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +38,8 @@ class Decision:
     """Value of the guard that decided, or of the safeguard where no guard did; None where there is none
     yet."""
     reason: str
-    """Name of the guard that decided; "warm-up", "calm", "force" or "unsound" where no guard did."""
+    """Name of the guard that decided; where no guard did, "warm-up", "calm", "free_fall", "rest", "force" or
+    "unsound"."""
     noticed: int
     """Frame at which the decision was made. Later than `frame` where frames of the network were undone."""
 

@@ -22,6 +22,17 @@ def whole(name: str, value: object, low: int, high: int) -> int:
     return number
 
 
+def real(name: str, value: object, low: float, high: float) -> float:
+    """Return `value` as a float in [low, high], or raise `ConfigError`; its message has `name` and range."""
+    try:
+        number = float(value)  # type: ignore[arg-type]  # what is no number raises
+    except (TypeError, ValueError):
+        number = float("nan")
+    if not low <= number <= high:
+        raise ConfigError(f"{name} must be in [{low:g}, {high:g}], got {value!r}")
+    return number
+
+
 def flag(name: str, value: object) -> bool:
     """Return a value that must be True or False, or raise `ConfigError`."""
     if not isinstance(value, bool):

@@ -27,6 +27,7 @@ BENCHES: dict[str, Origin] = {
     "safeguard": Origin(modules=("hybridmpm.bench.hybrid.safeguard",), data=(_WEIGHTS,)),
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
+    "shares": Origin(modules=("hybridmpm.bench.hybrid.scenes",), data=(_WEIGHTS,)),
     "reversal": Origin(modules=("hybridmpm.bench.reversal.reversal",)),
     "control": Origin(modules=("hybridmpm.bench.control.runner", "hybridmpm.bench.control.report.means")),
     "service": Origin(

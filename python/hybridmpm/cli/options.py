@@ -82,10 +82,8 @@ model_option = click.option(
 r_c_option = click.option(
     "--r-c",
     type=click.FloatRange(-1, 1),
-    default=0.8,
-    show_default=True,
     help="Mean cosine between the accelerations of two successive time windows below which MPM takes over, "
-    "for the hybrid simulator.",
+    "for the hybrid simulator. Default: the cosine is not among the guards.",
 )
 """Threshold of the safeguard."""
 

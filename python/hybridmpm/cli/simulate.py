@@ -103,7 +103,7 @@ def simulate(
     rung: str | None,
     kind: Kind,
     model: str | None,
-    r_c: float,
+    r_c: float | None,
     safeguard: Safeguard,
     threads: int,
     every: int,

@@ -2,15 +2,15 @@
 
 - `HybridSimulator` is the simulator; `physics.Stepper` is what it asks of a network.
 - `GUARDS` are the guards by name; `Guard` is their interface, for guards of your own.
-- `Decision` is an entry of the log that a run can be replayed from.
+- `Decision` is an entry of the log that a run can be replayed from; `Answered` counts frames.
 """
 
-from hybridmpm.decisions import Decision
+from hybridmpm.decisions import Answered, Decision
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import (
     DEFAULT,
     GUARDS,
-    Audit,
     Cosine,
     Density,
     Divergence,
@@ -24,11 +24,13 @@ from hybridmpm.hybrid.simulator import HybridSimulator
 __all__ = [
     "DEFAULT",
     "GUARDS",
+    "Answered",
     "Audit",
     "Cosine",
     "Decision",
     "Density",
     "Divergence",
+    "Drift",
     "Energy",
     "Guard",
     "HybridSimulator",

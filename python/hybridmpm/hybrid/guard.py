@@ -3,6 +3,7 @@
 import copy
 import enum
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
@@ -41,6 +42,9 @@ class View:
     """Cosines and accelerations of the step; None at `RAW`."""
     report: _native.MotionReport | None = None
     """What MPM measured when it took over the positions; None before `STATE`."""
+    own: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
+    """Simulates the step by MPM, from the same state, and returns where that leads (N, D) [m]; None where
+    MPM fails. Computed once however often it is called, and only at `MOTION`."""
 
 
 @dataclass(eq=False)
@@ -55,8 +59,8 @@ class Guard(ABC):
     stage: ClassVar[Stage]
     is_fault: ClassVar[bool] = True
     """Whether an alarm says that the network erred; else it only says that the motion has become complex."""
-    late: ClassVar[bool] = False
-    """Whether an alarm may come some steps after the failure, so that these have to be undone."""
+    undo: ClassVar[int] = 0
+    """Steps before the alarming one that are undone with it, because an alarm may come late."""
 
     def begin(self, start: _native.MotionReport) -> None:  # noqa: B027 - most guards remember nothing
         """Take note of the state from which the network takes over."""

@@ -2,21 +2,21 @@
 
 All share one small interface, `Guard`. Each is asked once a step of the network, at its stage: first for what
 the network answered as it is (`RAW`), then for the motion that this would make (`MOTION`), then for the
-state that it has made (`STATE`). An alarm of the first two refuses the step; where a guard may notice late
-(`Guard.late`), the simulator goes back to before the failure.
+state that it has made (`STATE`). An alarm refuses the step; where a guard may notice late, some steps before
+it are undone as well (`Guard.undo`).
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm._support.arguments import whole
+from hybridmpm._support.arguments import real, whole
 from hybridmpm._support.suggestions import did_you_mean
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import ConfigError
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.mpm import MpmSolver
 
@@ -40,8 +40,8 @@ class Cosine(Guard):
     safeguard: Safeguard = "ours"
 
     def __post_init__(self) -> None:
-        self.r_c = _within("r_c", self.r_c, -1, 1)
-        self.hysteresis = _within("hysteresis", self.hysteresis, 0, 1)
+        self.r_c = real("r_c", self.r_c, -1, 1)
+        self.hysteresis = real("hysteresis", self.hysteresis, 0, 1)
         if self.safeguard not in ("ours", "paper"):
             raise ConfigError(f"safeguard must be 'ours' or 'paper', got {self.safeguard!r}")
 
@@ -76,7 +76,7 @@ class Impact(Guard):
     name = "impact"
     stage = Stage.MOTION
     is_fault = False
-    late = True
+    undo = 2
 
     threshold: float = 3.0
     memory: int = field(default=10, kw_only=True)
@@ -84,9 +84,9 @@ class Impact(Guard):
     _before: tuple[float, ...] = field(default=(), init=False)
 
     def __post_init__(self) -> None:
-        self.threshold = _within("threshold", self.threshold, 1, 1e6)
+        self.threshold = real("threshold", self.threshold, 1, 1e6)
         self.memory = whole("memory", self.memory, 1, 10_000)
-        self.floor = _within("floor", self.floor, 1e-6, 1e6)
+        self.floor = real("floor", self.floor, 1e-6, 1e6)
 
     def value(self, view: View) -> float | None:
         if view.signal is None or view.signal.largest == 0:
@@ -108,7 +108,7 @@ class NonFinite(Guard):
 
     name = "non-finite"
     stage = Stage.RAW
-    late = True
+    undo = 1
 
     def value(self, view: View) -> float:
         finite = np.isfinite(view.x)
@@ -125,7 +125,7 @@ class Outside(Guard):
 
     name = "outside"
     stage = Stage.RAW
-    late = True
+    undo = 1
 
     def value(self, view: View) -> float:
         margin = 1 / view.mpm.resolution
@@ -153,13 +153,13 @@ class Density(Guard):
 
     name = "density"
     stage = Stage.STATE
-    late = True
+    undo = 4
 
     threshold: float = 1.7
     _start: float = field(default=1.0, init=False)
 
     def __post_init__(self) -> None:
-        self.threshold = _within("threshold", self.threshold, 1, 1e6)
+        self.threshold = real("threshold", self.threshold, 1, 1e6)
 
     def begin(self, start: _native.MotionReport) -> None:
         self._start = max(start.density, 1.0)
@@ -186,14 +186,14 @@ class Energy(Guard):
 
     name = "energy"
     stage = Stage.STATE
-    late = True
+    undo = 4
 
     threshold: float = 0.15
     _least: float = field(default=np.inf, init=False)
     _scale: float = field(default=np.inf, init=False)
 
     def __post_init__(self) -> None:
-        self.threshold = _within("threshold", self.threshold, 0, 1e6)
+        self.threshold = real("threshold", self.threshold, 0, 1e6)
 
     def begin(self, start: _native.MotionReport) -> None:
         self._least = start.kinetic_energy + start.potential_energy
@@ -229,7 +229,7 @@ class Divergence(Guard):
     threshold: float = 15.0
 
     def __post_init__(self) -> None:
-        self.threshold = _within("threshold", self.threshold, 0, 1e9)
+        self.threshold = real("threshold", self.threshold, 0, 1e9)
 
     def value(self, view: View) -> float | None:
         return None if view.report is None else view.report.divergence
@@ -238,69 +238,19 @@ class Divergence(Guard):
         return value > self.threshold
 
 
-@dataclass(eq=False)
-class Audit(Guard):
-    """Error of the network's acceleration against MPM's own next step, over that of free fall.
-
-    Looks at the first step after the network took over, and then at each `period`-th: a step of MPM is what
-    the network is meant to save. The value is sqrt(|a - a_MPM|^2 / (|a_fall - a_MPM|^2 + floor^2)) with means
-    over the particles: nearly 1 for the network that predicts nothing but free fall.
-
-    Parameters
-    ----------
-    threshold : float > 0
-    period : int >= 1
-        Steps.
-    floor : float > 0
-        Acceleration [m/s^2] by which a network may err where MPM too finds free fall.
-    """
-
-    name = "audit"
-    stage = Stage.MOTION
-    late = True
-    PERIOD: ClassVar[int] = 20
-
-    threshold: float = 0.9
-    period: int = field(default=PERIOD, kw_only=True)
-    floor: float = field(default=2.5, kw_only=True)
-
-    def __post_init__(self) -> None:
-        self.threshold = _within("threshold", self.threshold, 0, 1e6)
-        self.period = whole("period", self.period, 1, 1_000_000)
-        self.floor = _within("floor", self.floor, 1e-6, 1e6)
-
-    def value(self, view: View) -> float | None:
-        if view.steps == 0 or (view.steps - 1) % self.period:
-            return None
-        mpm = view.mpm
-        twin = mpm.copy()
-        start, velocity = twin.positions.astype(np.float64), twin.velocities.astype(np.float64)
-        try:
-            twin.advance(view.r_t)
-        except SimulationError:
-            return float("inf")
-        dt = view.r_t * mpm.scene.frame_dt
-        fall = start + dt * velocity + 0.5 * dt**2 * np.array(mpm.scene.gravity)
-        # Displacements of one step differ by dt^2 / 2 times the acceleration over it.
-        to_acceleration = 2 / dt**2
-        error = _mean_square(view.x.astype(np.float64) - twin.positions) * to_acceleration**2
-        scale = _mean_square(fall - twin.positions) * to_acceleration**2
-        return float(np.sqrt(error / (scale + self.floor**2)))
-
-    def alarms(self, value: float) -> bool:
-        return value >= self.threshold
-
-
 GUARDS: dict[str, type[Guard]] = {
-    guard.name: guard for guard in (Cosine, Impact, NonFinite, Outside, Density, Energy, Divergence, Audit)
+    guard.name: guard
+    for guard in (Cosine, Impact, NonFinite, Outside, Density, Energy, Divergence, Audit, Drift)
 }
 """Classes of the guards by name."""
 
-DEFAULT: tuple[str, ...] = ("cosine", "impact", "non-finite", "outside", "density", "energy", "audit")
+DEFAULT: tuple[str, ...] = ("non-finite", "outside", "density", "energy", "audit", "drift")
 
 
-def build(guards: Iterable[str | Guard], cosine: Cosine) -> tuple[Guard, ...]:
+def build(guards: Iterable[str | Guard], cosine: Cosine, *, is_asked_for: bool) -> tuple[Guard, ...]:
     """Make guards of names, in the order of their stages; "cosine" stands for the one given.
+
+    Where the cosine is asked for by itself, it is added if none is there.
 
     Raises
     ------
@@ -321,6 +271,8 @@ def build(guards: Iterable[str | Guard], cosine: Cosine) -> tuple[Guard, ...]:
             listed = ", ".join(GUARDS)
             raise ConfigError(f"guards must be among {listed}; got {guard!r}{did_you_mean(guard, GUARDS)}")
     _refuse_twins(made)
+    if is_asked_for and not any(isinstance(guard, Cosine) for guard in made):
+        made.append(cosine)
     return tuple(sorted(made, key=lambda guard: guard.stage.value))
 
 
@@ -329,20 +281,6 @@ def _refuse_twins(guards: Sequence[Guard]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ConfigError(f"guards must differ, got {twice[0]!r} twice")
-
-
-def _within(name: str, value: float, low: float, high: float) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = float("nan")
-    if not low <= number <= high:
-        raise ConfigError(f"{name} must be in [{low:g}, {high:g}], got {value!r}")
-    return number
-
-
-def _mean_square(rows: npt.NDArray[np.float64]) -> float:
-    return float(np.mean(np.sum(rows**2, axis=1)))
 
 
 def _lowest_energy(mpm: MpmSolver) -> float:

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm._support.arguments import flag, whole
+from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
-from hybridmpm.decisions import Decision, Mode, without_undone
+from hybridmpm.decisions import Answered, Decision, Mode, without_undone
 from hybridmpm.downsampling import Carrier, CarryingSimulator
 from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError
@@ -34,7 +34,7 @@ from hybridmpm.snapshots import SavedState
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
-_MAGIC, _VERSION = b"HMPMHYBR", 2
+_MAGIC, _VERSION = b"HMPMHYBR", 3
 
 _Floats = npt.NDArray[np.float32]
 
@@ -43,9 +43,10 @@ class HybridSimulator(CarryingSimulator):
     """A network simulates while its guards see no trouble, and MPM otherwise, on the same particles.
 
     MPM simulates the first 5 `r_t` frames, from which the network gets its history, every frame with an
-    external force, and all frames from an alarm until the motion has been calm for a window of time. An alarm
-    of a measure that tells late (`Guard.late`) undoes the network's latest steps, and MPM redoes these
-    frames within the same call. A network that fails again is given a new chance after twice as many frames.
+    external force, and some steps after each alarm. An alarm refuses the network's step, and with some guards
+    the steps before it (`Guard.undo`): MPM then redoes their frames within the same call. A network that
+    fails again soon is given its next chance after twice as many steps. Where all particles fall freely, or
+    all are at rest, neither network nor MPM is asked.
 
     Parameters
     ----------
@@ -54,10 +55,20 @@ class HybridSimulator(CarryingSimulator):
     model : str, Path or Stepper
         The network: name of a model of the library, an .onnx file, or anything that steps like a
         `NeuralModel`. "zero" is free fall.
-    r_c : float in [-1, 1]
+    r_c : float in [-1, 1], optional
         Mean cosine between the accelerations of two windows of time below which the cosine guard alarms.
+        Where it is given, that guard is added to `guards`; in `guards` without `r_c` it alarms below 0.8.
     window : int in [1, 100]
-        Steps of the network in each of the two windows, and those that have to be calm before it takes over.
+        Steps of the network in each of the two windows.
+    wait : int in [1, 100]
+        Steps that MPM simulates after an alarm before the network takes over again, doubled and doubled again
+        where it keeps failing.
+    patience : float in [1e-3, 1e6]
+        Longest time that the network may take for an answer [s]. One that takes longer counts as failed, and
+        is never asked again.
+    shortcuts : bool
+        Answer steps in which all particles fall freely, or all are at rest, without the network; and keep
+        particles at rest where they are in those that the network answers.
     hysteresis : float in [0, 1]
         The motion is calm from r_c + hysteresis (1 - r_c) on.
     guards : sequence of str or Guard
@@ -102,8 +113,11 @@ class HybridSimulator(CarryingSimulator):
         scene: Scene,
         model: Model,
         *,
-        r_c: float = 0.8,
+        r_c: float | None = None,
         window: int = 10,
+        wait: int = 1,
+        patience: float = 60.0,
+        shortcuts: bool = True,
         hysteresis: float = 0.25,
         guards: Sequence[str | Guard] = DEFAULT,
         safeguard: Safeguard = "ours",
@@ -116,13 +130,18 @@ class HybridSimulator(CarryingSimulator):
         self._model.check(scene)
         if handoff not in KINDS:
             raise ConfigError(f"handoff must be among {', '.join(KINDS)}; got {handoff!r}")
-        self._cosine = Cosine(r_c, hysteresis, safeguard)
-        self._guards = build(guards, self._cosine)
+        self._cosine = Cosine(Cosine.r_c if r_c is None else r_c, hysteresis, safeguard)
+        self._guards = build(guards, self._cosine, is_asked_for=r_c is not None)
         for guard in self._guards:
             if isinstance(guard, Cosine):
                 self._cosine = guard
         self._settings = SwitchSettings(
-            window=whole("window", window, 1, MAX_WINDOW), safeguard=safeguard, handoff=handoff
+            window=whole("window", window, 1, MAX_WINDOW),
+            wait=whole("wait", wait, 1, MAX_WINDOW),
+            patience=real("patience", patience, 1e-3, 1e6),
+            shortcuts=flag("shortcuts", shortcuts),
+            safeguard=safeguard,
+            handoff=handoff,
         )
         self._carry = flag("carry", carry)
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
@@ -178,7 +197,10 @@ class HybridSimulator(CarryingSimulator):
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame, if no force acts on it: "mpm" or "neural"."""
+        """Who simulates the next frame, if no force acts on it: "mpm" or "neural".
+
+        With "neural" free fall or rest may stand in for the network; see `answered`.
+        """
         return self._engine.state.mode
 
     @property
@@ -187,14 +209,19 @@ class HybridSimulator(CarryingSimulator):
         return self._engine.state.moment.value
 
     @property
-    def r_c(self) -> float:
-        """Value of `safeguard` below which the cosine guard alarms."""
-        return self._cosine.r_c
+    def r_c(self) -> float | None:
+        """Value of `safeguard` below which the cosine guard alarms; None where it is not among the guards."""
+        return self._cosine.r_c if self._cosine in self._guards else None
 
     @property
     def log(self) -> tuple[Decision, ...]:
         """All decisions so far about who simulates, in the order in which they were made."""
         return tuple(self._engine.state.log)
+
+    @property
+    def answered(self) -> Answered:
+        """Numbers of the frames that MPM did not simulate: by the network, by free fall, and by rest."""
+        return self._engine.state.moment.answered
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
@@ -290,7 +317,7 @@ class HybridSimulator(CarryingSimulator):
         return {
             "model": described(self._model),
             "guards": saved_guards.described(self._guards),
-            "r_c": self._cosine.r_c,
+            "r_c": self.r_c,
             "hysteresis": self._cosine.hysteresis,
             "carry": self._carry,
             **dataclasses.asdict(self._settings),

@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Any, Self, get_args
 
@@ -10,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.decisions import Decision, Mode
+from hybridmpm.decisions import Answered, Answerer, Decision, Mode
 from hybridmpm.downsampling import Carrier
 from hybridmpm.downsampling.carrier import Few
 from hybridmpm.downsampling.carrier import recalled as recalled_carrier
@@ -20,24 +19,29 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.track import Track
 
 _Floats = npt.NDArray[np.float32]
-_CHECKPOINTS = 4
-_MAX_DOUBLINGS = 6
+_NEAR = 8
+"""Latest steps of the network whose beginnings are all kept, to go back to."""
+_APART, _FAR = 10, 4
+"""Steps from one older state to the next that is kept, and their number."""
+_MAX_DOUBLINGS = 2
+"""Doublings of the wait of a network that fails again and again."""
 
 
 @dataclass
 class Backoff:
-    """How many steps the motion has to be calm before the network takes over.
+    """How many steps MPM simulates before the network may take over.
 
-    None at the beginning, then a window of them, and twice as many after each failure in a row.
+    None at the beginning, then `wait`. The number is doubled each time that the network errs before it has
+    made as many steps as it had waited for, and halved where it made more.
     """
 
-    window: int
+    wait: int
     calm: int = 0
-    """Calm steps in a row so far."""
+    """Steps of MPM in a row so far that no guard objected to."""
     needed: int = 0
-    """Calm steps in a row that the network has to wait for."""
-    failures: int = 0
-    """Failures of the network in a row, at most six."""
+    """Such steps in a row that the network has to wait for."""
+    doublings: int = 0
+    """How often the wait is doubled at present, at most twice."""
 
     @property
     def is_over(self) -> bool:
@@ -48,22 +52,21 @@ class Backoff:
         """Count a step of MPM."""
         self.calm = self.calm + 1 if is_calm else 0
 
-    def restart(self, *, steps: int | None = None, is_fault: bool = False) -> None:
+    def restart(self, *, steps: int = 0, is_fault: bool = False) -> None:
         """Wait anew, because MPM takes over.
 
         Parameters
         ----------
-        steps : int, optional
-            Number of steps that the network made. A network that does not last for a window counts as one
-            that erred, whoever noticed; after four windows its failures are forgiven.
+        steps : int
+            Number of steps that the network made.
         is_fault : bool
             Whether the network erred.
         """
-        if is_fault or (steps is not None and steps < self.window):
-            self.failures = min(self.failures + 1, _MAX_DOUBLINGS)
-        elif steps is not None and steps >= 4 * self.window:
-            self.failures = 0
-        self.calm, self.needed = 0, self.window * 2**self.failures
+        if steps > max(self.needed, self.wait):
+            self.doublings = max(self.doublings - 1, 0)
+        elif is_fault:
+            self.doublings = min(self.doublings + 1, _MAX_DOUBLINGS)
+        self.calm, self.needed = 0, self.wait * 2**self.doublings
 
 
 @dataclass
@@ -78,11 +81,22 @@ class Moment:
     frame: int = 0
     """Number of frames since the start."""
     steps: int = 0
-    """Number of steps that the network made since it took over."""
+    """Number of steps since MPM simulated last."""
+    asked: int = 0
+    """How many of these, to the latest, the network itself answered in a row."""
     value: float | None = None
     """Value of the safeguard."""
     velocities: tuple[_Floats, _Floats] | None = None
     """Velocities (N, D) [m/s] at the two ends of the network's step under way."""
+    answered_by: Answerer = "network"
+    """Who answered the network's step under way, or the latest one."""
+    answered: Answered = field(default_factory=Answered)
+    """Frames that MPM did not simulate, by who answered them."""
+
+    def tick(self) -> None:
+        """Count a frame of the network's step."""
+        self.frame += 1
+        self.answered = self.answered.with_frame(self.answered_by)
 
     def copy(self) -> "Moment":
         """Return an independent moment with the same network."""
@@ -101,8 +115,11 @@ class Moment:
             "guards": [{"name": guard.name, "memory": guard.remember()} for guard in self.guards],
             "frame": self.frame,
             "steps": self.steps,
+            "asked": self.asked,
             "value": self.value,
             "velocities": None if self.velocities is None else list(self.velocities),
+            "answered_by": self.answered_by,
+            "answered": dataclasses.asdict(self.answered),
         }
 
     def recalled(self, memory: dict[str, Any]) -> "Moment":
@@ -120,8 +137,11 @@ class Moment:
             twin,
             frame=memory["frame"],
             steps=memory["steps"],
+            asked=memory["asked"],
             value=memory["value"],
             velocities=None if ends is None else (ends[0], ends[1]),
+            answered_by=memory["answered_by"],
+            answered=Answered(**memory["answered"]),
         )
 
 
@@ -134,6 +154,10 @@ class Checkpoint:
     """Snapshot of MPM."""
     carried: bytes | None
     """Snapshot of the carrier; None without one."""
+
+    def remember(self) -> dict[str, Any]:
+        """Return the state as a tree for a snapshot."""
+        return {"moment": self.moment.remember(), "mpm": self.mpm, "carried": self.carried}
 
 
 @dataclass
@@ -149,9 +173,11 @@ class HybridState:
     mode: Mode = "mpm"
     """Who simulates the next frame."""
     log: list[Decision] = field(default_factory=list)
-    checkpoints: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=_CHECKPOINTS))
-    """The latest states to go back to, the oldest first. The first that is kept is MPM's own, where the
-    network took over."""
+    checkpoints: list[Checkpoint] = field(default_factory=list)
+    """States to go back to, the oldest first: the beginnings of the network's latest steps, and a few of
+    those before."""
+    entries: list[Checkpoint] = field(default_factory=list)
+    """States in which MPM handed over to the network lately, before the latest time, the oldest first."""
 
     def copy(self, few: Few | None = None) -> "HybridState":
         """Return an independent state with the same network, for a copy of the few or for the same few."""
@@ -162,7 +188,8 @@ class HybridState:
             backoff=copy.copy(self.backoff),
             carrier=None if self.carrier is None else self.carrier.copy(few),
             log=list(self.log),
-            checkpoints=self.checkpoints.copy(),
+            checkpoints=list(self.checkpoints),
+            entries=list(self.entries),
         )
 
     def checkpoint(self) -> Checkpoint:
@@ -170,8 +197,31 @@ class HybridState:
         return Checkpoint(self.moment.copy(), self.mpm.snapshot(), self._carried())
 
     def keep(self) -> None:
-        """Keep the present state, to go back to."""
-        self.checkpoints.append(self.checkpoint())
+        """Keep the present state, to go back to, and of the older ones fewer and fewer."""
+        steps = self.moment.steps
+        older = [kept for kept in self.checkpoints if kept.moment.steps <= steps - _NEAR]
+        near = self.checkpoints[len(older) :]
+        apart = [kept for kept in older if kept.moment.steps % _APART == 0]
+        self.checkpoints = [*apart[-_FAR:], *near, self.checkpoint()]
+
+    def begin_with_present(self, since: int) -> None:
+        """Keep the present state, in which the network takes over, and such ones since a frame."""
+        older = [*self.entries, *self.checkpoints[:1]]
+        self.entries = [kept for kept in older if kept.moment.frame >= since][-_FAR:]
+        self.checkpoints = [self.checkpoint()]
+
+    def forget(self) -> None:
+        """Forget all states to go back to."""
+        self.checkpoints, self.entries = [], []
+
+    @property
+    def can_go_back(self) -> bool:
+        """Whether there is a state to go back to."""
+        return bool(self.checkpoints or self.entries)
+
+    def go_back(self) -> None:
+        """Go back to the latest state that is kept, and keep it no longer."""
+        self.take_back((self.checkpoints or self.entries).pop())
 
     def take_back(self, checkpoint: Checkpoint) -> None:
         """Go back to a state. Log, backoff and other checkpoints stay."""
@@ -191,10 +241,8 @@ class HybridState:
             "backoff": dataclasses.asdict(self.backoff),
             "mode": self.mode,
             "log": [dataclasses.asdict(decision) for decision in self.log],
-            "checkpoints": [
-                {"moment": kept.moment.remember(), "mpm": kept.mpm, "carried": kept.carried}
-                for kept in self.checkpoints
-            ],
+            "checkpoints": [kept.remember() for kept in self.checkpoints],
+            "entries": [kept.remember() for kept in self.entries],
         }
 
     def recalled(self, memory: dict[str, Any]) -> Self:
@@ -217,11 +265,11 @@ class HybridState:
             backoff=Backoff(**memory["backoff"]),
             mode=memory["mode"],
             log=[Decision(**decision) for decision in memory["log"]],
-            checkpoints=deque(
-                (
-                    Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"])
-                    for kept in memory["checkpoints"]
-                ),
-                maxlen=_CHECKPOINTS,
-            ),
+            checkpoints=self._recalled(memory["checkpoints"]),
+            entries=self._recalled(memory["entries"]),
         )
+
+    def _recalled(self, trees: list[dict[str, Any]]) -> list[Checkpoint]:
+        return [
+            Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"]) for kept in trees
+        ]

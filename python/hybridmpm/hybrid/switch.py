@@ -11,10 +11,13 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.decisions import Decision, Mode
+from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import handoff
+from hybridmpm.hybrid.asking import Asker
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.hybrid.guards import Safeguard
+from hybridmpm.hybrid.shortcuts import Shortcuts
 from hybridmpm.hybrid.state import Backoff, Checkpoint, HybridState, Moment
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.stepper import Stepper
@@ -34,6 +37,12 @@ class SwitchSettings:
 
     window: int
     """Steps of the network in each of the safeguard's two windows of time."""
+    wait: int
+    """Steps of MPM before the network's next chance, where it has not failed repeatedly."""
+    patience: float
+    """Time after which a network that does not answer counts as one that failed [s]."""
+    shortcuts: bool
+    """Answer free fall and rest without the network."""
     safeguard: Safeguard
     """Which mean of the cosines the safeguard's value is."""
     handoff: handoff.Handoff
@@ -67,6 +76,8 @@ class Switch:
     ) -> None:
         self._stepper, self._fresh_guards, self._settings = stepper, guards, settings
         self._carry = carry
+        self._asker = Asker(settings.patience)
+        self._shortcuts = Shortcuts(spacing_at(mpm.scene, mpm.r_p)) if settings.shortcuts else None
         self._fresh = mpm.snapshot()
         self.state = self._first_state(mpm)
 
@@ -85,7 +96,7 @@ class Switch:
         history.push(x)
         moment = Moment(track, history, tuple(guard.copy() for guard in self._fresh_guards))
         carrier = mpm.carrier_for(self) if self._carry else None
-        return HybridState(mpm, moment, Backoff(self._settings.window), carrier)
+        return HybridState(mpm, moment, Backoff(self._settings.wait), carrier)
 
     def reset(self) -> None:
         """Go back to frame 0."""
@@ -180,30 +191,36 @@ class Switch:
         try:
             self._hand_over()
         except SimulationError:
-            if not self.state.checkpoints:
+            if not self.state.can_go_back:
                 raise
             self._roll_back(reason, value)
             return False
         self._decide("mpm", reason, value, noticed)
         return True
 
-    def _roll_back(self, reason: str, value: float | None) -> None:
+    def _roll_back(self, reason: str, value: float | None, *, steps: int | None = None) -> None:
         """Go back to a state before the failure, and let MPM redo the frames since.
 
-        Where MPM cannot go on from there, an earlier state is tried, as long as one is kept.
+        The state is where the network had made so many steps, or fewer where no such state is kept; the
+        latest where `steps` is None. Where MPM cannot go on from there, an earlier one is tried, as long as
+        one is kept.
         """
         state, noticed = self.state, self._now.frame
         while True:
             while (
                 len(state.checkpoints) > 1
-                and self._now.steps - state.checkpoints[-1].moment.steps < self._settings.window // 2
+                and steps is not None
+                and state.checkpoints[-1].moment.steps > steps
             ):
                 state.checkpoints.pop()
-            state.take_back(state.checkpoints.pop())
+            state.go_back()
+            if state.carrier is not None:
+                # Checkpoints are taken before the carrier has followed to their frame.
+                state.carrier.follow()
             try:
                 self._hand_over()
             except SimulationError:
-                if not state.checkpoints:
+                if not state.can_go_back:
                     raise
                 continue
             self._decide("mpm", reason, value, noticed)
@@ -220,7 +237,7 @@ class Switch:
                 if self.state.carrier is not None:
                     self.state.carrier.follow()
         except SimulationError:
-            if not self.state.checkpoints:
+            if not self.state.can_go_back:
                 raise
             self.state.backoff.restart(is_fault=True)
             return False
@@ -228,7 +245,11 @@ class Switch:
 
     def _hand_over(self) -> None:
         """Bring MPM into a state that fits the network's motion."""
-        now, mpm, checkpoints = self._now, self.state.mpm, self.state.checkpoints
+        self._adapt(self.state.mpm)
+
+    def _adapt(self, mpm: MpmSolver) -> None:
+        """Bring a solver in the present state into one that fits the network's motion."""
+        now, checkpoints = self._now, self.state.checkpoints
         if not now.steps or self._settings.handoff == "shadow":
             return
         if self._settings.handoff == "cold":
@@ -240,9 +261,19 @@ class Switch:
         start = first.mpm if first is not None and made_by_mpm else None
         handoff.warm(mpm, now.track.states, r_t=self._r_t, start=start, steps=steps)
 
+    def _own_step(self) -> _Floats | None:
+        """Return where MPM would lead in a step from the present state, (N, D) [m]; None where it fails."""
+        twin = self.state.mpm.copy()
+        try:
+            self._adapt(twin)
+            twin.advance(self._r_t)
+        except SimulationError:
+            return None
+        return twin.positions
+
     def _decide(self, mode: Mode, reason: str, value: float | None, noticed: int | None = None) -> None:
         now = self._now
-        self.state.mode, now.steps = mode, 0
+        self.state.mode, now.steps, now.asked = mode, 0, 0
         noticed = now.frame if noticed is None else noticed
         decision = Decision(frame=now.frame, mode=mode, value=value, reason=reason, noticed=noticed)
         self.state.log.append(decision)
@@ -251,10 +282,10 @@ class Switch:
         """Take note of the frame that MPM has made."""
         state, now = self.state, self._now
         now.frame += 1
-        if state.checkpoints and (
+        if state.can_go_back and (
             is_forced or now.frame - state.log[-1].noticed > self._settings.window * self._r_t
         ):
-            state.checkpoints.clear()
+            state.forget()
         if now.frame % self._r_t:
             return
         x = state.mpm.positions

@@ -93,7 +93,8 @@ class CreateSession(Request):
         ge=-1,
         le=1,
         strict=True,
-        description="Mean cosine below which the safeguard alarms; only with hybrid, 0.8 if absent.",
+        description="Mean cosine below which the safeguard alarms; only with hybrid. If absent, other guards "
+        "alone watch the network.",
     )
     safeguard: SafeguardKind | None = Field(
         default=None,

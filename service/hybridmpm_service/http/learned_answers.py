@@ -23,7 +23,10 @@ class SafeguardBody(BaseModel):
     kind: SafeguardKind = Field(
         description="Particles that the mean is taken over: those that are not calm (ours), or all (paper)."
     )
-    r_c: float = Field(description="Value below which the safeguard alarms, so that MPM takes over.")
+    r_c: float | None = Field(
+        description="Value below which the safeguard alarms, so that MPM takes over; null where other guards "
+        "alone do."
+    )
     value: float | None = Field(description="Mean cosine in [-1, 1]; null until both windows are full.")
     mpm_share: float = Field(description="Share of the frames so far that MPM simulated, in [0, 1].")
 
@@ -55,7 +58,7 @@ class DecisionBody(BaseModel):
     )
     reason: str = Field(
         description="Name of the guard that decided; where no guard did, "
-        '"warm-up", "calm", "force" or "unsound".'
+        '"warm-up", "calm", "free_fall", "rest", "force" or "unsound".'
     )
     noticed: int = Field(
         description="Frame at which the decision was made; later than `frame` where frames of the network "

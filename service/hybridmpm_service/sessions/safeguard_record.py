@@ -21,8 +21,8 @@ class Safeguard:
 
     kind: SafeguardKind
     """Mean of the cosines that the safeguard takes."""
-    r_c: float
-    """Value below which the safeguard alarms."""
+    r_c: float | None
+    """Value below which the safeguard alarms; None where other guards alone do."""
     value: float | None
     """Mean cosine in [-1, 1] at present; None until both windows of time are full."""
     mpm_share: float

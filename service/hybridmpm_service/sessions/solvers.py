@@ -39,8 +39,8 @@ class SafeguardSettings:
 
     kind: SafeguardKind
     """Mean of the cosines that is taken: over the particles that are not calm ("ours"), or all ("paper")."""
-    r_c: float
-    """Mean cosine in [-1, 1] below which the safeguard alarms."""
+    r_c: float | None
+    """Mean cosine in [-1, 1] below which the safeguard alarms; None where other guards alone do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +74,7 @@ class SolverChoice:
         """Return the settings of the safeguard, defaults included; None for a simulator without one."""
         if "safeguard" not in simulators.settings_of(self.solver):
             return None
-        default = Cosine()
-        return SafeguardSettings(
-            kind=self.safeguard or default.safeguard, r_c=default.r_c if self.r_c is None else self.r_c
-        )
+        return SafeguardSettings(kind=self.safeguard or Cosine.safeguard, r_c=self.r_c)
 
 
 @dataclass(frozen=True)

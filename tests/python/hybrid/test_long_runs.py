@@ -43,7 +43,7 @@ def energy(sim: HybridSimulator) -> float:
 
 def run(scene: Scene, network: Stepper, frames: int) -> HybridSimulator:
     """Advance, and check after each hundred frames that the state is sound."""
-    sim = HybridSimulator(scene, network, window=WINDOW)
+    sim = HybridSimulator(scene, network, wait=WINDOW)
     most = energy(sim)
     lowest = np.array(scene.walls.lower) - scene.dx
     highest = np.array(scene.walls.upper) + scene.dx
@@ -53,7 +53,7 @@ def run(scene: Scene, network: Stepper, frames: int) -> HybridSimulator:
         assert np.isfinite(x).all()
         assert ((x >= lowest) & (x <= highest)).all()
         assert energy(sim) <= most
-    # A network gets a window of steps at least between two alarms, and one switch each way.
+    # MPM has a scene for as many steps at least after each alarm, and there is one switch each way.
     noticed = np.array([decision.noticed for decision in sim.log])
     for start in range(0, frames, 50):
         inside = np.count_nonzero((noticed >= start) & (noticed < start + 100))

@@ -1,5 +1,6 @@
 """`GuardValues`: the values of all guards along a motion, of a network or of MPM, without consequences."""
 
+import functools
 from collections import deque
 from collections.abc import Sequence
 
@@ -8,9 +9,19 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm.bench.report.timing import Clock
+from hybridmpm.errors import SimulationError
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.hybrid.guard import Guard, Stage, View
-from hybridmpm.hybrid.guards import Audit, Cosine, Density, Divergence, Energy, Impact, NonFinite, Outside
-from hybridmpm.hybrid.handoff import velocity
+from hybridmpm.hybrid.guards import (
+    Cosine,
+    Density,
+    Divergence,
+    Energy,
+    Impact,
+    NonFinite,
+    Outside,
+)
+from hybridmpm.hybrid.handoff import STEPS, velocity, warm
 from hybridmpm.hybrid.switch import MIN_ACTIVE_SHARE, NOISE_FLOOR
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
@@ -34,6 +45,7 @@ def all_guards() -> dict[str, Guard]:
         Energy(),
         Divergence(),
         Audit(period=AUDIT_PERIOD),
+        Drift(period=AUDIT_PERIOD),
     )
     return {guard.name: guard for guard in guards} | {PLAIN: Cosine(safeguard="paper")}
 
@@ -62,7 +74,7 @@ class GuardValues:
         """
         self._mpm = MpmSolver(scene, r_p=r_p)
         self._r_t, self._dt = r_t, r_t * scene.frame_dt
-        self._path: deque[_Floats] = deque([self._mpm.positions], maxlen=3)
+        self._path: deque[_Floats] = deque([self._mpm.positions], maxlen=STEPS + 3)
         self._steps = 0
         self._history = _native.AccelerationHistory(
             self._mpm.particle_count,
@@ -88,15 +100,27 @@ class GuardValues:
         self._steps += 1
         with Clock(self.seconds["history"]):
             signal = self._history.push(x)
-        view = View(x=x, mpm=self._mpm, r_t=self._r_t, steps=self._steps, signal=signal)
+        own = functools.cache(self._own_step)
+        view = View(x=x, mpm=self._mpm, r_t=self._r_t, steps=self._steps, signal=signal, own=own)
         values = self._values(view, (Stage.RAW, Stage.MOTION))
         self._path.append(x)
-        known = len(self._path) == 3
+        known = len(self._path) >= 3
         v = velocity(tuple(self._path), -1, self._dt) if known else self._mpm.velocities
         with Clock(self.seconds["state"]):
             report = self._mpm.prescribe(x, v, self._steps * self._r_t)
         view = View(x=x, mpm=self._mpm, r_t=self._r_t, steps=self._steps, report=report)
         return values | self._values(view, (Stage.STATE,))
+
+    def _own_step(self) -> _Floats | None:
+        """Return where MPM would lead in a step from the present state (N, D) [m]; None where it fails."""
+        twin = self._mpm.copy()
+        try:
+            if len(self._path) == STEPS + 3:
+                warm(twin, tuple(self._path), r_t=self._r_t, start=None, steps=STEPS)
+            twin.advance(self._r_t)
+        except SimulationError:
+            return None
+        return twin.positions
 
     def _values(self, view: View, stages: Sequence[Stage]) -> dict[str, float | None]:
         values: dict[str, float | None] = {}

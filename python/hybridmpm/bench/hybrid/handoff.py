@@ -83,7 +83,7 @@ def measure(on_progress: Progress, materials: Sequence[str] = MATERIALS) -> Iter
         network = _Recorded(path=states.pop("path"))
         for phase, frame in PHASES.items():
             for kind in KINDS:
-                shock = _shock(HybridSimulator(scene, network, handoff=kind), frame, states)
+                shock = _shock(HybridSimulator(scene, network, handoff=kind, shortcuts=False), frame, states)
                 head = {"material": material, "phase": phase, "handoff": kind}
                 yield head | shock
                 on_progress(1)

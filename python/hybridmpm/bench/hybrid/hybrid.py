@@ -45,8 +45,8 @@ class HybridSettings:
     """Seed of the scene."""
     frames: int = 600
     """Number of frames."""
-    r_c: float = 0.8
-    """Cosine below which MPM takes over."""
+    r_c: float | None = None
+    """Cosine below which MPM takes over; None without the cosine guard."""
     safeguard: Safeguard = "ours"
     """Reading of the cosine."""
     threads: int = 1

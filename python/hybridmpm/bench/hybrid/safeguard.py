@@ -17,7 +17,7 @@ from hybridmpm.bench.hybrid.guard_values import AUDIT_PERIOD, GuardValues
 from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
-from hybridmpm.hybrid.guards import Audit
+from hybridmpm.hybrid.audits import Audit, Drift
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import as_stepper, model_for
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -35,6 +35,8 @@ _HIGH = 0.2
 """Height between the drop and the pool [m]."""
 _SPLASH = 80
 """Frame from which on MPM is timed."""
+_AUDITS = (Audit.name, Drift.name)
+"""Guards that compare a step with MPM's own; the first of them pays for it."""
 _SEEN = 120
 """Number of frames after the drop is let go."""
 _NOTICED = 40
@@ -122,8 +124,8 @@ def _costs(scene: Scene, network: Stepper, values: GuardValues) -> Iterator[Row]
             mpm.advance(1)
     for name, times in values.seconds.items():
         # Few steps are audited, but those are long; a simulator audits fewer than are here.
-        audited = np.mean(times) * AUDIT_PERIOD / Audit.PERIOD
-        typical = audited if name == Audit.name else np.median(times)
+        audited = np.mean(times) * AUDIT_PERIOD / Audit.period
+        typical = audited if name in _AUDITS else np.median(times)
         per_frame = float(typical) / network.r_t
         yield {
             "guard": name,
@@ -214,10 +216,11 @@ def _false_alarms(scene: Scene, path: npt.NDArray[np.float32]) -> Iterator[Row]:
 def _alarms(scene: Scene, path: npt.NDArray[np.float32]) -> dict[str, list[int]]:
     """Return the frames with an alarm by guard, MPM's own motion being taken for a network's with r_t = 1.
 
-    The audit is left out: it would compare MPM with itself.
+    Audits are left out: they would compare MPM with itself.
     """
     values = GuardValues(scene, 1.0, 1)
-    del values.guards[Audit.name]
+    for name in _AUDITS:
+        del values.guards[name]
     alarms: dict[str, list[int]] = {name: [] for name in values.guards}
     for frame in range(1, len(path)):
         for name, value in values.after_step(path[frame]).items():

@@ -1,4 +1,4 @@
-"""`hybridmpm bench` on the hybrid simulator: safeguard, handoff, hybrid."""
+"""`hybridmpm bench` on the hybrid simulator: safeguard, handoff, hybrid, shares."""
 
 from functools import partial
 from pathlib import Path
@@ -6,10 +6,13 @@ from pathlib import Path
 import click
 
 from hybridmpm import scenarios
+from hybridmpm.bench.accuracy.conventions import FIRST_SEED
 from hybridmpm.bench.hybrid import handoff as handoff_bench
 from hybridmpm.bench.hybrid import hybrid as hybrid_bench
 from hybridmpm.bench.hybrid import safeguard as safeguard_bench
 from hybridmpm.bench.hybrid import safeguard_chart
+from hybridmpm.bench.hybrid import scenes as scenes_bench
+from hybridmpm.bench.report.gathered import Gathered
 from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,
@@ -24,6 +27,7 @@ from hybridmpm.cli.bench.options import (
     threads_option,
 )
 from hybridmpm.cli.options import model_option, r_c_option, safeguard_option
+from hybridmpm.cli.progress import progress
 from hybridmpm.hybrid.guards import Safeguard
 
 _PARTS = {
@@ -37,6 +41,11 @@ _HANDOFF_COLUMNS = (
     "acceleration", "acceleration_mpm",
 )  # fmt: skip
 _HYBRID_COLUMNS = ("scenario", "method", "ms_per_frame", "seconds", "mpm_share", "frame", "error")
+_SHARES_COLUMNS = (
+    "scenario", "method", "carry", "scenes", "network", "free_fall", "rest", "mpm", "contact", "ratio",
+    "ratio_se", "worst", "to_free_fall", "kinetic_met", "ms_per_frame",
+)  # fmt: skip
+_PROMISE_COLUMNS = ("scenario", "carry", "after", "bound", "held", "calibrated_on", "tested_on")
 _LINE_EVERY = 50
 """Frames between two lines of the table of a rollout."""
 
@@ -114,7 +123,7 @@ def hybrid(
     scenario: str,
     seed: int,
     frames: int,
-    r_c: float,
+    r_c: float | None,
     safeguard: Safeguard,
     threads: int,
     json_file: Path | None,
@@ -139,4 +148,80 @@ def hybrid(
     rows = measured(partial(hybrid_bench.measure, settings), settings.count, origin)
     save(rows, json_file, chart_file, hybrid_bench.chart)
     print_table([row for row in rows if row["frame"] % _LINE_EVERY == 0], _HYBRID_COLUMNS)
+    print_origin(origin)
+
+
+@click.command()
+@model_option
+@scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
+@number_option("--scenes", 1, 100_000, 20, "Number of scenes of each scenario.")
+@click.option(
+    "--first",
+    type=click.IntRange(min=0),
+    default=FIRST_SEED,
+    show_default=True,
+    help="Seed of the first scene; settings are chosen on seeds from 1000000 on, and judged on the default.",
+)
+@number_option("--frames", 100, 10_000, 400, "Number of frames of each scene.")
+@click.option(
+    "--method",
+    "methods",
+    type=click.Choice(scenes_bench.METHODS),
+    multiple=True,
+    default=scenes_bench.MAIN,
+    show_default=True,
+    help="Method to run. May be given several times.",
+)
+@click.option(
+    "--carry",
+    "carried",
+    type=click.Choice(["yes", "no", "both"]),
+    default="yes",
+    show_default=True,
+    help="Whether all particles of the scene are carried along and compared.",
+)
+@click.option(
+    "--runs",
+    "runs_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File in which the runs gather; the same command goes on with it after an interruption.",
+)
+@json_option
+def shares(
+    *,
+    model: str | None,
+    names: tuple[str, ...],
+    scenes: int,
+    first: int,
+    frames: int,
+    methods: tuple[str, ...],
+    carried: str,
+    runs_file: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Measure on many scenes which share of the frames a hybrid's network simulates, and at what error.
+
+    Errors are held against those of MPM with as few particles. A second table tells how many times MPM's
+    error is not exceeded in 90 % of the scenes, and whether that holds in scenes that it was not taken from.
+    """
+    settings = scenes_bench.ScenesSettings(
+        model=model,
+        scenarios=names,
+        first=first,
+        scenes=scenes,
+        frames=frames,
+        methods=methods,
+        carried={"yes": (True,), "no": (False,), "both": (True, False)}[carried],
+    )
+    options = {"model": (model,), "scenario": names, "scenes": (scenes,), "first": (first,)}
+    origin = source("shares", **options, frames=(frames,), method=methods, carry=(carried,))
+    runs = Gathered(settings.shared(), runs_file)
+    with progress("Measuring", len(settings.asked_for())) as bar:
+        rows = list(scenes_bench.measure(settings, runs, origin, bar.update))
+    save(rows, json_file)
+    for part, columns in (("mean", _SHARES_COLUMNS), ("promise", _PROMISE_COLUMNS)):
+        click.echo(f"\n{part}")
+        if chosen := [row for row in rows if row["part"] == part]:
+            print_table(chosen, columns)
     print_origin(origin)

@@ -241,7 +241,12 @@ def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> 
         training = datasets.trajectories(options["root"], spec, "train")
         return Trainer(spec, normalization(training, spec, settings.noise), settings, device)
     older = Trainer.load(options["finetune"], device)
-    trainer = Trainer(spec, older.simulator.scales, settings, device)
+    scales = older.simulator.scales
+    if older.settings.noise > 0:
+        # The other scales belong to the weights; this one says how much noise is drawn.
+        noise_std = scales.noise_std * settings.noise / older.settings.noise
+        scales = dataclasses.replace(scales, noise_std=noise_std)
+    trainer = Trainer(spec, scales, settings, device)
     trainer.simulator.load_state_dict(older.simulator.state_dict())
     return trainer
 

@@ -60,9 +60,11 @@ class Track:
         """Lower and upper corner (2, D) [m]."""
         self._solids = kinematic_particles(scene, spacing_at(scene, stepper.r_p))
         solid_types = np.full(len(self._solids), KINEMATIC)
-        self._types = np.concatenate([materials, solid_types]).astype(np.int64)
+        self.types = np.concatenate([materials, solid_types]).astype(np.int64)
+        """DeepMind's types (N + K,) of the fluid particles and of the K that stand for obstacles."""
         self._fluid = len(materials)
-        self._gravity = np.array(scene.gravity, dtype=np.float32)
+        self.gravity = np.array(scene.gravity, dtype=np.float32)
+        """Acceleration (D,) [m/s^2]."""
         self._states: deque[_Floats] = deque(maxlen=HISTORY)
         self._path: StepPath | None = None
         self._phase = 0
@@ -132,17 +134,22 @@ class Track:
         """
         if not self.ready:
             raise RuntimeError(f"the network needs {HISTORY} states, got {len(self._states)}")
-        history = np.empty((HISTORY, len(self._types), self._scene.dim), dtype=np.float32)
-        history[:, : self._fluid] = list(self._states)
-        history[:, self._fluid :] = self._solids
-        known = np.tile(self._gravity, (len(self._types), 1))
+        history = self.history()
+        known = np.tile(self.gravity, (len(self.types), 1))
         known[: self._fluid] = self._known(force)
-        after = np.asarray(self._stepper.step(history, self._types, known, self.walls), dtype=np.float32)
+        after = np.asarray(self._stepper.step(history, self.types, known, self.walls), dtype=np.float32)
         if after.shape != history.shape[1:]:
             raise ConfigError(
                 f"the network must answer positions of shape {history.shape[1:]}, got {after.shape}"
             )
         return after[: self._fluid]
+
+    def history(self) -> _Floats:
+        """Return the latest states with the obstacles, (6, N + K, D) [m], oldest first."""
+        history = np.empty((len(self._states), len(self.types), self._scene.dim), dtype=np.float32)
+        history[:, : self._fluid] = list(self._states)
+        history[:, self._fluid :] = self._solids
+        return history
 
     def begin(self, after: _Floats, force: _Floats | None = None) -> None:
         """Begin a step that leads to `after` (N, D) [m], under a force as in `answer`."""
@@ -213,5 +220,5 @@ class Track:
 
     def _known(self, force: _Floats | None) -> _Floats:
         """Gravity and force of the fluid particles, (N, D) [m/s^2]."""
-        known = np.tile(self._gravity, (self._fluid, 1))
+        known = np.tile(self.gravity, (self._fluid, 1))
         return known if force is None else known + force

@@ -24,7 +24,7 @@ export function layout(history, { threshold, frame, width, height }) {
   };
   const first = Math.max(0, frame - FRAMES);
   const last = Math.max(frame, MIN_FRAMES);
-  const lowest = Math.min(threshold, ...history.values) < 0 ? -1 : 0;
+  const lowest = Math.min(threshold ?? 0, ...history.values) < 0 ? -1 : 0;
   const x = (at) => area.left + ((Math.max(at, first) - first) / (last - first)) * (area.right - area.left);
   const y = (value) => area.bottom - ((value - lowest) / (1 - lowest)) * (area.bottom - area.top);
   const bands = history.phases
@@ -36,11 +36,11 @@ export function layout(history, { threshold, frame, width, height }) {
     .filter(([at]) => at >= first)
     .map(([at, value]) => [x(at), y(value)]);
   // A mark that would touch that of the threshold is left out.
-  const apart = (value) => Math.abs(y(value) - y(threshold)) >= 14;
+  const apart = (value) => threshold === null || Math.abs(y(value) - y(threshold)) >= 14;
   const ticks = [1, 0, -1]
     .filter((value) => value >= lowest && apart(value))
     .map((value) => ({ y: y(value), text: String(value).replace("-", "−"), threshold: false }));
-  ticks.push({ y: y(threshold), text: signed(threshold), threshold: true });
+  if (threshold !== null) ticks.push({ y: y(threshold), text: signed(threshold), threshold: true });
   return { area, ticks, first, last, bands, points };
 }
 

@@ -7,15 +7,18 @@ const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
 const NAMES = { mpm: "MPM", neural: "Network" };
 const REASONS = {
   audit: "the network erred",
-  calm: "the motion is calm",
+  calm: "the network's turn",
   cosine: "the motion is complex",
   density: "particles crowded",
   divergence: "the flow diverged",
+  drift: "the network erred",
   energy: "energy grew",
   force: "a sketch or a push steers",
+  free_fall: "all falls freely",
   impact: "an impact",
   "non-finite": "the network failed",
   outside: "particles left the box",
+  rest: "all is at rest",
   unsound: "the network failed",
   "warm-up": "enough frames to look back on",
 };
@@ -89,7 +92,7 @@ export function showWho({ solver, mode, safeguard, frame }, history) {
   }
   charted = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
   setText("safeguard-value", safeguard.value === null ? "not yet" : signed(safeguard.value));
-  setText("safeguard-threshold", signed(safeguard.r_c));
+  setText("safeguard-threshold", safeguard.r_c === null ? "not set" : signed(safeguard.r_c));
   setText("mpm-share", `${Math.round(100 * safeguard.mpm_share)} %`);
   showDecision(charted.history.decisions.at(-1));
   draw();

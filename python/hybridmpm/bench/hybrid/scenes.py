@@ -1,0 +1,309 @@
+"""Hybrids on many scenes: who simulated which share of the frames, and the error against MPM's.
+
+Beside the hybrid with its network run the same hybrid with free fall in the network's place, hybrids whose
+network is spoilt on purpose, and MPM with as few particles, in two jitters.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import metrics, scenarios
+from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED
+from hybridmpm.bench.accuracy.grid import TrueGrids
+from hybridmpm.bench.accuracy.impact import first_impact
+from hybridmpm.bench.hybrid.corruptions import CORRUPTIONS, Corrupted
+from hybridmpm.bench.report.gathered import Gathered
+from hybridmpm.bench.report.provenance import Provenance
+from hybridmpm.bench.report.rows import Progress, Row, significant
+from hybridmpm.bench.report.timing import Clock
+from hybridmpm.errors import SimulationError
+from hybridmpm.hybrid import HybridSimulator
+from hybridmpm.hybrid.shortcuts import TOLERANCE
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics.free_fall import FreeFall
+from hybridmpm.physics.load import as_stepper, model_for
+from hybridmpm.physics.simulator import NeuralPhysics
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
+
+HYBRID, FREE_FALL, NETWORK, MPM, JITTER = "hybrid", "free-fall", "network", "mpm", "mpm-other-jitter"
+MAIN = (HYBRID, FREE_FALL, MPM, JITTER)
+"""Methods that run unless others are asked for."""
+METHODS = (*MAIN, NETWORK, *CORRUPTIONS)
+"""All methods: a hybrid with its network, with free fall in its place, MPM twice, the network alone, and
+hybrids whose network is spoilt."""
+KEY = ("scenario", "seed", "method", "carry")
+"""Fields that tell runs apart."""
+CALM_SHARE = 0.95
+"""Share of the truth's particles that have to be calm for contact to be over."""
+PROMISED = 0.9
+"""Share of the scenes that a promise is about."""
+_STRIDE = 4
+"""Frames over which the truth's accelerations are taken."""
+
+_Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenesSettings:
+    """What is measured."""
+
+    model: str | None = None
+    """Name of the network, or "zero" for free fall; None takes the first that serves each scenario."""
+    scenarios: tuple[str, ...] = scenarios.NAMES
+    """Scenarios of the scenes."""
+    first: int = FIRST_SEED
+    """Seed of the first scene of each scenario."""
+    scenes: int = 20
+    """Number of scenes of each scenario."""
+    frames: int = 400
+    """Number of frames of each scene."""
+    methods: tuple[str, ...] = MAIN
+    """Some of `METHODS`."""
+    carried: tuple[bool, ...] = (True,)
+    """Whether all particles are carried along; both may be measured."""
+
+    def shared(self) -> Row:
+        """Return what runs must share to stand in one table."""
+        return {"model": self.model, "frames": self.frames}
+
+    def asked_for(self) -> list[tuple[str, int, str, bool]]:
+        """Return the runs, by the values of their `KEY`."""
+        return [
+            (scenario, seed, method, carry)
+            for scenario in self.scenarios
+            for seed in range(self.first, self.first + self.scenes)
+            for method in self.methods
+            for carry in self.carried
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Truth:
+    """What the truth of a scene tells."""
+
+    impact: int
+    """Frame of the first impact."""
+    calm: int
+    """Frame from which on 95 % of the particles are calm, or the last frame."""
+    kinetic_energy: float
+    """At the last frame [J]."""
+    fall_energy: float
+    """Potential energy that has been lost up to the last frame [J]."""
+    grids: TrueGrids
+
+    @classmethod
+    def of(cls, scene: Scene, frames: int) -> "_Truth":
+        """Simulate the truth, with all particles and the ground truth's substeps."""
+        solver = MpmSolver(scene, substeps="reference")
+        impact = first_impact(solver, frames)
+        solver.reset()
+        start = solver.diagnostics()
+        states, calm, before = [solver.positions], frames, solver.velocities
+        for frame in range(_STRIDE, frames + 1, _STRIDE):
+            for one in range(frame - _STRIDE + 1, frame + 1):
+                solver.advance(1)
+                if one % EVERY == 0:
+                    states.append(solver.positions)
+            now = solver.velocities
+            pushes = np.linalg.norm(now - before, axis=1) / (_STRIDE * scene.frame_dt)
+            if frame > impact + EVERY and calm == frames and np.mean(pushes < TOLERANCE) > CALM_SHARE:
+                calm = frame
+            before = now
+        end = solver.diagnostics()
+        return cls(
+            impact=impact,
+            calm=calm,
+            kinetic_energy=end.kinetic_energy,
+            fall_energy=start.potential_energy - end.potential_energy,
+            grids=TrueGrids(np.array(states), solver.mass, scene.resolution),
+        )
+
+
+def measure(
+    settings: ScenesSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+) -> Iterator[Row]:
+    """Run what is missing, adding it to the runs one by one, and yield all rows; `on_progress` counts runs.
+
+    Rows of the part `run` are the single runs. `error` is the mean `grid_rmse` against the truth from the
+    first impact on, `error_40` that 40 frames after it. `network`, `free_fall`, `rest` and `mpm` are shares
+    of all frames. `contact` is the share of the frames in contact in which the network was evaluated: from
+    the first impact until 95 % of the truth's particles are calm. `kinetic` is the kinetic energy at the end
+    over the energy of the fall, `kinetic_true` that of the truth. Rows of the part `mean` are means over the
+    scenes of a scenario, rows of the part `promise` tell what holds in 90 % of the scenes; see `means` and
+    `promises`.
+    """
+    runs_asked_for = settings.asked_for()
+    for scenario in settings.scenarios:
+        for seed in range(settings.first, settings.first + settings.scenes):
+            mine = [key for key in runs_asked_for if key[:2] == (scenario, seed)]
+            missing = [key for key in mine if not runs.has(key)]
+            if missing:
+                scene = scenarios.get(scenario, seed)
+                truth = _Truth.of(scene, settings.frames)
+                network = as_stepper(model_for(settings.model, scenario), scene)
+                for key in missing:
+                    made = _run(scene, truth, network, key[2], carry=key[3], frames=settings.frames)
+                    runs.add(key, origin.stamped({"part": "run", **dict(zip(KEY, key, strict=True)), **made}))
+            on_progress(len(mine))
+    rows = [runs.row(key) for key in runs_asked_for]
+    yield from rows
+    for row in (*means(rows), *promises(rows)):
+        yield origin.stamped(row)
+
+
+def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, carry: bool, frames: int) -> Row:
+    simulator = _simulator(scene, network, method, carry=carry)
+    errors, answered, seconds = [], [], list[float]()
+    for row in range(1, frames // EVERY + 1):
+        try:
+            with Clock(seconds):
+                simulator.advance(EVERY)
+        except SimulationError:
+            break
+        errors.append(truth.grids.rmse(row, np.clip(simulator.positions, 0, 1), simulator.mass))
+        if isinstance(simulator, HybridSimulator):
+            answered.append(simulator.answered)
+    whole = len(errors) == frames // EVERY
+    later = errors[max(truth.impact // EVERY, 1) - 1 :]
+    found: Row = {
+        "frames": frames,
+        "impact": truth.impact,
+        "calm": truth.calm,
+        "error": significant(float(np.mean(later))) if whole and later else None,
+        **{f"error_{at}": _at(errors, truth.impact + at) for at in AT},
+        "kinetic": significant(simulator.diagnostics().kinetic_energy / truth.fall_energy) if whole else None,
+        "kinetic_true": significant(truth.kinetic_energy / truth.fall_energy),
+        "ms_per_frame": significant(1e3 * sum(seconds) / max(len(seconds) * EVERY, 1)),
+        "network": None,
+        "free_fall": None,
+        "rest": None,
+        "mpm": None,
+        "contact": None,
+    }
+    if answered and whole:
+        last = answered[-1]
+        first, end = answered[max(truth.impact // EVERY, 1) - 1], answered[truth.calm // EVERY - 1]
+        touching = max((truth.calm // EVERY - max(truth.impact // EVERY, 1)) * EVERY, EVERY)
+        shares = {
+            "network": last.network / frames,
+            "free_fall": last.free_fall / frames,
+            "rest": last.rest / frames,
+            "mpm": 1 - (last.network + last.free_fall + last.rest) / frames,
+            "contact": (end.network - first.network) / touching,
+        }
+        found |= {name: significant(share) for name, share in shares.items()}
+    return found
+
+
+def _at(errors: Sequence[float], frame: int) -> float | None:
+    """Return the error at the compared state that is nearest to a frame; None after the last."""
+    row = round(frame / EVERY) - 1
+    return significant(errors[row]) if row < len(errors) else None
+
+
+def _simulator(scene: Scene, network: Stepper, method: str, *, carry: bool) -> Simulator:
+    if method in (MPM, JITTER):
+        other = metrics.other_jitter(scene) if method == JITTER else scene
+        return MpmSolver(other, r_p=network.r_p, carry=carry)
+    if method == NETWORK:
+        return NeuralPhysics(scene, network, carry=carry)
+    if method == FREE_FALL:
+        network = FreeFall(scene.frame_dt, r_p=network.r_p, r_t=network.r_t)
+    elif method != HYBRID:
+        network = Corrupted(network, method, scene)
+    return HybridSimulator(scene, network, carry=carry)
+
+
+def means(rows: Sequence[Row]) -> Iterator[Row]:
+    """Yield a row for each scenario, and one for all, of each method and `carry`.
+
+    `ratio` is the mean of the error over that of MPM on the same scene, `ratio_se` its standard error,
+    `worst` the largest. `to_free_fall` is the mean of the error over that of the hybrid with free fall in the
+    network's place. `kinetic_met` is the share of the scenes at rest whose kinetic energy at the end is at
+    most twice the truth's, or 1e-4 of the energy of the fall; None where no scene is at rest.
+    """
+    runs = {tuple(row[name] for name in KEY): row for row in rows}
+    groups: dict[tuple[str, bool], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["method"], row["carry"]), []).append(row)
+    for (method, carry), mine in groups.items():
+        for scenario in (*dict.fromkeys(row["scenario"] for row in mine), "all"):
+            chosen = [row for row in mine if scenario in (row["scenario"], "all")]
+            yield {"part": "mean", "scenario": scenario, "method": method, "carry": carry} | _mean(
+                chosen, runs
+            )
+
+
+def _mean(chosen: Sequence[Row], runs: dict[tuple[object, ...], Row]) -> Row:
+    ratios = _over(chosen, runs, MPM, "error")
+    fallen = _over(chosen, runs, FREE_FALL, "error")
+    at_rest = [row for row in chosen if row["calm"] < row["frames"] and row["kinetic"] is not None]
+    met = [row["kinetic"] <= max(2 * row["kinetic_true"], 1e-4) for row in at_rest]
+    shares = ("network", "free_fall", "rest", "mpm", "contact", "ms_per_frame", "error")
+    known = {name: [row[name] for row in chosen if row[name] is not None] for name in shares}
+    return {
+        "scenes": len(chosen),
+        **{name: significant(float(np.mean(values))) if values else None for name, values in known.items()},
+        "ratio": significant(float(np.mean(ratios))) if ratios else None,
+        "ratio_se": significant(_standard_error(ratios)),
+        "worst": significant(max(ratios)) if ratios else None,
+        "to_free_fall": significant(float(np.mean(fallen))) if fallen else None,
+        "to_free_fall_se": significant(_standard_error(fallen)),
+        "kinetic_met": significant(float(np.mean(met))) if met else None,
+        "failed": sum(row["error"] is None for row in chosen),
+    }
+
+
+def _standard_error(values: Sequence[float]) -> float | None:
+    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None
+
+
+def _over(chosen: Sequence[Row], runs: dict[tuple[object, ...], Row], other: str, field: str) -> list[float]:
+    """Return the values of a field over those of another method on the same scenes, where both are known."""
+    pairs = (
+        (row[field], runs.get((row["scenario"], row["seed"], other, row["carry"]), {}).get(field))
+        for row in chosen
+    )
+    return [one / two for one, two in pairs if one is not None and two is not None]
+
+
+def promises(rows: Sequence[Row]) -> Iterator[Row]:
+    """Yield what holds in 90 % of the scenes, and whether it held in others.
+
+    For each dimension and material, and 40, 100 and 200 frames after the first impact: `bound` is the
+    smallest number such that in scenes like those with even seeds the error of the hybrid is at most so many
+    times MPM's with a probability of 90 % (split conformal prediction; Vovk et al. 2005); None where there
+    are too few. `held` is the share of the scenes with odd seeds in which it was.
+    """
+    runs = {tuple(row[name] for name in KEY): row for row in rows}
+    hybrids = [row for row in rows if row["method"] == HYBRID]
+    groups: dict[tuple[str, bool], list[Row]] = {}
+    for row in hybrids:
+        groups.setdefault((_material(row["scenario"]), row["carry"]), []).append(row)
+    for (material, carry), mine in groups.items():
+        for after in AT:
+            halves = [[row for row in mine if row["seed"] % 2 == half] for half in (0, 1)]
+            known, fresh = (_over(half, runs, MPM, f"error_{after}") for half in halves)
+            rank = int(np.ceil(PROMISED * (len(known) + 1)))
+            bound = sorted(known)[rank - 1] if rank <= len(known) else None
+            held = None if bound is None or not fresh else float(np.mean(np.array(fresh) <= bound))
+            yield {
+                "part": "promise",
+                "scenario": material,
+                "carry": carry,
+                "after": after,
+                "bound": significant(bound),
+                "held": significant(held),
+                "calibrated_on": len(known),
+                "tested_on": len(fresh),
+            }
+
+
+def _material(scenario: str) -> str:
+    """Return what a scenario's particles are made of, with its dimension: water_ramps_2d is water_2d."""
+    return scenario.replace("_ramps", "")
