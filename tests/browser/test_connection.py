@@ -54,7 +54,7 @@ def test_broken_connection_resumes_the_same_session(open_page: Open) -> None:
 
 
 def test_deleted_session_is_reported_as_gone(open_page: Open, service: LiveService) -> None:
-    visit = open_page()
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0")
     visit.wait_for(LIVE)
     httpx.delete(f"{service.url}/v1/sessions/{visit.session}").raise_for_status()
     visit.wait_for("body.state === 'lost'")
