@@ -369,6 +369,9 @@ class FrameReport:
         fastest moving obstacle), "frame" (one step a frame was enough), "reference" or
         "fixed" (the caller chose).
         """
+    @property
+    def obstacle_work(self) -> float:
+        """Work of moving obstacles on the material [J], in 2D per metre of depth: impulses times velocities."""
 
 @final
 class MotionReport:

@@ -24,6 +24,7 @@ BENCHES: dict[str, Origin] = {
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
     "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
+    "stability-map": Origin(modules=("hybridmpm.bench.stability.map",), data=(_WEIGHTS,)),
     "safeguard": Origin(modules=("hybridmpm.bench.hybrid.safeguard",), data=(_WEIGHTS,)),
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
@@ -34,4 +35,5 @@ BENCHES: dict[str, Origin] = {
         modules=("hybridmpm.bench.service.service",), programs=("service/hybridmpm_service/**/*.py",)
     ),
 }
-"""Modules and data by the name of the command, which is that of its file in docs/results."""
+"""Modules and data by the name of the result in docs/results, which is that of its command; the map of stability is made
+by `stability --map`."""

@@ -34,7 +34,7 @@ def error_of(sim: HybridSimulator, true: Any) -> float:
 @pytest.mark.parametrize("kind", CORRUPTIONS)
 def test_a_spoilt_network_is_no_worse_than_free_fall(kind: str) -> None:
     scene = scenarios.get("water_2d", SEED)
-    sim = HybridSimulator(scene, Corrupted(NeuralModel.load("fluids_2d"), kind, scene))
+    sim = HybridSimulator(scene, Corrupted(NeuralModel.load("fluids_2d"), CORRUPTIONS[kind], scene))
     sim.advance(FRAMES)
     true, bound = reached()
     assert error_of(sim, true) <= 1.05 * bound

@@ -17,7 +17,7 @@ _TIMES = 5.0
 
 
 @dataclass(frozen=True)
-class _Question:
+class Question:
     """What a network is asked, and what it answers where nothing is spoilt."""
 
     history: _Floats
@@ -38,7 +38,10 @@ class _Question:
         return rng.standard_normal(self.sound.shape).astype(np.float32)
 
 
-CORRUPTIONS: dict[str, Callable[[_Question], _Floats]] = {
+Spoil = Callable[[Question], _Floats]
+"""Says what to answer (N, D) [m] in place of a sound answer."""
+
+CORRUPTIONS: dict[str, Spoil] = {
     "nan": lambda asked: np.full_like(asked.sound, np.nan),
     "constant": lambda asked: np.full_like(asked.sound, 0.5),
     "still": lambda asked: asked.history[-1].copy(),
@@ -46,7 +49,18 @@ CORRUPTIONS: dict[str, Callable[[_Question], _Floats]] = {
     "times-5": lambda asked: asked.fallen + np.float32(_TIMES) * (asked.sound - asked.fallen),
     "without-gravity": lambda asked: asked.sound - asked.acceleration * np.float32(asked.dt**2),
 }
-"""Answers (N, D) [m] in place of the sound ones, by name."""
+"""What to answer in place of a sound answer, by name."""
+
+
+def pushed(size: float) -> Spoil:
+    """Return what adds an acceleration [m/s^2] along x to all answers."""
+
+    def spoil(asked: Question) -> _Floats:
+        push = np.zeros_like(asked.sound)
+        push[:, 0] = size * asked.dt**2
+        return asked.sound + push
+
+    return spoil
 
 
 class Corrupted:
@@ -56,14 +70,14 @@ class Corrupted:
     ----------
     network : Stepper
         The sound network.
-    kind : str
-        One of `CORRUPTIONS`.
+    spoil : Spoil
+        What it answers in place of sound answers, such as one of `CORRUPTIONS`.
     scene : Scene
         The scene that it is used on, which tells the length of a frame.
     """
 
-    def __init__(self, network: Stepper, kind: str, scene: Scene) -> None:
-        self._network, self._spoil = network, CORRUPTIONS[kind]
+    def __init__(self, network: Stepper, spoil: Spoil, scene: Scene) -> None:
+        self._network, self._spoil = network, spoil
         self._dt = network.r_t * scene.frame_dt
 
     @property
@@ -89,5 +103,5 @@ class Corrupted:
     ) -> npt.NDArray[np.float32]:
         """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
         sound = self._network.step(history, types, acceleration, walls)
-        spoilt = self._spoil(_Question(history, acceleration, self._dt, sound))
+        spoilt = self._spoil(Question(history, acceleration, self._dt, sound))
         return np.asarray(np.where((types == KINEMATIC)[:, None], sound, spoilt), dtype=np.float32)

@@ -215,7 +215,7 @@ def _simulator(scene: Scene, network: Stepper, method: str, *, carry: bool) -> S
     if method == FREE_FALL:
         network = FreeFall(scene.frame_dt, r_p=network.r_p, r_t=network.r_t)
     elif method != HYBRID:
-        network = Corrupted(network, method, scene)
+        network = Corrupted(network, CORRUPTIONS[method], scene)
     return HybridSimulator(scene, network, carry=carry)
 
 

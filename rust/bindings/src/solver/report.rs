@@ -77,6 +77,10 @@ impl PyFrameReport {
     fn bound(&self) -> &'static str {
         self.0.bound.name()
     }
+    #[getter]
+    fn obstacle_work(&self) -> f64 {
+        self.0.obstacle_work
+    }
 
     fn __repr__(&self) -> String {
         format!("{:?}", self.0)

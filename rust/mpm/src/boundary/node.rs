@@ -35,19 +35,22 @@ pub(super) fn stencil_reach<const D: usize>(layout: &Layout<D>) -> f32 {
     (1.5 * (D as f32).sqrt() + 1.0) * layout.dx()
 }
 
-/// Changes the velocity of a node that has mass.
+/// Changes the velocity of a node that has mass, and returns the impulse that did it [kg m/s].
 pub(super) fn change_velocity<const D: usize>(
     window: &mut Window<'_, D>,
     index: usize,
     material_friction: &MaterialFriction,
     change: impl Fn(&Vector<D>, f32) -> Vector<D>,
-) {
+) -> Vector<D> {
     let lanes = window.nodes[index].to_array();
-    if lanes[3] > SMALLEST_MASS {
-        let v = Vector::from_fn(|axis, _| lanes[axis]);
-        let friction = material_friction.at(window, index, lanes[3]);
-        window.nodes[index] = with_velocity(lanes, &change(&v, friction));
+    let mass = lanes[3];
+    if mass <= SMALLEST_MASS {
+        return Vector::zeros();
     }
+    let v = Vector::from_fn(|axis, _| lanes[axis]);
+    let changed = change(&v, material_friction.at(window, index, mass));
+    window.nodes[index] = with_velocity(lanes, &changed);
+    (changed - v) * mass
 }
 
 /// A node with another velocity and the same mass.

@@ -111,14 +111,15 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
-    /// Applies contact to the grid velocities of some planes.
-    pub fn apply(&self, window: &mut Window<'_, D>, material_friction: &MaterialFriction) {
+    /// Applies contact to the grid velocities of some planes, and returns the work that moving obstacles did [J].
+    pub fn apply(&self, window: &mut Window<'_, D>, material_friction: &MaterialFriction) -> f64 {
         if self.list.is_empty() {
-            return;
+            return 0.0;
         }
-        for &span in window.active() {
-            self.apply_to_span(window, span, material_friction);
-        }
+        let active = window.active().iter();
+        active
+            .map(|&span| self.apply_to_span(window, span, material_friction))
+            .sum()
     }
 
     fn apply_to_span(
@@ -126,7 +127,7 @@ impl<const D: usize> Obstacles<D> {
         window: &mut Window<'_, D>,
         span: Span,
         material_friction: &MaterialFriction,
-    ) {
+    ) -> f64 {
         let within = |column: u32| (span.lo..span.hi).contains(&(column as usize));
         let start = span.row * self.layout.row_length - window.first;
         for node in self.solid.row(span.row) {
@@ -138,8 +139,9 @@ impl<const D: usize> Obstacles<D> {
                 });
             }
         }
+        let mut work = 0.0;
         let Some(moving) = &self.moving else {
-            return;
+            return work;
         };
         let mut place = self.layout.row_coordinates(span.row);
         for node in moving.nodes.row(span.row) {
@@ -151,12 +153,14 @@ impl<const D: usize> Obstacles<D> {
                 let (distance, normal) = obstacle.distance_in(pose, &x);
                 if acts_at(distance, &self.layout) {
                     let index = start + node.column as usize;
-                    change_velocity(window, index, material_friction, |v, friction| {
+                    let impulse = change_velocity(window, index, material_friction, |v, friction| {
                         obstacle.resolve(pose, &x, v, &normal, friction)
                     });
+                    work += f64::from(impulse.dot(&velocity_of(pose, &x)));
                 }
             }
         }
+        work
     }
 
     /// Whether one of them moves.
@@ -203,8 +207,10 @@ impl<const D: usize> Obstacles<D> {
         numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
     }
 
-    /// Moves a particle that got into an obstacle back to its surface.
-    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) {
+    /// Moves a particle that got into an obstacle back to its surface. Returns what work the change of its velocity took
+    /// of moving obstacles [J/kg].
+    pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) -> f64 {
+        let mut work = 0.0;
         for (index, obstacle) in self.list.iter().enumerate() {
             let pose = self
                 .moving
@@ -219,9 +225,12 @@ impl<const D: usize> Obstacles<D> {
                         x[axis].clamp(self.walls.lower[axis], self.walls.upper[axis])
                     });
                 }
-                *v = obstacle.resolve(pose, x, v, &normal, material_friction);
+                let changed = obstacle.resolve(pose, x, v, &normal, material_friction);
+                work += f64::from((changed - *v).dot(&velocity_of(pose, x)));
+                *v = changed;
             }
         }
+        work
     }
 
     /// How far a particle at this negative distance is moved.
@@ -234,4 +243,9 @@ impl<const D: usize> Obstacles<D> {
             _ => distance,
         }
     }
+}
+
+/// Velocity of a solid at a point [m/s]; zero at rest.
+fn velocity_of<const D: usize>(pose: Option<&Pose<D>>, x: &Vector<D>) -> Vector<D> {
+    pose.map_or_else(Vector::zeros, |pose| pose.velocity_at(x))
 }

@@ -204,6 +204,7 @@ impl<const D: usize> Solver<D> {
             substeps: 0,
             smallest_dt: f32::INFINITY,
             bound: Bound::Frame,
+            obstacle_work: 0.0,
         };
         let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
@@ -240,6 +241,7 @@ impl<const D: usize> Solver<D> {
                 remaining = 0.0;
             }
             report.substeps += 1;
+            report.obstacle_work += outcome.obstacle_work;
             if dt < report.smallest_dt {
                 (report.smallest_dt, report.bound) = (dt, bound);
             }

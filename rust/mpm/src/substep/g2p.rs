@@ -10,24 +10,28 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
 
-/// What one substep did to a set of particles.
+/// What one substep did to some particles and nodes.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     pub max_speed_squared: f32,
     /// All particles are finite, inside and of positive volume.
     pub sound: bool,
+    /// Work of moving obstacles on them [J].
+    pub obstacle_work: f64,
 }
 
 impl Outcome {
     pub const NOTHING: Self = Self {
         max_speed_squared: 0.0,
         sound: true,
+        obstacle_work: 0.0,
     };
 
     pub fn and(self, other: Self) -> Self {
         Self {
             max_speed_squared: self.max_speed_squared.max(other.max_speed_squared),
             sound: self.sound && other.sound,
+            obstacle_work: self.obstacle_work + other.obstacle_work,
         }
     }
 }
@@ -96,6 +100,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         } = self;
         let mut max_speed_squared = f32x4::ZERO;
         let mut sound = true;
+        let mut obstacle_work = 0.0;
         // Lane by lane: a sum across lanes for each block takes longer than all that it sums up.
         let mut broken = [0u32; LANES];
         for block in self.blocks {
@@ -114,12 +119,13 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
                 sound &= keep_inside(block, bounds);
             }
             if obstacles.any() && sound && broken == [0; LANES] {
-                push_out(block, &stencils, obstacles, friction);
+                obstacle_work += push_out(block, &stencils, obstacles, friction);
             }
         }
         Outcome {
             max_speed_squared: max_speed_squared.to_array().into_iter().fold(0.0, f32::max),
             sound: sound && broken == [0; LANES],
+            obstacle_work,
         }
     }
 }
@@ -270,18 +276,21 @@ fn keep_inside<const D: usize, S: State>(block: &mut Block<D, S>, bounds: &Bound
     sound
 }
 
-/// Moves particles that got into an obstacle back to its surface.
+/// Moves particles that got into an obstacle back to its surface, and returns the work of moving obstacles [J].
 fn push_out<const D: usize, S: State>(
     block: &mut Block<D, S>,
     stencils: &Stencils<D>,
     obstacles: &Obstacles<D>,
     friction: f32,
-) {
+) -> f64 {
+    let mut work = 0.0;
     for lane in 0..block.count {
         if obstacles.near(stencils.start[lane] as usize) {
             let mut particle = block.get(lane, Activity::Awake);
-            obstacles.push_out(&mut particle.x, &mut particle.v, friction);
+            let by_mass = obstacles.push_out(&mut particle.x, &mut particle.v, friction);
+            work += by_mass * f64::from(particle.mass);
             block.set(lane, &particle);
         }
     }
+    work
 }

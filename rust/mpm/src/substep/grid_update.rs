@@ -15,18 +15,19 @@ pub struct GridForces<'a, const D: usize> {
 }
 
 /// Turns the momentum of some planes into the velocity at the end of a substep of `dt` [s]. What happens at their nodes
-/// depends on no other plane.
+/// depends on no other plane. Returns the work that moving obstacles did there [J].
 pub fn grid_update<const D: usize>(
     window: &mut Window<'_, D>,
     forces: &GridForces<'_, D>,
     dt: f32,
-) {
+) -> f64 {
     run_wide(Accelerate {
         window,
         gain: lanes(&(forces.gravity * dt), 0.0),
     });
-    forces.obstacles.apply(window, &forces.material_friction);
+    let work = forces.obstacles.apply(window, &forces.material_friction);
     forces.walls.apply(window, &forces.material_friction);
+    work
 }
 
 /// Divides by the masses, and adds what gravity gains.

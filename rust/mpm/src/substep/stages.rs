@@ -82,7 +82,8 @@ impl<const D: usize> Substep<'_, D> {
                 }
                 (Stage::GridUpdate, ..) => {
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
-                    grid_update(window, &self.forces, self.step.dt);
+                    let work = grid_update(window, &self.forces, self.step.dt);
+                    unlocked(&outcomes[slab]).obstacle_work += work;
                 }
                 (Stage::G2p, part, parts) => {
                     let view = unsafe { grid.view(reach) };
@@ -93,7 +94,7 @@ impl<const D: usize> Substep<'_, D> {
                 }
             }
         });
-        // A maximum and a conjunction do not depend on the order.
+        // In the order of the slabs, on which the sum of the work depends.
         let outcomes = outcomes.iter().map(|outcome| *unlocked(outcome));
         outcomes.fold(Outcome::NOTHING, Outcome::and)
     }

@@ -60,6 +60,9 @@ pub struct FrameReport {
     pub smallest_dt: f32,
     /// What chose it.
     pub bound: Bound,
+    /// Work of moving obstacles on the material [J], in 2D per metre of depth: their impulses times their velocities. The
+    /// weight that they lift by putting back single particles is left out.
+    pub obstacle_work: f64,
 }
 
 /// The rule of the ground truth: taichi_elements' default_dt of 0.02 dx.
