@@ -153,9 +153,10 @@ impl<const D: usize> Obstacles<D> {
                 let (distance, normal) = obstacle.distance_in(pose, &x);
                 if acts_at(distance, &self.layout) {
                     let index = start + node.column as usize;
-                    let impulse = change_velocity(window, index, material_friction, |v, friction| {
-                        obstacle.resolve(pose, &x, v, &normal, friction)
-                    });
+                    let impulse =
+                        change_velocity(window, index, material_friction, |v, friction| {
+                            obstacle.resolve(pose, &x, v, &normal, friction)
+                        });
                     work += f64::from(impulse.dot(&velocity_of(pose, &x)));
                 }
             }

@@ -10,6 +10,7 @@ use super::field::Field;
 use super::force::gather_force;
 use super::gather::{move_along, take_velocities};
 use super::snapshot::{self, CarrierState};
+use super::straying::Straying;
 use super::surfaces::Surfaces;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;
@@ -22,6 +23,9 @@ use threads::Team;
 
 /// Frames from one carry to the next, where no particles come and go.
 pub const CARRY_EVERY: u64 = 4;
+
+/// Frames from one time to the next that the many are led back to where the few are; a multiple of `CARRY_EVERY`.
+const LEAD_EVERY: u64 = 16;
 
 /// Passes in which the many slide apart at a carry, at most. Few carries need more than two; in a splash at a wall eight
 /// were too few.
@@ -71,6 +75,7 @@ pub struct Carrier<const D: usize> {
     /// On the grid of the few.
     field: Field<D>,
     crowding: Crowding<D>,
+    straying: Straying<D>,
     team: Arc<Team>,
     state: CarrierState<D>,
     /// The particles at a frame after the latest carry, as they were last shown.
@@ -126,6 +131,7 @@ impl<const D: usize> Carrier<D> {
                 frictions: settings.materials.iter().map(|m| m.wall_friction).collect(),
             },
             field: Field::new(coarse_resolution),
+            straying: Straying::new(Layout::new(coarse_resolution), team.size()),
             crowding: Crowding::new(layout, constants.relaxation, walls, &resting, team.size()),
             team,
             state: CarrierState {
@@ -175,6 +181,9 @@ impl<const D: usize> Carrier<D> {
         moved?;
         self.shown = None;
         if frame.is_multiple_of(CARRY_EVERY) {
+            if frame.is_multiple_of(LEAD_EVERY) {
+                self.lead_back(few);
+            }
             self.part();
         } else {
             hold(&self.surfaces, &mut self.state.blocks, &self.team);
@@ -274,6 +283,22 @@ impl<const D: usize> Carrier<D> {
         self.state = snapshot::decode(resolution, &self.state, self.openings.any(), data)?;
         self.shown = None;
         Ok(())
+    }
+
+    /// Leads all particles back to where the few are.
+    fn lead_back(&mut self, few: &Few<'_>) {
+        let blocks = &mut self.state.blocks;
+        let (mut mass, mut cells) = (0.0, 0.0);
+        for block in &*blocks {
+            mass += block.mass.iter().sum::<f32>();
+            cells += block.volume.iter().sum::<f32>();
+        }
+        if mass > 0.0 {
+            let cell = self.surfaces.layout.dx().powi(D as i32);
+            let density = mass / (cells * cell);
+            self.straying.lead_back(blocks, few, density, &self.team);
+            hold(&self.surfaces, blocks, &self.team);
+        }
     }
 
     /// Lets all particles slide apart where they are too dense.

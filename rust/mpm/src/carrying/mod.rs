@@ -16,8 +16,11 @@ mod few;
 mod field;
 mod force;
 mod gather;
+mod slide;
 mod snapshot;
+mod straying;
 mod surfaces;
+mod tally;
 #[cfg(test)]
 mod tests;
 

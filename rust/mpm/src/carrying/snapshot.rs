@@ -8,7 +8,8 @@ use crate::openings::Population;
 use crate::snapshot::{Reader, fnv1a, read_population, write_population};
 
 const MAGIC: &[u8; 8] = b"HMPMCARR";
-const VERSION: u32 = 1;
+/// Raised where the same carry gives other bits, too: version 2 leads strayed particles back.
+const VERSION: u32 = 2;
 /// Magic, version, dimension, resolution.
 const HEADER: usize = 8 + 4 + 4 + 4;
 const CHECKSUM: usize = 8;

@@ -100,7 +100,7 @@ def _pools(of: str, dim: int) -> tuple[Trial, ...]:
 MOTION = (
     Stress(name="impact", text="a block is thrown at the floor", trials=_impacts, settings=EVERYWHERE),
     Stress(name="gravity", text="a block falls by 0.1 m", trials=_gravities, settings=EVERYWHERE),
-    Stress(name="jets", text="two streams meet head on", trials=_jets, settings=EVERYWHERE),
+    Stress(name="jets", text="two streams meet head on", trials=_jets),
     Stress(name="corner", text="everything is thrown into a corner", trials=_corners, settings=EVERYWHERE),
     Stress(name="one particle", text="a scene of a single particle", trials=_one_particle),
     Stress(

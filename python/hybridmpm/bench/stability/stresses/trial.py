@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.physics.stepper import Stepper
-from hybridmpm.scene import Box, Elastic, Sand, Scene, Water
+from hybridmpm.scene import Box, Elastic, Sand, Scene, Walls, Water
 from hybridmpm.simulator import Simulator
 
 Method = Literal["mpm", "carried", "neural", "hybrid"]
@@ -18,7 +18,9 @@ MODELS = {2: "fluids_2d", 3: "fluids_3d"}
 """Networks of the map by dimension; both move an eighth of the particles and carry the others."""
 
 FLOOR, CEILING = 0.1, 0.9
-"""Places of the walls along each axis, unless a stress is about walls [m]."""
+"""Places of the walls along each axis, unless a stress is about walls [m]; see `scene` for 3D."""
+_SHAFT = (0.4, 0.6)
+"""Places of the walls along x and z in 3D [m]: on a wide floor the block would be less than a cell deep."""
 GRAVITY = 9.81
 _FRAMES = {2: 800, 3: 480}
 _SIDE = {2: 0.2, 3: 0.12}
@@ -93,6 +95,9 @@ def block(of: str, dim: int, *, height: float = 0.1, side: float | None = None, 
 
 def scene(dim: int, *bodies: Box, **fields: Any) -> Scene:
     """Return a scene with these bodies, at the resolution that the networks were trained at."""
+    if dim == 3:
+        (low, high), floor = _SHAFT, FLOOR
+        fields = {"walls": Walls(lower=(low, floor, low), upper=(high, CEILING, high))} | fields
     return Scene(dim=dim, bodies=bodies, **fields)
 
 
