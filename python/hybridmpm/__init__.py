@@ -36,6 +36,7 @@ from hybridmpm.errors import (
     SimulationError,
     SketchError,
     SnapshotError,
+    SoftMaterialWarning,
     StepSizeError,
     ThinObstacleWarning,
     UnknownScenarioError,
@@ -66,6 +67,7 @@ from hybridmpm.simulator import Simulator
 
 if _TYPE_CHECKING:
     from hybridmpm import control, data, hybrid, metrics, physics, simulators
+    from hybridmpm.checking import SceneCheck, check
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
     from hybridmpm.simulators import load
@@ -108,6 +110,7 @@ __all__ = [
     "RungWarning",
     "Sand",
     "Scene",
+    "SceneCheck",
     "SceneError",
     "SegmentObstacle",
     "SimulationError",
@@ -115,6 +118,7 @@ __all__ = [
     "SketchError",
     "Sleep",
     "SnapshotError",
+    "SoftMaterialWarning",
     "StepSizeError",
     "ThinObstacleWarning",
     "UnknownScenarioError",
@@ -122,6 +126,7 @@ __all__ = [
     "Walls",
     "Water",
     "__version__",
+    "check",
     "control",
     "data",
     "downsampling",
@@ -136,7 +141,13 @@ __all__ = [
 ]
 
 _ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "simulators")
-_NAMES_ON_DEMAND = {"HybridSimulator": "hybrid", "NeuralPhysics": "physics", "load": "simulators"}
+_NAMES_ON_DEMAND = {
+    "HybridSimulator": "hybrid",
+    "NeuralPhysics": "physics",
+    "SceneCheck": "checking",
+    "check": "checking",
+    "load": "simulators",
+}
 """Room that has each name."""
 
 if not _TYPE_CHECKING:  # a type checker would take any name to be there

@@ -89,6 +89,14 @@ class CostlyMaterialWarning(UserWarning):
     """
 
 
+class SoftMaterialWarning(UserWarning):
+    """A material is so soft that its own weight compresses it by a tenth or more.
+
+    It runs, and stably, but what settles loses its volume. The message names the bodies and says how stiff they
+    should be.
+    """
+
+
 class ThinObstacleWarning(UserWarning):
     """An obstacle is thinner than two grid cells, so that fast material may pass through it.
 

@@ -50,22 +50,26 @@ def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[s
     each.
     """
     texts = []
-    for index, material in enumerate(scene.materials):
-        substeps = math.ceil(scene.frame_dt / _step(material, scene, resolution, cfl))
+    counts = substeps_by_material(scene, resolution, cfl)
+    for material, substeps in zip(scene.materials, counts, strict=True):
         if substeps >= MANY_SUBSTEPS:
-            places = [
-                f"{field}[{place}]"
-                for field, owners in (("bodies", scene.bodies), ("emitters", scene.emitters))
-                for place, owner in enumerate(owners)
-                if scene.materials.index(owner.material) == index
-            ]
             native = material.to_native(scene.potential_drop)
             texts.append(
-                f"{', '.join(places)}: {material.kind} of {native.density:g} kg/m^3 with waves of "
+                f"{scene.made_of(material)}: {material.kind} of {native.density:g} kg/m^3 with waves of "
                 f"{native.signal_speed(scene.dim):.0f} m/s takes {substeps} substeps in each frame of "
                 f"{scene.frame_dt * 1e3:g} ms; make it denser or softer, or take a coarser grid"
             )
     return texts
+
+
+def substeps_by_material(scene: Scene, resolution: int, cfl: float | None) -> list[int]:
+    """Return how many substeps a frame the waves of each material of `Scene.materials` ask for.
+
+    Parameters are those of `costly_materials`.
+    """
+    return [
+        math.ceil(scene.frame_dt / _step(material, scene, resolution, cfl)) for material in scene.materials
+    ]
 
 
 def _step(material: Material, scene: Scene, resolution: int, cfl: float | None) -> float:

@@ -13,12 +13,19 @@ from hybridmpm import _native
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.downsampling import Carrier, Rung, rung_for
 from hybridmpm.downsampling.carrier import Few
-from hybridmpm.errors import ConfigError, CostlyMaterialWarning, RungWarning, ThinObstacleWarning
+from hybridmpm.errors import (
+    ConfigError,
+    CostlyMaterialWarning,
+    RungWarning,
+    SoftMaterialWarning,
+    ThinObstacleWarning,
+)
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import carrier_of, native_solver
 from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.mpm.sleep import Sleep
+from hybridmpm.mpm.softness import soft_materials
 from hybridmpm.mpm.state import MpmState
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import ParticleLimitWarning, Scene
@@ -72,6 +79,8 @@ class MpmSolver(MpmState):
         An obstacle is thinner than two grid cells.
     CostlyMaterialWarning
         A body is so light or so stiff that each frame takes 200 substeps or more.
+    SoftMaterialWarning
+        A material is compressed by its own weight by a tenth or more.
     RungWarning
         The scene is faster than those that the rung was fitted to, an obstacle is thinner than a cell of its
         grid, or a frame had to be done again.
@@ -134,6 +143,8 @@ class MpmSolver(MpmState):
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
                 warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
+        for text in soft_materials(scene):
+            warnings.warn(text, SoftMaterialWarning, stacklevel=2)
         for text in scene.thin_obstacles():
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self.snapshot()

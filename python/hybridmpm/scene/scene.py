@@ -6,7 +6,7 @@ construction, so that the rest of the library may trust a scene.
 
 import html
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 import yaml
@@ -23,6 +23,9 @@ from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
 from hybridmpm.scene.sampling import Particles, sample
 from hybridmpm.scene.walls import Walls
+
+if TYPE_CHECKING:
+    from hybridmpm import SceneCheck, Simulator
 
 DEFAULT_MAX_PARTICLES = 200_000
 MIN_CELLS_THICK = 2
@@ -230,6 +233,16 @@ class Scene(Record):
         """The distinct materials of the bodies and the emitters, in order of first use."""
         return tuple(dict.fromkeys(part.material for part in (*self.bodies, *self.emitters)))
 
+    def made_of(self, material: Material) -> str:
+        """Return the paths of the bodies and emitters of a material, such as "bodies[0], bodies[2]"."""
+        parts = (("bodies", self.bodies), ("emitters", self.emitters))
+        return ", ".join(
+            f"{name}[{place}]"
+            for name, group in parts
+            for place, owner in enumerate(group)
+            if owner.material == material
+        )
+
     @property
     def potential_drop(self) -> float:
         """Product g h [m^2/s^2], where h is the height of the highest water above the floor; 0 without water.
@@ -256,6 +269,13 @@ class Scene(Record):
             for i, obstacle in enumerate(self.obstacles)
             if obstacle.smallest_extent < needed - _ROUNDING
         ]
+
+    def check(self, solver: "Simulator | None" = None) -> "SceneCheck":
+        """Tell whether this scene runs stably, what it costs and what may go wrong; see `hybridmpm.check`."""
+        # Checks stand on the simulators, which stand on scenes.
+        from hybridmpm import check  # noqa: PLC0415
+
+        return check(self, solver)
 
     def sample(self) -> "Particles":
         """Fill the bodies with particles; see `hybridmpm.scene.sampling`.

@@ -1,0 +1,116 @@
+"""`check`: whether a scene runs stably, what it costs, and what may go wrong, before any frame."""
+
+import math
+import warnings
+
+from hybridmpm.checking.geometry import of_geometry
+from hybridmpm.checking.matter import of_matter
+from hybridmpm.checking.openings import of_openings
+from hybridmpm.checking.probe import Probe, probe, probe_scene
+from hybridmpm.checking.report import Finding, SceneCheck
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm.cost import frame_cost
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator, checked_simulator
+
+_GRAVITY_ORDER = ("error", "warning", "note")
+_NODE_BYTES = 16
+"""Memory of a grid node [bytes]: momentum and mass."""
+_PARTICLE_BYTES = {"water": 380, "sand": 780, "elastic": 780}
+"""Memory of a particle with its state before the frame and what a frame needs, by material [bytes]."""
+_BASE_BYTES = 60 * 2**20
+"""Memory of a process that has imported the library [bytes]."""
+
+
+def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
+    """Tell what is known of a scene before its first frame.
+
+    A few frames are tried on a copy, for about half a second; where a frame alone takes longer, a few of its
+    substeps, or at least two frames of a `solver` that is given.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : Simulator, optional
+        The simulator of this scene that is asked about, which stays as it is; `MpmSolver(scene)` if absent.
+
+    Returns
+    -------
+    SceneCheck
+        What cannot run is an error among its findings, and none of the call.
+
+    Raises
+    ------
+    ConfigError
+        `solver` is no simulator, or one of another scene.
+    """
+    if solver is not None and checked_simulator(solver).scene != scene:
+        raise ConfigError("solver simulates another scene: make one of this scene, or leave it out")
+    found = list(findings(scene, resolution_of(solver, scene)))
+    tried: Probe | None = None
+    try:
+        with warnings.catch_warnings():
+            # What they say is among the findings.
+            warnings.simplefilter("ignore")
+            simulator = MpmSolver(scene) if solver is None else solver
+            tried = probe_scene(scene) if solver is None else probe(solver)
+    except (ConfigError, SimulationError) as error:
+        text = str(error)
+        found.append(Finding(severity="error", field="", problem=text, advice=""))
+        simulator = solver
+    unstable = _unstable(scene, simulator, tried)
+    if unstable is not None:
+        found.append(unstable)
+    if tried is None:
+        stable: bool | None = False
+    else:
+        stable = None if simulator is not None and simulator.kind == "neural" else unstable is None
+    count = frame_cost(scene).particles if simulator is None else simulator.particle_count
+    return SceneCheck(
+        scene=scene.title,
+        particles=count,
+        stable=stable,
+        bound=None if tried is None else tried.bound,
+        substeps=None if tried is None else tried.substeps,
+        milliseconds=None if tried is None else 1e3 * tried.seconds,
+        memory=estimated_memory(scene, resolution_of(simulator, scene), count),
+        findings=tuple(sorted(found, key=lambda one: _GRAVITY_ORDER.index(one.severity))),
+    )
+
+
+def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]:
+    """Return what a scene itself tells, without trying a frame; `resolution` is the grid's, the scene's if absent."""
+    return (*of_geometry(scene), *of_openings(scene), *of_matter(scene, resolution or scene.resolution))
+
+
+def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
+    """Return about how much memory a process needs that simulates so many particles on such a grid [bytes]."""
+    nodes = (resolution + 16) ** scene.dim
+    largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
+    return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
+
+
+def resolution_of(simulator: Simulator | None, scene: Scene) -> int:
+    """Return the cells per metre of the grid that simulates, the scene's where nothing tells."""
+    return int(getattr(simulator, "resolution", scene.resolution))
+
+
+def _unstable(scene: Scene, simulator: Simulator | None, tried: Probe | None) -> Finding | None:
+    """Return the finding that substeps were chosen above the stability limit, if they were."""
+    if tried is None or tried.substeps is None or tried.bound not in ("fixed", "reference"):
+        return None
+    dx = 1 / resolution_of(simulator, scene)
+    longest = min(
+        native.cfl_limit * dx / native.signal_speed(scene.dim)
+        for native in (material.to_native(scene.potential_drop or 1.0) for material in scene.materials)
+    )
+    if scene.frame_dt / tried.substeps <= longest:
+        return None
+    return Finding(
+        severity="error",
+        field="",
+        problem=f"{tried.substeps} substeps a frame are too few: each is {scene.frame_dt / tried.substeps:.3g} s "
+        f"long, and the stability limit is {longest:.3g} s",
+        advice=f'take {math.ceil(scene.frame_dt / longest)} or more, or substeps="cfl"',
+    )

@@ -1,0 +1,89 @@
+"""Findings about where things lie: thin solids and bodies, and bodies in each other or in solids."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.checking.report import Finding
+from hybridmpm.scene import Scene
+from hybridmpm.scene.scene import MIN_CELLS_THICK
+
+_FEW = 0.01
+"""Share of a body's particles below which nothing is said of what others took of it."""
+_SAMPLES = 20_000
+"""Points that are looked at in a body, at most."""
+
+_Points = npt.NDArray[np.float64]
+
+
+def of_geometry(scene: Scene) -> Iterator[Finding]:
+    """Yield what is to be said of the places and shapes of a scene's parts."""
+    yield from _thin_obstacles(scene)
+    yield from _thin_bodies(scene)
+    yield from _taken(scene)
+
+
+def _thin_obstacles(scene: Scene) -> Iterator[Finding]:
+    needed = MIN_CELLS_THICK * scene.dx
+    for index, obstacle in enumerate(scene.obstacles):
+        if obstacle.smallest_extent < needed * (1 - 1e-9):
+            yield Finding(
+                severity="warning",
+                field=f"obstacles[{index}]",
+                problem=f"is {obstacle.smallest_extent:.3g} m thick, less than {MIN_CELLS_THICK} cells of "
+                f"{scene.dx:.3g} m, so fast material may pass through it",
+                advice=f"make it at least {needed:.3g} m thick, or raise the resolution",
+            )
+
+
+def _thin_bodies(scene: Scene) -> Iterator[Finding]:
+    for index, body in enumerate(scene.bodies):
+        lower, upper = body.bounds
+        thickness = float((upper - lower).min())
+        if thickness < scene.dx * (1 - 1e-9):
+            yield Finding(
+                severity="warning",
+                field=f"bodies[{index}]",
+                problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its particles "
+                "hardly feel each other",
+                advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
+            )
+
+
+def _taken(scene: Scene) -> Iterator[Finding]:
+    """Say of what part of a body earlier bodies and obstacles take."""
+    solids = [obstacle.to_native() for obstacle in scene.obstacles]
+    for index, body in enumerate(scene.bodies):
+        lower, upper = body.bounds
+        x = _lattice(lower, upper, scene.spacing)
+        x = x[body.contains(x)]
+        if len(x) == 0:
+            continue
+        for before, other in enumerate(scene.bodies[:index]):
+            share = float(other.contains(x).mean())
+            if share > _FEW:
+                yield Finding(
+                    severity="warning",
+                    field=f"bodies[{index}]",
+                    problem=f"lies with {share:.0%} of its volume in bodies[{before}], which keeps that part",
+                    advice="move one of them, or leave out the part that both have",
+                )
+        for number, solid in enumerate(solids):
+            share = float((solid.signed_distance(x.astype(np.float32)) <= 0).mean())
+            if share > _FEW:
+                yield Finding(
+                    severity="warning",
+                    field=f"bodies[{index}]",
+                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no particle is put",
+                    advice="move one of them, or leave out the part inside",
+                )
+
+
+def _lattice(lower: _Points, upper: _Points, spacing: float) -> _Points:
+    """Return points (n, D) [m] spread evenly over a box, no denser than particles and not too many."""
+    sides = upper - lower
+    apart = max(spacing, float(np.prod(sides) / _SAMPLES) ** (1 / len(sides)))
+    counts = np.maximum(1, np.round(sides / apart).astype(int))
+    axes = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(lower, upper, counts, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))

@@ -1,0 +1,65 @@
+"""Findings about materials: what yields under its own weight, what makes a frame dear, what is far lighter than the rest."""
+
+from collections.abc import Iterator
+
+from hybridmpm.checking.report import Finding
+from hybridmpm.mpm.cost import substeps_by_material
+from hybridmpm.mpm.softness import SOFT, settled_compression
+from hybridmpm.scene import Scene, Water
+
+DEAR = 3.0
+"""How many times the substeps of all others a material asks for where it is said to be dear."""
+MANY_SUBSTEPS = 50
+"""Substeps a frame from which on the only material of a scene is said to be dear."""
+UNEQUAL = 100.0
+"""Ratio of densities from which on something is said."""
+
+
+def of_matter(scene: Scene, resolution: int) -> Iterator[Finding]:
+    """Yield what is to be said of the materials of a scene; `resolution` is the grid's that simulates it."""
+    yield from _soft(scene)
+    yield from _unequal(scene)
+    yield from _dear(scene, resolution)
+
+
+def _soft(scene: Scene) -> Iterator[Finding]:
+    for material in scene.materials:
+        compression = settled_compression(scene, material)
+        asked_for = isinstance(material, Water) and material.max_compression is not None
+        if compression > SOFT and not asked_for:
+            or_so = ", or give max_compression" if isinstance(material, Water) else ""
+            yield Finding(
+                severity="warning",
+                field=scene.made_of(material),
+                problem=f"{material.kind} is so soft that its own weight compresses it by "
+                f"{min(compression, 1.0):.0%}, so it loses its volume",
+                advice=f"make it {compression / SOFT:.2g} times as stiff{or_so}",
+            )
+
+
+def _unequal(scene: Scene) -> Iterator[Finding]:
+    lightest = min(scene.materials, key=lambda material: material.density)
+    heaviest = max(scene.materials, key=lambda material: material.density)
+    if heaviest.density > UNEQUAL * lightest.density:
+        yield Finding(
+            severity="warning",
+            field=scene.made_of(lightest),
+            problem=f"{lightest.density:g} kg/m^3 beside {heaviest.density:g} kg/m^3: where both share a grid "
+            "node, the lighter one moves as the denser one does",
+            advice=f"keep densities within a factor of {UNEQUAL:g}",
+        )
+
+
+def _dear(scene: Scene, resolution: int) -> Iterator[Finding]:
+    counts = substeps_by_material(scene, resolution, None)
+    for index, (material, count) in enumerate(zip(scene.materials, counts, strict=True)):
+        others = max((other for place, other in enumerate(counts) if place != index), default=0)
+        if count > (DEAR * others if others else MANY_SUBSTEPS - 1):
+            compared = f"; all others need {others}" if others else ""
+            yield Finding(
+                severity="note",
+                field=scene.made_of(material),
+                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a "
+                f"frame{compared}",
+                advice="make it softer or denser, or take a coarser grid",
+            )

@@ -1,0 +1,34 @@
+"""Findings about emitters: how many particles they will have added."""
+
+from collections.abc import Iterator
+
+from hybridmpm.checking.report import Finding
+from hybridmpm.scene import Scene
+
+_GROWTH = 2.0
+"""How many times the particles of the start a scene has to reach before something is said of it."""
+
+
+def of_openings(scene: Scene) -> Iterator[Finding]:
+    """Yield what is to be said of the emitters of a scene. One that opens into a solid is refused by any solver."""
+    added = [emitted(scene, index) for index in range(len(scene.emitters))]
+    before = sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim
+    after = min(before + sum(added), scene.max_particles)
+    if added and after > _GROWTH * max(before, 1.0):
+        full = ", where max_particles stops them" if before + sum(added) > scene.max_particles else ""
+        growth = f", and a frame then takes about {after / before:.2g} times as long" if before >= 1 else ""
+        yield Finding(
+            severity="note",
+            field="emitters",
+            problem=f"bring the scene from {before:.0f} to up to {after:.0f} particles by frame {scene.frames}"
+            f"{full}{growth}",
+            advice="lower max_particles, or give the emitters an earlier stop, if that is too many",
+        )
+
+
+def emitted(scene: Scene, index: int) -> float:
+    """Return how many particles an emitter adds in the suggested length of a scene, if nothing blocks it."""
+    emitter = scene.emitters[index]
+    end = scene.frames * scene.frame_dt
+    seconds = max(0.0, min(end, end if emitter.stop is None else emitter.stop) - emitter.start)
+    return len(emitter.sites(scene.spacing)) * emitter.speed * seconds / scene.spacing

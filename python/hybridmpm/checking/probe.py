@@ -1,0 +1,78 @@
+"""A probe: a few frames on a copy of a simulator, which tell how frames are cut and how long they take."""
+
+import time
+from dataclasses import dataclass
+
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm.cost import frame_cost
+from hybridmpm.scene import Scene
+from hybridmpm.simulator import Simulator
+
+_SECONDS = 0.25
+"""Time after which a probe ends [s], once it has enough frames."""
+_FRAMES = 12
+"""Frames of a probe, at most, beside those that bring it to its pace."""
+_LONG = 5_000_000
+"""Particles times substeps from which on a frame is too long to be tried whole: a tenth of a second or more."""
+_SHORT_SUBSTEPS = 4
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What the first frames of a simulator are like."""
+
+    seconds: float
+    """Time of a frame [s]."""
+    substeps: int | None
+    """Substeps of MPM's latest frame; None where MPM made none."""
+    bound: str | None
+    """What chose the shortest of them."""
+
+
+def probe_scene(scene: Scene) -> Probe:
+    """Try MPM on a scene; of long frames a few substeps.
+
+    Raises
+    ------
+    SceneError
+        The scene cannot be filled with particles.
+    SimulationError
+        A frame failed.
+    """
+    cost = frame_cost(scene)
+    if cost.particle_substeps < _LONG:
+        return probe(MpmSolver(scene))
+    share = min(1.0, _SHORT_SUBSTEPS / cost.substeps)
+    short = scene.model_copy(update={"frame_dt": scene.frame_dt * share})
+    found = probe(MpmSolver(short))
+    substeps = round((found.substeps or 1) / share)
+    return Probe(found.seconds * substeps / (found.substeps or 1), substeps, found.bound)
+
+
+def probe(simulator: Simulator) -> Probe:
+    """Advance a copy by a few frames; the simulator itself stays as it is.
+
+    A network needs frames of MPM before its first step, and moves only every `r_t` frames: those are tried
+    first, and whole steps are timed.
+
+    Raises
+    ------
+    SimulationError
+        A frame failed.
+    """
+    twin = simulator.copy()
+    stride = twin.r_t
+    pace = stride if stride == 1 else 7 * stride
+    twin.advance(pace)
+    report = twin.last_frame
+    times = []
+    while len(times) < max(1, _FRAMES // stride) and sum(times) < _SECONDS:
+        begin = time.perf_counter()
+        twin.advance(stride)
+        times.append(time.perf_counter() - begin)
+        report = twin.last_frame or report
+    return Probe(
+        seconds=sorted(times)[len(times) // 2] / stride,
+        substeps=None if report is None else report.substeps,
+        bound=None if report is None else report.bound,
+    )

@@ -1,0 +1,97 @@
+"""`hybridmpm check`: what is known of a scene before its first frame."""
+
+import json
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from hybridmpm import checking, scenarios
+from hybridmpm.checking import Finding, SceneCheck
+from hybridmpm.cli.options import completing, seed_option, substeps_option, threads_option
+from hybridmpm.downsampling import rung_table
+from hybridmpm.errors import ConfigError, RungWarning, SceneError, SimulationError
+from hybridmpm.mpm import MpmSolver, Substeps
+from hybridmpm.scene import Scene
+
+
+@click.command()
+@click.argument("scene", shell_complete=completing(lambda: scenarios.NAMES))
+@seed_option
+@substeps_option("cfl")
+@click.option(
+    "--rung",
+    metavar="NAME",
+    shell_complete=completing(lambda: rung_table().ratios),
+    help="Fitted rung, such as 1/16, whose cost is asked about.",
+)
+@threads_option
+@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+@click.pass_context
+def check(
+    ctx: click.Context,
+    *,
+    scene: str,
+    seed: int,
+    substeps: Substeps,
+    rung: str | None,
+    threads: int,
+    as_json: bool,
+) -> None:
+    """Tell whether SCENE runs stably, what it costs and what may go wrong, and what to change.
+
+    SCENE is a file, .json or .yaml, or the name of a scenario. A few frames are tried. The exit status is 1 if
+    the scene cannot run, or not stably.
+    """
+    try:
+        made = scenarios.get(scene, seed) if scene in scenarios.NAMES else Scene.load(_file(scene))
+    except SceneError as error:
+        _refused(scene, error, as_json=as_json)
+        ctx.exit(1)
+    found = _asked(made, substeps=substeps, rung=rung, threads=threads)
+    click.echo(json.dumps(found.to_dict(), indent=2) if as_json else str(found))
+    ctx.exit(0 if found.ok else 1)
+
+
+def _asked(scene: Scene, *, substeps: Substeps, rung: str | None, threads: int) -> SceneCheck:
+    """Check a scene with the settings that were asked about, and say what the rung says."""
+    if substeps == "cfl" and rung is None and threads == 1:
+        return checking.check(scene)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            solver = MpmSolver(scene, substeps=substeps, rung=rung, threads=threads)
+        except SimulationError as error:
+            found = checking.check(scene)
+            refused = Finding(severity="error", field="", problem=str(error), advice="")
+            return replace(found, stable=False, findings=(refused, *found.findings))
+    told = tuple(
+        Finding(severity="warning", field="", problem=str(one.message), advice="")
+        for one in caught
+        if issubclass(one.category, RungWarning)
+    )
+    found = checking.check(scene, solver)
+    return replace(found, findings=(*told, *found.findings))
+
+
+def _file(name: str) -> Path:
+    path = Path(name)
+    if not path.is_file():
+        known = ", ".join(scenarios.NAMES)
+        raise ConfigError(f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}")
+    return path
+
+
+def _refused(scene: str, error: SceneError, *, as_json: bool) -> None:
+    """Print all faults of a scene that is none."""
+    faults = [{"severity": "error", "field": field, "problem": text} for field, text in error.problems] or [
+        {"severity": "error", "field": "", "problem": str(error)}
+    ]
+    if as_json:
+        click.echo(json.dumps({"scene": scene, "ok": False, "findings": faults}, indent=2))
+        return
+    click.echo(f"{scene}: no valid scene; {len(faults)} fault{'s' * (len(faults) > 1)}")
+    for fault in faults:
+        where = f"{fault['field']}: " if fault["field"] else ""
+        click.echo(f"  error: {where}{fault['problem']}")

@@ -1,0 +1,47 @@
+"""Materials that yield under their own weight, told from a scene alone."""
+
+import numpy as np
+
+from hybridmpm.scene import Material, Scene, Water
+
+SOFT = 0.1
+"""Compression under its own weight from which on a material counts as too soft [-]."""
+
+
+def settled_compression(scene: Scene, material: Material) -> float:
+    """Return about how much a material is compressed at its lowest point once it lies still [-].
+
+    Water counts as spread over the whole floor, other materials as their tallest body stands at the start. The pressure
+    is that of so much of it alone, over the modulus against compression along one axis. Above 1 it collapses.
+    """
+    gravity = np.array(scene.gravity)
+    axis = int(np.argmax(np.abs(gravity)))
+    mine = [body for body in scene.bodies if body.material == material]
+    if isinstance(material, Water):
+        sides = np.array(scene.walls.upper) - np.array(scene.walls.lower)
+        depth = sum(body.measure for body in mine) / float(np.prod(np.delete(sides, axis)))
+    else:
+        depth = max((float((body.bounds[1] - body.bounds[0])[axis]) for body in mine), default=0.0)
+    # Without gravity no water has a stiffness that follows from its depth, so any number above 0 will do.
+    native = material.to_native(scene.potential_drop or 1.0)
+    modulus = native.density * native.sound_speed**2
+    return float(native.density * abs(gravity[axis]) * depth / modulus)
+
+
+def soft_materials(scene: Scene) -> list[str]:
+    """Return a sentence for each material that its own weight compresses by more than `SOFT`.
+
+    Water with `max_compression` is what somebody asked for.
+    """
+    texts = []
+    for material in scene.materials:
+        compression = settled_compression(scene, material)
+        asked_for = isinstance(material, Water) and material.max_compression is not None
+        if compression > SOFT and not asked_for:
+            or_so = ", or give max_compression" if isinstance(material, Water) else ""
+            texts.append(
+                f"{scene.made_of(material)}: {material.kind} is so soft that its own weight compresses it by "
+                f"{min(compression, 1.0):.0%}, so it loses its volume; make it {compression / SOFT:.2g} times "
+                f"as stiff{or_so}"
+            )
+    return texts

@@ -1,0 +1,182 @@
+"""A check tells of a scene, before any frame, what a run of it would show."""
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from hybridmpm import ConfigError, MpmSolver, NeuralPhysics, Scene, SoftMaterialWarning, scenarios
+from hybridmpm.checking import Finding, check
+from hybridmpm.cli import cli
+
+BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
+
+
+def scene(*bodies: dict[str, Any], **fields: Any) -> Scene:
+    return Scene.parse({"dim": 2, "resolution": 64, "bodies": list(bodies or (BLOCK,))} | fields)
+
+
+def only(found: tuple[Finding, ...]) -> Finding:
+    assert len(found) == 1, found
+    return found[0]
+
+
+def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
+    found = scene().check()
+    assert found.findings == ()
+    assert found.ok
+    assert found.stable is True
+    solver = MpmSolver(scene())
+    solver.advance(1)
+    assert solver.last_frame is not None
+    assert (found.particles, found.substeps) == (solver.particle_count, solver.last_frame.substeps)
+    assert found.bound == "sound"
+    assert found.milliseconds is not None
+    assert 0.001 < found.milliseconds < 1000
+    assert 50e6 < found.memory < 200e6
+    assert "nothing to remark" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("changed", "severity", "field", "words"),
+    [
+        (
+            {"obstacles": [{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}]},
+            "warning", "obstacles[0]", ["0.01 m thick", "0.0312 m"],
+        ),
+        (
+            {"bodies": [BLOCK | {"upper": [0.4, 0.21]}]},
+            "warning", "bodies[0]", ["0.01 m thin", "0.0156 m"],
+        ),
+        (
+            {"bodies": [BLOCK, BLOCK | {"lower": [0.3, 0.2], "upper": [0.5, 0.4]}]},
+            "warning", "bodies[1]", ["50% of its volume in bodies[0]"],
+        ),
+        (
+            {"obstacles": [{"shape": "box", "lower": [0.3, 0.1], "upper": [0.6, 0.5]}]},
+            "warning", "bodies[0]", ["50% of its volume in obstacles[0]"],
+        ),
+        (
+            {"bodies": [BLOCK | {"material": {"kind": "water", "bulk_modulus": 1000}}]},
+            "warning", "bodies[0]", ["49%", "4.9 times as stiff"],
+        ),
+        (
+            {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}]},
+            "warning", "bodies[0]", ["2 kg/m^3 beside 1000 kg/m^3"],
+        ),
+        (
+            {"bodies": [BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}}]},
+            "note", "bodies[0]", ["substeps a frame"],
+        ),
+        (
+            {"emitters": [{"shape": "rectangle", "lower": [0.5, 0.5], "upper": [0.5, 0.7], "material": "water", "velocity": [1, 0]}], "frames": 800},
+            "note", "emitters", ["from 655 to up to 7055", "11 times as long"],
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else None,
+)  # fmt: skip
+def test_each_finding_names_place_figures_and_remedy(
+    changed: dict[str, Any], severity: str, field: str, words: list[str]
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = scene(**changed).check()
+    mine = [one for one in found.findings if (one.severity, one.field) == (severity, field)]
+    one = next(one for one in mine if words[0] in one.problem)
+    assert all(word in f"{one.problem}; {one.advice}" for word in words), one
+    assert one.advice
+    assert str(one) in str(found)
+    assert found.ok
+
+
+def test_the_gravest_comes_first() -> None:
+    found = scene(
+        BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}},
+        obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}],
+    ).check()
+    assert [one.severity for one in found.findings] == ["warning", "note"]
+
+
+def test_substeps_above_the_limit_are_an_error_whoever_refuses_them() -> None:
+    made = scene()
+    unstable = MpmSolver(made, substeps=1, allow_unstable=True)
+    found = made.check(unstable)
+    assert found.stable is False
+    one = only(found.findings)
+    assert one.severity == "error"
+    assert "1 substeps a frame are too few" in one.problem
+    assert unstable.frame == 0
+    fixed = MpmSolver(made, substeps=20)
+    assert made.check(fixed).stable is True
+
+
+def test_what_cannot_be_filled_is_a_finding_and_no_error() -> None:
+    twice = scene(BLOCK, BLOCK).check()
+    assert not twice.ok
+    assert twice.substeps is None
+    assert any("room for no particle" in one.problem for one in twice.findings)
+
+
+def test_the_simulator_asked_about_stays_as_it_is() -> None:
+    made = scenarios.water_2d(7)
+    network = NeuralPhysics(made, "fluids_2d")
+    before = network.snapshot()
+    found = check(made, network)
+    assert network.snapshot() == before
+    assert found.stable is None
+    assert found.milliseconds is not None
+
+
+def test_a_solver_of_another_scene_is_refused() -> None:
+    with pytest.raises(ConfigError, match="another scene"):
+        scene().check(MpmSolver(scenarios.water_2d(0)))
+    with pytest.raises(ConfigError, match="write MpmSolver"):
+        check(scene(), scene())  # type: ignore[arg-type]
+
+
+def test_a_long_frame_is_tried_in_part() -> None:
+    stiff = scene(BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e12}})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = stiff.check()
+    assert found.substeps is not None
+    assert found.substeps > 5000
+    assert found.milliseconds is not None
+    assert found.milliseconds > 20
+
+
+def test_soft_material_is_warned_of() -> None:
+    with pytest.warns(SoftMaterialWarning, match=r"bodies\[0\]: water is so soft .* max_compression"):
+        MpmSolver(scene(BLOCK | {"material": {"kind": "water", "bulk_modulus": 1000}}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MpmSolver(scene(BLOCK | {"material": {"kind": "water", "max_compression": 0.2}}))
+
+
+def test_the_command_prints_lines_or_json(tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(scene(obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}]).to_json())
+    result = CliRunner().invoke(cli, ["check", str(file)])
+    assert result.exit_code == 0, result.output
+    assert "warning: obstacles[0]: is 0.01 m thick" in result.output
+    answer = json.loads(CliRunner().invoke(cli, ["check", str(file), "--json"]).stdout)
+    assert answer["ok"] is True
+    assert answer["findings"][0]["field"] == "obstacles[0]"
+    assert CliRunner().invoke(cli, ["check", str(file), "--rung", "1/16"]).exit_code == 0
+
+
+def test_the_command_lists_all_faults_of_a_scene_that_is_none(tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text('{"dim": 2, "resolution": 4, "frame_dt": 7, "bodies": []}')
+    result = CliRunner().invoke(cli, ["check", str(file)])
+    assert result.exit_code == 1
+    assert "2 faults" in result.output
+    assert "resolution: must be in [8, 1024]" in result.output
+    answer = json.loads(CliRunner().invoke(cli, ["check", str(file), "--json"]).stdout)
+    assert [one["field"] for one in answer["findings"]] == ["resolution", "frame_dt"]
+    missing = CliRunner().invoke(cli, ["check", "nothing"])
+    assert missing.exit_code == 2
+    assert "neither a file nor a scenario" in missing.output
