@@ -370,8 +370,11 @@ class FrameReport:
         "fixed" (the caller chose).
         """
     @property
+    def max_speed(self) -> float:
+        """Largest speed of a particle at the end of the frame [m/s]."""
+    @property
     def obstacle_work(self) -> float:
-        """Work of moving obstacles on the material [J], in 2D per metre of depth: impulses times velocities."""
+        """Work of moving obstacles on the material [J], in 2D per metre: impulses times velocities."""
 
 @final
 class MotionReport:

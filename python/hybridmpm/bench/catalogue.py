@@ -35,5 +35,5 @@ BENCHES: dict[str, Origin] = {
         modules=("hybridmpm.bench.service.service",), programs=("service/hybridmpm_service/**/*.py",)
     ),
 }
-"""Modules and data by the name of the result in docs/results, which is that of its command; the map of stability is made
-by `stability --map`."""
+"""Modules and data by the name of the result in docs/results, which is that of its command; the map of
+stability is made by `stability --map`."""

@@ -1,4 +1,4 @@
-"""What is known of a simulation before its first frame: whether it is stable, what it costs, and what may go wrong."""
+"""What is known of a scene before its first frame: stability, cost, and what may go wrong."""
 
 from hybridmpm.checking.check import check, findings
 from hybridmpm.checking.report import Finding, SceneCheck, Severity

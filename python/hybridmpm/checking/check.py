@@ -49,6 +49,7 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
         raise ConfigError("solver simulates another scene: make one of this scene, or leave it out")
     found = list(findings(scene, resolution_of(solver, scene)))
     tried: Probe | None = None
+    simulator = solver
     try:
         with warnings.catch_warnings():
             # What they say is among the findings.
@@ -58,7 +59,6 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
     except (ConfigError, SimulationError) as error:
         text = str(error)
         found.append(Finding(severity="error", field="", problem=text, advice=""))
-        simulator = solver
     unstable = _unstable(scene, simulator, tried)
     if unstable is not None:
         found.append(unstable)
@@ -80,13 +80,13 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
 
 
 def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]:
-    """Return what a scene itself tells, without trying a frame; `resolution` is the grid's, the scene's if absent."""
+    """Return what a scene itself tells, on a grid of so many cells per metre, the scene's if absent."""
     return (*of_geometry(scene), *of_openings(scene), *of_matter(scene, resolution or scene.resolution))
 
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
-    """Return about how much memory a process needs that simulates so many particles on such a grid [bytes]."""
-    nodes = (resolution + 16) ** scene.dim
+    """Return about how much memory a process needs for so many particles on such a grid [bytes]."""
+    nodes = math.prod([resolution + 16] * scene.dim)
     largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
     return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
 
@@ -110,7 +110,7 @@ def _unstable(scene: Scene, simulator: Simulator | None, tried: Probe | None) ->
     return Finding(
         severity="error",
         field="",
-        problem=f"{tried.substeps} substeps a frame are too few: each is {scene.frame_dt / tried.substeps:.3g} s "
-        f"long, and the stability limit is {longest:.3g} s",
+        problem=f"{tried.substeps} substeps a frame are too few: each is "
+        f"{scene.frame_dt / tried.substeps:.3g} s long, and the stability limit is {longest:.3g} s",
         advice=f'take {math.ceil(scene.frame_dt / longest)} or more, or substeps="cfl"',
     )

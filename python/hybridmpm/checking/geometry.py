@@ -45,8 +45,8 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
             yield Finding(
                 severity="warning",
                 field=f"bodies[{index}]",
-                problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its particles "
-                "hardly feel each other",
+                problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its "
+                "particles hardly feel each other",
                 advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
             )
 
@@ -75,7 +75,8 @@ def _taken(scene: Scene) -> Iterator[Finding]:
                 yield Finding(
                     severity="warning",
                     field=f"bodies[{index}]",
-                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no particle is put",
+                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no particle "
+                    "is put",
                     advice="move one of them, or leave out the part inside",
                 )
 

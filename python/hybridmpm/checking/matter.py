@@ -1,4 +1,4 @@
-"""Findings about materials: what yields under its own weight, what makes a frame dear, what is far lighter than the rest."""
+"""Findings about materials: what yields under its own weight, what is far lighter, what makes frames dear."""
 
 from collections.abc import Iterator
 
@@ -44,8 +44,8 @@ def _unequal(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             severity="warning",
             field=scene.made_of(lightest),
-            problem=f"{lightest.density:g} kg/m^3 beside {heaviest.density:g} kg/m^3: where both share a grid "
-            "node, the lighter one moves as the denser one does",
+            problem=f"{lightest.density:g} kg/m^3 beside {heaviest.density:g} kg/m^3: where both share a "
+            "grid node, the lighter one moves as the denser one does",
             advice=f"keep densities within a factor of {UNEQUAL:g}",
         )
 

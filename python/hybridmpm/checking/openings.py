@@ -10,7 +10,7 @@ _GROWTH = 2.0
 
 
 def of_openings(scene: Scene) -> Iterator[Finding]:
-    """Yield what is to be said of the emitters of a scene. One that opens into a solid is refused by any solver."""
+    """Yield what is to be said of emitters; one that opens into a solid is refused by any solver."""
     added = [emitted(scene, index) for index in range(len(scene.emitters))]
     before = sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim
     after = min(before + sum(added), scene.max_particles)
@@ -20,8 +20,8 @@ def of_openings(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             severity="note",
             field="emitters",
-            problem=f"bring the scene from {before:.0f} to up to {after:.0f} particles by frame {scene.frames}"
-            f"{full}{growth}",
+            problem=f"bring the scene from {before:.0f} to up to {after:.0f} particles by frame "
+            f"{scene.frames}{full}{growth}",
             advice="lower max_particles, or give the emitters an earlier stop, if that is too many",
         )
 

@@ -13,7 +13,8 @@ _SECONDS = 0.25
 _FRAMES = 12
 """Frames of a probe, at most, beside those that bring it to its pace."""
 _LONG = 5_000_000
-"""Particles times substeps from which on a frame is too long to be tried whole: a tenth of a second or more."""
+"""Particles times substeps from which on a frame is too long to be tried whole: a tenth of a second or
+more."""
 _SHORT_SUBSTEPS = 4
 
 
@@ -65,7 +66,7 @@ def probe(simulator: Simulator) -> Probe:
     pace = stride if stride == 1 else 7 * stride
     twin.advance(pace)
     report = twin.last_frame
-    times = []
+    times: list[float] = []
     while len(times) < max(1, _FRAMES // stride) and sum(times) < _SECONDS:
         begin = time.perf_counter()
         twin.advance(stride)

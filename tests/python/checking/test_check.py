@@ -14,6 +14,15 @@ from hybridmpm.cli import cli
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
 
+BESIDE = BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}
+OPENING = {
+    "shape": "rectangle",
+    "lower": [0.5, 0.5],
+    "upper": [0.5, 0.7],
+    "material": "water",
+    "velocity": [1, 0],
+}
+
 
 def scene(*bodies: dict[str, Any], **fields: Any) -> Scene:
     return Scene.parse({"dim": 2, "resolution": 64, "bodies": list(bodies or (BLOCK,))} | fields)
@@ -64,7 +73,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
             "warning", "bodies[0]", ["49%", "4.9 times as stiff"],
         ),
         (
-            {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}]},
+            {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, BESIDE]},
             "warning", "bodies[0]", ["2 kg/m^3 beside 1000 kg/m^3"],
         ),
         (
@@ -72,7 +81,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
             "note", "bodies[0]", ["substeps a frame"],
         ),
         (
-            {"emitters": [{"shape": "rectangle", "lower": [0.5, 0.5], "upper": [0.5, 0.7], "material": "water", "velocity": [1, 0]}], "frames": 800},
+            {"emitters": [OPENING], "frames": 800},
             "note", "emitters", ["from 655 to up to 7055", "11 times as long"],
         ),
     ],
