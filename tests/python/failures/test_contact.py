@@ -121,7 +121,7 @@ def test_an_obstacle_of_one_cell_lets_fast_particles_through(build: Build) -> No
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_nothing_passes_between_a_wall_and_a_box_that_ends_on_it(axis: int) -> None:
-    """Put back to the nearest face, what got into the end of the box came out on the wall, and ran along it."""
+    """What got into the end of a box was once put back to its face on the wall, and ran down there."""
     lower, upper, start, end = [0.1, 0.1], [0.9, 0.9], [0.4, 0.1], [0.6, 0.3]
     lower[1 - axis], upper[1 - axis] = 0.36, 0.4
     start[1 - axis], end[1 - axis] = 0.55, 0.75
