@@ -14,6 +14,7 @@ from hybridmpm.cli.bench.service import service
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 from hybridmpm.cli.bench.sweep import sweep
+from hybridmpm.cli.bench.tradeoff import tradeoff
 
 __all__ = ["bench"]
 
@@ -59,7 +60,7 @@ def _print_stale(folder: Path) -> None:
 
 _COMMANDS = (
     mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
-    shares, hybrid, reversal, control, service,
+    shares, hybrid, reversal, tradeoff, control, service,
 )  # fmt: skip
 
 for command in _COMMANDS:
