@@ -60,7 +60,9 @@ def entrants(scenario: str, patterns: Sequence[str] = ()) -> dict[str, Entrant]:
     found = {one.name: one for one in (*_solvers(), *_learned(scenario))}
     chosen = {name: one for name, one in found.items() if matches(name, patterns)}
     if not chosen:
-        raise ConfigError(f"no entrant of {scenario} matches {', '.join(patterns)}; known: {', '.join(found)}")
+        raise ConfigError(
+            f"no entrant of {scenario} matches {', '.join(patterns)}; known: {', '.join(found)}"
+        )
     return chosen
 
 
@@ -106,7 +108,10 @@ def _learned(scenario: str) -> Iterator[Entrant]:
             for r_c in THRESHOLDS:
                 settings = {"r_c": r_c, "guards": _SOUND}
                 yield hybrid(
-                    label=f"{name} r_c {r_c}", variant="cosine", r_c=r_c, make=partial(_hybrid, name, settings)
+                    label=f"{name} r_c {r_c}",
+                    variant="cosine",
+                    r_c=r_c,
+                    make=partial(_hybrid, name, settings),
                 )
 
 

@@ -76,7 +76,9 @@ def after(run: Recording, start: int) -> Recording:
 
 
 def _transport(predicted: Recording, true: Recording, row: int) -> float:
-    return metrics.transport_distance(predicted.positions[row], predicted.mass, true.positions[row], true.mass)
+    return metrics.transport_distance(
+        predicted.positions[row], predicted.mass, true.positions[row], true.mass
+    )
 
 
 def _density(states: Recording, rows: list[int]) -> npt.NDArray[np.float64]:

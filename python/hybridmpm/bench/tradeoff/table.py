@@ -19,7 +19,6 @@ BOUNDS = (errors.JITTER, errors.STILL, errors.MERGED)
 _RIVALS = ("mpm", "carried")
 """Methods that a learned one has to beat."""
 _ORIGIN = ("machine", "date", "commit", "command")
-_TIMES = ("ms_per_frame", "ms_p95", "ms_frame_p95", "slowdown")
 
 
 def table(settings: TradeoffSettings, runs: Gathered) -> list[Row]:
@@ -31,8 +30,8 @@ def table(settings: TradeoffSettings, runs: Gathered) -> list[Row]:
     frames that MPM simulated.
 
     `ms_per_frame` and `ms_p95` are median and 95th percentile over pieces of 8 frames of the scenario's
-    reference scene, each frame looked at, so that carrying and interpolation count; `ms_frame_p95` is the
-    95th percentile of single frames. Of a peer the quickest `setting` counts, and nobody looks at it. The
+    reference scene, each frame looked at, so that carrying and interpolation count; `ms_mean` is their mean,
+    `ms_frame_p95` the 95th percentile of single frames. Of a peer the quickest `setting` counts, and nobody looks at it. The
     paper's networks have a latency alone: median and 95th percentile of single steps, by frame.
 
     `on_front` tells whether no other is both quicker and better by `error`, `on_front_transport` the same by
@@ -107,7 +106,7 @@ def _row(
         "failed": sum(bool(row["failed"]) for row in known),
         "warned": sum(bool(row.get("warned")) for row in known),
         **mean,
-        **{field: time.get(field) for field in _TIMES},
+        **{field: time.get(field) for field in times.FIELDS},
         **estimates,
         **{field: first.get(field) for field in _ORIGIN},
         "timed_date": time.get("date"),

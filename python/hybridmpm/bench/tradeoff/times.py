@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from hybridmpm.bench.accuracy.latency import first_frame
 from hybridmpm.bench.accuracy.methods import reference_scene
-from hybridmpm.bench.peers.loading import SOLVERS
 from hybridmpm.bench.peers.process import Worker
 from hybridmpm.bench.report.calibration import Calibration
 from hybridmpm.bench.report.gathered import Gathered
@@ -35,6 +34,8 @@ _TURN = 5 * PIECE
 """Frames that a simulation goes on in one turn; the first piece of five finds the caches of others."""
 QUIET = 1.15
 """Slowdown of the machine from which on a time counts as taken under load [-]."""
+FIELDS = ("ms_per_frame", "ms_p95", "ms_mean", "ms_frame_p95", "slowdown")
+"""Fields of a row that tell of its time."""
 
 _Seconds = npt.NDArray[np.float64]
 
@@ -86,11 +87,12 @@ class Times:
     """Lower quartile over the passes of the machine's slowdown, the largest of the turns [-]."""
 
     def fields(self) -> Row:
-        """Return median and 95th percentile of the pieces, and the 95th percentile of single frames [ms]."""
+        """Return median, 95th percentile and mean of the pieces, and the 95th percentile of frames [ms]."""
         pieces = 1e3 * self.seconds.reshape(-1, PIECE).mean(axis=1)
         return {
             "ms_per_frame": significant(float(np.median(pieces))),
             "ms_p95": significant(float(np.percentile(pieces, 95))),
+            "ms_mean": significant(float(pieces.mean())),
             "ms_frame_p95": significant(float(np.percentile(1e3 * self.seconds, 95))),
             "slowdown": significant(self.slowdown, 3),
         }
@@ -157,7 +159,7 @@ def _scenario_times(scenario: str, scene: Scene, settings: TradeoffSettings) -> 
                 try:
                     simulator.advance(start)
                 except SimulationError:
-                    yield name, {"ms_per_frame": None, "ms_p95": None, "ms_frame_p95": None}
+                    yield name, dict.fromkeys(FIELDS)
                     facts.pop()
                     continue
             timed.append(OwnTiming(simulator))
@@ -170,7 +172,7 @@ def _scenario_times(scenario: str, scene: Scene, settings: TradeoffSettings) -> 
             times = by_turns(timed, settings.span, settings.passes, settings.threads)
     best: dict[str, Row] = {}
     for (name, more), spent in zip(facts, times, strict=True):
-        row = {"ms_per_frame": None, "ms_p95": None, "ms_frame_p95": None} if spent is None else spent.fields()
+        row = dict.fromkeys(FIELDS) if spent is None else spent.fields()
         row |= more | {"start": start, "particles": len(scene.sample().x)}
         quickest = best.get(name, row)["ms_per_frame"]
         if row["ms_per_frame"] is not None and (quickest is None or row["ms_per_frame"] <= quickest):
@@ -188,8 +190,3 @@ def _peer_timings(worker: Worker, scene: Scene, start: int) -> Iterator[tuple[st
     substeps = reference_substeps(scene)
     for setting, threads in worker.call("settings").items():
         yield setting, threads, PeerTiming(worker, setting, scene, substeps)
-
-
-def known_peers() -> tuple[str, ...]:
-    """Return the packages of peers that can be timed."""
-    return SOLVERS

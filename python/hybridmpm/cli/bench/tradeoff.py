@@ -27,7 +27,7 @@ from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 
 _COLUMNS = (
-    "scenario", "method", "label", "threads", "ms_per_frame", "ms_p95", "ms_frame_p95", "error", "error_se",
+    "scenario", "method", "label", "threads", "ms_per_frame", "ms_p95", "ms_mean", "error", "error_se",
     "error_40", "error_100", "error_200", "transport", "kinetic_energy", "centroid", "density", "mpm_share",
     "failed", "on_front", "dominated_by", "as_good_ms",
 )  # fmt: skip
@@ -156,4 +156,6 @@ def _tell_load(rows: list[dict[str, object]]) -> None:
         if isinstance(row["slowdown"], float) and row["slowdown"] > times.QUIET
     }
     if slow:
-        click.echo(f"The machine was busy while these were timed, so time them again: {', '.join(sorted(slow))}")
+        click.echo(
+            f"The machine was busy while these were timed, so time them again: {', '.join(sorted(slow))}"
+        )
