@@ -1,6 +1,7 @@
 """Error against latency, a panel a scenario and a chart a measure: the front, and who stays behind it."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -99,10 +100,22 @@ def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
             zorder=5,
             bbox={"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.3},
         )
-    above = sum(row[measure] > top for row in points)
-    if above:
-        note = f"{above} beyond"
-        panel.text(0.02, 0.98, note, transform=panel.transAxes, va="top", fontsize=7, color=_BOUND)
+    beyond = sum(row[measure] > top for row in points)
+    notes = [f"{beyond} beyond"] if beyond else []
+    untrained = [row["ms_per_frame"] for row in rows if row["variant"] == "untrained" and row["ms_per_frame"]]
+    if untrained:
+        listed = ", ".join(f"{ms:.0f}" for ms in sorted(untrained))
+        notes.append(f"networks of the paper's size, untrained: {listed} ms")
+    panel.text(
+        0.98,
+        0.98,
+        "\n".join(notes),
+        transform=panel.transAxes,
+        va="top",
+        ha="right",
+        fontsize=7,
+        color=_BOUND,
+    )
     panel.set(xscale="log", xlabel="ms per frame", ylim=(0, top))
     charts.plain_log_ticks(panel.xaxis)
     panel.tick_params(axis="x", labelsize=7, labelrotation=45)
@@ -150,9 +163,9 @@ def _explain(legend: Any, panels: Sequence[Any], figure: Any, shades: Any) -> No
         for panel in panels
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
-    grey = {"color": "#555555", "linestyle": "none"}
-    marks = {label: Line2D([], [], marker=marker, **grey) for marker, label in _MARKS.values()}
-    hollow = Line2D([], [], marker="o", markerfacecolor="white", **grey)
+    grey = partial(Line2D, [], [], color="#555555", linestyle="none")
+    marks = {label: grey(marker=marker) for marker, label in _MARKS.values()}
+    hollow = grey(marker="o", markerfacecolor="white")
     entries = {**lines, **marks, "hollow: dominated by another": hollow}
     legend.legend(entries.values(), entries.keys(), loc="upper left", fontsize=7.5)
     bar = figure.colorbar(shades, ax=legend, location="bottom", shrink=0.8, aspect=25)

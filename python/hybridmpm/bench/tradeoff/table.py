@@ -26,13 +26,14 @@ def table(settings: TradeoffSettings, runs: Gathered) -> list[Row]:
 
     `error` is the mean of `grid_rmse` over every tenth state of the `span` frames after `start`, `error_40`
     that of one frame; see `measures.errors` for the others. Each is a mean over the scenes, with its standard
-    error in `..._se`; all are None where the method failed in a scene. `mpm_share` is the share of the counted
-    frames that MPM simulated.
+    error in `..._se`; all are None where the method failed in a scene. `mpm_share` is the share of the
+    counted frames that MPM simulated.
 
     `ms_per_frame` and `ms_p95` are median and 95th percentile over pieces of 8 frames of the scenario's
     reference scene, each frame looked at, so that carrying and interpolation count; `ms_mean` is their mean,
-    `ms_frame_p95` the 95th percentile of single frames. Of a peer the quickest `setting` counts, and nobody looks at it. The
-    paper's networks have a latency alone: median and 95th percentile of single steps, by frame.
+    `ms_frame_p95` the 95th percentile of single frames. Of a peer the quickest `setting` counts, and nobody
+    looks at it. The paper's networks have a latency alone: median and 95th percentile of single steps, by
+    frame.
 
     `on_front` tells whether no other is both quicker and better by `error`, `on_front_transport` the same by
     `transport`, and so on. `dominated_by` is the quickest that is neither slower nor worse by `error`,
@@ -60,14 +61,13 @@ def _of_scenario(scenario: str, settings: TradeoffSettings, runs: Gathered) -> l
             for seed, row in mine.items():
                 found = {measure: row[measure] for measure in MEASURES if measure in row}
                 by_scene.add(name, str(seed), found)
-    rows = [_row(name, scenario, settings, samples.get(name, {}), by_scene, runs) for name in names]
+    rows = [_row(name, scenario, samples.get(name, {}), by_scene, runs) for name in names]
     return _compared(rows, by_scene)
 
 
 def _row(
     name: str,
     scenario: str,
-    settings: TradeoffSettings,
     samples: Mapping[int, Row],
     by_scene: metrics.ErrorTable,
     runs: Gathered,
@@ -141,10 +141,10 @@ def _compared(rows: list[Row], by_scene: metrics.ErrorTable) -> list[Row]:
         better = dominating(row, real) if runs_at_all else None
         rung = cheapest_as_good(row, rivals) if runs_at_all else None
         row["dominated_by"] = better and _name(better)
-        row |= _apart(by_scene, row, better, "minus_dominator")
+        row.update(_apart(by_scene, row, better, "minus_dominator"))
         row["as_good"] = rung and _name(rung)
         row["as_good_ms"] = rung and rung["ms_per_frame"]
-        row |= _apart(by_scene, row, rung, "minus_as_good")
+        row.update(_apart(by_scene, row, rung, "minus_as_good"))
     return rows
 
 

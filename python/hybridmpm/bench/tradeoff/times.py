@@ -106,7 +106,7 @@ def by_turns(timed: Sequence[Timed], span: int, passes: int, threads: int) -> li
     span -= span % PIECE
     calibration = Calibration(threads)
     seconds: list[list[list[float]]] = [[] for _ in timed]
-    slow = []
+    slow: list[list[float]] = []
     failed = set()
     for _ in range(passes):
         for one, mine in zip(timed, seconds, strict=True):
