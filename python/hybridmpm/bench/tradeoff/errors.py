@@ -11,7 +11,7 @@ from hybridmpm.bench.accuracy.rollouts import Truth, excerpt, frozen
 from hybridmpm.bench.report.gathered import Gathered
 from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.bench.report.rows import Progress, Row, significant
-from hybridmpm.bench.tradeoff.entrants import Entrant, entrants
+from hybridmpm.bench.tradeoff.entrants import entrants
 from hybridmpm.bench.tradeoff.measures import after, errors
 from hybridmpm.bench.tradeoff.peers import can_simulate, peer_states
 from hybridmpm.bench.tradeoff.settings import TradeoffSettings, warm_up
@@ -19,6 +19,7 @@ from hybridmpm.downsampling import CarryingSimulator
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics.simulator import NeuralPhysics
+from hybridmpm.planner.candidates import Candidate
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 
@@ -118,7 +119,7 @@ def _bound(kind: str, label: str, truth: Truth, start: int, span: int) -> Record
     return None if run is None else excerpt(run, start, span)
 
 
-def _run(entrant: Entrant, scene: Scene, start: int, true: Recording, settings: TradeoffSettings) -> Row:
+def _run(entrant: Candidate, scene: Scene, start: int, true: Recording, settings: TradeoffSettings) -> Row:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:

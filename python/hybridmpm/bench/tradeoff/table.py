@@ -98,7 +98,7 @@ def _row(
         "variant": entrant.variant if entrant else ("untrained" if label in PAPER else None),
         "r_p": None if (r_p := _r_p(name, scenario)) is None else round(r_p, 4),
         "r_t": entrant.r_t if entrant else PAPER[label][1] if label in PAPER else None,
-        "r_c": entrant.r_c if entrant else None,
+        "r_c": entrant.settings.get("r_c") if entrant else None,
         "setting": time.get("setting"),
         "threads": time.get("threads"),
         "warm_up": warm_up(scenario),

@@ -1,0 +1,1 @@
+"""Plans: which rung of all ladders simulates a scene within an error, or within a time."""
