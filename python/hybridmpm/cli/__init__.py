@@ -25,6 +25,7 @@ _MODULES = {
     "export": "export",
     "fit": "fit",
     "scenarios": "report",
+    "plan": "plan",
     "schema": "report",
     "serve": "serve",
     "simulate": "simulate",

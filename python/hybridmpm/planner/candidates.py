@@ -66,7 +66,9 @@ class Candidate:
     def make(self, scene: Scene, threads: int = 1) -> CarryingSimulator:
         """Return a simulator of a scene at frame 0; raises as its class does."""
         if self.model is not None:
-            kind: Callable[..., CarryingSimulator] = NeuralPhysics if self.method == "neural" else HybridSimulator
+            kind: Callable[..., CarryingSimulator] = (
+                NeuralPhysics if self.method == "neural" else HybridSimulator
+            )
             return kind(scene, loaded(self.model, threads), threads=threads, **self.settings)
         return MpmSolver(softened(scene, self.softer), threads=threads, **self.settings)
 
@@ -87,7 +89,12 @@ def softened(scene: Scene, factor: float) -> Scene:
 
 def candidates(scenario: str) -> dict[str, Candidate]:
     """Return the candidates for scenes like those of a scenario, by name; the costly ones first."""
-    return {one.name: one for one in (*_solvers(), *_learned(scenario))}
+    return solvers() | {one.name: one for one in _learned(scenario)}
+
+
+def solvers() -> dict[str, Candidate]:
+    """Return the candidates that need no network, by name."""
+    return {one.name: one for one in _solvers()}
 
 
 def _solvers() -> Iterator[Candidate]:
@@ -119,7 +126,9 @@ def _learned(scenario: str) -> Iterator[Candidate]:
         if scenario in entry.scenarios:
             learned = partial(Candidate, model=name, r_p=entry.r_p, r_t=entry.r_t)
             yield learned(method="neural", label=name, variant="alone", settings={"carry": False})
-            yield learned(method="neural", label=f"{name} carried", variant="carried", settings={"carry": True})
+            yield learned(
+                method="neural", label=f"{name} carried", variant="carried", settings={"carry": True}
+            )
             yield learned(method="hybrid", label=name, variant="default guards")
 
 
