@@ -65,9 +65,10 @@ from hybridmpm.scene import (
 from hybridmpm.simulator import Simulator
 
 if _TYPE_CHECKING:
-    from hybridmpm import control, data, hybrid, metrics, physics, simulators
+    from hybridmpm import control, data, hybrid, metrics, physics, planner, simulators
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
+    from hybridmpm.planner import CalibrationWarning, Plan, plan
     from hybridmpm.simulators import load
 
 __all__ = [
@@ -79,6 +80,7 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "BoxSink",
+    "CalibrationWarning",
     "CancelFlag",
     "ConfigError",
     "CostlyMaterialWarning",
@@ -101,6 +103,7 @@ __all__ = [
     "NonFiniteError",
     "ParticleLimitWarning",
     "Particles",
+    "Plan",
     "Polygon",
     "RadiusGraph",
     "RectangularEmitter",
@@ -129,14 +132,23 @@ __all__ = [
     "load",
     "metrics",
     "physics",
+    "plan",
+    "planner",
     "radius_graph",
     "recording",
     "scenarios",
     "simulators",
 ]
 
-_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "simulators")
-_NAMES_ON_DEMAND = {"HybridSimulator": "hybrid", "NeuralPhysics": "physics", "load": "simulators"}
+_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")
+_NAMES_ON_DEMAND = {
+    "CalibrationWarning": "planner",
+    "HybridSimulator": "hybrid",
+    "NeuralPhysics": "physics",
+    "Plan": "planner",
+    "load": "simulators",
+    "plan": "planner",
+}
 """Room that has each name."""
 
 if not _TYPE_CHECKING:  # a type checker would take any name to be there

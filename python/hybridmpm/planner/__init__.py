@@ -5,7 +5,7 @@ makes the simulator. Errors were measured once for all, times are those of the m
 calibrate` takes them.
 """
 
-from hybridmpm.planner.plan import Plan, Prospect, plan
+from hybridmpm.planner.planning import Plan, Prospect, plan
 from hybridmpm.planner.store import CalibrationWarning
 
 __all__ = ["CalibrationWarning", "Plan", "Prospect", "plan"]

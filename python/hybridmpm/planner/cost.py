@@ -80,12 +80,23 @@ def particle_count(scene: Scene) -> int:
     return min(count, scene.max_particles)
 
 
+def warned_of(candidate: Candidate, scene: Scene) -> list[str]:
+    """Return what the simulator of a candidate will warn of about its rung."""
+    name = candidate.settings.get("rung")
+    if name is None:
+        return []
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", RungWarning)
+        rung_for(scene, name)
+    return [str(one.message) for one in told]
+
+
 def _rung(candidate: Candidate, scene: Scene) -> Rung:
     """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
     name = candidate.settings.get("rung")
     if name is not None:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RungWarning)  # told of the rung that is chosen, when it is made
+            warnings.simplefilter("ignore", RungWarning)  # `warned_of` tells of the rung that is chosen
             return rung_for(scene, name)
     rung = Rung.unfitted(scene, candidate.r_p)
     if candidate.softer == 1:

@@ -11,7 +11,7 @@ from hybridmpm.downsampling import CarryingSimulator
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.calibration import MEASURES, Calibration, MethodErrors
 from hybridmpm.planner.candidates import Candidate, candidates
-from hybridmpm.planner.cost import milliseconds, work
+from hybridmpm.planner.cost import milliseconds, warned_of, work
 from hybridmpm.planner.likeness import Likeness, likeness
 from hybridmpm.planner.store import present
 from hybridmpm.scenarios.checked import checked_scene
@@ -178,7 +178,7 @@ def plan(
         moduli=tuple(factor * candidate.softer for factor in todo.moduli),
         runner_up=runner_up,
         reason=reason,
-        notes=(origin, *like.notes, *_below_floor(best, like, known, measure)),
+        notes=(origin, *like.notes, *_below_floor(best, like, known, measure), *warned_of(candidate, scene)),
         candidate=candidate,
         scene=scene,
     )
