@@ -67,10 +67,11 @@ from hybridmpm.scene import (
 from hybridmpm.simulator import Simulator
 
 if _TYPE_CHECKING:
-    from hybridmpm import control, data, hybrid, metrics, physics, simulators
+    from hybridmpm import control, data, hybrid, metrics, physics, planner, simulators
     from hybridmpm.checking import SceneCheck, check
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
+    from hybridmpm.planner import CalibrationWarning, Plan, plan
     from hybridmpm.simulators import load
 
 __all__ = [
@@ -82,6 +83,7 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "BoxSink",
+    "CalibrationWarning",
     "CancelFlag",
     "ConfigError",
     "CostlyMaterialWarning",
@@ -105,6 +107,7 @@ __all__ = [
     "NonFiniteError",
     "ParticleLimitWarning",
     "Particles",
+    "Plan",
     "Polygon",
     "RadiusGraph",
     "RectangularEmitter",
@@ -136,19 +139,24 @@ __all__ = [
     "load",
     "metrics",
     "physics",
+    "plan",
+    "planner",
     "radius_graph",
     "recording",
     "scenarios",
     "simulators",
 ]
 
-_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "simulators")
+_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")
 _NAMES_ON_DEMAND = {
+    "CalibrationWarning": "planner",
     "HybridSimulator": "hybrid",
     "NeuralPhysics": "physics",
+    "Plan": "planner",
     "SceneCheck": "checking",
     "check": "checking",
     "load": "simulators",
+    "plan": "planner",
 }
 """Room that has each name."""
 

@@ -22,6 +22,16 @@ BENCHES: dict[str, Origin] = {
         data=("python/hybridmpm/downsampling/rungs/rungs.json",),
     ),
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
+    "tradeoff": Origin(
+        modules=(
+            "hybridmpm.bench.tradeoff.errors",
+            "hybridmpm.bench.tradeoff.times",
+            "hybridmpm.bench.tradeoff.paper",
+            "hybridmpm.bench.peers.worker",
+            "hybridmpm.bench.peers.taichi_mpm",
+        ),
+        data=(_WEIGHTS, "python/hybridmpm/downsampling/rungs/rungs.json"),
+    ),
     "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
     "stability-map": Origin(modules=("hybridmpm.bench.stability.map",), data=(_WEIGHTS,)),

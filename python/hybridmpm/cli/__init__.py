@@ -26,6 +26,7 @@ _MODULES = {
     "export": "export",
     "fit": "fit",
     "scenarios": "report",
+    "plan": "plan",
     "schema": "report",
     "serve": "serve",
     "simulate": "simulate",

@@ -1,0 +1,58 @@
+"""`hybridmpm bench calibrate`."""
+
+import datetime as dt
+from pathlib import Path
+
+import click
+
+from hybridmpm._support.files import replacing
+from hybridmpm.bench.calibrate import measure
+from hybridmpm.bench.calibrate.errors import calibration_of, read_rows
+from hybridmpm.cli.progress import progress
+from hybridmpm.errors import ExportError
+from hybridmpm.planner.store import user_file
+
+
+@click.command()
+@click.option(
+    "--out",
+    "out_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File for the times. Default: the user's own, where plans look for them.",
+)
+@click.option(
+    "--errors",
+    "errors_file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Rows of `hybridmpm bench tradeoff --json`: write a whole calibration, as it comes with the "
+    "library, with these errors beside the times. Needs --out.",
+)
+def calibrate(*, out_file: Path | None, errors_file: Path | None) -> None:
+    """Measure what this machine takes for each kind of work, in under a minute.
+
+    Plans (`hybridmpm plan`, `hybridmpm.plan`) then tell the times of this machine. Let nothing else run
+    meanwhile.
+    """
+    if errors_file is not None and out_file is None:
+        raise click.UsageError("--errors needs --out: the user's own file holds times alone.")
+    rows = None if errors_file is None else read_rows(errors_file)
+    file = user_file() if out_file is None else out_file
+    _make_folder(file)
+    with progress("Calibrating", measure.COUNT) as bar:
+        times = measure.measure(dt.datetime.now(dt.UTC).date().isoformat(), bar.update)
+    text = (times if rows is None else calibration_of(rows, times)).model_dump_json(indent=1)
+    with replacing(file) as part:
+        part.write_text(f"{text}\n", encoding="utf-8")
+    for one in times.materials:
+        ns = 1e3 * one.particle_substep
+        click.echo(f"{one.material} in {one.dim}D: {ns:.1f} ns per particle and substep")
+    click.echo(f"written to {file}")
+
+
+def _make_folder(file: Path) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"cannot write {file}: {error.strerror or error}") from error
