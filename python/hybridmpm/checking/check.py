@@ -51,6 +51,7 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
         raise ConfigError("solver simulates another scene: make one of this scene, or leave it out")
     found = list(findings(scene, resolution_of(solver, scene)))
     tried: Probe | None = None
+    simulator: Simulator | None = solver
     try:
         with warnings.catch_warnings():
             # What they say is among the findings.
@@ -60,11 +61,10 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
     except (ConfigError, SimulationError) as error:
         text = str(error)
         found.append(Finding(severity="error", field="", problem=text, advice=""))
-        simulator = solver
     unstable = _unstable(scene, simulator, tried)
     if unstable is not None:
         found.append(unstable)
-    if tried is None:
+    if tried is None or any(one.severity == "error" for one in found):
         stable: bool | None = False
     else:
         stable = None if simulator is not None and simulator.kind == "neural" else unstable is None
@@ -117,10 +117,10 @@ def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]
 
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
-    """Return about how much memory a process needs that simulates so many particles on such a grid [bytes]."""
+    """Return about how much memory a process needs for so many particles on such a grid [bytes]."""
     nodes = (resolution + 16) ** scene.dim
     largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
-    return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
+    return int(_BASE_BYTES + _NODE_BYTES * nodes + largest * particles)
 
 
 def resolution_of(simulator: Simulator | None, scene: Scene) -> int:
@@ -146,7 +146,7 @@ def _unstable(scene: Scene, simulator: Simulator | None, tried: Probe | None) ->
     return Finding(
         severity="error",
         field="",
-        problem=f"{tried.substeps} substeps a frame are too few: each is {scene.frame_dt / tried.substeps:.3g} s "
-        f"long, and the stability limit is {longest:.3g} s",
+        problem=f"{tried.substeps} substeps a frame are too few: each is "
+        f"{scene.frame_dt / tried.substeps:.3g} s long, and the stability limit is {longest:.3g} s",
         advice=f'take {math.ceil(scene.frame_dt / longest)} or more, or substeps="cfl"',
     )

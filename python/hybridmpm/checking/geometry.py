@@ -15,6 +15,8 @@ _SAMPLES = 20_000
 """Points that are looked at in a body, at most."""
 _ALL_SAMPLES, _FEWEST_SAMPLES = 400_000, 200
 """Points that are looked at in all bodies, and in each of many at least: what a check takes stays bounded."""
+_FEWEST_ROWS = 4
+"""Points along each axis of a body at least: a thin one may lie with its half in another."""
 
 _Points = npt.NDArray[np.float64]
 
@@ -47,8 +49,8 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
             yield Finding(
                 severity="warning",
                 field=f"bodies[{index}]",
-                problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its particles "
-                "hardly feel each other",
+                problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its "
+                "particles hardly feel each other",
                 advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
             )
 
@@ -57,7 +59,8 @@ def _taken(scene: Scene) -> Iterator[Finding]:
     """Say of what part of a body earlier bodies and obstacles take."""
     solids = [obstacle.to_native() for obstacle in scene.obstacles]
     bounds = [body.bounds for body in scene.bodies]
-    lowers, uppers = (np.array(corners) for corners in zip(*bounds, strict=True)) if bounds else ([], [])
+    lowers = np.array([lower for lower, _ in bounds]).reshape(-1, scene.dim)
+    uppers = np.array([upper for _, upper in bounds]).reshape(-1, scene.dim)
     most = min(_SAMPLES, max(_FEWEST_SAMPLES, _ALL_SAMPLES // max(1, len(bounds))))
     for index, body in enumerate(scene.bodies):
         lower, upper = bounds[index]
@@ -81,15 +84,16 @@ def _taken(scene: Scene) -> Iterator[Finding]:
                 yield Finding(
                     severity="warning",
                     field=f"bodies[{index}]",
-                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no particle is put",
+                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no "
+                    "particle is put",
                     advice="move one of them, or leave out the part inside",
                 )
 
 
 def _lattice(lower: _Points, upper: _Points, spacing: float, most: int) -> _Points:
-    """Return points (n, D) [m] spread evenly over a box, no denser than particles and about `most` at most."""
+    """Return about `most` points (n, D) [m] spread evenly over a box, or fewer: no denser than needed."""
     sides = upper - lower
     apart = max(spacing, float(np.prod(sides) / most) ** (1 / len(sides)))
-    counts = np.maximum(1, np.round(sides / apart).astype(int))
+    counts = np.maximum(_FEWEST_ROWS, np.round(sides / apart).astype(int))
     axes = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(lower, upper, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))

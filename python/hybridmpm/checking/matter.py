@@ -1,4 +1,4 @@
-"""Findings about materials: what yields under its own weight, what makes a frame dear, what is far lighter than the rest."""
+"""Findings about materials: those that yield under their weight, make a frame dear, or are far lighter."""
 
 from collections.abc import Iterator
 
@@ -46,8 +46,8 @@ def _unequal(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             severity="warning",
             field=scene.made_of(lightest),
-            problem=f"{lightest.density:g} kg/m^3 beside {heaviest.density:g} kg/m^3: where both share a grid "
-            "node, the lighter one moves as the denser one does",
+            problem=f"{lightest.density:g} kg/m^3 beside {heaviest.density:g} kg/m^3: where both share a "
+            "grid node, the lighter one moves as the denser one does",
             advice=f"keep densities within a factor of {UNEQUAL:g}",
         )
 
@@ -61,8 +61,8 @@ def _dear(scene: Scene, resolution: int) -> Iterator[Finding]:
             yield Finding(
                 severity="error",
                 field=scene.made_of(material),
-                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a frame, and "
-                f"at most {_MOST_SUBSTEPS} are taken",
+                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a frame, "
+                f"and at most {_MOST_SUBSTEPS} are taken",
                 advice=f"make it {(count / _MOST_SUBSTEPS) ** 2:.2g} times softer or denser, or frames "
                 f"{count / _MOST_SUBSTEPS:.2g} times shorter",
             )

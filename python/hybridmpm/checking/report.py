@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Severity = Literal["error", "warning", "note"]
-"""error: it does not run, or not stably. warning: it runs, and the result is not what one may expect. note: it costs
-more than it has to."""
+"""error: it does not run, or not stably. warning: it runs, and the result is not what one may expect. note:
+it costs more than it has to."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,16 +35,17 @@ class SceneCheck:
     particles: int
     """Number of particles that are shown at frame 0."""
     stable: bool | None
-    """Whether the step of MPM is below the stability limit; None where a network moves the particles, for which no
-    bound is known."""
+    """Whether the step of MPM is below the stability limit; None where a network moves the particles, for
+    which no bound is known."""
     bound: str | None
     """What chose the shortest substep: "sound", "speed", "obstacle", "frame", "reference" or "fixed", as in
     `FrameReport.bound`; None where no frame could be tried, or a network made it."""
     substeps: int | None
     """Substeps of the first frames; None as with `bound`."""
     milliseconds: float | None
-    """Time of a frame [ms], measured on this machine in the first frames; within a factor of 2 of the mean of a
-    run with MPM. None where no frame could be tried."""
+    """Time of a frame [ms], measured on this machine in the first frames; where emitters bring particles,
+    estimated for the middle of the run. Within a factor of 2 of the median of a run with MPM
+    (docs/check.md). None where no frame could be tried."""
     memory: int
     """Memory that the simulation takes, estimated [bytes]."""
     findings: tuple[Finding, ...]
@@ -67,7 +68,9 @@ class SceneCheck:
         stable = {True: "stable", False: "unstable", None: "no bound of stability is known"}[self.stable]
         parts = [f"{self.particles} particles", stable]
         if self.substeps is not None:
-            parts.append(f"{self.substeps} substep{'s' * (self.substeps != 1)} a frame, chosen by: {self.bound}")
+            parts.append(
+                f"{self.substeps} substep{'s' * (self.substeps != 1)} a frame, chosen by: {self.bound}"
+            )
         if self.milliseconds is not None:
             parts.append(f"about {self.milliseconds:.3g} ms a frame")
         parts.append(f"{self.memory / 2**20:.0f} MiB")

@@ -39,8 +39,8 @@ def check(
 ) -> None:
     """Tell whether SCENE runs stably, what it costs and what may go wrong, and what to change.
 
-    SCENE is a file, .json or .yaml, or the name of a scenario. A few frames are tried. The exit status is 1 if
-    the scene cannot run, or not stably.
+    SCENE is a file, .json or .yaml, or the name of a scenario. A few frames are tried. The exit status is 1
+    if the scene cannot run, or not stably.
     """
     try:
         made = scenarios.get(scene, seed) if scene in scenarios.NAMES else Scene.load(_file(scene))
@@ -63,7 +63,9 @@ def _file(name: str) -> Path:
     path = Path(name)
     if not path.is_file():
         known = ", ".join(scenarios.NAMES)
-        raise ConfigError(f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}")
+        raise ConfigError(
+            f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}"
+        )
     return path
 
 
