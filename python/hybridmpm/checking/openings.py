@@ -16,7 +16,8 @@ def of_openings(scene: Scene) -> Iterator[Finding]:
     after = min(before + sum(added), scene.max_particles)
     if added and after > _GROWTH * max(before, 1.0):
         full = ", where max_particles stops them" if before + sum(added) > scene.max_particles else ""
-        growth = f", and a frame then takes about {after / before:.2g} times as long as the first" if before >= 1 else ""
+        longer = f", and a frame then takes about {after / max(before, 1.0):.2g} times as long as the first"
+        growth = longer if before >= 1 else ""
         yield Finding(
             severity="note",
             field="emitters",
