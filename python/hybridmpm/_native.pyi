@@ -498,8 +498,8 @@ class Solver:
         gravity: Sequence[float],
         wall_lower: Sequence[float],
         wall_upper: Sequence[float],
-        wall_contact: str = "separating",
-        wall_friction: float | None = None,
+        wall_contact: str | Sequence[str] = "separating",
+        wall_friction: float | Sequence[float | None] | None = None,
         materials: Sequence[Material],
         obstacles: Sequence[Obstacle] = (),
         emitters: Sequence[Emitter] = (),
@@ -530,8 +530,10 @@ class Solver:
             [m/s^2].
         wall_lower, wall_upper : D floats in [0, 1]
             Box walls [m]; applied where they are, also between grid nodes.
-        wall_contact : "sticky", "slip" or "separating"
-        wall_friction : float >= 0, optional
+        wall_contact : "sticky", "slip" or "separating", or 2 D of them
+            Of all walls, or of each: the lower and the upper one across the first axis, then those across the
+            second.
+        wall_friction : float >= 0, or 2 D of them, optional
             Coulomb coefficient of separating walls; None takes each material's own.
         materials : 1 to 255 materials
         emitters : sequence of Emitter

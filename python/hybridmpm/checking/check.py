@@ -2,13 +2,15 @@
 
 import math
 import warnings
+from collections.abc import Callable
+from dataclasses import replace
 
 from hybridmpm.checking.geometry import of_geometry
 from hybridmpm.checking.matter import of_matter
 from hybridmpm.checking.openings import of_openings
 from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
-from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.errors import ConfigError, RungWarning, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -49,7 +51,7 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
         raise ConfigError("solver simulates another scene: make one of this scene, or leave it out")
     found = list(findings(scene, resolution_of(solver, scene)))
     tried: Probe | None = None
-    simulator = solver
+    simulator: Simulator | None = solver
     try:
         with warnings.catch_warnings():
             # What they say is among the findings.
@@ -62,7 +64,7 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
     unstable = _unstable(scene, simulator, tried)
     if unstable is not None:
         found.append(unstable)
-    if tried is None:
+    if tried is None or any(one.severity == "error" for one in found):
         stable: bool | None = False
     else:
         stable = None if simulator is not None and simulator.kind == "neural" else unstable is None
@@ -75,13 +77,43 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
         substeps=None if tried is None else tried.substeps,
         milliseconds=None if tried is None else 1e3 * tried.seconds,
         memory=estimated_memory(scene, resolution_of(simulator, scene), count),
-        findings=tuple(sorted(found, key=lambda one: _GRAVITY_ORDER.index(one.severity))),
+        findings=_gravest_first(found),
     )
 
 
+def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
+    """Tell what is known of a scene before its first frame, for a simulator that has yet to be made.
+
+    Parameters
+    ----------
+    scene : Scene
+    make : callable
+        Makes the simulator of this scene. Where it raises a `SimulationError`, that is an error among the
+        findings; what a rung warns of is a warning among them.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            simulator = make()
+        except SimulationError as error:
+            refused = Finding(severity="error", field="", problem=str(error), advice="")
+            return replace(check(scene), stable=False, findings=(refused, *findings(scene)))
+    told = [
+        Finding(severity="warning", field="", problem=str(one.message), advice="")
+        for one in caught
+        if issubclass(one.category, RungWarning)
+    ]
+    found = check(scene, simulator)
+    return replace(found, findings=_gravest_first([*told, *found.findings]))
+
+
 def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]:
-    """Return what a scene itself tells, on a grid of so many cells per metre, the scene's if absent."""
-    return (*of_geometry(scene), *of_openings(scene), *of_matter(scene, resolution or scene.resolution))
+    """Return what a scene itself tells, without trying a frame, the gravest first.
+
+    `resolution` is that of the grid that simulates, in cells per metre; the scene's if absent.
+    """
+    cells = resolution or scene.resolution
+    return _gravest_first([*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells)])
 
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
@@ -94,6 +126,10 @@ def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
 def resolution_of(simulator: Simulator | None, scene: Scene) -> int:
     """Return the cells per metre of the grid that simulates, the scene's where nothing tells."""
     return int(getattr(simulator, "resolution", scene.resolution))
+
+
+def _gravest_first(found: list[Finding]) -> tuple[Finding, ...]:
+    return tuple(sorted(found, key=lambda one: _GRAVITY_ORDER.index(one.severity)))
 
 
 def _unstable(scene: Scene, simulator: Simulator | None, tried: Probe | None) -> Finding | None:

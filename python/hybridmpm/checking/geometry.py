@@ -13,6 +13,10 @@ _FEW = 0.01
 """Share of a body's particles below which nothing is said of what others took of it."""
 _SAMPLES = 20_000
 """Points that are looked at in a body, at most."""
+_ALL_SAMPLES, _FEWEST_SAMPLES = 400_000, 200
+"""Points that are looked at in all bodies, and in each of many at least: what a check takes stays bounded."""
+_FEWEST_ROWS = 4
+"""Points along each axis of a body at least: a thin one may lie with its half in another."""
 
 _Points = npt.NDArray[np.float64]
 
@@ -54,14 +58,19 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
 def _taken(scene: Scene) -> Iterator[Finding]:
     """Say of what part of a body earlier bodies and obstacles take."""
     solids = [obstacle.to_native() for obstacle in scene.obstacles]
+    bounds = [body.bounds for body in scene.bodies]
+    lowers = np.array([lower for lower, _ in bounds]).reshape(-1, scene.dim)
+    uppers = np.array([upper for _, upper in bounds]).reshape(-1, scene.dim)
+    most = min(_SAMPLES, max(_FEWEST_SAMPLES, _ALL_SAMPLES // max(1, len(bounds))))
     for index, body in enumerate(scene.bodies):
-        lower, upper = body.bounds
-        x = _lattice(lower, upper, scene.spacing)
+        lower, upper = bounds[index]
+        x = _lattice(lower, upper, scene.spacing, most)
         x = x[body.contains(x)]
         if len(x) == 0:
             continue
-        for before, other in enumerate(scene.bodies[:index]):
-            share = float(other.contains(x).mean())
+        meet = (lowers[:index] < upper) & (uppers[:index] > lower)
+        for before in np.flatnonzero(meet.all(axis=1)):
+            share = float(scene.bodies[before].contains(x).mean())
             if share > _FEW:
                 yield Finding(
                     severity="warning",
@@ -75,16 +84,16 @@ def _taken(scene: Scene) -> Iterator[Finding]:
                 yield Finding(
                     severity="warning",
                     field=f"bodies[{index}]",
-                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no particle "
-                    "is put",
+                    problem=f"lies with {share:.0%} of its volume in obstacles[{number}], where no "
+                    "particle is put",
                     advice="move one of them, or leave out the part inside",
                 )
 
 
-def _lattice(lower: _Points, upper: _Points, spacing: float) -> _Points:
-    """Return points (n, D) [m] spread evenly over a box, no denser than particles and not too many."""
+def _lattice(lower: _Points, upper: _Points, spacing: float, most: int) -> _Points:
+    """Return about `most` points (n, D) [m] spread evenly over a box, or fewer: no denser than needed."""
     sides = upper - lower
-    apart = max(spacing, float(np.prod(sides) / _SAMPLES) ** (1 / len(sides)))
-    counts = np.maximum(1, np.round(sides / apart).astype(int))
+    apart = max(spacing, float(np.prod(sides) / most) ** (1 / len(sides)))
+    counts = np.maximum(_FEWEST_ROWS, np.round(sides / apart).astype(int))
     axes = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(lower, upper, counts, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(sides))

@@ -1,9 +1,10 @@
-"""Findings about materials: what yields under its own weight, what is far lighter, what makes frames dear."""
+"""Findings about materials: those that yield under their weight, make a frame dear, or are far lighter."""
 
 from collections.abc import Iterator
 
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import substeps_by_material
+from hybridmpm.mpm.fullness import FULL, filled_share
 from hybridmpm.mpm.softness import SOFT, settled_compression
 from hybridmpm.scene import Scene, Water
 
@@ -11,15 +12,30 @@ DEAR = 3.0
 """How many times the substeps of all others a material asks for where it is said to be dear."""
 MANY_SUBSTEPS = 50
 """Substeps a frame from which on the only material of a scene is said to be dear."""
+_MOST_SUBSTEPS = 20_000
+"""Substeps in one frame above which the core refuses it, as in rust/mpm/src/substep/timestep.rs."""
 UNEQUAL = 100.0
 """Ratio of densities from which on something is said."""
 
 
 def of_matter(scene: Scene, resolution: int) -> Iterator[Finding]:
     """Yield what is to be said of the materials of a scene; `resolution` is the grid's that simulates it."""
+    yield from _full(scene)
     yield from _soft(scene)
     yield from _unequal(scene)
     yield from _dear(scene, resolution)
+
+
+def _full(scene: Scene) -> Iterator[Finding]:
+    share = filled_share(scene)
+    if share >= FULL:
+        yield Finding(
+            severity="warning",
+            field="bodies",
+            problem=f"fill {share:.0%} of the box between the walls, so errors of the density turn into "
+            "pressure, and their energy adds up",
+            advice="leave a twentieth of the box free",
+        )
 
 
 def _soft(scene: Scene) -> Iterator[Finding]:
@@ -54,7 +70,17 @@ def _dear(scene: Scene, resolution: int) -> Iterator[Finding]:
     counts = substeps_by_material(scene, resolution, None)
     for index, (material, count) in enumerate(zip(scene.materials, counts, strict=True)):
         others = max((other for place, other in enumerate(counts) if place != index), default=0)
-        if count > (DEAR * others if others else MANY_SUBSTEPS - 1):
+        if count > _MOST_SUBSTEPS and resolution == scene.resolution:
+            # On coarser grids moduli may be lowered, too; there the first frame tells.
+            yield Finding(
+                severity="error",
+                field=scene.made_of(material),
+                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a frame, "
+                f"and at most {_MOST_SUBSTEPS} are taken",
+                advice=f"make it {(count / _MOST_SUBSTEPS) ** 2:.2g} times softer or denser, or frames "
+                f"{count / _MOST_SUBSTEPS:.2g} times shorter",
+            )
+        elif count > (DEAR * others if others else MANY_SUBSTEPS - 1):
             compared = f"; all others need {others}" if others else ""
             yield Finding(
                 severity="note",

@@ -10,13 +10,14 @@ _GROWTH = 2.0
 
 
 def of_openings(scene: Scene) -> Iterator[Finding]:
-    """Yield what is to be said of emitters; one that opens into a solid is refused by any solver."""
+    """Yield what is to be said of the emitters of a scene; solvers refuse one that opens into a solid."""
     added = [emitted(scene, index) for index in range(len(scene.emitters))]
     before = sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim
     after = min(before + sum(added), scene.max_particles)
     if added and after > _GROWTH * max(before, 1.0):
         full = ", where max_particles stops them" if before + sum(added) > scene.max_particles else ""
-        growth = f", and a frame then takes about {after / before:.2g} times as long" if before >= 1 else ""
+        longer = f", and a frame then takes about {after / max(before, 1.0):.2g} times as long as the first"
+        growth = longer if before >= 1 else ""
         yield Finding(
             severity="note",
             field="emitters",
@@ -26,9 +27,12 @@ def of_openings(scene: Scene) -> Iterator[Finding]:
         )
 
 
-def emitted(scene: Scene, index: int) -> float:
-    """Return how many particles an emitter adds in the suggested length of a scene, if nothing blocks it."""
+def emitted(scene: Scene, index: int, frames: int | None = None) -> float:
+    """Return how many particles an emitter adds in so many frames, if nothing blocks it.
+
+    `frames` is the suggested length of the scene if absent.
+    """
     emitter = scene.emitters[index]
-    end = scene.frames * scene.frame_dt
+    end = (scene.frames if frames is None else frames) * scene.frame_dt
     seconds = max(0.0, min(end, end if emitter.stop is None else emitter.stop) - emitter.start)
     return len(emitter.sites(scene.spacing)) * emitter.speed * seconds / scene.spacing

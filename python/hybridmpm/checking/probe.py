@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass
 
+from hybridmpm.checking.openings import emitted
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -12,9 +13,10 @@ _SECONDS = 0.25
 """Time after which a probe ends [s], once it has enough frames."""
 _FRAMES = 12
 """Frames of a probe, at most, beside those that bring it to its pace."""
+_FILL_SECONDS = 0.25
+"""Time for which emitters may fill a scene towards the middle of its run before frames are timed [s]."""
 _LONG = 5_000_000
-"""Particles times substeps from which on a frame is too long to be tried whole: a tenth of a second or
-more."""
+"""Particles times substeps from which on a frame is too long to be tried whole: it takes 0.1 s or more."""
 _SHORT_SUBSTEPS = 4
 
 
@@ -23,7 +25,7 @@ class Probe:
     """What the first frames of a simulator are like."""
 
     seconds: float
-    """Time of a frame [s]."""
+    """Time of a frame [s]; where emitters bring particles, of one in the middle of the run."""
     substeps: int | None
     """Substeps of MPM's latest frame; None where MPM made none."""
     bound: str | None
@@ -65,15 +67,36 @@ def probe(simulator: Simulator) -> Probe:
     stride = twin.r_t
     pace = stride if stride == 1 else 7 * stride
     twin.advance(pace)
+    growth = _grown(twin)
     report = twin.last_frame
     times: list[float] = []
-    while len(times) < max(1, _FRAMES // stride) and sum(times) < _SECONDS:
+    while len(times) < max(1, _FRAMES // stride) and sum(times) < _SECONDS * (1 if len(times) >= 3 else 3):
         begin = time.perf_counter()
         twin.advance(stride)
         times.append(time.perf_counter() - begin)
         report = twin.last_frame or report
     return Probe(
-        seconds=sorted(times)[len(times) // 2] / stride,
+        seconds=growth * sorted(times)[len(times) // 2] / stride,
         substeps=None if report is None else report.substeps,
         bound=None if report is None else report.bound,
     )
+
+
+def _grown(simulator: Simulator) -> float:
+    """Let emitters fill a scene for a while; return how many times more the middle of its run has."""
+    scene = simulator.scene
+    if not scene.emitters:
+        return 1.0
+
+    def nominal(frame: int) -> float:
+        return sum(emitted(scene, index, frame) for index in range(len(scene.emitters)))
+
+    first, before = simulator.frame, simulator.particle_count
+    middle, end = scene.frames // 2, time.perf_counter() + _FILL_SECONDS
+    while simulator.frame < middle and time.perf_counter() < end:
+        simulator.advance()
+    count, added = simulator.particle_count, nominal(simulator.frame) - nominal(first)
+    # Sinks and what blocks an emitter go on as they have begun.
+    kept = min(1.0, max(0.0, (count - before) / added)) if added > 0 else 1.0
+    later = count + kept * max(0.0, nominal(middle) - nominal(simulator.frame))
+    return max(1.0, min(later, scene.max_particles) / max(count, 1))

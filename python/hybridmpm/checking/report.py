@@ -43,8 +43,9 @@ class SceneCheck:
     substeps: int | None
     """Substeps of the first frames; None as with `bound`."""
     milliseconds: float | None
-    """Time of a frame [ms], measured on this machine in the first frames; within a factor of 2 of the mean
-    of a run with MPM. None where no frame could be tried."""
+    """Time of a frame [ms], measured on this machine in the first frames; where emitters bring particles,
+    estimated for the middle of the run. Within a factor of 2 of the median of a run with MPM
+    (docs/check.md). None where no frame could be tried."""
     memory: int
     """Memory that the simulation takes, estimated [bytes]."""
     findings: tuple[Finding, ...]

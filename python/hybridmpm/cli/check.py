@@ -1,17 +1,15 @@
 """`hybridmpm check`: what is known of a scene before its first frame."""
 
 import json
-import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from hybridmpm import checking, scenarios
-from hybridmpm.checking import Finding, SceneCheck
+from hybridmpm.checking import SceneCheck
 from hybridmpm.cli.options import completing, seed_option, substeps_option, threads_option
 from hybridmpm.downsampling import rung_table
-from hybridmpm.errors import ConfigError, RungWarning, SceneError, SimulationError
+from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene
 
@@ -55,24 +53,10 @@ def check(
 
 
 def _asked(scene: Scene, *, substeps: Substeps, rung: str | None, threads: int) -> SceneCheck:
-    """Check a scene with the settings that were asked about, and say what the rung says."""
+    """Check a scene with the settings that were asked about."""
     if substeps == "cfl" and rung is None and threads == 1:
         return checking.check(scene)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            solver = MpmSolver(scene, substeps=substeps, rung=rung, threads=threads)
-        except SimulationError as error:
-            found = checking.check(scene)
-            refused = Finding(severity="error", field="", problem=str(error), advice="")
-            return replace(found, stable=False, findings=(refused, *found.findings))
-    told = tuple(
-        Finding(severity="warning", field="", problem=str(one.message), advice="")
-        for one in caught
-        if issubclass(one.category, RungWarning)
-    )
-    found = checking.check(scene, solver)
-    return replace(found, findings=(*told, *found.findings))
+    return checking.check_with(scene, lambda: MpmSolver(scene, substeps=substeps, rung=rung, threads=threads))
 
 
 def _file(name: str) -> Path:

@@ -113,6 +113,26 @@ class AsyncClient:
         """
         return AsyncSession(self, await self.run(calls.create(scenario, seed, scene, log, settings)))
 
+    async def check(
+        self,
+        scenario: str | None = None,
+        seed: int | None = None,
+        *,
+        scene: Scene | Mapping[str, Any] | None = None,
+        **settings: Unpack[SimulatorSettings],
+    ) -> Json:
+        """Return what the service knows of a scene before its first frame: see docs/http-api.md.
+
+        Parameters are those of `create`. A scene that is not valid is no error: its faults are among the
+        `findings`, and `ok` is False.
+
+        Raises
+        ------
+        ConfigError
+            Not exactly one of `scenario` and `scene` is given.
+        """
+        return await self.run(calls.check(scenario, seed, scene, settings))
+
     async def sessions(self) -> list["AsyncSession"]:
         """Return all sessions of the service, oldest first."""
         return [AsyncSession(self, info) for info in await self.run(calls.session_list())]

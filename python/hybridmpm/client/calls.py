@@ -129,10 +129,26 @@ def create(
     given = {"scenario": scenario, "scene": scene, "log": log}
     if sum(value is not None for value in given.values()) != 1:
         raise ConfigError("give exactly one of scenario, scene and log")
-    origin = {name: value for name, value in (given | {"seed": seed}).items() if value is not None}
-    if isinstance(scene, Scene):
-        origin["scene"] = json.loads(scene.to_json())
-    return Call("POST", "/v1/sessions", _json, {"json": {**origin, **settings}})
+    return Call("POST", "/v1/sessions", _json, _origin(given | {"seed": seed}, settings))
+
+
+def check(
+    scenario: str | None,
+    seed: int | None,
+    scene: Scene | Mapping[str, Any] | None,
+    settings: SimulatorSettings,
+) -> Call[Json]:
+    """Return the call that checks a scene before its first frame.
+
+    Raises
+    ------
+    ConfigError
+        Not exactly one of `scenario` and `scene` is given.
+    """
+    if (scenario is None) == (scene is None):
+        raise ConfigError("give exactly one of scenario and scene")
+    given = {"scenario": scenario, "seed": seed, "scene": scene}
+    return Call("POST", "/v1/checks", _json, _origin(given, settings))
 
 
 def delete(session_id: str) -> Call[None]:
@@ -213,6 +229,14 @@ def result(job_id: str) -> Call[bytes]:
 def delete_job(job_id: str) -> Call[None]:
     """Return the call that ends a job."""
     return Call("DELETE", f"/v1/jobs/{job_id}", _nothing)
+
+
+def _origin(given: Mapping[str, Any], settings: SimulatorSettings) -> dict[str, Any]:
+    """Return a scene, where it comes from and who simulates it as arguments of a request."""
+    origin = {name: value for name, value in given.items() if value is not None}
+    if isinstance(origin.get("scene"), Scene):
+        origin["scene"] = json.loads(origin["scene"].to_json())
+    return {"json": {**origin, **settings}}
 
 
 def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> dict[str, Any]:

@@ -115,6 +115,26 @@ class Client:
         """
         return Session(self, self.run(calls.create(scenario, seed, scene, log, settings)))
 
+    def check(
+        self,
+        scenario: str | None = None,
+        seed: int | None = None,
+        *,
+        scene: Scene | Mapping[str, Any] | None = None,
+        **settings: Unpack[SimulatorSettings],
+    ) -> Json:
+        """Return what the service knows of a scene before its first frame: see docs/http-api.md.
+
+        Parameters are those of `create`. A scene that is not valid is no error: its faults are among the
+        `findings`, and `ok` is False.
+
+        Raises
+        ------
+        ConfigError
+            Not exactly one of `scenario` and `scene` is given.
+        """
+        return self.run(calls.check(scenario, seed, scene, settings))
+
     def sessions(self) -> list["Session"]:
         """Return all sessions of the service, oldest first."""
         return [Session(self, info) for info in self.run(calls.session_list())]

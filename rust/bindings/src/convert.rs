@@ -77,6 +77,47 @@ pub fn vector<const D: usize>(name: &str, values: &[f64]) -> PyResult<Vector<D>>
     Ok(Vector::from_fn(|axis, _| values[axis] as f32))
 }
 
+/// One value for all walls, or one for each: of the first axis the lower and the upper wall, then of the second.
+#[derive(FromPyObject)]
+pub enum ForWalls<T> {
+    All(T),
+    Each(Vec<T>),
+}
+
+impl<T: Clone> ForWalls<T> {
+    fn at(&self, wall: usize) -> T {
+        match self {
+            Self::All(value) => value.clone(),
+            Self::Each(values) => values[wall].clone(),
+        }
+    }
+
+    fn check(&self, name: &str, dim: usize) -> PyResult<()> {
+        match self {
+            Self::Each(values) if values.len() != 2 * dim => Err(config_error(format!(
+                "{name} must be one value, or one for each of the {} walls, got {}",
+                2 * dim,
+                values.len()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Contacts of the lower and the upper wall across each of `dim` axes.
+pub fn wall_contacts(
+    dim: usize,
+    kinds: &ForWalls<String>,
+    frictions: &ForWalls<Option<f32>>,
+) -> PyResult<Vec<[Contact; 2]>> {
+    kinds.check("wall_contact", dim)?;
+    frictions.check("wall_friction", dim)?;
+    let wall = |number: usize| contact(&kinds.at(number), frictions.at(number));
+    (0..dim)
+        .map(|axis| Ok([wall(2 * axis)?, wall(2 * axis + 1)?]))
+        .collect()
+}
+
 pub fn contact(kind: &str, friction: Option<f32>) -> PyResult<Contact> {
     let kind = match kind {
         "sticky" => ContactKind::Sticky,

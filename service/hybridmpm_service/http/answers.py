@@ -5,6 +5,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from hybridmpm.scenarios import ScenarioInfo
+from hybridmpm_service.http.checks import MOST_FINDINGS, FindingBody
 from hybridmpm_service.http.learned_answers import SafeguardBody
 from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.session import Session
@@ -95,6 +96,7 @@ class SessionBody(BaseModel):
                     },
                     "kept": "disk",
                     "notice": None,
+                    "findings": [],
                     "last_frame": {"substeps": 12, "bound": "sound", "ms": 1.4},
                     "links": {
                         "self": _LINK,
@@ -154,6 +156,10 @@ class SessionBody(BaseModel):
     notice: str | None = Field(
         description="What there is to say of a session that was computed again; null where there is nothing."
     )
+    findings: list[FindingBody] = Field(
+        description="What a check of the scene says without trying a frame: at most "
+        f"{MOST_FINDINGS} warnings and notes, the gravest first. Scenes with errors become no session."
+    )
     links: dict[str, str] = Field(
         description="Addresses of the session and of what belongs to it: "
         "self, stream, advance, particles, fork, log, sketches, trajectories, decisions."
@@ -185,6 +191,7 @@ class SessionBody(BaseModel):
             control=None if control is None else ControlBody.model_validate(vars(control)),
             kept=session.kept,
             notice=session.notice,
+            findings=FindingBody.first_of(session.findings),
             last_frame=None
             if view.last_frame is None
             else LastFrameBody(

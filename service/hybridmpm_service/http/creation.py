@@ -1,12 +1,14 @@
-"""What clients send to create a session, as JSON."""
+"""What clients send to create a session or to check a scene, as JSON."""
 
 from typing import Any, Self
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
+from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm.downsampling import rung_table
 from hybridmpm.scenarios import NAMES
+from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.http.requests import Request
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
@@ -16,47 +18,8 @@ _NOT_BESIDE_A_LOG: JsonDict = {
 }
 
 
-class CreateSession(Request):
-    """A session to create: a scenario with a seed, or a scene, and the simulator; or the log of a session."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "oneOf": [
-                {
-                    "required": ["scenario"],
-                    "properties": {
-                        "scenario": {"type": "string"},
-                        "scene": {"type": "null"},
-                        "log": {"type": "null"},
-                    },
-                },
-                {
-                    "required": ["scene"],
-                    "properties": {
-                        "scene": {"type": "object"},
-                        "scenario": {"type": "null"},
-                        "seed": {"type": "null"},
-                        "log": {"type": "null"},
-                    },
-                },
-                {
-                    "required": ["log"],
-                    "properties": {"log": {"type": "object"}, **_NOT_BESIDE_A_LOG},
-                },
-            ],
-            "examples": [
-                {"scenario": "water_2d", "seed": 0},
-                {
-                    "scene": {
-                        "dim": 2,
-                        "bodies": [
-                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
-                        ],
-                    }
-                },
-            ],
-        }
-    )
+class _Asked(Request):
+    """A scenario with a seed, or a scene, and who simulates it."""
 
     scenario: str | None = Field(
         default=None,
@@ -102,25 +65,6 @@ class CreateSession(Request):
         "all (paper). Only with hybrid; ours if absent.",
     )
 
-    log: LogBody | None = Field(
-        default=None,
-        description="Log of a session, in the place of everything else: it is computed again, which takes as "
-        "long as its frames took.",
-    )
-
-    @model_validator(mode="after")
-    def _one_of_them(self) -> Self:
-        given = [name for name in ("scenario", "scene", "log") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError('give one of "scenario" (with "seed"), "scene" and "log"')
-        beside = sorted(self.model_fields_set - {"log"}) if self.log is not None else []
-        beside = [name for name in beside if getattr(self, name) is not None]
-        if beside:
-            raise ValueError(f'"{beside[0]}" cannot be given beside "log", which has its own')
-        if self.scene is not None and self.seed is not None:
-            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
-        return self
-
     def choice(self) -> SolverChoice:
         """Return the simulator that the client asks for.
 
@@ -136,3 +80,116 @@ class CreateSession(Request):
             r_c=self.r_c,
             safeguard=self.safeguard,
         )
+
+    def make_scene(self) -> Scene:
+        """Return the scene, drawn from the scenario or read as it was sent.
+
+        Raises
+        ------
+        SceneError
+            The scene is not valid.
+        FieldError
+            There is no such scenario.
+        """
+        if self.scenario is None:
+            return Scene.parse(self.scene)
+        try:
+            return scenarios.get(self.scenario, self.seed or 0)
+        except UnknownScenarioError as err:
+            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+
+    def _check_seed(self) -> None:
+        if self.scene is not None and self.seed is not None:
+            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
+
+
+class CreateSession(_Asked):
+    """A session to create: a scenario with a seed, or a scene, and the simulator; or the log of a session."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [
+                {
+                    "required": ["scenario"],
+                    "properties": {
+                        "scenario": {"type": "string"},
+                        "scene": {"type": "null"},
+                        "log": {"type": "null"},
+                    },
+                },
+                {
+                    "required": ["scene"],
+                    "properties": {
+                        "scene": {"type": "object"},
+                        "scenario": {"type": "null"},
+                        "seed": {"type": "null"},
+                        "log": {"type": "null"},
+                    },
+                },
+                {
+                    "required": ["log"],
+                    "properties": {"log": {"type": "object"}, **_NOT_BESIDE_A_LOG},
+                },
+            ],
+            "examples": [
+                {"scenario": "water_2d", "seed": 0},
+                {
+                    "scene": {
+                        "dim": 2,
+                        "bodies": [
+                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
+                        ],
+                    }
+                },
+            ],
+        }
+    )
+
+    log: LogBody | None = Field(
+        default=None,
+        description="Log of a session, in the place of everything else: it is computed again, which takes as "
+        "long as its frames took.",
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        given = [name for name in ("scenario", "scene", "log") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError('give one of "scenario" (with "seed"), "scene" and "log"')
+        beside = sorted(self.model_fields_set - {"log"}) if self.log is not None else []
+        beside = [name for name in beside if getattr(self, name) is not None]
+        if beside:
+            raise ValueError(f'"{beside[0]}" cannot be given beside "log", which has its own')
+        self._check_seed()
+        return self
+
+
+class CheckScene(_Asked):
+    """A scene to check, or a scenario with a seed, and the simulator that it is to be checked for."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [
+                {
+                    "required": ["scenario"],
+                    "properties": {"scenario": {"type": "string"}, "scene": {"type": "null"}},
+                },
+                {
+                    "required": ["scene"],
+                    "properties": {
+                        "scene": {"type": "object"},
+                        "scenario": {"type": "null"},
+                        "seed": {"type": "null"},
+                    },
+                },
+            ],
+            "examples": [{"scenario": "water_2d", "seed": 0, "rung": "1/16"}],
+        }
+    )
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        if (self.scenario is None) == (self.scene is None):
+            raise ValueError('give one of "scenario" (with "seed") and "scene"')
+        self._check_seed()
+        return self

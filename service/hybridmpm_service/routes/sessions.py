@@ -4,7 +4,6 @@ import asyncio
 
 from fastapi import APIRouter, Request, Response
 
-from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
@@ -36,18 +35,8 @@ async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> S
     if sent is not None:
         log = await asyncio.to_thread(sent.log, limits.max_replay_frames, limits.max_sketch_frames)
         return await sessions.replay(log)
-    choice = body.choice()
-
-    def make_scene() -> Scene:
-        if body.scenario is None:
-            return Scene.parse(body.scene)
-        try:
-            return scenarios.get(body.scenario, body.seed or 0)
-        except UnknownScenarioError as err:
-            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
-
     seed = None if body.scenario is None else body.seed or 0
-    return await sessions.create(make_scene, scenario=body.scenario, seed=seed, choice=choice)
+    return await sessions.create(body.make_scene, scenario=body.scenario, seed=seed, choice=body.choice())
 
 
 @router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))

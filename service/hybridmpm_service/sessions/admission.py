@@ -8,8 +8,10 @@ memory.
 from typing import Protocol
 
 from hybridmpm import Scene, SceneError
+from hybridmpm.checking import Finding, findings
 from hybridmpm.mpm import frame_cost
 from hybridmpm_service.errors import MachineFullError
+from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
@@ -133,3 +135,19 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
         )
         raise SceneError.of([("bodies", text)])
     return scene.model_copy(update={"max_particles": limit})
+
+
+def unrefused(scene: Scene, choice: SolverChoice) -> tuple[Finding, ...]:
+    """Return what a check says of a scene without trying a frame.
+
+    Raises
+    ------
+    SceneError
+        There are errors among it: the scene would not run. The message says what to change.
+    """
+    found = findings(scene)
+    errors = [one for one in found if one.severity == "error"]
+    if errors and choice.solver == "mpm" and choice.rung is None:
+        raise SceneError.of([(one.field, f"{one.problem}; {one.advice}") for one in errors])
+    # Fewer particles take a coarser grid and longer steps, of which the scene alone tells nothing.
+    return tuple(one for one in found if one not in errors)

@@ -5,11 +5,13 @@ import logging
 import time
 import uuid
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from hybridmpm import CancelFlag, Scene, SimulationError
+from hybridmpm import CancelFlag, Scene, SimulationError, checking
 from hybridmpm._support.machine import usable_cores
+from hybridmpm.checking import SceneCheck
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm_service.errors import (
     ServiceError,
@@ -17,7 +19,7 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds, within_limits
+from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds, unrefused, within_limits
 from hybridmpm_service.sessions.journal.folder import Folder
 from hybridmpm_service.sessions.journal.log import SessionLog
 from hybridmpm_service.sessions.journal.origin import Origin
@@ -70,6 +72,7 @@ class SessionManager:
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
         self._reviving = set() if self._folder is None else set(self._folder.names())
         self._replaying: set[CancelFlag] = set()
+        self._checker = ThreadPoolExecutor(1, "check")
         self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
@@ -113,11 +116,39 @@ class SessionManager:
 
         def make() -> Revived:
             scene = within_limits(make_scene(), self._settings)
+            found = unrefused(scene, choice or SolverChoice())
             chosen = self._admitted(choice or SolverChoice(), scene, scenario)
             simulation = Simulation(chosen, clock=self.clock)
-            return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None)
+            return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None, found)
 
         return await self._create(make)
+
+    async def check(
+        self, make_scene: Callable[[], Scene], scenario: str | None, choice: SolverChoice
+    ) -> SceneCheck:
+        """Tell what is known of a scene before its first frame; parameters as in `create`.
+
+        Checks are made one after the other, since each measures how long frames take.
+
+        Raises
+        ------
+        UnavailableError
+            The server is shutting down.
+        SceneError
+            The scene is not valid, or beyond a limit of this server.
+        ConfigError, FieldError, ModelDamagedError
+            The rung or the model is refused.
+        """
+        if self.draining.is_set():
+            raise UnavailableError("the server is shutting down")
+
+        def check() -> SceneCheck:
+            scene = within_limits(make_scene(), self._settings)
+            if choice == SolverChoice() and self._settings.threads == 1:
+                return checking.check(scene)
+            return checking.check_with(scene, lambda: self._solvers.make(choice, scene, scenario).simulator)
+
+        return await asyncio.get_running_loop().run_in_executor(self._checker, check)
 
     async def replay(self, log: SessionLog) -> Session:
         """Start a session from a log: everything in it is computed again, and then it is paused.
@@ -132,9 +163,10 @@ class SessionManager:
 
         def make() -> Revived:
             scene = within_limits(log.origin.scene, self._settings)
+            found = unrefused(scene, log.origin.choice)
             chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
             limited = replace(log, origin=replace(log.origin, scene=scene))
-            return revived_from_log(limited, chosen, self.clock, cancel)
+            return replace(revived_from_log(limited, chosen, self.clock, cancel), findings=found)
 
         cancel = CancelFlag()
         self._replaying.add(cancel)
@@ -164,7 +196,7 @@ class SessionManager:
         self._machine.check(origin.load, "a fork of this session")
 
         async def forked() -> Revived:
-            return Revived(await origin.fork(), origin.origin, origin.notice)
+            return Revived(await origin.fork(), origin.origin, origin.notice, origin.findings)
 
         session = await self._begun(asyncio.ensure_future(forked()), origin.frame_seconds)
         session.set_speed(origin.speed)
@@ -257,6 +289,7 @@ class SessionManager:
         while self._sessions:
             _, session = self._sessions.popitem()
             self._end(session, CLOSE_GOING_AWAY, "the server stops", keep=True)
+        self._checker.shutdown(wait=False, cancel_futures=True)
         await asyncio.gather(*self._ending)
         if self._folder is not None:
             self._folder.close()
@@ -322,6 +355,7 @@ class SessionManager:
             machine=self._machine,
             estimate=frame_seconds or _estimate(made.origin, made.simulation.r_p),
             notice=made.notice,
+            findings=made.findings,
         )
         self._sessions[session.id] = session
         return session
@@ -332,7 +366,8 @@ class SessionManager:
         def make() -> Revived:
             file = folder.open(name)
             try:
-                return revived_from_file(file, self._solvers, self.clock)
+                revived = revived_from_file(file, self._solvers, self.clock)
+                return replace(revived, findings=checking.findings(revived.origin.scene))
             except BaseException:
                 file.close()
                 raise

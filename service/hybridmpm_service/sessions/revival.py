@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from hybridmpm import CancelFlag, FrameCancelledError, SnapshotError
+from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.journal.journal import Journal
@@ -23,6 +24,8 @@ class Revived:
     origin: Origin
     notice: str | None
     """What there is to say about it; None if it has the bits that it had."""
+    findings: tuple[Finding, ...] = ()
+    """What a check of its scene says."""
 
 
 def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -> Revived:

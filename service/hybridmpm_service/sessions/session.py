@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from hybridmpm import CancelFlag, SimulationError
+from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
@@ -59,6 +60,8 @@ class Session:
         About how long a frame takes [s], before one has been measured.
     notice : str, optional
         What there is to say about how the simulation was computed again.
+    findings : tuple of Finding
+        What a check of the scene says.
 
     Attributes
     ----------
@@ -66,6 +69,7 @@ class Session:
         Name of the session in its address.
     origin : Origin
     notice : str or None
+    findings : tuple of Finding
     scene : Scene
         Scene that is simulated.
     simulation : Simulation
@@ -88,10 +92,12 @@ class Session:
         machine: Machine,
         estimate: float,
         notice: str | None = None,
+        findings: tuple[Finding, ...] = (),
     ) -> None:
         self.id = name
         self.origin = origin
         self.notice = notice
+        self.findings = findings
         self.scene = simulation.scene
         self.simulation = simulation
         self.view = simulation.look()

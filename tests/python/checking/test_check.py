@@ -9,17 +9,17 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, MpmSolver, NeuralPhysics, Scene, SoftMaterialWarning, scenarios
-from hybridmpm.checking import Finding, check
+from hybridmpm.checking import Finding, check, findings
 from hybridmpm.cli import cli
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
 
-BESIDE = BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}
-OPENING = {
+SMALL = BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}
+SPOUT = {
     "shape": "rectangle",
+    "material": "water",
     "lower": [0.5, 0.5],
     "upper": [0.5, 0.7],
-    "material": "water",
     "velocity": [1, 0],
 }
 
@@ -73,7 +73,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
             "warning", "bodies[0]", ["49%", "4.9 times as stiff"],
         ),
         (
-            {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, BESIDE]},
+            {"bodies": [BLOCK | {"material": {"kind": "sand", "density": 2}}, SMALL]},
             "warning", "bodies[0]", ["2 kg/m^3 beside 1000 kg/m^3"],
         ),
         (
@@ -81,7 +81,7 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
             "note", "bodies[0]", ["substeps a frame"],
         ),
         (
-            {"emitters": [OPENING], "frames": 800},
+            {"emitters": [SPOUT], "frames": 800},
             "note", "emitters", ["from 655 to up to 7055", "11 times as long"],
         ),
     ],
@@ -155,6 +155,29 @@ def test_a_long_frame_is_tried_in_part() -> None:
     assert found.substeps > 5000
     assert found.milliseconds is not None
     assert found.milliseconds > 20
+
+
+def test_a_scene_that_fills_is_timed_as_in_the_middle_of_its_run() -> None:
+    spout = scene(emitters=[SPOUT], frames=400)
+    short = scene(emitters=[SPOUT | {"stop": 0.01}], frames=400)
+    filled, started = spout.check().milliseconds, short.check().milliseconds
+    assert filled is not None
+    assert started is not None
+    # By frame 200 the first has five times the particles of the second.
+    assert filled > 1.5 * started
+
+
+def test_what_no_grid_bears_is_an_error_of_the_scene_alone() -> None:
+    hard = scene(BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e12, "density": 1}})
+    found = [one for one in findings(hard) if one.severity == "error"]
+    assert "substeps a frame, and at most 20000 are taken" in only(tuple(found)).problem
+    assert hard.check().stable is False
+
+
+def test_overlaps_are_found_among_many_bodies() -> None:
+    bars = [BLOCK | {"lower": [0.12, 0.11 + k / 400], "upper": [0.88, 0.113 + k / 400]} for k in range(300)]
+    told = [one for one in findings(scene(*bars)) if "of its volume in bodies" in one.problem]
+    assert {one.field for one in told} == {f"bodies[{k}]" for k in range(1, 300)}
 
 
 def test_soft_material_is_warned_of() -> None:

@@ -68,6 +68,7 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.session_list(),
         calls.session("ID"),
         calls.create("NAME", 0, None, None, empty),
+        calls.check("NAME", 0, None, empty),
         calls.delete("ID"),
         calls.advance("ID", 1),
         calls.particles("ID"),
@@ -128,6 +129,17 @@ def test_a_session_computes_what_the_library_does(client: Client) -> None:
     assert [one.id for one in client.sessions()][-1] == session.id
     assert client.session(session.id).info == session.refresh()
     assert repr(session) == f"Session({session.id}, frame 3)"
+
+
+def test_a_scene_is_checked_before_it_is_a_session(client: Client) -> None:
+    scene = client.scenario("water_2d", seed=7)
+    found = client.check(scene=scene)
+    assert found["ok"]
+    assert found["substeps"] == client.check("water_2d", 7)["substeps"]
+    assert found["particles"] == MpmSolver(scene).particle_count
+    assert not client.check(scene={"dim": 4})["ok"]
+    with pytest.raises(ConfigError, match="exactly one of scenario and scene"):
+        client.check()
 
 
 def test_forks_logs_and_deletes(client: Client) -> None:

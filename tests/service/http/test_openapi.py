@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, creation, logs, requests
+from hybridmpm_service.http import answers, checks, creation, logs, requests
 from hybridmpm_service.http import learned_answers as learned
 from hybridmpm_service.http.sketches import answers as sketch_answers
 
@@ -20,6 +20,7 @@ OPERATIONS = {
     ("get", "/v1/models"),
     ("get", "/v1/scenarios"),
     ("get", "/v1/scenarios/{name}"),
+    ("post", "/v1/checks"),
     ("post", "/v1/sessions"),
     ("get", "/v1/sessions"),
     ("get", "/v1/sessions/{session_id}"),
@@ -96,6 +97,9 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     schemas = document["components"]["schemas"]
     for name in (
         "CreateSession",
+        "CheckScene",
+        "CheckBody",
+        "FindingBody",
         "AdvanceSession",
         "SketchRequest",
         "SessionBody",
@@ -111,6 +115,9 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     "model",
     [
         creation.CreateSession,
+        creation.CheckScene,
+        checks.CheckBody,
+        checks.FindingBody,
         logs.LogBody,
         requests.AdvanceSession,
         requests.SketchRequest,

@@ -12,8 +12,8 @@ def checked_material(scene: Scene, peer: str) -> Water | Sand:
     Raises
     ------
     ConfigError
-        The scene has several materials, another one than water or sand, obstacles, or walls less than three
-        cells inside the world box.
+        The scene has several materials, another one than water or sand, obstacles, walls that differ, or walls
+        less than three cells inside the world box.
     """
     material = scene.materials[0]
     if len(scene.materials) > 1 or not isinstance(material, Water | Sand) or scene.obstacles:
@@ -21,6 +21,8 @@ def checked_material(scene: Scene, peer: str) -> Water | Sand:
             f"the {peer} solver takes scenes of one material, water or sand, and without obstacles; "
             f"got {', '.join(m.kind for m in scene.materials)} and {len(scene.obstacles)} obstacles"
         )
+    if scene.walls.faces is not None:
+        raise ConfigError(f"the {peer} solver takes walls that are all alike; got walls.faces")
     lowest = min(math.floor(s * scene.resolution + 1e-6) for s in scene.walls.lower)
     highest = max(math.ceil(s * scene.resolution - 1e-6) for s in scene.walls.upper)
     if lowest < 2 or highest + 3 > scene.resolution:

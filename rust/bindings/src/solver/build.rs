@@ -97,7 +97,8 @@ pub struct Arguments<'py> {
     pub gravity: Vec<f64>,
     pub wall_lower: Vec<f64>,
     pub wall_upper: Vec<f64>,
-    pub wall_contact: Contact,
+    /// Of the lower and the upper wall across each axis.
+    pub wall_contacts: Vec<[Contact; 2]>,
     pub materials: Vec<Material>,
     pub obstacles: Vec<PyRef<'py, PyObstacle>>,
     pub emitters: Vec<PyRef<'py, PyEmitter>>,
@@ -133,7 +134,7 @@ impl Arguments<'_> {
                     walls: Walls {
                         lower: vector("wall_lower", &self.wall_lower)?,
                         upper: vector("wall_upper", &self.wall_upper)?,
-                        contact: self.wall_contact,
+                        contacts: std::array::from_fn(|axis| self.wall_contacts[axis]),
                     },
                     materials: self.materials,
                     obstacles,

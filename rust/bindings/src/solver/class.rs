@@ -14,7 +14,7 @@ use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{array, contact, read_only, slice_of, vectors};
+use crate::convert::{ForWalls, array, read_only, slice_of, vectors, wall_contacts};
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
@@ -83,7 +83,7 @@ impl PySolver {
 impl PySolver {
     #[new]
     #[pyo3(signature = (*, resolution, frame_dt, gravity, wall_lower, wall_upper,
-        wall_contact="separating", wall_friction=None, materials, obstacles=Vec::new(), emitters=Vec::new(),
+        wall_contact=ForWalls::All("separating".to_owned()), wall_friction=ForWalls::All(None), materials, obstacles=Vec::new(), emitters=Vec::new(),
         sinks=Vec::new(), max_particles=None, x, v, material, mass,
         volume, volume_ratio=None, substeps=None, cfl=None,
         allow_unstable=false, sleep_speed=None, sleep_frames=20, threads=1),
@@ -102,8 +102,8 @@ impl PySolver {
         gravity: Vec<f64>,
         wall_lower: Vec<f64>,
         wall_upper: Vec<f64>,
-        wall_contact: &str,
-        wall_friction: Option<f32>,
+        wall_contact: ForWalls<String>,
+        wall_friction: ForWalls<Option<f32>>,
         materials: Vec<PyRef<'_, PyMaterial>>,
         obstacles: Vec<PyRef<'_, PyObstacle>>,
         emitters: Vec<PyRef<'_, PyEmitter>>,
@@ -130,7 +130,7 @@ impl PySolver {
             gravity,
             wall_lower,
             wall_upper,
-            wall_contact: contact(wall_contact, wall_friction)?,
+            wall_contacts: wall_contacts(dim, &wall_contact, &wall_friction)?,
             materials: materials.iter().map(|m| m.inner).collect(),
             obstacles,
             emitters,

@@ -29,6 +29,7 @@ struct Side {
     axis: usize,
     /// +1 at a lower wall, -1 at an upper one.
     inward: f32,
+    contact: Contact,
     /// Coordinate along the axis of the middle one of the three nodes.
     middle: usize,
     /// Weights of the outer, middle and inner node at the wall.
@@ -43,13 +44,12 @@ struct Side {
 /// All walls of a scene, prepared for one grid.
 #[derive(Debug, Clone)]
 pub struct WallContact {
-    contact: Contact,
     sides: Vec<Side>,
 }
 
 impl WallContact {
     pub fn new<const D: usize>(walls: &Walls<D>, layout: &Layout<D>) -> Self {
-        let side = |axis: usize, position: f32, inward: f32| {
+        let side = |axis: usize, position: f32, inward: f32, contact: Contact| {
             let xi = f64::from(position) * layout.resolution as f64 + PADDING as f64;
             let base = (xi - 0.5).floor();
             let mut weights = spline((xi - base) as f32);
@@ -61,6 +61,7 @@ impl WallContact {
             Side {
                 axis,
                 inward,
+                contact,
                 middle: base as usize + 1,
                 weights,
                 touching: (cumulative(-face) / cumulative(1.0 - face)) as f32,
@@ -69,16 +70,14 @@ impl WallContact {
         };
         let sides = (0..D)
             .flat_map(|axis| {
+                let [lower, upper] = walls.contacts[axis];
                 [
-                    side(axis, walls.lower[axis], 1.0),
-                    side(axis, walls.upper[axis], -1.0),
+                    side(axis, walls.lower[axis], 1.0, lower),
+                    side(axis, walls.upper[axis], -1.0, upper),
                 ]
             })
             .collect();
-        Self {
-            contact: walls.contact,
-            sides,
-        }
+        Self { sides }
     }
 
     /// Finds the node lines across each wall that may carry material.
@@ -125,7 +124,7 @@ impl WallContact {
             for side in sides.filter(|side| (side.axis == 0) == across_first) {
                 let place = |node: usize| side.lines.partition_point(|&line| line < node);
                 let (first, end) = (window.first, window.first + window.nodes.len());
-                self.resolve(
+                Self::resolve(
                     window,
                     side,
                     &side.lines[place(first)..place(end)],
@@ -137,13 +136,12 @@ impl WallContact {
 
     /// Contact on node lines. They have no node in common, so their order has no influence.
     fn resolve<const D: usize>(
-        &self,
         window: &mut Window<'_, D>,
         side: &Side,
         lines: &[usize],
         friction: &MaterialFriction,
     ) {
-        let friction = match (self.contact.friction, friction) {
+        let friction = match (side.contact.friction, friction) {
             (Some(mu), _) => MaterialFriction::Uniform(mu),
             (None, of_material) => *of_material,
         };
@@ -151,7 +149,7 @@ impl WallContact {
             window,
             side,
             lines,
-            kind: self.contact.kind,
+            kind: side.contact.kind,
             friction,
         });
     }

@@ -91,11 +91,8 @@ mod tests {
             kind: ContactKind::Separating,
             friction: None,
         };
-        let walls = Walls {
-            lower: Vector::from_element(0.1),
-            upper: Vector::from_element(0.9),
-            contact,
-        };
+        let (lower, upper) = (Vector::from_element(0.1), Vector::from_element(0.9));
+        let walls = Walls::uniform(lower, upper, contact);
         let layout = Layout::<2>::new(64);
         let fill = WallFill::new(&walls, &layout);
         let at = |x: f32, y: f32| fill.at(&Stencils::at(&[[x; LANES], [y; LANES]], &layout)).0[0];

@@ -4,15 +4,26 @@ use super::contact::Contact;
 use crate::error::MpmError;
 use crate::linalg::Vector;
 
-/// Positions of the walls [m] and their surface.
+/// Positions of the walls [m] and their surfaces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Walls<const D: usize> {
     pub lower: Vector<D>,
     pub upper: Vector<D>,
-    pub contact: Contact,
+    /// Surfaces of the lower and the upper wall across each axis.
+    pub contacts: [[Contact; 2]; D],
 }
 
 impl<const D: usize> Walls<D> {
+    /// Walls that all have the same surface.
+    pub fn uniform(lower: Vector<D>, upper: Vector<D>, contact: Contact) -> Self {
+        let contacts = [[contact; 2]; D];
+        Self {
+            lower,
+            upper,
+            contacts,
+        }
+    }
+
     /// Whether a point lies between the walls; false also for NaN.
     #[inline(always)]
     pub fn contains(&self, x: &Vector<D>) -> bool {
@@ -32,16 +43,9 @@ impl<const D: usize> Walls<D> {
                 ));
             }
         }
-        if self
-            .contact
-            .friction
-            .is_some_and(|mu| !(mu >= 0.0 && mu.is_finite()))
-        {
-            return Err(MpmError::parameter(
-                "wall_friction",
-                "finite and >= 0",
-                self.contact.friction,
-            ));
+        let mut frictions = self.contacts.iter().flatten().filter_map(|c| c.friction);
+        if let Some(mu) = frictions.find(|mu| !(*mu >= 0.0 && mu.is_finite())) {
+            return Err(MpmError::parameter("wall_friction", "finite and >= 0", mu));
         }
         Ok(())
     }

@@ -57,7 +57,7 @@ impl<const D: usize> Surfaces<D> {
                     0.0
                 };
                 let friction = self.frictions[usize::from(particle.material)];
-                let contact = self.walls.contact;
+                let contact = self.walls.contacts[axis][usize::from(side < 0.0)];
                 particle.x[axis] = wall + side * inside;
                 particle.v = contact.resolve(&particle.v, &normal, friction);
             }

@@ -11,14 +11,15 @@ const RESOLUTION: usize = 32;
 const DX: f32 = 1.0 / RESOLUTION as f32;
 
 fn walls<const D: usize>() -> Walls<D> {
-    Walls {
-        lower: Vector::from_element(0.1),
-        upper: Vector::from_element(0.9),
-        contact: Contact {
-            kind: ContactKind::Separating,
-            friction: None,
-        },
-    }
+    let contact = Contact {
+        kind: ContactKind::Separating,
+        friction: None,
+    };
+    Walls::uniform(
+        Vector::from_element(0.1),
+        Vector::from_element(0.9),
+        contact,
+    )
 }
 
 /// Particles at places that look random, in [low, low + side)^D.

@@ -115,11 +115,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
         kind: ContactKind::Separating,
         friction: None,
     };
-    let walls = Walls {
-        lower: Vector::zeros(),
-        upper: Vector::from_element(1.0),
-        contact,
-    };
+    let walls = Walls::uniform(Vector::zeros(), Vector::from_element(1.0), contact);
     let mut grid = Grid::<D>::new(RESOLUTION, false);
     let layout = grid.layout;
     let water = Water {

@@ -79,11 +79,11 @@ impl<const D: usize> Scene<D> {
 }
 
 fn walls<const D: usize>() -> Walls<D> {
-    Walls {
-        lower: Vector::from_element(0.1),
-        upper: Vector::from_element(0.9),
-        contact: CONTACT,
-    }
+    Walls::uniform(
+        Vector::from_element(0.1),
+        Vector::from_element(0.9),
+        CONTACT,
+    )
 }
 
 /// Four particles a cell, apart by `spacing` times their distance at rest, from 0.3 to 0.7, that are sheared at

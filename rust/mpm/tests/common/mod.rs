@@ -28,11 +28,8 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         kind: ContactKind::Separating,
         friction: None,
     };
-    let walls = Walls {
-        lower: Vector::from_element(0.1),
-        upper: Vector::from_element(0.9),
-        contact,
-    };
+    let (lower, upper) = (Vector::from_element(0.1), Vector::from_element(0.9));
+    let walls = Walls::uniform(lower, upper, contact);
     SolverSettings {
         resolution,
         frame_dt: FRAME,

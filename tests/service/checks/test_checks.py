@@ -1,0 +1,107 @@
+"""A check over HTTP says what the library says, and a session is told of it."""
+
+from typing import Any
+
+import pytest
+
+from hybridmpm import Scene, scenarios
+from hybridmpm_service.http.checks import MOST_FINDINGS
+
+BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
+THIN = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}
+
+
+def scene(*bodies: dict[str, Any], **fields: Any) -> dict[str, Any]:
+    return {"dim": 2, "resolution": 32, "bodies": list(bodies or (BLOCK,)), **fields}
+
+
+def test_a_check_answers_figures_and_findings(service: Any) -> None:
+    made = scene(obstacles=[THIN])
+    found = service.http.post("/v1/checks", json={"scene": made}).json()
+    expected = Scene.parse(made).check().to_dict()
+    assert found.pop("milliseconds") > 0
+    assert found == {name: value for name, value in expected.items() if name != "milliseconds"}
+    assert [one["field"] for one in found["findings"]] == ["obstacles[0]"]
+    assert service.http.get("/v1/sessions").json()["sessions"] == []
+
+
+def test_a_check_is_made_for_the_simulator_that_is_asked_for(service: Any) -> None:
+    plain, coarse, network = (
+        service.http.post("/v1/checks", json={"scenario": "water_2d", "seed": 7, **who}).json()
+        for who in ({}, {"rung": "1/16"}, {"solver": "neural"})
+    )
+    assert plain["particles"] == coarse["particles"] == len(scenarios.water_2d(7).sample().x)
+    assert coarse["substeps"] < plain["substeps"]
+    assert (plain["stable"], network["stable"]) == (True, None)
+
+
+@pytest.mark.parametrize(
+    ("sent", "field", "words"),
+    [
+        ({"dim": 2, "resolution": 4, "bodies": []}, "resolution", "must be in [8, 1024]"),
+        (scene(resolution=1024, dim=3), "bodies[0].lower", "dim = 3"),
+        (scene(BLOCK, BLOCK), "", "room for no particle"),
+        (
+            scene(
+                {
+                    **BLOCK,
+                    "material": {"kind": "water", "bulk_modulus": 1e12, "density": 10},
+                    "upper": [0.25, 0.25],
+                }
+            ),
+            "bodies[0]",
+            "at most 20000 are taken",
+        ),
+    ],
+    ids=["faulty", "of another dimension", "cannot be filled", "too stiff"],
+)
+def test_a_scene_that_cannot_run_is_answered_with_what_is_wrong(
+    service: Any, problem: Any, sent: dict[str, Any], field: str, words: str
+) -> None:
+    answer = service.http.post("/v1/checks", json={"scene": sent})
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    assert not found["ok"]
+    matching = [one for one in found["findings"] if one["field"] == field and words in one["problem"]]
+    assert matching[0]["severity"] == "error"
+    # No session is made of it.
+    body = problem(service.http.post("/v1/sessions", json={"scene": sent}), 422)
+    assert words in body["detail"]
+
+
+def test_limits_of_the_server_are_findings_too(start: Any) -> None:
+    service = start(max_frame_cost=1000)
+    found = service.http.post("/v1/checks", json={"scenario": "water_2d"}).json()
+    assert not found["ok"]
+    assert "this server takes up to 1000" in found["findings"][0]["problem"]
+
+
+@pytest.mark.filterwarnings("ignore::hybridmpm.ThinObstacleWarning")
+def test_a_session_carries_its_warnings_and_so_does_its_fork(service: Any) -> None:
+    # Many findings would make status messages long.
+    many = [{**THIN, "lower": [0.5, 0.1 + 0.03 * k], "upper": [0.6, 0.11 + 0.03 * k]} for k in range(25)]
+    for obstacles, count in (([], 0), ([THIN], 1), (many, MOST_FINDINGS)):
+        made = service.http.post("/v1/sessions", json={"scene": scene(obstacles=obstacles)}).json()
+        fork = service.http.post(made["links"]["fork"]).json()
+        for session in (made, fork, service.http.get(made["links"]["self"]).json()):
+            assert len(session["findings"]) == count
+        for session in (made, fork):
+            service.http.delete(session["links"]["self"])
+
+
+def test_bad_requests_are_problems(service: Any, problem: Any) -> None:
+    for sent, words in (
+        ({}, "give one of"),
+        ({"scenario": "water_2d", "scene": scene()}, "give one of"),
+        ({"scene": scene(), "seed": 1}, "belongs to a scenario"),
+        ({"scenario": "lava"}, "lava"),
+        ({"scenario": "water_2d", "rung": "1/3"}, "rung"),
+        ({"scenario": "water_2d", "log": {}}, "log"),
+    ):
+        assert words in problem(service.http.post("/v1/checks", json=sent), 422)["detail"]
+
+
+def test_a_server_that_stops_checks_nothing(start: Any, problem: Any) -> None:
+    service = start()
+    service.app.state.sessions.draining.set()
+    problem(service.http.post("/v1/checks", json={"scenario": "water_2d"}), 503)
