@@ -203,14 +203,15 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert set(done.stdout.splitlines()[-1].split()) == {
         "hybridmpm.cli.report",
+        "hybridmpm.cli.report.commands",
         "hybridmpm.cli.report.installation",
     }
 
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     names = [
-        "bench", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema", "serve",
-        "simulate", "train", "validate",
+        "bench", "check", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema",
+        "serve", "simulate", "train", "validate",
     ]  # fmt: skip
     listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()
     assert [line.split()[0] for line in listed] == names
