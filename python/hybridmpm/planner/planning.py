@@ -175,13 +175,19 @@ def plan(
         particles=todo.particles,
         resolution=todo.resolution,
         substeps=todo.substeps,
-        moduli=tuple(factor * candidate.softer for factor in todo.moduli),
+        moduli=todo.moduli,
         runner_up=runner_up,
         reason=reason,
         notes=(origin, *like.notes, *_below_floor(best, like, known, measure), *warned_of(candidate, scene)),
         candidate=candidate,
         scene=scene,
     )
+
+
+def prospects(scene: Scene, *, measure: str = "grid_rmse") -> list[Prospect]:
+    """Return what is expected of each candidate that a scene allows; parameters and errors as of `plan`."""
+    known, _ = present()
+    return [one for one, _ in _prospects(checked_scene(scene), likeness(scene), known, measure)]
 
 
 def _check(max_error: float | None, budget_ms: float | None, measure: str) -> None:
