@@ -68,11 +68,12 @@ if _TYPE_CHECKING:
     from hybridmpm import control, data, hybrid, metrics, physics, planner, simulators
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
-    from hybridmpm.planner import CalibrationWarning, Plan, plan
+    from hybridmpm.planner import AutoSolver, CalibrationWarning, Plan, plan
     from hybridmpm.simulators import load
 
 __all__ = [
     "SOLVER_VERSION",
+    "AutoSolver",
     "Ball",
     "BallObstacle",
     "BallSink",
@@ -142,6 +143,7 @@ __all__ = [
 
 _ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")
 _NAMES_ON_DEMAND = {
+    "AutoSolver": "planner",
     "CalibrationWarning": "planner",
     "HybridSimulator": "hybrid",
     "NeuralPhysics": "physics",

@@ -184,10 +184,12 @@ def plan(
     )
 
 
-def prospects(scene: Scene, *, measure: str = "grid_rmse") -> list[Prospect]:
-    """Return what is expected of each candidate that a scene allows; parameters and errors as of `plan`."""
-    known, _ = present()
-    return [one for one, _ in _prospects(checked_scene(scene), likeness(scene), known, measure)]
+def prospective(
+    scene: Scene, *, measure: str = "grid_rmse", calibration: str | Path | None = None
+) -> list[tuple[Prospect, Candidate]]:
+    """Return each candidate that a scene allows, with what is expected of it; see `plan`."""
+    known, _ = present(None if calibration is None else Path(calibration))
+    return list(_prospects(checked_scene(scene), likeness(scene), known, measure))
 
 
 def _check(max_error: float | None, budget_ms: float | None, measure: str) -> None:

@@ -20,7 +20,7 @@ from hybridmpm.bench.tradeoff.times import by_turns
 from hybridmpm.downsampling import CarryingSimulator
 from hybridmpm.errors import SimulationError
 from hybridmpm.planner.candidates import candidates
-from hybridmpm.planner.planning import prospects
+from hybridmpm.planner.planning import prospective
 from hybridmpm.scene import Scene
 
 FIRST = FIRST_SEED + 1000
@@ -99,7 +99,7 @@ def _scene_rows(
     if not all(runs.has((scenario, seed, name)) for name in names):
         measured = dict(scene_errors(scenario, seed, names, TradeoffSettings(span=settings.span)))
         times = _times(scenario, scene, names, settings)
-        expected = {one.name: one for one in prospects(scene)}
+        expected = {one.name: one for one, _ in prospective(scene)}
         for name in names:
             one = expected.get(name)
             row = {
