@@ -71,11 +71,12 @@ if _TYPE_CHECKING:
     from hybridmpm.checking import SceneCheck, check
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
-    from hybridmpm.planner import CalibrationWarning, Plan, plan
+    from hybridmpm.planner import AutoSolver, CalibrationWarning, Plan, plan
     from hybridmpm.simulators import load
 
 __all__ = [
     "SOLVER_VERSION",
+    "AutoSolver",
     "Ball",
     "BallObstacle",
     "BallSink",
@@ -149,6 +150,7 @@ __all__ = [
 
 _ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")
 _NAMES_ON_DEMAND = {
+    "AutoSolver": "planner",
     "CalibrationWarning": "planner",
     "HybridSimulator": "hybrid",
     "NeuralPhysics": "physics",

@@ -32,6 +32,10 @@ BENCHES: dict[str, Origin] = {
         ),
         data=(_WEIGHTS, "python/hybridmpm/downsampling/rungs/rungs.json"),
     ),
+    "plans": Origin(
+        modules=("hybridmpm.bench.calibrate.judge",),
+        data=(_WEIGHTS, "python/hybridmpm/planner/calibration.json"),
+    ),
     "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
     "stability-map": Origin(modules=("hybridmpm.bench.stability.map",), data=(_WEIGHTS,)),

@@ -5,7 +5,8 @@ makes the simulator. Errors were measured once for all, times are those of the m
 calibrate` takes them.
 """
 
+from hybridmpm.planner.auto import AutoSolver, Change
 from hybridmpm.planner.planning import Plan, Prospect, plan
 from hybridmpm.planner.store import CalibrationWarning
 
-__all__ = ["CalibrationWarning", "Plan", "Prospect", "plan"]
+__all__ = ["AutoSolver", "CalibrationWarning", "Change", "Plan", "Prospect", "plan"]

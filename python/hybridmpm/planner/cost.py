@@ -48,6 +48,7 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
     ConfigError
         Its grid would be too coarse for the scene.
     """
+    scene = softened(scene, candidate.softer)
     rung = _rung(candidate, scene)
     count = particle_count(scene)
     few = max(round(rung.r_p * count), len(scene.bodies), 1)
@@ -65,7 +66,7 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
         shown=count if candidate.carry else few,
         resolution=rung.resolution,
         substeps=math.ceil(scene.frame_dt / min(steps) - 1e-6),
-        moduli=rung.moduli,
+        moduli=tuple(candidate.softer * factor for factor in rung.moduli),
     )
 
 
@@ -98,10 +99,7 @@ def _rung(candidate: Candidate, scene: Scene) -> Rung:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RungWarning)  # `warned_of` tells of the rung that is chosen
             return rung_for(scene, name)
-    rung = Rung.unfitted(scene, candidate.r_p)
-    if candidate.softer == 1:
-        return rung
-    return Rung.unfitted(softened(scene, candidate.softer), 1.0)
+    return Rung.unfitted(scene, candidate.r_p)
 
 
 def milliseconds(candidate: Candidate, scene: Scene, calibration: Calibration) -> float | None:

@@ -175,13 +175,21 @@ def plan(
         particles=todo.particles,
         resolution=todo.resolution,
         substeps=todo.substeps,
-        moduli=tuple(factor * candidate.softer for factor in todo.moduli),
+        moduli=todo.moduli,
         runner_up=runner_up,
         reason=reason,
         notes=(origin, *like.notes, *_below_floor(best, like, known, measure), *warned_of(candidate, scene)),
         candidate=candidate,
         scene=scene,
     )
+
+
+def prospective(
+    scene: Scene, *, measure: str = "grid_rmse", calibration: str | Path | None = None
+) -> list[tuple[Prospect, Candidate]]:
+    """Return each candidate that a scene allows, with what is expected of it; see `plan`."""
+    known, _ = present(None if calibration is None else Path(calibration))
+    return list(_prospects(checked_scene(scene), likeness(scene), known, measure))
 
 
 def _check(max_error: float | None, budget_ms: float | None, measure: str) -> None:

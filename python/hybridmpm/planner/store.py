@@ -54,8 +54,8 @@ def read_times(path: Path) -> MachineTimes:
     Raises
     ------
     DataError
-        The file is missing, damaged, of another version, of another machine, or of another solver; the
-        message says which and what to do.
+        The file is missing, damaged, incomplete, of another version, machine or solver; the message says
+        which, and what to do.
     """
     remedy = f"make it anew by: hybridmpm bench calibrate --out {path}"
     times = _read(path, MachineTimes, remedy)
@@ -66,6 +66,12 @@ def read_times(path: Path) -> MachineTimes:
             raise DataError(
                 f"{path} is foreign: its {name} is {there[name]}, that of this is {value}; {remedy}"
             )
+    there_are = {(one.material, one.dim) for one in times.materials}
+    lacking = [
+        f"{kind} in {dim}D" for dim in (2, 3) for kind in ("water", "sand") if (kind, dim) not in there_are
+    ]
+    if lacking:
+        raise DataError(f"{path} is incomplete: it lacks {', '.join(lacking)}; {remedy}")
     return times
 
 

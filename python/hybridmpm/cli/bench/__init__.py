@@ -6,10 +6,10 @@ import click
 
 from hybridmpm.bench.catalogue import BENCHES
 from hybridmpm.bench.staleness.results import dated_results
-from hybridmpm.cli.bench.calibrate import calibrate
 from hybridmpm.cli.bench.control import control
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard, shares
+from hybridmpm.cli.bench.plans import calibrate, plans
 from hybridmpm.cli.bench.reversal import reversal
 from hybridmpm.cli.bench.service import service
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
@@ -62,6 +62,7 @@ def _print_stale(folder: Path) -> None:
 _COMMANDS = (
     mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
     shares, hybrid, reversal, tradeoff, control, service, calibrate,
+    plans,
 )  # fmt: skip
 
 for command in _COMMANDS:

@@ -1,16 +1,30 @@
-"""`hybridmpm bench calibrate`."""
+"""`hybridmpm bench` on plans: calibrate, plans."""
 
 import datetime as dt
 from pathlib import Path
 
 import click
 
+from hybridmpm import scenarios
 from hybridmpm._support.files import replacing
 from hybridmpm.bench.calibrate import measure
 from hybridmpm.bench.calibrate.errors import calibration_of, read_rows
+from hybridmpm.bench.calibrate.judge import JudgeSettings, judge
+from hybridmpm.bench.report.gathered import Gathered
+from hybridmpm.cli.bench.options import (
+    json_option,
+    number_option,
+    print_origin,
+    print_table,
+    save,
+    scenario_option,
+    source,
+)
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ExportError
 from hybridmpm.planner.store import user_file
+
+_COLUMNS = ("scenario", "runs", "within_30_percent", "off_p50", "off_p95", "pairs", "pairs_right")
 
 
 @click.command()
@@ -56,3 +70,41 @@ def _make_folder(file: Path) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ExportError(f"cannot write {file}: {error.strerror or error}") from error
+
+
+@click.command()
+@scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
+@number_option("--scenes", 1, 1000, JudgeSettings.scenes, "Number of held-out scenes of each scenario.")
+@number_option("--span", 40, 10_000, JudgeSettings.span, "Number of frames that count, and are timed.")
+@number_option("--passes", 1, 1000, JudgeSettings.passes, "Timings of each frame; lower quartile counts.")
+@click.option(
+    "--runs",
+    "runs_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File in which the runs gather; the same command goes on with it after an interruption.",
+)
+@json_option
+def plans(
+    *,
+    names: tuple[str, ...],
+    scenes: int,
+    span: int,
+    passes: int,
+    runs_file: Path | None,
+    json_file: Path | None,
+) -> None:
+    """Hold what plans expect of each rung against what is measured.
+
+    within_30_percent is the share of the rungs whose time was told so well, pairs_right the share of the
+    pairs of rungs of a scene of which it was told which errs less. Scenes are others than those that the
+    errors of the calibration come from. Wants an idle machine.
+    """
+    settings = JudgeSettings(scenarios=names, scenes=scenes, span=span, passes=passes)
+    origin = source("plans", scenario=names, scenes=(scenes,), span=(span,), passes=(passes,))
+    runs = Gathered({"span": span, "passes": passes}, runs_file)
+    with progress("Measuring", scenes * len(names)) as bar:
+        rows = list(judge(settings, runs, origin, bar.update))
+    save(rows, json_file)
+    print_table([row for row in rows if row["part"] == "mean"], _COLUMNS)
+    print_origin(origin)

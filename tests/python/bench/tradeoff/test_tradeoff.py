@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from hybridmpm import scenarios
 from hybridmpm.bench.accuracy.conventions import FIRST_SEED
 from hybridmpm.bench.tradeoff import chart as drawing
+from hybridmpm.bench.tradeoff import sheet
 from hybridmpm.bench.tradeoff.entrants import entrants
 from hybridmpm.bench.tradeoff.measures import FRONTS, MEASURES
 from hybridmpm.bench.tradeoff.settings import warm_up
@@ -23,10 +24,11 @@ NAMES = ("mpm 1", "mpm 1/16", "carried fitted 1/16", "neural fluids_2d carried",
 
 @pytest.mark.needs("ot", "metrics")
 def test_runs_gather_and_become_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sheet, "AFTER", 5)
     monkeypatch.setattr(drawing, "FRONTS", {"error": "grid_rmse", "transport": "transport [m]"})
     runs, file, chart = tmp_path / "runs.jsonl", tmp_path / "rows.json", tmp_path / "chart.svg"
     patterns = [text for name in NAMES for text in ("--entrant", name)]
-    options = ["--scenario", "water_2d", "--scenes", "2", "--span", "40", "--passes", "2", "--jobs", "1"]
+    options = ["--scenario", "water_2d", "--scenes", "2", "--span", "40", "--passes", "1", "--jobs", "1"]
     command = ["bench", "tradeoff", *options, *patterns, "--runs", str(runs), "--json", str(file)]
 
     def run(*more: str) -> dict[str, dict[str, object]]:
@@ -68,8 +70,7 @@ def test_runs_gather_and_become_a_table(tmp_path: Path, monkeypatch: pytest.Monk
     )
 
     pytest.importorskip("matplotlib")
-    sheet = tmp_path / "sheet.png"
-    run("--only", "table", "--chart", str(chart), "--sheet", str(sheet))
+    run("--only", "table", "--chart", str(chart), "--sheet", str(tmp_path / "sheet.png"))
     for drawn in ("chart.png", "chart-transport.png", "sheet.png"):
         assert (tmp_path / drawn).stat().st_size > 10_000
     assert "hollow" in chart.read_text()
