@@ -33,43 +33,16 @@ LONGER: dict[str, Callable[[], CaseResult]] = {
 }
 """More of those of `SHORTER` that leave much out."""
 
-KNOWN = {
-    "dam_break": ("front", "water without friction, released at once, sends a thin tongue ahead"),
-}
-"""Checks that fail today, by the beginning of their names, and why."""
-
 
 @cache
 def checks(name: str) -> tuple[Check, ...]:
     return SHORTER.get(name, CASES[name].run)().checks
 
 
-def failures(name: str, *, known: bool) -> list[Check]:
-    """Failed checks of a case, either the known ones or all others."""
-    beginning = KNOWN[name][0] if name in KNOWN else None
-    return [
-        check
-        for check in checks(name)
-        if check.verdict == "FAIL"
-        and (beginning is not None and check.quantity.startswith(beginning)) == known
-    ]
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_case(name: str) -> None:
     assert any(check.verdict == "pass" for check in checks(name))
-    assert failures(name, known=False) == []
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=reason))
-        for name, (_, reason) in KNOWN.items()
-    ],
-)
-def test_known_failures(name: str) -> None:
-    assert failures(name, known=True) == []
+    assert [check for check in checks(name) if check.verdict == "FAIL"] == []
 
 
 @pytest.mark.long
