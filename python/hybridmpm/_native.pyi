@@ -222,6 +222,17 @@ class Obstacle:
         """Build a ramp: all points within thickness / 2 of the segment."""
 
     @staticmethod
+    def cylinder(
+        start: Sequence[float],
+        end: Sequence[float],
+        radius: float,
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle:
+        """Build a cylinder with flat ends, whose centres are `start` and `end`."""
+
+    @staticmethod
     def half_space(
         point: Sequence[float],
         normal: Sequence[float],
