@@ -43,7 +43,7 @@ def test_both_are_for_space_alone() -> None:
 
 
 @pytest.mark.parametrize("turns", [False, True])
-def test_nothing_enters_a_post(turns: bool) -> None:
+def test_nothing_enters_a_post(*, turns: bool) -> None:
     motion = Motion(angular_velocity=(0.0, 0.0, 4.0), center=(0.5, 0.25, 0.5)) if turns else None
     post = CylinderObstacle(start=(0.35, 0.25, 0.5), end=(0.65, 0.25, 0.5), radius=0.07, motion=motion)
     water = Box(material="water", lower=(0.4, 0.4, 0.4), upper=(0.6, 0.55, 0.6), velocity=(0, -2, 0))
@@ -52,7 +52,7 @@ def test_nothing_enters_a_post(turns: bool) -> None:
     path = solver.rollout(80)
     assert metrics.penetration_count(scene, path, tolerance=1e-4).max() == 0
     assert path[-1][:, 1].min() < 0.2
-    assert "<ellipse" in scene._repr_html_()  # noqa: SLF001 - what a notebook asks for
+    assert "<ellipse" in scene._repr_html_()
 
 
 def test_json_and_thickness() -> None:
