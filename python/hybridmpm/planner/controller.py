@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 WINDOW = 20
 """Frames that a decision looks back on: five carries."""
 _LEVEL = 2
-"""The time that has to keep within the budget is the second longest of the window: one frame in twenty may leave
-it, and one that the machine was busy in says nothing."""
+"""The time that has to keep within the budget is the second longest of the window: one frame in twenty may
+leave it, and one that the machine was busy in says nothing."""
 _ROOM = 0.8
 """Part of the budget that a more accurate rung is expected to keep within before it is tried."""
 _LONGEST_WAIT = 4096
