@@ -21,7 +21,17 @@ from hybridmpm_service.http.connection.middleware import (
 )
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.jobs.table import JobTable
-from hybridmpm_service.routes import health, jobs, models, recordings, scenarios, sessions, sketches, stream
+from hybridmpm_service.routes import (
+    health,
+    jobs,
+    models,
+    plans,
+    recordings,
+    scenarios,
+    sessions,
+    sketches,
+    stream,
+)
 from hybridmpm_service.routes.handling.idempotency import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.playing.pace import Clock
@@ -61,7 +71,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (health, scenarios, models, sessions, sketches, recordings, jobs, stream)
+    modules = (health, scenarios, models, plans, sessions, sketches, recordings, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)
