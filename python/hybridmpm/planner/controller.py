@@ -4,11 +4,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-WINDOW = 16
-"""Frames that a decision looks back on: four carries."""
-_LEVEL = 3
-"""The time that has to keep within the budget is the third longest of the window: frames that carry are four
-of sixteen, and one or two that the machine was busy in say nothing."""
+WINDOW = 20
+"""Frames that a decision looks back on: five carries."""
+_LEVEL = 2
+"""The time that has to keep within the budget is the second longest of the window: one frame in twenty may
+leave it, and one that the machine was busy in says nothing."""
 _ROOM = 0.8
 """Part of the budget that a more accurate rung is expected to keep within before it is tried."""
 _LONGEST_WAIT = 4096
@@ -38,7 +38,7 @@ class Controller:
 
     @property
     def level(self) -> float | None:
-        """What frames take [ms]: the third longest of the window; None until it is full."""
+        """What frames take [ms]: the second longest of the window; None until it is full."""
         return sorted(self._times)[-_LEVEL] if len(self._times) == WINDOW else None
 
     def enter(self, milliseconds: float) -> int:

@@ -1,11 +1,13 @@
 """The time of a frame of a candidate in a scene, from what a machine takes for each kind of work."""
 
 import math
+import threading
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hybridmpm.downsampling import Rung, rung_for
+from hybridmpm.downsampling import Rung, rung_for, rung_table
+from hybridmpm.downsampling.rungs import choice
 from hybridmpm.downsampling.rungs.bounds import fastest_impact
 from hybridmpm.errors import RungWarning
 from hybridmpm.mpm.cost import frame_cost
@@ -15,6 +17,8 @@ from hybridmpm.scene import Scene
 
 _SPEED_CFL = 0.55
 """Part of a cell that a particle may cross in a substep, as in rust/mpm/src/substep/timestep.rs."""
+_CATCHING = threading.Lock()
+"""Threads that catch warnings at the same time would leave each other's filters behind."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +90,7 @@ def warned_of(candidate: Candidate, scene: Scene) -> list[str]:
     name = candidate.settings.get("rung")
     if name is None:
         return []
-    with warnings.catch_warnings(record=True) as told:
+    with _CATCHING, warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", RungWarning)
         rung_for(scene, name)
     return [str(one.message) for one in told]
@@ -96,9 +100,8 @@ def _rung(candidate: Candidate, scene: Scene) -> Rung:
     """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
     name = candidate.settings.get("rung")
     if name is not None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RungWarning)  # `warned_of` tells of the rung that is chosen
-            return rung_for(scene, name)
+        # `rung_for` warns of each; `warned_of` tells of the one that is chosen.
+        return choice._settings(scene, name, rung_table())  # noqa: SLF001
     return Rung.unfitted(scene, candidate.r_p)
 
 

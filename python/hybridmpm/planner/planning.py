@@ -151,7 +151,7 @@ def plan(
         feasible = found[0][0].error <= max_error
     else:
         limit = float(budget_ms or 0.0)
-        found.sort(key=lambda one: (max(one[0].ms_per_frame, limit), one[0].error))
+        found.sort(key=lambda one: (max(one[0].ms_per_frame, limit), one[0].error, one[0].ms_per_frame))
         feasible = found[0][0].ms_per_frame <= limit
     (best, candidate), runner_up = found[0], found[1][0]
     told = _told(best, like, measure)

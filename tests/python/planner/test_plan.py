@@ -222,6 +222,17 @@ def test_the_command() -> None:
     assert CliRunner().invoke(cli, ["plan", "nowhere", "--max-error", "1"]).exit_code == 2
 
 
+def test_simulate_keeps_a_budget_and_tells_its_rungs() -> None:
+    command = ["simulate", "water_2d", "--frames", "4", "--budget-ms", "0.2"]
+    result = CliRunner().invoke(cli, command)
+    assert result.exit_code == 0, result.output
+    assert f"; rung {plan(scenarios.water_2d(0), budget_ms=0.2).name}" in result.output
+    for more, said in ((["--rung", "1/16"], "drop '--rung'"), (["--save", "a.hmpm"], "--out")):
+        result = CliRunner().invoke(cli, [*command, *more])
+        assert result.exit_code == 2
+        assert said in result.output
+
+
 def test_the_shipped_calibration_is_of_this_solver() -> None:
     known = store.shipped()
     assert known.solver_version == known.times.solver_version == SOLVER_VERSION

@@ -13,6 +13,8 @@ from hybridmpm.downsampling.rungs.table import RungEntry, RungTable, rung_table
 from hybridmpm.errors import ConfigError, RungWarning
 from hybridmpm.scene import Scene
 
+SHALLOW = {2: 1.0, 3: 1.5}
+"""Depth [cells of the rung], by dimension, below which matter at rest was seen to lose volume."""
 UNEQUAL = 10.0
 """Ratio of densities from which on something is said."""
 
@@ -128,13 +130,13 @@ def _tell_speed(scene: Scene, rung: Rung) -> None:
 
 
 def _tell_shallow(scene: Scene, rung: Rung) -> None:
-    """Warn where matter settles into less than a cell of the rung, but into cells of the scene."""
+    """Warn where matter settles into about a cell of the rung, but into several of the scene."""
     gravity = float(np.linalg.norm(scene.gravity))
     depth = settled_potential(scene) / gravity if gravity else math.inf
-    if 2 * scene.dx <= depth < 1 / rung.resolution:
+    if 2 * scene.dx <= depth < SHALLOW[scene.dim] / rung.resolution:
         warnings.warn(
-            f"matter settles {depth:.2g} m deep in this scene, less than a cell of {_cell(rung):g} m of rung "
-            f"{rung.name!r}, so at rest its volume may be off by a tenth or more: take a rung of more "
+            f"matter settles {depth:.2g} m deep in this scene, where a cell of rung {rung.name!r} is "
+            f"{_cell(rung):g} m wide, so at rest its volume may be off by a tenth or more: take a rung of more "
             "particles",
             RungWarning,
             stacklevel=4,
