@@ -14,6 +14,7 @@ from hybridmpm.validation import (
     column_collapse,
     dam_break,
     rotation,
+    round_columns,
     sliding_block,
 )
 from hybridmpm.validation.case import CaseResult, Check
@@ -21,6 +22,7 @@ from hybridmpm.validation.case import CaseResult, Check
 SHORTER: dict[str, Callable[[], CaseResult]] = {
     "dam_break": lambda: dam_break.run((64, 128)),
     "column_collapse": lambda: column_collapse.run((0.5, 4.0), beads=(4.0,)),
+    "round_columns": lambda: round_columns.run((1.0,), resolution=64),
     "sliding_block": lambda: sliding_block.run((32,)),
     "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
     "colliding_discs": lambda: colliding_discs.run((32, 64)),

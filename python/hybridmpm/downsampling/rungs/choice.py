@@ -13,7 +13,7 @@ from hybridmpm.downsampling.rungs.table import RungEntry, RungTable, rung_table
 from hybridmpm.errors import ConfigError, RungWarning
 from hybridmpm.scene import Scene
 
-SHALLOW = {2: 1.0, 3: 1.5}
+SHALLOW = {2: 1.0, 3: 2.0}
 """Depth [cells of the rung], by dimension, below which matter at rest was seen to lose volume."""
 UNEQUAL = 10.0
 """Ratio of densities from which on something is said."""
@@ -136,8 +136,8 @@ def _tell_shallow(scene: Scene, rung: Rung) -> None:
     if 2 * scene.dx <= depth < SHALLOW[scene.dim] / rung.resolution:
         warnings.warn(
             f"matter settles {depth:.2g} m deep in this scene, where a cell of rung {rung.name!r} is "
-            f"{_cell(rung):g} m wide, so at rest its volume may be off by a tenth or more: take a rung of more "
-            "particles",
+            f"{_cell(rung):g} m wide, so at rest its volume may be off by a tenth or more: take a rung of "
+            "more particles",
             RungWarning,
             stacklevel=4,
         )
