@@ -15,8 +15,10 @@ from hybridmpm.bench.report.rows import Progress
 from hybridmpm.bench.tradeoff.times import PIECE
 from hybridmpm.downsampling import CarryingSimulator
 from hybridmpm.downsampling.rungs.bounds import fastest_impact
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibration import VERSION, MachineTimes, MaterialTimes, NetworkTimes, Ratio
 from hybridmpm.planner.candidates import Candidate, candidates, solvers
+from hybridmpm.planner.cost import filled_cells
 from hybridmpm.scene import Scene
 
 CLASSES: tuple[tuple[Literal["water", "sand"], Literal[2, 3]], ...] = (
@@ -39,8 +41,8 @@ _HYBRID_BASE = "carried 1/8"
 """What a hybrid with a shipped network is compared with: MPM with as few particles, carrying."""
 _SPAN, _TURN, _PASSES = 160, 5 * PIECE, 2
 
-COUNT = 2 * len(CLASSES)
-"""Number of scenes."""
+COUNT = 2 * len(CLASSES) + 2
+"""Number of scenes: those of two sizes of each scenario, and those with obstacles in 2D."""
 
 
 def measure(date: str, on_progress: Progress) -> MachineTimes:
@@ -59,13 +61,22 @@ def measure(date: str, on_progress: Progress) -> MachineTimes:
         scenario = f"{kind}_{dim}d"
         timed, speeds = [], []
         for scene in _scenes(scenario):
-            timed.append({one.name: one for one in _timed(scene, scenario)})
+            timed.append({one.name: one for one in _timed(scene, scenario, (*_MEASURED, *_RATIOS))})
             speeds.append(_speed(scene))
             on_progress(1)
         samples = [one[name] for one in timed for name in _MEASURED]
-        materials.append(
-            MaterialTimes(material=kind, dim=dim, speed=float(np.median(speeds)), **fitted_work(samples))
-        )
+        if dim == 2:
+            ramps = f"{kind}_ramps_2d"
+            samples += [
+                one for one in _timed(_most_obstacles(ramps), ramps, _MEASURED) if one.name in _MEASURED
+            ]
+            on_progress(1)
+        work = fitted_work(samples)
+        if dim == 3:  # no scenario in 3D has obstacles
+            in_2d = next((one for one in materials if one.material == kind), None)
+            if in_2d is not None:
+                work |= {name: getattr(in_2d, name) for name in work if "obstacle" in name}
+        materials.append(MaterialTimes(material=kind, dim=dim, speed=float(np.median(speeds)), **work))
         for one in (sample for scene_samples in timed for sample in scene_samples.values()):
             if one.name.startswith("neural"):
                 by_network.setdefault((one.name.removeprefix("neural "), dim), []).append(one)
@@ -93,10 +104,15 @@ def _scenes(scenario: str) -> tuple[Scene, Scene]:
     return drawn[0], drawn[-1]
 
 
-def _timed(scene: Scene, scenario: str) -> Iterator[Sample]:
-    """Time the candidates of a scenario by turns over the frames after the first impact."""
+def _most_obstacles(scenario: str) -> Scene:
+    """Return the training scene with most obstacles."""
+    return max((scenarios.get(scenario, seed) for seed in _SEEDS), key=lambda scene: len(scene.obstacles))
+
+
+def _timed(scene: Scene, scenario: str, names: Sequence[str]) -> Iterator[Sample]:
+    """Time solvers, and the learned candidates of a scenario, by turns over the frames after the impact."""
     known = candidates(scenario)
-    chosen = [known[name] for name in (*_MEASURED, *_RATIOS)]
+    chosen = [known[name] for name in names]
     chosen += [one for one in known.values() if one.variant in ("alone", "default guards")]
     start = first_frame(scene, 0)
     seconds: list[list[list[float]]] = [[] for _ in chosen]
@@ -133,12 +149,16 @@ def _frames(simulator: CarryingSimulator, substeps: list[int]) -> list[float]:
 def _sample(
     candidate: Candidate, simulator: CarryingSimulator, seconds: list[list[float]], substeps: list[int]
 ) -> Sample:
+    scene = simulator.scene
+    resolution = simulator.resolution if isinstance(simulator, MpmSolver) else scene.resolution
     frames = np.min(seconds, axis=0)  # what disturbs a machine only ever adds time
     return Sample(
         name=candidate.name,
         particles=len(simulator.coarse_positions),
         shown=simulator.particle_count,
         substeps=float(np.median(substeps)),
+        cells=filled_cells(scene, len(scene.sample().x), resolution),
+        obstacles=len(scene.obstacles),
         carry=candidate.carry,
         microseconds=1e6 * float(np.median(frames.reshape(-1, PIECE).mean(axis=1))),
     )
