@@ -41,8 +41,11 @@ _HYBRID_BASE = "carried 1/8"
 """What a hybrid with a shipped network is compared with: MPM with as few particles, carrying."""
 _SPAN, _TURN, _PASSES = 160, 5 * PIECE, 2
 
-COUNT = 2 * len(CLASSES) + 2
-"""Number of scenes: those of two sizes of each scenario, and those with obstacles in 2D."""
+_OBSTRUCTED = 3
+"""Scenes with obstacles of each material in 2D, from few obstacles to many."""
+
+COUNT = 2 * len(CLASSES) + 2 * _OBSTRUCTED
+"""Number of scenes: those of two sizes of each scenario, and those with obstacles."""
 
 
 def measure(date: str, on_progress: Progress) -> MachineTimes:
@@ -61,16 +64,14 @@ def measure(date: str, on_progress: Progress) -> MachineTimes:
         scenario = f"{kind}_{dim}d"
         timed, speeds = [], []
         for scene in _scenes(scenario):
-            timed.append({one.name: one for one in _timed(scene, scenario, (*_MEASURED, *_RATIOS))})
+            timed.append({one.name: one for one in _timed(scene, _all_of(scenario))})
             speeds.append(_speed(scene))
             on_progress(1)
         samples = [one[name] for one in timed for name in _MEASURED]
         if dim == 2:
-            ramps = f"{kind}_ramps_2d"
-            samples += [
-                one for one in _timed(_most_obstacles(ramps), ramps, _MEASURED) if one.name in _MEASURED
-            ]
-            on_progress(1)
+            for scene in _obstructed(f"{kind}_ramps_2d"):
+                samples += _timed(scene, [solvers()[name] for name in _MEASURED])
+                on_progress(1)
         work = fitted_work(samples)
         if dim == 3:  # no scenario in 3D has obstacles
             in_2d = next((one for one in materials if one.material == kind), None)
@@ -104,16 +105,22 @@ def _scenes(scenario: str) -> tuple[Scene, Scene]:
     return drawn[0], drawn[-1]
 
 
-def _most_obstacles(scenario: str) -> Scene:
-    """Return the training scene with most obstacles."""
-    return max((scenarios.get(scenario, seed) for seed in _SEEDS), key=lambda scene: len(scene.obstacles))
+def _obstructed(scenario: str) -> list[Scene]:
+    """Return training scenes with few, with more and with most obstacles."""
+    drawn = [scenarios.get(scenario, seed) for seed in _SEEDS]
+    drawn.sort(key=lambda scene: len(scene.obstacles))
+    return [drawn[round(place)] for place in np.linspace(0, len(drawn) - 1, _OBSTRUCTED)]
 
 
-def _timed(scene: Scene, scenario: str, names: Sequence[str]) -> Iterator[Sample]:
-    """Time solvers, and the learned candidates of a scenario, by turns over the frames after the impact."""
+def _all_of(scenario: str) -> list[Candidate]:
+    """Return the solvers that are timed, and what is learned for a scenario."""
     known = candidates(scenario)
-    chosen = [known[name] for name in names]
-    chosen += [one for one in known.values() if one.variant in ("alone", "default guards")]
+    learned = [one for one in known.values() if one.variant in ("alone", "default guards")]
+    return [*(known[name] for name in (*_MEASURED, *_RATIOS)), *learned]
+
+
+def _timed(scene: Scene, chosen: Sequence[Candidate]) -> Iterator[Sample]:
+    """Time candidates by turns over the frames after the first impact."""
     start = first_frame(scene, 0)
     seconds: list[list[list[float]]] = [[] for _ in chosen]
     substeps: list[list[int]] = [[] for _ in chosen]
