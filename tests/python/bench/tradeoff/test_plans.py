@@ -66,6 +66,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure, "_SEEDS", range(2))
     monkeypatch.setattr(measure, "_SPAN", 40)
     monkeypatch.setattr(measure, "_PASSES", 1)
+    monkeypatch.setattr(measure, "_OBSTRUCTED", 1)
 
 
 @pytest.mark.usefixtures("quick")
