@@ -36,19 +36,25 @@ class MethodErrors(Record):
 class MaterialTimes(Record):
     """Time of MPM for one material in one dimension, on one thread.
 
-    A frame of n particles in s substeps takes s (substep + particle_substep n) + frame + particle n. Carrying
-    N particles along adds carry + carry_few n + carry_shown N, each frame looked at.
+    A frame of n particles that fill c cells of the grid, with k obstacles, takes in s substeps
+    s (substep + obstacle_substep k + particle_substep n + obstacle_particle_substep k n + cell_substep c)
+    + frame + particle n. Carrying N particles along adds carry + carry_few n + carry_shown N
+    + carry_obstacle k N, each frame looked at.
     """
 
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
     substep: _Figure = Field(description="[us]")
     particle_substep: _Figure = Field(description="[us]")
+    cell_substep: _Figure = Field(description="[us]")
+    obstacle_substep: _Figure = Field(description="[us]")
+    obstacle_particle_substep: _Figure = Field(description="[us]")
     frame: _Figure = Field(description="[us]")
     particle: _Figure = Field(description="[us]")
     carry: _Figure = Field(description="[us]")
     carry_few: _Figure = Field(description="[us]")
     carry_shown: _Figure = Field(description="[us]")
+    carry_obstacle: _Figure = Field(description="[us]")
     speed: Annotated[float, Range(0, 100, open_low=True)] = Field(
         description="Largest speed of particles in mid-splash over that of matter that falls onto the floor."
     )

@@ -31,6 +31,10 @@ class Work:
     """Particles that are shown."""
     resolution: int
     """Cells per metre of the grid of the particles simulated."""
+    cells: float
+    """Cells that the material fills at rest."""
+    obstacles: int
+    """Obstacles that particles are kept outside of."""
     substeps: int
     """Substeps in mid-splash."""
     moduli: tuple[float, ...]
@@ -69,9 +73,16 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
         particles=few,
         shown=count if candidate.carry else few,
         resolution=rung.resolution,
+        cells=filled_cells(scene, count, rung.resolution),
+        obstacles=len(scene.obstacles),
         substeps=math.ceil(scene.frame_dt / min(steps) - 1e-6),
         moduli=tuple(candidate.softer * factor for factor in rung.moduli),
     )
+
+
+def filled_cells(scene: Scene, count: int, resolution: int) -> float:
+    """Return how many cells of a grid of `resolution` cells per metre `count` particles of a scene fill."""
+    return count * float(scene.spacing * resolution) ** scene.dim
 
 
 def particle_count(scene: Scene) -> int:
@@ -148,7 +159,10 @@ def _of_material(
             return None if spent is None else ratio.ratio * spent
     todo = work(candidate, scene, times.speed)
     n = todo.particles
-    spent = times.carry + times.carry_few * n + times.carry_shown * todo.shown if candidate.carry else 0.0
+    spent = 0.0
+    if candidate.carry:
+        each = times.carry_shown + times.carry_obstacle * todo.obstacles
+        spent = times.carry + times.carry_few * n + each * todo.shown
     if candidate.method == "hybrid":
         return None  # known by its ratio alone
     if candidate.method == "neural":
@@ -156,4 +170,6 @@ def _of_material(
         network = next(known, None)
         return None if network is None else spent + network.frame + network.particle * n
     s = todo.substeps
-    return spent + s * (times.substep + times.particle_substep * n) + times.frame + times.particle * n
+    each = times.particle_substep + times.obstacle_particle_substep * todo.obstacles
+    all_of_them = times.substep + times.obstacle_substep * todo.obstacles + times.cell_substep * todo.cells
+    return spent + s * (all_of_them + each * n) + times.frame + times.particle * n

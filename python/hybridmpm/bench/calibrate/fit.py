@@ -21,14 +21,21 @@ class Sample:
     shown: int
     """Particles that are shown."""
     substeps: float
-    """Mean number of substeps of a frame."""
+    """Median number of substeps of a frame."""
+    cells: float
+    """Cells that the material fills at rest."""
+    obstacles: int
+    """Number of obstacles."""
     carry: bool
     """Whether those shown are carried along."""
     microseconds: float
     """Median time of a frame [us]."""
 
 
-FIELDS = ("substep", "particle_substep", "frame", "particle", "carry", "carry_few", "carry_shown")
+FIELDS = (
+    "substep", "particle_substep", "cell_substep", "obstacle_substep", "obstacle_particle_substep",
+    "frame", "particle", "carry", "carry_few", "carry_shown", "carry_obstacle",
+)  # fmt: skip
 """Kinds of work; see `planner.calibration.MaterialTimes`."""
 
 
@@ -45,11 +52,15 @@ def fitted_work(samples: Sequence[Sample]) -> dict[str, float]:
             [
                 one.substeps,
                 one.substeps * one.particles,
+                one.substeps * one.cells,
+                one.substeps * one.obstacles,
+                one.substeps * one.particles * one.obstacles,
                 1.0,
                 one.particles,
                 float(one.carry),
                 one.carry * one.particles,
                 one.carry * one.shown,
+                one.carry * one.shown * one.obstacles,
             ]
             for one in samples
         ]

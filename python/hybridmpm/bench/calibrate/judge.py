@@ -23,7 +23,7 @@ from hybridmpm.planner.candidates import candidates
 from hybridmpm.planner.planning import prospective
 from hybridmpm.scene import Scene
 
-FIRST = FIRST_SEED + 1000
+FIRST = FIRST_SEED + 2000
 """Seed of the first scene: the errors of a calibration are those of `FIRST_SEED` and what follows it."""
 NEAR = 0.3
 """Part by which a time may be missed."""

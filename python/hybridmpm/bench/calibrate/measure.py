@@ -15,8 +15,10 @@ from hybridmpm.bench.report.rows import Progress
 from hybridmpm.bench.tradeoff.times import PIECE
 from hybridmpm.downsampling import CarryingSimulator
 from hybridmpm.downsampling.rungs.bounds import fastest_impact
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibration import VERSION, MachineTimes, MaterialTimes, NetworkTimes, Ratio
 from hybridmpm.planner.candidates import Candidate, candidates, solvers
+from hybridmpm.planner.cost import filled_cells
 from hybridmpm.scene import Scene
 
 CLASSES: tuple[tuple[Literal["water", "sand"], Literal[2, 3]], ...] = (
@@ -39,8 +41,11 @@ _HYBRID_BASE = "carried 1/8"
 """What a hybrid with a shipped network is compared with: MPM with as few particles, carrying."""
 _SPAN, _TURN, _PASSES = 160, 5 * PIECE, 2
 
-COUNT = 2 * len(CLASSES)
-"""Number of scenes."""
+_OBSTRUCTED = 3
+"""Scenes with obstacles of each material in 2D, from few obstacles to many."""
+
+COUNT = 2 * len(CLASSES) + 2 * _OBSTRUCTED
+"""Number of scenes: those of two sizes of each scenario, and those with obstacles."""
 
 
 def measure(date: str, on_progress: Progress) -> MachineTimes:
@@ -59,13 +64,20 @@ def measure(date: str, on_progress: Progress) -> MachineTimes:
         scenario = f"{kind}_{dim}d"
         timed, speeds = [], []
         for scene in _scenes(scenario):
-            timed.append({one.name: one for one in _timed(scene, scenario)})
+            timed.append({one.name: one for one in _timed(scene, _all_of(scenario))})
             speeds.append(_speed(scene))
             on_progress(1)
         samples = [one[name] for one in timed for name in _MEASURED]
-        materials.append(
-            MaterialTimes(material=kind, dim=dim, speed=float(np.median(speeds)), **fitted_work(samples))
-        )
+        if dim == 2:
+            for scene in _obstructed(f"{kind}_ramps_2d"):
+                samples += _timed(scene, [solvers()[name] for name in _MEASURED])
+                on_progress(1)
+        work = fitted_work(samples)
+        if dim == 3:  # no scenario in 3D has obstacles
+            in_2d = next((one for one in materials if one.material == kind), None)
+            if in_2d is not None:
+                work |= {name: getattr(in_2d, name) for name in work if "obstacle" in name}
+        materials.append(MaterialTimes(material=kind, dim=dim, speed=float(np.median(speeds)), **work))
         for one in (sample for scene_samples in timed for sample in scene_samples.values()):
             if one.name.startswith("neural"):
                 by_network.setdefault((one.name.removeprefix("neural "), dim), []).append(one)
@@ -93,11 +105,22 @@ def _scenes(scenario: str) -> tuple[Scene, Scene]:
     return drawn[0], drawn[-1]
 
 
-def _timed(scene: Scene, scenario: str) -> Iterator[Sample]:
-    """Time the candidates of a scenario by turns over the frames after the first impact."""
+def _obstructed(scenario: str) -> list[Scene]:
+    """Return training scenes with few, with more and with most obstacles."""
+    drawn = [scenarios.get(scenario, seed) for seed in _SEEDS]
+    drawn.sort(key=lambda scene: len(scene.obstacles))
+    return [drawn[round(place)] for place in np.linspace(0, len(drawn) - 1, _OBSTRUCTED)]
+
+
+def _all_of(scenario: str) -> list[Candidate]:
+    """Return the solvers that are timed, and what is learned for a scenario."""
     known = candidates(scenario)
-    chosen = [known[name] for name in (*_MEASURED, *_RATIOS)]
-    chosen += [one for one in known.values() if one.variant in ("alone", "default guards")]
+    learned = [one for one in known.values() if one.variant in ("alone", "default guards")]
+    return [*(known[name] for name in (*_MEASURED, *_RATIOS)), *learned]
+
+
+def _timed(scene: Scene, chosen: Sequence[Candidate]) -> Iterator[Sample]:
+    """Time candidates by turns over the frames after the first impact."""
     start = first_frame(scene, 0)
     seconds: list[list[list[float]]] = [[] for _ in chosen]
     substeps: list[list[int]] = [[] for _ in chosen]
@@ -133,12 +156,16 @@ def _frames(simulator: CarryingSimulator, substeps: list[int]) -> list[float]:
 def _sample(
     candidate: Candidate, simulator: CarryingSimulator, seconds: list[list[float]], substeps: list[int]
 ) -> Sample:
+    scene = simulator.scene
+    resolution = simulator.resolution if isinstance(simulator, MpmSolver) else scene.resolution
     frames = np.min(seconds, axis=0)  # what disturbs a machine only ever adds time
     return Sample(
         name=candidate.name,
         particles=len(simulator.coarse_positions),
         shown=simulator.particle_count,
         substeps=float(np.median(substeps)),
+        cells=filled_cells(scene, len(scene.sample().x), resolution),
+        obstacles=len(scene.obstacles),
         carry=candidate.carry,
         microseconds=1e6 * float(np.median(frames.reshape(-1, PIECE).mean(axis=1))),
     )

@@ -1,5 +1,6 @@
 """What a machine takes for each kind of work, and how well plans tell it."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -17,18 +18,28 @@ from hybridmpm.planner import store
 from hybridmpm.planner.calibration import MEASURES, Calibration, MachineTimes
 from hybridmpm.planner.candidates import candidates
 
-TRUE = dict(zip(FIELDS, (2.0, 0.02, 3.0, 0.03, 10.0, 0.05, 0.01), strict=True))
+TRUE = dict(zip(FIELDS, (2.0, 0.02, 0.01, 0.5, 0.005, 3.0, 0.03, 10.0, 0.05, 0.01, 0.002), strict=True))
+
+
+def took(work: dict[str, float], one: Sample) -> float:
+    """Return what a sample takes [us]."""
+    k, n = one.obstacles, one.particles
+    each = work["particle_substep"] + work["obstacle_particle_substep"] * k
+    whole = work["substep"] + work["obstacle_substep"] * k + work["cell_substep"] * one.cells
+    spent = one.substeps * (whole + each * n)
+    shown = work["carry_shown"] + work["carry_obstacle"] * k
+    carried = work["carry"] + work["carry_few"] * n + shown * one.shown
+    return spent + work["frame"] + work["particle"] * one.particles + one.carry * carried
 
 
 def sample(particles: int, shown: int, substeps: int, *, carry: bool) -> Sample:
     """Return a sample that takes what `TRUE` says."""
-    took = substeps * (TRUE["substep"] + TRUE["particle_substep"] * particles)
-    took += TRUE["frame"] + TRUE["particle"] * particles
-    if carry:
-        took += TRUE["carry"] + TRUE["carry_few"] * particles + TRUE["carry_shown"] * shown
-    return Sample(
-        name="one", particles=particles, shown=shown, substeps=substeps, carry=carry, microseconds=took
-    )
+    cells = particles / (2 if particles < 500 else 4)
+    one = Sample(
+        name="one", particles=particles, shown=shown, substeps=substeps, cells=cells,
+        obstacles=3 * (substeps % 2), carry=carry, microseconds=0.0,
+    )  # fmt: skip
+    return dataclasses.replace(one, microseconds=took(TRUE, one))
 
 
 def test_the_work_is_found_again() -> None:
@@ -36,10 +47,7 @@ def test_the_work_is_found_again() -> None:
     all_shown = [sample(n, shown, s, carry=True) for n in (50, 400) for shown in (1000, 4000) for s in (1, 5)]
     found = fitted_work([*few, *all_shown])
     for one in (*few, *all_shown):
-        work = found["substep"] + found["particle_substep"] * one.particles
-        told = one.substeps * work + found["frame"] + found["particle"] * one.particles
-        extra = found["carry"] + found["carry_few"] * one.particles + found["carry_shown"] * one.shown
-        assert told + one.carry * extra == pytest.approx(one.microseconds, rel=0.02)
+        assert took(found, one) == pytest.approx(one.microseconds, rel=0.02)
     assert fitted_line([100, 300], [20.0, 40.0]) == pytest.approx((10.0, 0.1), rel=1e-6)
 
 
@@ -58,6 +66,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measure, "_SEEDS", range(2))
     monkeypatch.setattr(measure, "_SPAN", 40)
     monkeypatch.setattr(measure, "_PASSES", 1)
+    monkeypatch.setattr(measure, "_OBSTRUCTED", 1)
 
 
 @pytest.mark.usefixtures("quick")
