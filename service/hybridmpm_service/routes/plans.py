@@ -5,7 +5,7 @@ from fastapi import APIRouter
 from hybridmpm import Scene, plan, scenarios
 from hybridmpm.errors import UnknownScenarioError
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.plans import PlanBody, PlanRequest
+from hybridmpm_service.http.estimates.plans import PlanBody, PlanRequest
 from hybridmpm_service.routes.handling.dependencies import problems
 
 router = APIRouter(prefix="/v1/plans", tags=["plans"])

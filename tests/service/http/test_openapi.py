@@ -10,8 +10,9 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, checks, creation, logs, plans, requests
+from hybridmpm_service.http import answers, creation, logs, requests
 from hybridmpm_service.http import learned_answers as learned
+from hybridmpm_service.http.estimates import checks, plans
 from hybridmpm_service.http.sketches import answers as sketch_answers
 
 OPERATIONS = {
