@@ -66,9 +66,7 @@ def test_runs_gather_and_become_a_table(tmp_path: Path, monkeypatch: pytest.Monk
     assert rows["neural fluids_2d carried"]["dominated_by"] == "carried fitted 1/16"
     assert rows["neural fluids_2d carried"]["as_good_ms"] == rows["carried fitted 1/16"]["ms_per_frame"]
     apart = rows["neural fluids_2d carried"]["minus_as_good"]
-    assert apart == pytest.approx(
-        errors["neural fluids_2d carried"] - errors["carried fitted 1/16"], abs=1e-3
-    )
+    assert apart == pytest.approx(mean["neural fluids_2d carried"] - mean["carried fitted 1/16"], abs=1e-3)
 
     pytest.importorskip("matplotlib")
     run("--only", "table", "--chart", str(chart), "--sheet", str(tmp_path / "sheet.png"))
