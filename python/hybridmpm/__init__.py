@@ -28,6 +28,7 @@ from hybridmpm.errors import (
     ExportError,
     ForceError,
     FrameCancelledError,
+    FullBoxWarning,
     GraphSizeError,
     InvertedError,
     NonFiniteError,
@@ -49,6 +50,8 @@ from hybridmpm.scene import (
     Box,
     BoxObstacle,
     BoxSink,
+    Cylinder,
+    CylinderObstacle,
     Elastic,
     HalfSpaceObstacle,
     Motion,
@@ -68,14 +71,16 @@ from hybridmpm.scene import (
 from hybridmpm.simulator import Simulator
 
 if _TYPE_CHECKING:
-    from hybridmpm import control, data, hybrid, metrics, physics, simulators
+    from hybridmpm import control, data, hybrid, metrics, physics, planner, simulators
     from hybridmpm.checking import SceneCheck, check
     from hybridmpm.hybrid import HybridSimulator
     from hybridmpm.physics import NeuralPhysics
+    from hybridmpm.planner import AutoSolver, CalibrationWarning, Plan, plan
     from hybridmpm.simulators import load
 
 __all__ = [
     "SOLVER_VERSION",
+    "AutoSolver",
     "Ball",
     "BallObstacle",
     "BallSink",
@@ -83,9 +88,12 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "BoxSink",
+    "CalibrationWarning",
     "CancelFlag",
     "ConfigError",
     "CostlyMaterialWarning",
+    "Cylinder",
+    "CylinderObstacle",
     "DataError",
     "Diagnostics",
     "DomainError",
@@ -94,6 +102,7 @@ __all__ = [
     "ForceError",
     "FrameCancelledError",
     "FrameReport",
+    "FullBoxWarning",
     "GraphSizeError",
     "HalfSpaceObstacle",
     "HybridSimulator",
@@ -105,6 +114,7 @@ __all__ = [
     "NonFiniteError",
     "ParticleLimitWarning",
     "Particles",
+    "Plan",
     "Polygon",
     "RadiusGraph",
     "RectangularEmitter",
@@ -138,6 +148,8 @@ __all__ = [
     "load",
     "metrics",
     "physics",
+    "plan",
+    "planner",
     "probes",
     "radius_graph",
     "recording",
@@ -145,13 +157,17 @@ __all__ = [
     "simulators",
 ]
 
-_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "simulators")
+_ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")
 _NAMES_ON_DEMAND = {
+    "AutoSolver": "planner",
+    "CalibrationWarning": "planner",
     "HybridSimulator": "hybrid",
     "NeuralPhysics": "physics",
+    "Plan": "planner",
     "SceneCheck": "checking",
     "check": "checking",
     "load": "simulators",
+    "plan": "planner",
 }
 """Room that has each name."""
 

@@ -222,6 +222,17 @@ class Obstacle:
         """Build a ramp: all points within thickness / 2 of the segment."""
 
     @staticmethod
+    def cylinder(
+        start: Sequence[float],
+        end: Sequence[float],
+        radius: float,
+        *,
+        contact: str = "separating",
+        friction: float | None = None,
+    ) -> Obstacle:
+        """Build a cylinder with flat ends, whose centres are `start` and `end`."""
+
+    @staticmethod
     def half_space(
         point: Sequence[float],
         normal: Sequence[float],
@@ -370,8 +381,11 @@ class FrameReport:
         "fixed" (the caller chose).
         """
     @property
+    def max_speed(self) -> float:
+        """Largest speed of a particle at the end of the frame [m/s]."""
+    @property
     def obstacle_work(self) -> float:
-        """Work of moving obstacles on the material [J], in 2D per metre of depth: impulses times velocities."""
+        """Work of moving obstacles on the material [J], in 2D per metre: impulses times velocities."""
 
 @final
 class MotionReport:

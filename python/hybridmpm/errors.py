@@ -89,11 +89,18 @@ class CostlyMaterialWarning(UserWarning):
     """
 
 
+class FullBoxWarning(UserWarning):
+    """Matter fills the box between its walls, so it has no free surface.
+
+    It runs, and stably, but errors of the density become pressure. The message says how much room to leave.
+    """
+
+
 class SoftMaterialWarning(UserWarning):
     """A material is so soft that its own weight compresses it by a tenth or more.
 
-    It runs, and stably, but what settles loses its volume. The message names the bodies and says how stiff they
-    should be.
+    It runs, and stably, but what settles loses its volume. The message names the bodies and says how stiff
+    they should be.
     """
 
 

@@ -26,6 +26,7 @@ from hybridmpm_service.routes import (
     health,
     jobs,
     models,
+    plans,
     recordings,
     scenarios,
     sessions,
@@ -71,7 +72,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (health, scenarios, models, checks, sessions, sketches, recordings, jobs, stream)
+    modules = (health, scenarios, models, checks, plans, sessions, sketches, recordings, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)

@@ -22,6 +22,20 @@ BENCHES: dict[str, Origin] = {
         data=("python/hybridmpm/downsampling/rungs/rungs.json",),
     ),
     "models": Origin(modules=("hybridmpm.bench.accuracy.models",), data=(_WEIGHTS,)),
+    "tradeoff": Origin(
+        modules=(
+            "hybridmpm.bench.tradeoff.errors",
+            "hybridmpm.bench.tradeoff.times",
+            "hybridmpm.bench.tradeoff.paper",
+            "hybridmpm.bench.peers.worker",
+            "hybridmpm.bench.peers.taichi_mpm",
+        ),
+        data=(_WEIGHTS, "python/hybridmpm/downsampling/rungs/rungs.json"),
+    ),
+    "plans": Origin(
+        modules=("hybridmpm.bench.calibrate.judge",),
+        data=(_WEIGHTS, "python/hybridmpm/planner/calibration.json"),
+    ),
     "sweep": Origin(modules=("hybridmpm.bench.sweep.runner", "hybridmpm.bench.sweep.results")),
     "stability": Origin(modules=("hybridmpm.bench.stability.stability",)),
     "stability-map": Origin(modules=("hybridmpm.bench.stability.map",), data=(_WEIGHTS,)),
@@ -35,5 +49,5 @@ BENCHES: dict[str, Origin] = {
         modules=("hybridmpm.bench.service.service",), programs=("service/hybridmpm_service/**/*.py",)
     ),
 }
-"""Modules and data by the name of the result in docs/results, which is that of its command; the map of stability is made
-by `stability --map`."""
+"""Modules and data by the name of the result in docs/results, which is that of its command; the map of
+stability is made by `stability --map`."""

@@ -118,9 +118,9 @@ def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
     """Return about how much memory a process needs for so many particles on such a grid [bytes]."""
-    nodes = (resolution + 16) ** scene.dim
+    nodes = math.prod([resolution + 16] * scene.dim)
     largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
-    return int(_BASE_BYTES + _NODE_BYTES * nodes + largest * particles)
+    return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
 
 
 def resolution_of(simulator: Simulator | None, scene: Scene) -> int:

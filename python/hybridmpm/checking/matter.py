@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import substeps_by_material
+from hybridmpm.mpm.fullness import FULL, filled_share
 from hybridmpm.mpm.softness import SOFT, settled_compression
 from hybridmpm.scene import Scene, Water
 
@@ -19,9 +20,22 @@ UNEQUAL = 100.0
 
 def of_matter(scene: Scene, resolution: int) -> Iterator[Finding]:
     """Yield what is to be said of the materials of a scene; `resolution` is the grid's that simulates it."""
+    yield from _full(scene)
     yield from _soft(scene)
     yield from _unequal(scene)
     yield from _dear(scene, resolution)
+
+
+def _full(scene: Scene) -> Iterator[Finding]:
+    share = filled_share(scene)
+    if share >= FULL:
+        yield Finding(
+            severity="warning",
+            field="bodies",
+            problem=f"fill {share:.0%} of the box between the walls, so errors of the density turn into "
+            "pressure, and their energy adds up",
+            advice="leave a twentieth of the box free",
+        )
 
 
 def _soft(scene: Scene) -> Iterator[Finding]:

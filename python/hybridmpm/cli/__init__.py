@@ -26,6 +26,7 @@ _MODULES = {
     "export": "export",
     "fit": "fit",
     "scenarios": "report",
+    "plan": "plan",
     "schema": "report",
     "serve": "serve",
     "simulate": "simulate",
@@ -84,7 +85,7 @@ def _one_line(error: Exception) -> str:
 @click.group(cls=_Commands, commands=_Subcommands(), context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="hybridmpm")
 def cli() -> None:
-    """Simulate particle fluids, check scenes, make data sets, train networks, fit solvers, measure, and serve sessions."""
+    """Simulate fluids, check scenes, make data sets, train networks, fit solvers, measure, and serve."""
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ from hybridmpm.downsampling import rung_table
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
+from hybridmpm.planner import AutoSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
@@ -60,6 +61,11 @@ from hybridmpm.simulator import Kind, Simulator
     shell_complete=completing(lambda: rung_table().ratios),
     help="Fitted rung, such as 1/16: so large a part of the particles simulates and carries all others, for "
     "mpm.",
+)
+@click.option(
+    "--budget-ms",
+    type=float,
+    help="Keep frames within this time [ms] by changing the rung, for mpm; see `hybridmpm plan`.",
 )
 @solver_option
 @model_option
@@ -101,6 +107,7 @@ def simulate(
     frames: int | None,
     substeps: Substeps,
     rung: str | None,
+    budget_ms: float | None,
     kind: Kind,
     model: str | None,
     r_c: float | None,
@@ -127,6 +134,9 @@ def simulate(
     if resume_file is not None:
         _refuse_beside_resume(ctx)
         solver = simulators.load(resume_file, model=model, threads=threads)
+    elif budget_ms is not None:
+        _refuse_beside_budget(ctx)
+        solver = AutoSolver(_scene(scenario, scene_file, seed), budget_ms=budget_ms, threads=threads)
     else:
         _refuse_of_others(ctx, kind)
         scene = _scene(scenario, scene_file, seed)
@@ -186,14 +196,29 @@ def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
 
 def _refuse_beside_resume(ctx: click.Context) -> None:
     """Refuse options for scene and settings, which the snapshot already has."""
-    given = [
+    settings = ("scenario", "scene_file", "seed", "kind", "substeps", "rung", "budget_ms", "r_c", "safeguard")
+    if given := _given(ctx, settings):
+        raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
+
+
+def _refuse_beside_budget(ctx: click.Context) -> None:
+    """Refuse settings that a budget chooses, and files of a solver whose rung depends on a clock."""
+    if given := _given(ctx, ("kind", "substeps", "rung", "model", "r_c", "safeguard")):
+        raise click.UsageError(f"--budget-ms chooses the rung itself; drop {given[0]}.")
+    if given := _given(ctx, ("save_file",)):
+        raise click.UsageError(
+            f"{given[0]} is not for --budget-ms, whose rung depends on a clock; keep the states by --out."
+        )
+
+
+def _given(ctx: click.Context, names: tuple[str, ...]) -> list[str]:
+    """Return those of the options that were given, as messages call them."""
+    return [
         param.get_error_hint(ctx)
         for param in ctx.command.params
-        if param.name in {"scenario", "scene_file", "seed", "kind", "substeps", "rung", "r_c", "safeguard"}
+        if param.name in names
         and ctx.get_parameter_source(param.name) is not click.core.ParameterSource.DEFAULT
     ]
-    if given:
-        raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
 
 
 def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
@@ -212,6 +237,9 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
         line += f", {solver.last_frame.substeps} substeps in the last"
     if isinstance(solver, MpmSolver) and solver.redone_frames:
         line += f", {len(solver.redone_frames)} frames done again at the safe step"
+    if isinstance(solver, AutoSolver):
+        rungs = [solver.plan.name, *(f"{one.after} from frame {one.frame}" for one in solver.changes)]
+        line += f"; rung {', '.join(rungs)}"
     if solver.log:
         line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
     mass = solver.mass.sum(dtype=np.float64)

@@ -16,6 +16,7 @@ from hybridmpm.client.calls import (
     Call,
     Drawing,
     Json,
+    PlanSettings,
     RecordingSettings,
     SimulatorSettings,
     SketchSettings,
@@ -83,6 +84,17 @@ class AsyncClient:
     async def models(self) -> list[Json]:
         """Return the networks of the service."""
         return await self.run(calls.model_list())
+
+    async def plan(
+        self,
+        scenario: str | None = None,
+        seed: int | None = None,
+        *,
+        scene: Scene | Mapping[str, Any] | None = None,
+        **settings: Unpack[PlanSettings],
+    ) -> Json:
+        """Return the rung that simulates a scene within an error or a time; see `Client.plan`."""
+        return await self.run(calls.plan(scenario, seed, scene, settings))
 
     async def create(
         self,

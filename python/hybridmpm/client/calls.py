@@ -70,6 +70,17 @@ class SimulatorSettings(TypedDict, total=False):
     safeguard: Literal["ours", "paper"]
 
 
+class PlanSettings(TypedDict, total=False):
+    """What a rung has to keep within: give `max_error` or `budget_ms`."""
+
+    max_error: float
+    """Largest mean error."""
+    budget_ms: float
+    """Longest time of a frame [ms]."""
+    measure: str
+    """Measure of the error; "grid_rmse" if absent."""
+
+
 @dataclass(frozen=True)
 class Call(Generic[T]):
     """One request, and the reader of its answer."""
@@ -102,6 +113,25 @@ def model_list() -> Call[list[Json]]:
     return Call("GET", "/v1/models", _part("models"))
 
 
+def plan(
+    scenario: str | None,
+    seed: int | None,
+    scene: Scene | Mapping[str, Any] | None,
+    settings: PlanSettings,
+) -> Call[Json]:
+    """Return the call that chooses a rung.
+
+    Raises
+    ------
+    ConfigError
+        Not exactly one of `scenario` and `scene` is given.
+    """
+    if (scenario is None) == (scene is None):
+        raise ConfigError("give exactly one of scenario and scene")
+    origin = _origin({"scenario": scenario, "seed": seed, "scene": scene})
+    return Call("POST", "/v1/plans", _json, {"json": {**origin, **settings}})
+
+
 def session_list() -> Call[list[Json]]:
     """Return the call for the sessions."""
     return Call("GET", "/v1/sessions", _part("sessions"))
@@ -129,7 +159,8 @@ def create(
     given = {"scenario": scenario, "scene": scene, "log": log}
     if sum(value is not None for value in given.values()) != 1:
         raise ConfigError("give exactly one of scenario, scene and log")
-    return Call("POST", "/v1/sessions", _json, _origin(given | {"seed": seed}, settings))
+    origin = _origin(given | {"seed": seed})
+    return Call("POST", "/v1/sessions", _json, {"json": {**origin, **settings}})
 
 
 def check(
@@ -147,8 +178,8 @@ def check(
     """
     if (scenario is None) == (scene is None):
         raise ConfigError("give exactly one of scenario and scene")
-    given = {"scenario": scenario, "seed": seed, "scene": scene}
-    return Call("POST", "/v1/checks", _json, _origin(given, settings))
+    origin = _origin({"scenario": scenario, "seed": seed, "scene": scene})
+    return Call("POST", "/v1/checks", _json, {"json": {**origin, **settings}})
 
 
 def delete(session_id: str) -> Call[None]:
@@ -231,14 +262,6 @@ def delete_job(job_id: str) -> Call[None]:
     return Call("DELETE", f"/v1/jobs/{job_id}", _nothing)
 
 
-def _origin(given: Mapping[str, Any], settings: SimulatorSettings) -> dict[str, Any]:
-    """Return a scene, where it comes from and who simulates it as arguments of a request."""
-    origin = {name: value for name, value in given.items() if value is not None}
-    if isinstance(origin.get("scene"), Scene):
-        origin["scene"] = json.loads(origin["scene"].to_json())
-    return {"json": {**origin, **settings}}
-
-
 def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> dict[str, Any]:
     """Return a sketch and its settings as arguments of a request."""
     if isinstance(drawing, Path):
@@ -271,3 +294,11 @@ def _part(name: str) -> Callable[[httpx.Response], list[Json]]:
 
 def _nothing(_answer: httpx.Response) -> None:
     return None
+
+
+def _origin(given: Mapping[str, Any]) -> Json:
+    """Return what was given, as JSON: a scenario with its seed, a scene or a log."""
+    origin = {name: value for name, value in given.items() if value is not None}
+    if isinstance(origin.get("scene"), Scene):
+        origin["scene"] = json.loads(origin["scene"].to_json())
+    return origin

@@ -15,6 +15,7 @@ from hybridmpm.client.calls import (
     Call,
     Drawing,
     Json,
+    PlanSettings,
     RecordingSettings,
     SimulatorSettings,
     SketchSettings,
@@ -85,6 +86,33 @@ class Client:
     def models(self) -> list[Json]:
         """Return the networks of the service."""
         return self.run(calls.model_list())
+
+    def plan(
+        self,
+        scenario: str | None = None,
+        seed: int | None = None,
+        *,
+        scene: Scene | Mapping[str, Any] | None = None,
+        **settings: Unpack[PlanSettings],
+    ) -> Json:
+        """Return the rung that simulates a scene within an error or a time, and why.
+
+        Parameters
+        ----------
+        scenario, seed : str and int, optional
+            A scenario, and the seed of its scene (0 if absent).
+        scene : Scene or mapping, optional
+            A scene of your own.
+        **settings
+            max_error or budget_ms, and measure; see docs/http-api.md. `answer["session"]` are the settings of
+            `create` that choose this rung.
+
+        Raises
+        ------
+        ConfigError
+            Not exactly one of `scenario` and `scene` is given.
+        """
+        return self.run(calls.plan(scenario, seed, scene, settings))
 
     def create(
         self,

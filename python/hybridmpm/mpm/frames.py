@@ -1,5 +1,6 @@
 """Frames of the compiled solver and of the particles that it carries."""
 
+import math
 from collections.abc import Callable
 from typing import Self
 
@@ -25,6 +26,8 @@ class Frames:
     safe : callable, optional
         Makes a solver of the same scene at frame 0 that takes shorter substeps. A frame that fails is then
         done again by that one, from the same state.
+    fastest : float
+        Speed of all matter together [m/s] above which somebody wants to be told.
     """
 
     def __init__(
@@ -32,12 +35,16 @@ class Frames:
         solver: _native.Solver,
         carrier: Carrier | None,
         safe: Callable[[], _native.Solver] | None = None,
+        fastest: float = math.inf,
     ) -> None:
         self.solver, self.carrier = solver, carrier
         self._make_safe = safe
         self._safe: _native.Solver | None = None
         self._cancel: _native.CancelFlag | None = None
         self._redone: dict[int, _native.FrameReport | None] = {}
+        self._fastest = fastest
+        self.too_fast: float | None = None
+        """Root mean square of the speeds [m/s] when it was first seen above `fastest`; None until then."""
 
     @property
     def redone(self) -> tuple[int, ...]:
@@ -64,12 +71,20 @@ class Frames:
         while self.solver.frame < last:
             try:
                 self.solver.advance(last - self.solver.frame, force)
+                self._watch_speed()
             except FrameCancelledError:
                 raise
             except SimulationError:
                 if self._make_safe is None:
                     raise
                 self._redo(self._make_safe, force)
+
+    def _watch_speed(self) -> None:
+        report = self.solver.last_frame
+        if self.too_fast is None and report is not None and report.max_speed > self._fastest:
+            totals = self.solver.diagnostics()
+            speed = math.sqrt(2 * totals.kinetic_energy / totals.mass) if totals.mass else 0.0
+            self.too_fast = speed if speed > self._fastest else None
 
     def _redo(self, make: Callable[[], _native.Solver], force: _Floats | None) -> None:
         """Do the frame again that has just failed; it may fail again, and nothing has changed then."""
@@ -102,7 +117,8 @@ class Frames:
         """Return independent frames in the same state."""
         solver = self.solver.copy()
         carrier = None if self.carrier is None else self.carrier.copy(solver)
-        twin = type(self)(solver, carrier, self._make_safe)
+        twin = type(self)(solver, carrier, self._make_safe, self._fastest)
         # The compiled copy obeys the same flag.
         twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
+        twin.too_fast = self.too_fast
         return twin

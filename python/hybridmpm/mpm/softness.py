@@ -11,8 +11,9 @@ SOFT = 0.1
 def settled_compression(scene: Scene, material: Material) -> float:
     """Return about how much a material is compressed at its lowest point once it lies still [-].
 
-    Water counts as spread over the whole floor, other materials as their tallest body stands at the start. The pressure
-    is that of so much of it alone, over the modulus against compression along one axis. Above 1 it collapses.
+    Water counts as spread over the whole floor, other materials as their tallest body stands at the start.
+    The answer is the pressure of so much of it alone, over the modulus against compression along one axis.
+    Above 1 the material collapses.
     """
     gravity = np.array(scene.gravity)
     axis = int(np.argmax(np.abs(gravity)))
@@ -41,7 +42,7 @@ def soft_materials(scene: Scene) -> list[str]:
             or_so = ", or give max_compression" if isinstance(material, Water) else ""
             texts.append(
                 f"{scene.made_of(material)}: {material.kind} is so soft that its own weight compresses it by "
-                f"{min(compression, 1.0):.0%}, so it loses its volume; make it {compression / SOFT:.2g} times "
-                f"as stiff{or_so}"
+                f"{min(compression, 1.0):.0%}, so it loses its volume; make it {compression / SOFT:.2g} "
+                f"times as stiff{or_so}"
             )
     return texts

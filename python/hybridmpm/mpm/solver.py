@@ -1,6 +1,7 @@
 """`MpmSolver`: a scene and the compiled MLS-MPM solver that moves it."""
 
 import copy
+import math
 import warnings
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from hybridmpm.downsampling.carrier import Few
 from hybridmpm.errors import (
     ConfigError,
     CostlyMaterialWarning,
+    FullBoxWarning,
     RungWarning,
     SoftMaterialWarning,
     ThinObstacleWarning,
@@ -24,6 +26,7 @@ from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import carrier_of, native_solver
 from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.frames import Frames
+from hybridmpm.mpm.fullness import full_box
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.softness import soft_materials
 from hybridmpm.mpm.state import MpmState
@@ -79,11 +82,13 @@ class MpmSolver(MpmState):
         An obstacle is thinner than two grid cells.
     CostlyMaterialWarning
         A body is so light or so stiff that each frame takes 200 substeps or more.
+    FullBoxWarning
+        Bodies fill the box between the walls.
     SoftMaterialWarning
         A material is compressed by its own weight by a tenth or more.
     RungWarning
-        The scene is faster than those that the rung was fitted to, an obstacle is thinner than a cell of its
-        grid, or a frame had to be done again.
+        The scene is or becomes faster than those that the rung was fitted to, an obstacle or the layer of all
+        matter at rest is thinner than a cell of its grid, or a frame had to be done again.
 
     Notes
     -----
@@ -124,7 +129,7 @@ class MpmSolver(MpmState):
             _refuse_beside_rung(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
             self._rung = _checked(rung, scene) if isinstance(rung, Rung) else rung_for(scene, rung)
             carry = True
-        self._limit_told = self._redone_told = False
+        self._limit_told = self._redone_told = self._speed_told = False
         build = partial(
             native_solver,
             scene,
@@ -139,12 +144,15 @@ class MpmSolver(MpmState):
             solver,
             carrier_of(scene, solver, solver, self._rung) if flag("carry", carry) else None,
             safe=None if self._rung.cfl is None else partial(build, cfl=None),
+            fastest=math.inf if self._rung.fastest is None else self._rung.fastest,
         )
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
                 warnings.warn(text, CostlyMaterialWarning, stacklevel=2)
         for text in soft_materials(scene):
             warnings.warn(text, SoftMaterialWarning, stacklevel=2)
+        if (full := full_box(scene)) is not None:
+            warnings.warn(full, FullBoxWarning, stacklevel=2)
         for text in scene.thin_obstacles():
             warnings.warn(text, ThinObstacleWarning, stacklevel=2)
         self._start = self.snapshot()
@@ -173,6 +181,7 @@ class MpmSolver(MpmState):
             self._solver.advance(frames, force.array, path)
         self._tell_limit(stacklevel=4)
         self._tell_redone(stacklevel=4)
+        self._tell_speed(stacklevel=4)
 
     def _advance_few(self, force: npt.NDArray[np.float32] | None) -> None:
         self._frames.advance(1, force)
@@ -260,6 +269,19 @@ class MpmSolver(MpmState):
                 f"frame {self.redone_frames[0]} failed at the step of rung {self._rung.name!r} and was done "
                 "again at the safe step; `redone_frames` lists such frames. If there are many, the scene is "
                 "outside of what the rung was fitted to: take a rung of more particles",
+                RungWarning,
+                stacklevel=stacklevel,
+            )
+
+    def _tell_speed(self, stacklevel: int) -> None:
+        """Warn, once, where all matter together moves faster than the rung was fitted to."""
+        speed = self._frames.too_fast
+        if not self._speed_told and speed is not None:
+            self._speed_told = True
+            warnings.warn(
+                f"matter moves at {speed:.2g} m/s, but rung {self._rung.name!r} was fitted up to "
+                f"{self._rung.fastest:.2g} m/s: its error may be larger than the table says; take a rung of "
+                "more particles",
                 RungWarning,
                 stacklevel=stacklevel,
             )

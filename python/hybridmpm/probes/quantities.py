@@ -1,9 +1,9 @@
 """Density and pressure, at points and in patches.
 
-The density at a point x counts the mass of particles by the weight prod_axis N((x_p - x) / h), where N
-is the quadratic B-spline (Jiang et al. 2016, Eq. 123), which reaches 1.5 h far. The pressure is a linear fit
-to all particles in a cube around the point, which weighs them alike: pressures of neighbouring layers at a wall
-differ by up to a third, and weights that fall off follow such differences.
+The density at a point x counts the mass of particles by the weight prod_axis N((x_p - x) / h), where N is the
+quadratic B-spline (Jiang et al. 2016, Eq. 123), which reaches 1.5 h far. The pressure is a linear fit to all
+particles in a cube around the point, which weighs them alike: neighbouring layers at a wall differ by up to a
+third in pressure, and weights that fall off follow such differences.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,16 @@
 """Scenes: bodies, obstacles, openings and materials in a box, and the particles that fill them."""
 
-from hybridmpm.scene.bodies import Ball, Body, Box, Polygon
+from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Polygon
 from hybridmpm.scene.materials import Elastic, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
-from hybridmpm.scene.obstacles import BallObstacle, BoxObstacle, HalfSpaceObstacle, Obstacle, SegmentObstacle
+from hybridmpm.scene.obstacles import (
+    BallObstacle,
+    BoxObstacle,
+    CylinderObstacle,
+    HalfSpaceObstacle,
+    Obstacle,
+    SegmentObstacle,
+)
 from hybridmpm.scene.openings import (
     BallSink,
     BoxSink,
@@ -25,6 +32,8 @@ __all__ = [
     "Box",
     "BoxObstacle",
     "BoxSink",
+    "Cylinder",
+    "CylinderObstacle",
     "Elastic",
     "Emitter",
     "HalfSpaceObstacle",

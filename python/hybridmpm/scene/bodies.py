@@ -77,6 +77,51 @@ class Ball(_Body):
         return inside
 
 
+class Cylinder(_Body):
+    """Cylinder with flat ends, 3D only."""
+
+    shape: Literal["cylinder"] = "cylinder"
+    start: Point = Field(description="Centre of one end, D coordinates [m].")
+    end: Point = Field(description="Centre of the other end, D coordinates [m].")
+    radius: Length = Field(description="Radius of the cylinder [m].")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> "Cylinder":
+        if self.start == self.end:
+            raise_faults("Cylinder", [(("end",), "must differ from start")])
+        return self
+
+    @property
+    def length(self) -> float:
+        """Distance of the ends [m]."""
+        return math.dist(self.start, self.end)
+
+    @property
+    def bounds(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box [m]."""
+        start, end = np.array(self.start), np.array(self.end)
+        along = (end - start) / self.length
+        reach = self.radius * np.sqrt(np.maximum(1.0 - along**2, 0.0))
+        return np.minimum(start, end) - reach, np.maximum(start, end) + reach
+
+    @property
+    def measure(self) -> float:
+        """Volume [m^3]."""
+        return math.pi * self.radius**2 * self.length
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
+        return {"start": self.start, "end": self.end}
+
+    def contains(self, x: Points) -> npt.NDArray[np.bool_]:
+        """Whether points (N, 3) lie strictly inside; shape (N,)."""
+        along = (np.array(self.end) - np.array(self.start)) / self.length
+        from_start = x - np.array(self.start)
+        height = from_start @ along
+        beside = ((from_start - height[:, None] * along) ** 2).sum(axis=1)
+        return np.asarray((height > 0) & (height < self.length) & (beside < self.radius**2))
+
+
 class Polygon(_Body):
     """Closed polygon, 2D only. It may be concave; what lies inside follows the even-odd rule."""
 
@@ -119,4 +164,4 @@ class Polygon(_Body):
         return inside
 
 
-Body = Annotated[Box | Ball | Polygon, Field(discriminator="shape")]
+Body = Annotated[Box | Ball | Cylinder | Polygon, Field(discriminator="shape")]

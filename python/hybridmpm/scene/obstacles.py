@@ -117,6 +117,35 @@ class BallObstacle(_Obstacle):
         return _native.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
 
 
+class CylinderObstacle(_Obstacle):
+    """Solid cylinder with flat ends, 3D only."""
+
+    shape: Literal["cylinder"] = "cylinder"
+    start: Point = Field(description="Centre of one end, D coordinates [m].")
+    end: Point = Field(description="Centre of the other end, D coordinates [m].")
+    radius: Length = Field(description="Radius of the cylinder [m].")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> "CylinderObstacle":
+        if self.start == self.end:
+            raise_faults("CylinderObstacle", [(("end",), "must differ from start")])
+        return self
+
+    def vector_fields(self) -> dict[str, tuple[float, ...]]:
+        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
+        return {"start": self.start, "end": self.end}
+
+    @property
+    def smallest_extent(self) -> float:
+        """Diameter, or length where that is less [m]."""
+        return min(2 * self.radius, math.dist(self.start, self.end))
+
+    def _at_rest(self) -> _native.Obstacle:
+        return _native.Obstacle.cylinder(
+            self.start, self.end, self.radius, contact=self.contact, friction=self.friction
+        )
+
+
 class HalfSpaceObstacle(_Obstacle):
     """Solid that fills everything on the side of a plane, in 2D a line, that `normal` points away from."""
 
@@ -148,5 +177,6 @@ class HalfSpaceObstacle(_Obstacle):
 
 
 Obstacle = Annotated[
-    SegmentObstacle | BoxObstacle | BallObstacle | HalfSpaceObstacle, Field(discriminator="shape")
+    SegmentObstacle | BoxObstacle | BallObstacle | CylinderObstacle | HalfSpaceObstacle,
+    Field(discriminator="shape"),
 ]

@@ -117,10 +117,17 @@ class Scene(Record):
             vectors += [((*where, field), value) for field, value in body.vector_fields().items()]
             vectors.append(((*where, "velocity"), body.velocity))
             if body.shape == "polygon" and self.dim == 3:
-                faults.append(((*where, "shape"), "polygon is for dim 2 only; dim 3 allows box and ball"))
+                text = "polygon is for dim 2 only; dim 3 allows box, ball and cylinder"
+                faults.append(((*where, "shape"), text))
+            if body.shape == "cylinder" and self.dim == 2:
+                text = "cylinder is for dim 3 only; dim 2 allows box, ball and polygon"
+                faults.append(((*where, "shape"), text))
         for i, obstacle in enumerate(self.obstacles):
             fields = obstacle.vector_fields().items()
             vectors += [(("obstacles", i, obstacle.shape, field), value) for field, value in fields]
+            if obstacle.shape == "cylinder" and self.dim == 2:
+                text = "cylinder is for dim 3 only; dim 2 allows segment, box, ball and half_space"
+                faults.append((("obstacles", i, "cylinder", "shape"), text))
             if obstacle.motion is not None:
                 wrong = obstacle.motion.dimension_faults(self.dim)
                 faults += [

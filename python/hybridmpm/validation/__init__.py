@@ -6,7 +6,6 @@ frozen dataclass, and `draw`, which draws them.
 
 from hybridmpm.validation import (
     colliding_discs,
-    column_collapse,
     dam_break,
     free_fall,
     hydrostatic,
@@ -15,12 +14,14 @@ from hybridmpm.validation import (
     standing_wave,
 )
 from hybridmpm.validation.case import Case
+from hybridmpm.validation.granular import column_collapse, round_columns
 
 CASES: dict[str, Case] = {
     module.CASE.name: module.CASE
     for module in (
         dam_break,
         column_collapse,
+        round_columns,
         hydrostatic,
         standing_wave,
         sliding_block,

@@ -5,7 +5,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from hybridmpm.scenarios import ScenarioInfo
-from hybridmpm_service.http.checks import MOST_FINDINGS, FindingBody
+from hybridmpm_service.http.estimates.checks import MOST_FINDINGS, FindingBody
 from hybridmpm_service.http.learned_answers import SafeguardBody
 from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.session import Session

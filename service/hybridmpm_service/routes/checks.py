@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 
 from hybridmpm.errors import SceneError
-from hybridmpm_service.http.checks import CheckBody
 from hybridmpm_service.http.creation import CheckScene
+from hybridmpm_service.http.estimates.checks import CheckBody
 from hybridmpm_service.routes.handling.calls import SessionRoute
 from hybridmpm_service.routes.handling.dependencies import Sessions, problems
 

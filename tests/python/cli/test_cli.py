@@ -201,13 +201,17 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
     program = "import sys; from hybridmpm.cli import main; sys.argv[1:] = ['schema']\ntry: main()\n"
     program += "finally: print(*(name for name in sys.modules if name.startswith('hybridmpm.cli.')))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert set(done.stdout.splitlines()[-1].split()) == {"hybridmpm.cli.report", "hybridmpm.cli.installation"}
+    assert set(done.stdout.splitlines()[-1].split()) == {
+        "hybridmpm.cli.report",
+        "hybridmpm.cli.report.commands",
+        "hybridmpm.cli.report.installation",
+    }
 
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     names = [
-        "bench", "control", "dataset", "doctor", "export", "fit", "scenarios", "schema", "serve", "simulate",
-        "train", "validate",
+        "bench", "check", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema",
+        "serve", "simulate", "train", "validate",
     ]  # fmt: skip
     listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()
     assert [line.split()[0] for line in listed] == names
@@ -252,8 +256,8 @@ def test_doctor_tells_what_is_broken_or_missing(monkeypatch: pytest.MonkeyPatch)
     def broken(_seed: int) -> Scene:
         raise SceneError("no scene today")
 
-    monkeypatch.setattr("hybridmpm.cli.installation.water_2d", broken)
-    monkeypatch.setattr("hybridmpm.cli.installation._BROWSERS", ())
+    monkeypatch.setattr("hybridmpm.cli.report.installation.water_2d", broken)
+    monkeypatch.setattr("hybridmpm.cli.report.installation._BROWSERS", ())
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     result = run("doctor")
     assert result.exit_code == 1

@@ -119,6 +119,22 @@ def test_an_obstacle_of_one_cell_lets_fast_particles_through(build: Build) -> No
     assert sum(behind for behind, _ in flights) > 0
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_nothing_passes_between_a_wall_and_a_box_that_ends_on_it(axis: int) -> None:
+    """What got into the end of a box was once put back to its face on the wall, and ran down there."""
+    lower, upper, start, end = [0.1, 0.1], [0.9, 0.9], [0.4, 0.1], [0.6, 0.3]
+    lower[1 - axis], upper[1 - axis] = 0.36, 0.4
+    start[1 - axis], end[1 - axis] = 0.55, 0.75
+    velocity = [0.0, 0.0]
+    velocity[1 - axis] = -4.0
+    water = Box(material="water", lower=start, upper=end, velocity=velocity)
+    solver = MpmSolver(
+        Scene(dim=2, resolution=96, bodies=(water,), obstacles=(BoxObstacle(lower=lower, upper=upper),))
+    )
+    solver.advance(240)
+    assert solver.positions[:, 1 - axis].min() > 0.39
+
+
 BODY = Box(material="water", lower=(0.2, 0.7), upper=(0.3, 0.8))
 
 

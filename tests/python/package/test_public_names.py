@@ -22,7 +22,7 @@ def test_what_a_scene_and_mpm_do_not_need_is_imported_on_demand() -> None:
     program = """
 import sys
 import hybridmpm
-late = ("control", "data", "hybrid", "metrics", "physics", "simulators", "export")
+late = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators", "export")
 assert not {f"hybridmpm.{name}" for name in late} & set(sys.modules)
 assert not {"PIL", "matplotlib", "onnxruntime", "torch"} & set(sys.modules)
 assert dir(hybridmpm) == sorted(hybridmpm.__all__)

@@ -59,7 +59,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
             "bodies.0.shape",
             "cone",
             "bodies[0]",
-            "'shape' must be one of 'box', 'ball', 'polygon', got 'cone'",
+            "'shape' must be one of 'box', 'ball', 'cylinder', 'polygon', got 'cone'",
         ),
         ("bodies.0.color", "red", "bodies[0].color", "unknown field"),
         ("bodies.0.seed", -1, "bodies[0].seed", r"must be in \[0, 9007199254740991\], got -1"),
@@ -110,7 +110,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
             "obstacles.0",
             {"shape": "blob"},
             "obstacles[0]",
-            "'segment', 'box', 'ball', 'half_space', got 'blob'",
+            "'segment', 'box', 'ball', 'cylinder', 'half_space', got 'blob'",
         ),
         (
             "obstacles.0",

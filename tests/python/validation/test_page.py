@@ -34,7 +34,13 @@ def test_verdicts(check: Check, verdict: str) -> None:
 
 
 def test_data_are_in_order() -> None:
-    for table in (dam_break.FRONT, dam_break.HEIGHT, dam_break.FRONT_FIGURE):
+    fronts = (
+        dam_break.FRONT,
+        dam_break.FRONT_FIGURE,
+        dam_break.FRONT_COMPUTED,
+        dam_break.FRONT_KOSHIZUKA_OKA,
+    )
+    for table in (*fronts, dam_break.HEIGHT):
         assert (table[1:, 0] > table[:-1, 0]).all()
     assert (dam_break.HEIGHT[1:, 1] < dam_break.HEIGHT[:-1, 1]).all()
 

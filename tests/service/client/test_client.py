@@ -65,6 +65,7 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.scenario_list(),
         calls.scenario("NAME", 0),
         calls.model_list(),
+        calls.plan("NAME", 0, None, empty),
         calls.session_list(),
         calls.session("ID"),
         calls.create("NAME", 0, None, None, empty),

@@ -10,14 +10,16 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, checks, creation, logs, requests
+from hybridmpm_service.http import answers, creation, logs, requests
 from hybridmpm_service.http import learned_answers as learned
+from hybridmpm_service.http.estimates import checks, plans
 from hybridmpm_service.http.sketches import answers as sketch_answers
 
 OPERATIONS = {
     ("get", "/livez"),
     ("get", "/readyz"),
     ("get", "/v1/models"),
+    ("post", "/v1/plans"),
     ("get", "/v1/scenarios"),
     ("get", "/v1/scenarios/{name}"),
     ("post", "/v1/checks"),
@@ -102,6 +104,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         "FindingBody",
         "AdvanceSession",
         "SketchRequest",
+        "PlanRequest",
         "SessionBody",
         "ParticlesBody",
         "SketchBody",
@@ -121,6 +124,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         logs.LogBody,
         requests.AdvanceSession,
         requests.SketchRequest,
+        plans.PlanRequest,
         answers.SessionBody,
         answers.ScenarioBody,
         answers.ParticlesBody,

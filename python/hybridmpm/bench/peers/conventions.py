@@ -12,8 +12,8 @@ def checked_material(scene: Scene, peer: str) -> Water | Sand:
     Raises
     ------
     ConfigError
-        The scene has several materials, another one than water or sand, obstacles, walls that differ, or walls
-        less than three cells inside the world box.
+        The scene has several materials, another one than water or sand, obstacles, walls that differ, or
+        walls less than three cells inside the world box.
     """
     material = scene.materials[0]
     if len(scene.materials) > 1 or not isinstance(material, Water | Sand) or scene.obstacles:

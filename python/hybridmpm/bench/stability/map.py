@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from hybridmpm.bench.report.gathered import Gathered
 from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.bench.report.rows import Progress, Row, significant
-from hybridmpm.bench.stability.outcome import figures, judged
+from hybridmpm.bench.stability.outcome import figures, judged, volume_spread
 from hybridmpm.bench.stability.stresses.handling import HANDLING
 from hybridmpm.bench.stability.stresses.matter import MATTER
 from hybridmpm.bench.stability.stresses.motion import MOTION
@@ -17,6 +17,8 @@ from hybridmpm.bench.stability.trials import attempt, truth
 STRESSES: dict[str, Stress] = {one.name: one for one in (*MOTION, *MATTER, *SOLIDS, *HANDLING)}
 """Stresses by name, in the order of the map."""
 LEVELS = 3
+JITTERS = 3
+"""Runs of the truth with other jitter, which tell how much chance there is in a trial."""
 KEY = ("method", "material", "dim", "stress", "step")
 """Fields that tell cells apart; `step` counts the levels from 1, the mildest."""
 
@@ -56,12 +58,15 @@ def trial_of(cell: Cell) -> Trial:
 
 
 def measure(todo: Sequence[Cell], runs: Gathered, origin: Provenance, on_progress: Progress) -> Iterator[Row]:
-    """Run the cells that are missing, adding each to the runs, and yield all rows; `on_progress` counts cells.
+    """Run the cells that are missing, adding each to the runs, and yield all rows.
+
+    `on_progress` counts cells.
 
     `signalled` names the errors, warnings and alarms that a user meets, None where there are none. `against`
     names the measures that speak against survival. `energy` is the largest energy over that at the start and
     the work done, `density` the largest crowding over the truth's, `volume` the volume in the last quarter
-    over the truth's; None where the run came to no end.
+    over the truth's; None where the run came to no end. `volume_jitter` is the part by which the volume of
+    the truth with other jitter differs from the truth's, at most.
     """
     scenes: dict[tuple[object, ...], list[Cell]] = {}
     for cell in todo:
@@ -70,19 +75,20 @@ def measure(todo: Sequence[Cell], runs: Gathered, origin: Provenance, on_progres
         missing = [cell for cell in mine if not runs.has(cell.key)]
         if missing:
             trial = trial_of(missing[0])
-            true = truth(trial)
+            true, *others = (truth(trial, shift=shift) for shift in range(1 + JITTERS))
             for cell in missing:
                 made = attempt(trial, cell.method)
                 row = dict(zip(KEY, cell.key, strict=True)) | {"level": trial.level}
                 found: Row = {"outcome": "refused" if made.refused else "failed", "against": None}
                 shown: Row = dict.fromkeys(("energy", "density", "volume"))
                 if made.run is not None:
-                    outcome, faults = judged(made.run, true, carries=cell.method != "mpm")
+                    outcome, faults = judged(made.run, true, others, carries=cell.method != "mpm")
                     found = {"outcome": outcome, "against": ", ".join(faults) or None}
                     if all(one.finite for one in made.run.looks):
                         shown = {name: significant(value) for name, value in figures(made.run, true).items()}
                 signalled = {"signalled": ", ".join(made.signals) or None}
-                runs.add(cell.key, origin.stamped(row | found | signalled | shown))
+                spread = {"volume_jitter": significant(volume_spread(true, others))}
+                runs.add(cell.key, origin.stamped(row | found | signalled | shown | spread))
         on_progress(len(mine))
     for cell in todo:
         yield runs.row(cell.key)

@@ -109,8 +109,24 @@ class Run:
         return float(np.mean([one.volume for one in self.looks[last:]]))
 
 
-def judged(run: Run, truth: Run | None, *, carries: bool) -> tuple[Outcome, list[str]]:
+def volume_spread(truth: Run | None, others: Sequence[Run | None]) -> float | None:
+    """Return by what part the volume of the truth with other jitter differs from the truth's, at most.
+
+    None where there is no truth, or none with other jitter.
+    """
+    if truth is None or truth.volume() == 0:
+        return None
+    known = [abs(one.volume() / truth.volume() - 1) for one in others if one is not None]
+    return max(known, default=None)
+
+
+def judged(
+    run: Run, truth: Run | None, others: Sequence[Run | None] = (), *, carries: bool
+) -> tuple[Outcome, list[str]]:
     """Return the outcome of a run that came to its end, and the measures that speak against survival.
+
+    `others` are the truth with other jitter. Where their volumes differ by more than is allowed, the motion
+    is chaotic, and a run may differ by as much.
 
     Without a truth the crowding is held against that at the start, the volume against that of the particles
     at rest, which at the start fill the bodies. Single particles fill no cell and have no volume.
@@ -128,7 +144,8 @@ def judged(run: Run, truth: Run | None, *, carries: bool) -> tuple[Outcome, list
     if (run.crowding() > growth * crowding).any():
         faults.append("density")
     volume = truth.volume() if truth else start.volume
-    if abs(run.volume() - volume) > VOLUME_CHANGE * volume:
+    allowed_change = max(VOLUME_CHANGE, volume_spread(truth, others) or 0.0)
+    if abs(run.volume() - volume) > allowed_change * volume:
         faults.append("volume")
     if run.passed > _PASSED:
         faults.append("passed a solid")
@@ -141,9 +158,7 @@ def figures(run: Run, truth: Run | None) -> dict[str, float]:
     """Return the figures behind an outcome: each measure at its worst."""
     start = run.looks[0]
     slack = _REST_ENERGY * run.mass
-    energies: Sequence[float] = [
-        (one.energy - slack) / max(start.energy + one.work, 1e-12) for one in run.looks
-    ]
+    energies = [(one.energy - slack) / max(start.energy + one.work, 1e-12) for one in run.looks]
     crowding = truth.crowding() if truth else np.full(_QUARTERS, start.crowding)
     volume = truth.volume() if truth else start.volume
     return {

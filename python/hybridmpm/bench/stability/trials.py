@@ -14,6 +14,7 @@ from hybridmpm.decisions import Decision
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.guards import GUARDS
+from hybridmpm.metrics import other_jitter
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import as_stepper
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -52,18 +53,21 @@ def attempt(trial: Trial, method: Method) -> Attempt:
         try:
             run = _driven(trial, simulator, lambda: _made(trial, method))
         except SimulationError as error:
+            if simulator.frame == 0:
+                return Attempt(run=None, signals=(type(error).__name__,), refused=True)
             heard.append(type(error).__name__)
     heard += [one.category.__name__ for one in caught if issubclass(one.category, UserWarning)]
     heard += [f"{one.reason} alarm" for one in simulator.log if _is_alarm(one)]
     return Attempt(run=run, signals=tuple(dict.fromkeys(heard)))
 
 
-def truth(trial: Trial) -> Run | None:
+def truth(trial: Trial, *, shift: int = 0) -> Run | None:
     """Run MPM with all particles, at the ground truth's substeps and a stiffness that is safe.
 
-    Where those do not hold, at a CFL number far below the limit; None where that fails, too.
+    Where those do not hold, at a CFL number far below the limit; None where that fails, too. `shift` gives
+    the particles another jitter.
     """
-    scene = trial.safe or trial.scene
+    scene = other_jitter(trial.safe or trial.scene, shift)
     plain = replace(trial, resume_at=None)
     for settings in ({"substeps": "reference"}, {"cfl": _SAFE_CFL}):
         with warnings.catch_warnings():
@@ -127,9 +131,7 @@ def _by_turns(simulator: HybridSimulator, trial: Trial) -> Run:
     first = 6 * simulator.r_t
     turns = range(first, trial.frames, stride)
     log = [
-        Decision(
-            frame=at, mode="mpm" if turn % 2 else "neural", value=None, reason="appointed", noticed=at
-        )
+        Decision(frame=at, mode="mpm" if turn % 2 else "neural", value=None, reason="appointed", noticed=at)
         for turn, at in enumerate(turns)
     ]
     looks = [look(simulator, 0.0)]
@@ -159,5 +161,3 @@ def _passed(trial: Trial, simulator: Simulator) -> float:
 def _same(one: Simulator, two: Simulator) -> bool:
     pairs = ((one.positions, two.positions), (one.velocities, two.velocities))
     return all(np.array_equal(a, b) for a, b in pairs)
-
-

@@ -3,6 +3,8 @@
 import math
 import warnings
 
+import numpy as np
+
 from hybridmpm._support.suggestions import nearest
 from hybridmpm.downsampling.merging import FEWEST_PER_CELL, coarse_resolution
 from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
@@ -10,6 +12,11 @@ from hybridmpm.downsampling.rungs.rung import Rung
 from hybridmpm.downsampling.rungs.table import RungEntry, RungTable, rung_table
 from hybridmpm.errors import ConfigError, RungWarning
 from hybridmpm.scene import Scene
+
+SHALLOW = {2: 1.0, 3: 2.0}
+"""Depth [cells of the rung], by dimension, below which matter at rest was seen to lose volume."""
+UNEQUAL = 10.0
+"""Ratio of densities from which on something is said."""
 
 
 def rung_for(scene: Scene, name: str, table: RungTable | None = None) -> Rung:
@@ -40,13 +47,16 @@ def rung_for(scene: Scene, name: str, table: RungTable | None = None) -> Rung:
     Warns
     -----
     RungWarning
-        Matter can land faster than in any scene of the scenarios that the rung was fitted to, or an obstacle
-        is thinner than a cell of its grid.
+        Matter can land faster than in any scene of the scenarios that the rung was fitted to, an obstacle is
+        thinner than a cell of its grid, matter settles into a layer that only the scene's own grid tells, or
+        is of densities that differ by a factor above 10.
     """
     known = rung_table() if table is None else table
     rung = _settings(scene, name, known)
-    _tell_speed(scene, name, _fitted(scene, name, known))
+    _tell_speed(scene, rung)
     _tell_thin(scene, rung, known)
+    _tell_shallow(scene, rung)
+    _tell_densities(scene, rung)
     return rung
 
 
@@ -79,6 +89,7 @@ def _settings(scene: Scene, name: str, known: RungTable) -> Rung:
         cfl=min([entry.cfl for entry in fitted] + [native.default_cfl for native in strange]),
         affine_share=min([entry.affine_share for entry in fitted] + [plain.affine_share] * bool(strange)),
         relaxation=max([entry.relaxation for entry in fitted] + [plain.relaxation] * bool(strange)),
+        fastest=min(entry.fastest for entry in fitted),
     )
 
 
@@ -105,14 +116,41 @@ def _suggestion(name: object, ratios: dict[str, float]) -> str:
     return "" if near is None else f"; did you mean {near!r}?"
 
 
-def _tell_speed(scene: Scene, name: str, entries: list[RungEntry]) -> None:
+def _tell_speed(scene: Scene, rung: Rung) -> None:
     speed = fastest_impact(scene)
-    known = min((entry.fastest for entry in entries), default=math.inf)
-    if speed > known:
+    if rung.fastest is not None and speed > rung.fastest:
         warnings.warn(
-            f"matter may land at {speed:.2g} m/s in this scene, but rung {name!r} was fitted up to "
-            f"{known:.2g} m/s: its error may be larger than the table says; compare it with a rung of more "
-            "particles, or with MpmSolver(scene, r_p=..., carry=True), whose constants are not fitted",
+            f"matter may land at {speed:.2g} m/s in this scene, but rung {rung.name!r} was fitted up to "
+            f"{rung.fastest:.2g} m/s: its error may be larger than the table says; compare it with a "
+            "rung of more particles, or with MpmSolver(scene, r_p=..., carry=True), whose constants are not "
+            "fitted",
+            RungWarning,
+            stacklevel=4,
+        )
+
+
+def _tell_shallow(scene: Scene, rung: Rung) -> None:
+    """Warn where matter settles into about a cell of the rung, but into several of the scene."""
+    gravity = float(np.linalg.norm(scene.gravity))
+    depth = settled_potential(scene) / gravity if gravity else math.inf
+    if 2 * scene.dx <= depth < SHALLOW[scene.dim] / rung.resolution:
+        warnings.warn(
+            f"matter settles {depth:.2g} m deep in this scene, where a cell of rung {rung.name!r} is "
+            f"{_cell(rung):g} m wide, so at rest its volume may be off by a tenth or more: take a rung of "
+            "more particles",
+            RungWarning,
+            stacklevel=4,
+        )
+
+
+def _tell_densities(scene: Scene, rung: Rung) -> None:
+    """Warn where matter is far lighter than other matter: rungs were fitted to scenes of one density."""
+    densities = [material.density for material in scene.materials]
+    if max(densities) > UNEQUAL * min(densities):
+        warnings.warn(
+            f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but rung "
+            f"{rung.name!r} was fitted to matter of one density: its error may be larger than the table "
+            "says; take a rung of more particles",
             RungWarning,
             stacklevel=4,
         )

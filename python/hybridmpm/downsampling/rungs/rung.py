@@ -31,6 +31,8 @@ class Rung:
     """Part of the affine motion of the few that those that are carried take over, in [0, 1] [-]."""
     relaxation: float = 2.0
     """How far carried particles slide apart [cells] per density in excess and cell, in [0, 8]."""
+    fastest: float | None = None
+    """Largest speed of matter that it was fitted to [m/s]; None where nothing was fitted."""
 
     def __post_init__(self) -> None:
         checked_ratio(self.r_p)

@@ -59,6 +59,8 @@ def _body(body: Body) -> str:
         return f'<polygon points="{corners}" fill-rule="evenodd" {style}/>'
     if body.shape == "ball":
         return _circle(body.center, body.radius, style)
+    if body.shape == "cylinder":
+        return _cylinder(body.start, body.end, body.radius, style)
     return _rectangle(body.lower, body.upper, style)
 
 
@@ -72,9 +74,22 @@ def _obstacle(obstacle: Obstacle) -> str:
             return f'<line {ends} {width} stroke="{_SOLID}" stroke-linecap="round"/>'
         case "ball":
             return _circle(obstacle.center, obstacle.radius, style)
+        case "cylinder":
+            return _cylinder(obstacle.start, obstacle.end, obstacle.radius, style)
         case "box":
             return _rectangle(obstacle.lower, obstacle.upper, style)
     return _half_space(obstacle.point, obstacle.normal, style)
+
+
+def _cylinder(start: Sequence[float], end: Sequence[float], radius: float, style: str) -> str:
+    """Return the outline from the front: a rectangle between two ellipses, which are the ends."""
+    across = math.hypot(end[0] - start[0], end[1] - start[1])
+    angle = math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))
+    flat = radius * abs(end[2] - start[2]) / math.dist(start, end)
+    turn = f'transform="translate({start[0]:.4g} {start[1]:.4g}) rotate({angle:.4g})"'
+    ends = "".join(f'<ellipse cx="{x:.4g}" cy="0" rx="{flat:.4g}" ry="{radius:.4g}"/>' for x in (0.0, across))
+    side = f'<rect x="0" y="{-radius:.4g}" width="{across:.4g}" height="{2 * radius:.4g}"/>'
+    return f"<g {turn} {style}>{side}{ends}</g>"
 
 
 def _half_space(point: Sequence[float], normal: Sequence[float], style: str) -> str:

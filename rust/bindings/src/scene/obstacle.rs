@@ -102,6 +102,22 @@ impl PyObstacle {
     }
 
     #[staticmethod]
+    #[pyo3(signature = (start, end, radius, *, contact="separating", friction=None))]
+    fn cylinder(
+        start: Vec<f64>,
+        end: Vec<f64>,
+        radius: f32,
+        contact: &str,
+        friction: Option<f32>,
+    ) -> PyResult<Self> {
+        build!(start.len(), contact, friction, D => Shape::Cylinder {
+            start: vector::<D>("start", &start)?,
+            end: vector::<D>("end", &end)?,
+            radius,
+        })
+    }
+
+    #[staticmethod]
     #[pyo3(signature = (point, normal, *, contact="separating", friction=None))]
     fn half_space(
         point: Vec<f64>,

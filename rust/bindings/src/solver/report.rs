@@ -78,6 +78,10 @@ impl PyFrameReport {
         self.0.bound.name()
     }
     #[getter]
+    fn max_speed(&self) -> f32 {
+        self.0.max_speed
+    }
+    #[getter]
     fn obstacle_work(&self) -> f64 {
         self.0.obstacle_work
     }

@@ -3,8 +3,14 @@
 use super::contact::Contact;
 use super::motion::{Motion, Pose};
 use super::shape::{Shape, farthest_corner};
+use super::walls::Walls;
 use crate::error::MpmError;
 use crate::linalg::Vector;
+
+/// A face counts as on a wall up to this distance from it [m].
+const ON_WALL: f32 = 1.0e-6;
+/// Longer than the world [m].
+const FAR: f32 = 2.0;
 
 /// A solid, what its surface does, and how it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,6 +49,27 @@ impl<const D: usize> Obstacle<D> {
         Self {
             motion: Some(motion),
             ..self
+        }
+    }
+
+    /// The same solid where the walls end it, and beyond where they do not: a box at rest whose face lies on a wall has
+    /// no face there. What gets into its end beside the wall would else be put back to that face, and pass along the wall.
+    pub(super) fn through(self, walls: &Walls<D>) -> Self {
+        match (self.shape, self.motion) {
+            (Shape::Box { lower, upper }, None) => Self {
+                shape: Shape::Box {
+                    lower: Vector::from_fn(|axis, _| {
+                        let reaches = lower[axis] <= walls.lower[axis] + ON_WALL;
+                        lower[axis] - if reaches { FAR } else { 0.0 }
+                    }),
+                    upper: Vector::from_fn(|axis, _| {
+                        let reaches = upper[axis] >= walls.upper[axis] - ON_WALL;
+                        upper[axis] + if reaches { FAR } else { 0.0 }
+                    }),
+                },
+                ..self
+            },
+            _ => self,
         }
     }
 

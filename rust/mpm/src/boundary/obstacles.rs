@@ -34,8 +34,9 @@ pub struct Obstacles<const D: usize> {
 
 impl<const D: usize> Obstacles<D> {
     pub fn new(list: Vec<Obstacle<D>>, walls: &Walls<D>, layout: &Layout<D>) -> Self {
+        let list = list.into_iter();
         let mut prepared = Self {
-            list,
+            list: list.map(|obstacle| obstacle.through(walls)).collect(),
             walls: *walls,
             layout: *layout,
             solid: ByRow::EMPTY,

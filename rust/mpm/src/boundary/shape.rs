@@ -20,6 +20,12 @@ pub enum Shape<const D: usize> {
         end: Vector<D>,
         thickness: f32,
     },
+    /// Within a radius of the line between the centres of two flat ends.
+    Cylinder {
+        start: Vector<D>,
+        end: Vector<D>,
+        radius: f32,
+    },
     /// Solid on the side that the unit normal points away from.
     HalfSpace {
         point: Vector<D>,
@@ -55,6 +61,11 @@ impl<const D: usize> Shape<D> {
                 "segment",
                 "finite with two different ends and thickness > 0",
             ),
+            Self::Cylinder { start, end, radius } => (
+                finite(start) && finite(end) && start != end && *radius > 0.0 && radius.is_finite(),
+                "cylinder",
+                "finite with two different ends and radius > 0",
+            ),
             Self::HalfSpace { point, normal } => (
                 finite(point) && (normal.norm() - 1.0).abs() < 1.0e-4,
                 "half_space",
@@ -84,6 +95,9 @@ impl<const D: usize> Shape<D> {
                 end,
                 thickness,
             } => (start - center).norm().max((end - center).norm()) + 0.5 * thickness,
+            Self::Cylinder { start, end, radius } => {
+                (start - center).norm().max((end - center).norm()) + radius
+            }
             Self::HalfSpace { .. } => f32::INFINITY,
         }
     }
@@ -101,6 +115,7 @@ impl<const D: usize> Shape<D> {
                 let t = ((x - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
                 distance_to_point(x, &(start + along * t), 0.5 * thickness)
             }
+            Self::Cylinder { start, end, radius } => distance_to_cylinder(x, start, end, *radius),
             Self::HalfSpace { point, normal } => ((x - point).dot(normal), *normal),
             Self::Box { lower, upper } => {
                 let nearest = Vector::from_fn(|axis, _| x[axis].clamp(lower[axis], upper[axis]));
@@ -133,6 +148,34 @@ pub fn farthest_corner<const D: usize>(lower: &Vector<D>, upper: &Vector<D>, x: 
             .max((x[axis] - upper[axis]).abs())
     })
     .norm()
+}
+
+/// Signed distance to a cylinder with flat ends, and the normal of the nearest surface point.
+fn distance_to_cylinder<const D: usize>(
+    x: &Vector<D>,
+    start: &Vector<D>,
+    end: &Vector<D>,
+    radius: f32,
+) -> (f32, Vector<D>) {
+    let length = (end - start).norm();
+    let along = (end - start) / length;
+    let from_middle = x - (start + end) * 0.5;
+    let height = from_middle.dot(&along);
+    // Past the side and past the nearer end; negative inside.
+    let (beside, outward) =
+        distance_to_point(&(from_middle - along * height), &Vector::zeros(), radius);
+    let beyond = height.abs() - 0.5 * length;
+    let cap = if height < 0.0 { -along } else { along };
+    if beside > 0.0 && beyond > 0.0 {
+        let edge = outward * beside + cap * beyond;
+        let distance = edge.norm();
+        return (distance, edge / distance);
+    }
+    if beside > beyond {
+        (beside, outward)
+    } else {
+        (beyond, cap)
+    }
 }
 
 fn distance_to_point<const D: usize>(
@@ -173,5 +216,21 @@ mod tests {
         let (distance, normal) = ramp.distance(&Vector::<3>::new(0.4, 0.3, 0.5));
         assert!((distance - 0.05).abs() < 1e-6 && (normal.y - 1.0).abs() < 1e-6);
         assert!((ramp.distance(&Vector::<3>::new(0.7, 0.2, 0.5)).0 - 0.05).abs() < 1e-6);
+        let post = Shape::Cylinder {
+            start,
+            end,
+            radius: 0.1,
+        };
+        for (x, distance, normal) in [
+            ([0.4, 0.35, 0.5], 0.05, [0.0, 1.0, 0.0]),
+            ([0.65, 0.22, 0.5], 0.05, [1.0, 0.0, 0.0]),
+            ([0.63, 0.34, 0.5], 0.05, [0.6, 0.8, 0.0]),
+            ([0.4, 0.2, 0.57], -0.03, [0.0, 0.0, 1.0]),
+            ([0.21, 0.2, 0.52], -0.01, [-1.0, 0.0, 0.0]),
+        ] {
+            let (found, toward) = post.distance(&Vector::<3>::from(x));
+            assert!((found - distance).abs() < 1e-6, "{x:?}: {found}");
+            assert!((toward - Vector::<3>::from(normal)).norm() < 1e-5, "{x:?}");
+        }
     }
 }

@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use super::block::{Block, Carried, blocks};
-use super::crowding::Crowding;
+use super::density::{Crowding, Straying};
 use super::exchange::CarriedEnd;
 use super::few::{Few, Past};
 use super::field::Field;
 use super::force::gather_force;
 use super::gather::{move_along, take_velocities};
 use super::snapshot::{self, CarrierState};
-use super::straying::Straying;
 use super::surfaces::Surfaces;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;

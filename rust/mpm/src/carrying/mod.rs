@@ -10,17 +10,14 @@
 
 mod block;
 mod carrier;
-mod crowding;
+mod density;
 mod exchange;
 mod few;
 mod field;
 mod force;
 mod gather;
-mod slide;
 mod snapshot;
-mod straying;
 mod surfaces;
-mod tally;
 #[cfg(test)]
 mod tests;
 

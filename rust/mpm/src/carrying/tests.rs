@@ -1,5 +1,5 @@
 use super::block::{Carried, blocks, particles};
-use super::crowding::Crowding;
+use super::density::Crowding;
 use super::field::{Field, Mover};
 use super::gather::{move_along, take_velocities};
 use crate::boundary::{Contact, ContactKind, Obstacles, Walls};

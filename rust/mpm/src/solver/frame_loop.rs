@@ -205,6 +205,7 @@ impl<const D: usize> Solver<D> {
             smallest_dt: f32::INFINITY,
             bound: Bound::Frame,
             obstacle_work: 0.0,
+            max_speed: 0.0,
         };
         let pull = self.settings.gravity.norm() + force.largest();
         let frame_dt = self.settings.frame_dt;
@@ -242,6 +243,7 @@ impl<const D: usize> Solver<D> {
             }
             report.substeps += 1;
             report.obstacle_work += outcome.obstacle_work;
+            report.max_speed = self.state.max_speed;
             if dt < report.smallest_dt {
                 (report.smallest_dt, report.bound) = (dt, bound);
             }

@@ -63,6 +63,8 @@ pub struct FrameReport {
     /// Work of moving obstacles on the material [J], in 2D per metre of depth: their impulses times their velocities. The
     /// weight that they lift by putting back single particles is left out.
     pub obstacle_work: f64,
+    /// Largest speed of a particle at the end [m/s].
+    pub max_speed: f32,
 }
 
 /// The rule of the ground truth: taichi_elements' default_dt of 0.02 dx.

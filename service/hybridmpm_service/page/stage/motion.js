@@ -5,6 +5,7 @@ export function placed(obstacle, time) {
   if (obstacle.motion === undefined) return obstacle;
   const carry = carrier(obstacle.motion, time);
   switch (obstacle.shape) {
+    case "cylinder":
     case "segment":
       return { ...obstacle, start: carry(obstacle.start), end: carry(obstacle.end) };
     case "ball":

@@ -51,6 +51,8 @@ export function drawSolidObstacle(context, view, obstacle) {
     drawEdges(context, view, corners, false);
   } else if (obstacle.shape === "ball") {
     drawRings(context, view, obstacle.center, obstacle.radius);
+  } else if (obstacle.shape === "cylinder") {
+    drawCylinder(context, view, obstacle);
   } else if (obstacle.shape === "segment") {
     traceWorld(context, view, [obstacle.start, obstacle.end]);
     context.lineCap = "round";
@@ -76,15 +78,37 @@ function drawRings(context, view, center, radius) {
   }
 }
 
-/** Draw a square patch of the plane, around its point. */
-function drawPlane(context, view, { point, normal }) {
-  const size = Math.hypot(...normal);
-  const n = normal.map((value) => value / size);
+/** Two unit vectors that are normal to each other and to a direction. */
+function across(direction) {
+  const size = Math.hypot(...direction);
+  const n = direction.map((value) => value / size);
   const helper = Math.abs(n[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0];
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const across = cross(helper, n);
-  const u = across.map((value) => (0.4 * value) / Math.hypot(...across));
-  const w = cross(n, u);
+  const side = cross(helper, n);
+  const u = side.map((value) => value / Math.hypot(...side));
+  return [u, cross(n, u)];
+}
+
+/** Draw both ends of a cylinder, and four lines along its side. */
+function drawCylinder(context, view, { start, end, radius }) {
+  const [u, w] = across(end.map((value, axis) => value - start[axis]));
+  const at = (center, turn) =>
+    center.map((value, axis) => value + radius * (Math.cos(turn) * u[axis] + Math.sin(turn) * w[axis]));
+  for (const center of [start, end]) {
+    const ring = Array.from({ length: 48 }, (_, i) => at(center, (2 * Math.PI * i) / 48));
+    traceWorld(context, view, ring, true);
+    context.stroke();
+  }
+  for (let quarter = 0; quarter < 4; quarter += 1) {
+    const turn = (Math.PI * quarter) / 2;
+    traceWorld(context, view, [at(start, turn), at(end, turn)]);
+    context.stroke();
+  }
+}
+
+/** Draw a square patch of the plane, around its point. */
+function drawPlane(context, view, { point, normal }) {
+  const [u, w] = across(normal).map((side) => side.map((value) => 0.4 * value));
   const patch = [
     [1, 1],
     [1, -1],

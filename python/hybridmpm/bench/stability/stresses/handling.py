@@ -6,10 +6,10 @@ import numpy.typing as npt
 from hybridmpm.bench.hybrid.corruptions import CORRUPTIONS, Corrupted, pushed
 from hybridmpm.bench.stability.stresses.trial import (
     EVERYWHERE,
+    FRAMES,
     Stress,
     Trial,
     block,
-    frames,
     scene,
     vector,
 )
@@ -23,12 +23,12 @@ _REST = 400
 def _spikes(of: str, dim: int) -> tuple[Trial, ...]:
     def trial(size: float) -> Trial:
         def force(simulator: Simulator) -> tuple[float, ...] | None:
-            return vector(dim, size) if simulator.frame == frames(dim) // 4 else None
+            return vector(dim, size) if simulator.frame == FRAMES // 4 else None
 
         return Trial(
             level=f"{size:g} m/s^2 for a frame",
             scene=scene(dim, block(of, dim)),
-            frames=frames(dim),
+            frames=2 * FRAMES,
             force=force,
         )
 
@@ -51,7 +51,7 @@ def _pulled(of: str, dim: int) -> tuple[Trial, ...]:
         return Trial(
             level=f"{size:g} m/s^2",
             scene=scene(dim, block(of, dim, height=0.0)),
-            frames=frames(dim),
+            frames=FRAMES,
             force=force,
         )
 
@@ -66,7 +66,7 @@ def _asleep(of: str, dim: int) -> tuple[Trial, ...]:
         return Trial(
             level=f"{size:g} m/s^2",
             scene=scene(dim, block(of, dim, height=0.0)),
-            frames=frames(2),
+            frames=FRAMES,
             force=force,
             mpm={"sleep": Sleep()},
         )
@@ -79,7 +79,7 @@ def _resumed(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"at frame {frame}",
             scene=scene(dim, block(of, dim, velocity=vector(dim, 2.0))),
-            frames=frames(dim) // 2,
+            frames=FRAMES // 2,
             resume_at=frame,
         )
         for frame in (60, 120, 200)
@@ -91,7 +91,7 @@ def _handed_over(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"every {steps} steps" if steps > 1 else "at every step",
             scene=scene(dim, block(of, dim)),
-            frames=frames(dim),
+            frames=FRAMES,
             hand_over_every=steps,
         )
         for steps in (8, 2, 1)
@@ -103,7 +103,7 @@ def _biased(of: str, dim: int) -> tuple[Trial, ...]:
         return Trial(
             level=f"{size:g} m/s^2",
             scene=scene(dim, block(of, dim)),
-            frames=frames(dim),
+            frames=FRAMES,
             spoil=lambda network, of: Corrupted(network, pushed(size), of),
         )
 
@@ -115,7 +115,7 @@ def _broken(of: str, dim: int) -> tuple[Trial, ...]:
         return Trial(
             level=kind,
             scene=scene(dim, block(of, dim)),
-            frames=frames(dim),
+            frames=FRAMES,
             spoil=lambda network, of: Corrupted(network, CORRUPTIONS[kind], of),
         )
 
@@ -130,9 +130,7 @@ HANDLING = (
         settings=EVERYWHERE,
     ),
     Stress(name="pulled apart", text="halves are pulled apart and pressed together", trials=_pulled),
-    Stress(
-        name="asleep", text="matter that fell asleep is pushed for 40 frames", trials=_asleep
-    ),
+    Stress(name="asleep", text="matter that fell asleep is pushed for 40 frames", trials=_asleep),
     Stress(name="resumed", text="a snapshot of a splash is gone on from", trials=_resumed),
     Stress(
         name="handoff",

@@ -4,11 +4,11 @@ from hybridmpm.bench.stability.stresses.trial import (
     CEILING,
     EVERYWHERE,
     FLOOR,
+    FRAMES,
     GRAVITY,
     Stress,
     Trial,
     block,
-    frames,
     scene,
     vector,
 )
@@ -20,7 +20,7 @@ def _impacts(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"{speed} m/s",
             scene=scene(dim, block(of, dim, velocity=vector(dim, 0.0, -speed))),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for speed in (2, 5, 12)
     )
@@ -31,7 +31,7 @@ def _gravities(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"{times:g} g",
             scene=scene(dim, block(of, dim), gravity=vector(dim, 0.0, -times * GRAVITY)),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for times in (0.5, 3, 10)
     )
@@ -48,7 +48,7 @@ def _jets(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"{speed} m/s each",
             scene=scene(dim, stream(0.18, speed), stream(0.52, -speed)),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for speed in (1, 3, 8)
     )
@@ -59,7 +59,7 @@ def _corners(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=f"{speed} m/s",
             scene=scene(dim, block(of, dim, velocity=(-speed, -speed, -speed)[:dim])),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for speed in (2, 5, 10)
     )
@@ -74,7 +74,7 @@ def _one_particle(of: str, dim: int) -> tuple[Trial, ...]:
         start = tuple(c + height * (axis == 1) for axis, c in enumerate(lower))
         end = tuple(c + spacing for c in start)
         one = Box(lower=start, upper=end, material=of, velocity=vector(dim, speed))
-        trials.append(Trial(level=level, scene=scene(dim, one), frames=frames(dim) // 2))
+        trials.append(Trial(level=level, scene=scene(dim, one), frames=FRAMES // 2))
     return tuple(trials)
 
 

@@ -1,15 +1,18 @@
 """Stresses of solids: obstacles of unseen shapes, thin ones, and moving ones."""
 
+from functools import partial
+
 import numpy as np
+import numpy.typing as npt
 
 from hybridmpm.bench.stability.stresses.trial import (
     CEILING,
     EVERYWHERE,
     FLOOR,
+    FRAMES,
     Stress,
     Trial,
     block,
-    frames,
     scene,
     vector,
 )
@@ -30,7 +33,7 @@ def _unseen(of: str, dim: int) -> tuple[Trial, ...]:
         Trial(
             level=level,
             scene=scene(dim, block(of, dim, height=0.3), obstacles=(one,) if one else posts),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for level, one in obstacles.items()
     )
@@ -47,16 +50,23 @@ def _thin(of: str, dim: int) -> tuple[Trial, ...]:
             Trial(
                 level=f"{cells} cell{'s' * (cells > 1)}",
                 scene=scene(dim, falling, obstacles=(shelf,)),
-                frames=frames(dim) // 2,
-                passed=lambda x, bottom=bottom: np.asarray(x[:, 1] < bottom),
+                frames=FRAMES // 2,
+                passed=partial(_below, bottom),
             )
         )
     return tuple(trials)
 
 
+def _below(height: float, x: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    return np.asarray(x[:, 1] < height)
+
+
 def _moving(of: str, dim: int) -> tuple[Trial, ...]:
     center = (0.5, FLOOR + 0.1, 0.5)[:dim]
-    turn = (lambda rate: rate) if dim == 2 else (lambda rate: (0.0, 0.0, rate))
+
+    def turn(rate: float) -> float | tuple[float, float, float]:
+        return rate if dim == 2 else (0.0, 0.0, rate)
+
     return tuple(
         Trial(
             level=f"{rate:g} rad/s",
@@ -71,7 +81,7 @@ def _moving(of: str, dim: int) -> tuple[Trial, ...]:
                     ),
                 ),
             ),
-            frames=frames(dim),
+            frames=FRAMES,
         )
         for rate in (2.0, 10.0, 40.0)
     )

@@ -22,7 +22,8 @@ FLOOR, CEILING = 0.1, 0.9
 _SHAFT = (0.4, 0.6)
 """Places of the walls along x and z in 3D [m]: on a wide floor the block would be less than a cell deep."""
 GRAVITY = 9.81
-_FRAMES = {2: 800, 3: 480}
+FRAMES = 800
+"""Frames after which most of what was stirred has settled."""
 _SIDE = {2: 0.2, 3: 0.12}
 """Sides of the block that most stresses are about [m]: 2600 particles in 2D, 3600 in 3D."""
 
@@ -77,11 +78,6 @@ def material(name: str, **constants: float) -> Water | Sand | Elastic:
     """Return a material by name, with some of its constants changed."""
     made: dict[str, type[Water | Sand | Elastic]] = {"water": Water, "sand": Sand, "elastic": Elastic}
     return made[name](**constants)
-
-
-def frames(dim: int) -> int:
-    """Return how many frames a trial of this dimension takes."""
-    return _FRAMES[dim]
 
 
 def block(of: str, dim: int, *, height: float = 0.1, side: float | None = None, **fields: Any) -> Box:

@@ -1,11 +1,11 @@
-"""`hybridmpm scenarios`, `schema` and `doctor`: reports on the library and its installation."""
+"""The commands that report on the library and its installation."""
 
 import json
 
 import click
 
 from hybridmpm import scenarios as library
-from hybridmpm.cli.installation import examine
+from hybridmpm.cli.report.installation import examine
 from hybridmpm.scenarios.samplers import markdown_table
 from hybridmpm.scene import Scene
 

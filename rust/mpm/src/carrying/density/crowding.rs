@@ -5,7 +5,7 @@
 //! by. The few may bring many together faster than these slide apart in one pass, so passes are repeated while too much
 //! of the matter is crowded.
 
-use super::block::Block;
+use super::super::block::Block;
 use super::slide::slide;
 use super::tally::{GROUP, ONE, Tally, any};
 use crate::boundary::{Obstacles, WallFill, Walls};

@@ -2,7 +2,7 @@
 
 use wide::f32x4;
 
-use super::block::Block;
+use super::super::block::Block;
 use crate::grid::{Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use threads::Team;

@@ -4,8 +4,8 @@
 //! seconds hills of the many would stand where the few lie flat, and gaps would open at walls. Every so often the many
 //! therefore slide down the gradient of what their mass exceeds that of the few by, on the grid of the few.
 
-use super::block::{Block, Carried, blocks};
-use super::few::Few;
+use super::super::block::{Block, Carried, blocks};
+use super::super::few::Few;
 use super::slide::slide;
 use super::tally::{GROUP, ONE, Tally, any};
 use crate::grid::{CHUNK, Layout};

@@ -3,7 +3,7 @@
 //! Their sums do not depend on their order, so neither particles have to be sorted nor nodes to be shared out among
 //! threads.
 
-use super::block::Block;
+use super::super::block::Block;
 use crate::grid::{CHUNK, Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use threads::Team;

@@ -1,0 +1,1 @@
+"""`bench tradeoff`: every method of the library, and peers, by error and time, from one committed table."""

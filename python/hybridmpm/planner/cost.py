@@ -1,0 +1,175 @@
+"""The time of a frame of a candidate in a scene, from what a machine takes for each kind of work."""
+
+import math
+import threading
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hybridmpm.downsampling import Rung, rung_for, rung_table
+from hybridmpm.downsampling.rungs import choice
+from hybridmpm.downsampling.rungs.bounds import fastest_impact
+from hybridmpm.errors import RungWarning
+from hybridmpm.mpm.cost import frame_cost
+from hybridmpm.planner.calibration import Calibration, MaterialTimes
+from hybridmpm.planner.candidates import Candidate, softened, solvers
+from hybridmpm.scene import Scene
+
+_SPEED_CFL = 0.55
+"""Part of a cell that a particle may cross in a substep, as in rust/mpm/src/substep/timestep.rs."""
+_CATCHING = threading.Lock()
+"""Threads that catch warnings at the same time would leave each other's filters behind."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """What a candidate has to do in a frame of a scene."""
+
+    particles: int
+    """Particles that are simulated."""
+    shown: int
+    """Particles that are shown."""
+    resolution: int
+    """Cells per metre of the grid of the particles simulated."""
+    cells: float
+    """Cells that the material fills at rest."""
+    obstacles: int
+    """Obstacles that particles are kept outside of."""
+    substeps: int
+    """Substeps in mid-splash."""
+    moduli: tuple[float, ...]
+    """Factor on the elastic moduli of each of the scene's materials."""
+
+
+def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
+    """Tell what a candidate has to do in a frame.
+
+    Parameters
+    ----------
+    candidate : Candidate
+    scene : Scene
+    speed : float
+        Largest speed of particles in mid-splash over that of matter that falls onto the floor [-].
+
+    Raises
+    ------
+    ConfigError
+        Its grid would be too coarse for the scene.
+    """
+    scene = softened(scene, candidate.softer)
+    rung = _rung(candidate, scene)
+    count = particle_count(scene)
+    few = max(round(rung.r_p * count), len(scene.bodies), 1)
+    fastest = speed * fastest_impact(scene)
+    steps = [scene.frame_dt]
+    for material, factor in zip(scene.materials, rung.moduli, strict=True):
+        softer = material.softened(factor, scene.potential_drop) if factor < 1 else material
+        native = softer.to_native(scene.potential_drop)
+        cfl = native.default_cfl if rung.cfl is None else rung.cfl
+        steps.append(cfl / (rung.resolution * native.signal_speed(scene.dim)))
+    if fastest > 0:
+        steps.append((_SPEED_CFL if rung.cfl is None else rung.cfl) / (rung.resolution * fastest))
+    return Work(
+        particles=few,
+        shown=count if candidate.carry else few,
+        resolution=rung.resolution,
+        cells=filled_cells(scene, count, rung.resolution),
+        obstacles=len(scene.obstacles),
+        substeps=math.ceil(scene.frame_dt / min(steps) - 1e-6),
+        moduli=tuple(candidate.softer * factor for factor in rung.moduli),
+    )
+
+
+def filled_cells(scene: Scene, count: int, resolution: int) -> float:
+    """Return how many cells of a grid of `resolution` cells per metre `count` particles of a scene fill."""
+    return count * float(scene.spacing * resolution) ** scene.dim
+
+
+def particle_count(scene: Scene) -> int:
+    """Return about how many particles a scene has, those included that emitters let in within its length."""
+    count = frame_cost(scene).particles
+    for emitter in scene.emitters:
+        end = scene.frames * scene.frame_dt
+        seconds = max(0.0, min(end, end if emitter.stop is None else emitter.stop) - emitter.start)
+        layers = emitter.speed * seconds / scene.spacing
+        count += math.ceil(layers * len(emitter.sites(scene.spacing)))
+    return min(count, scene.max_particles)
+
+
+def warned_of(candidate: Candidate, scene: Scene) -> list[str]:
+    """Return what the simulator of a candidate will warn of about its rung."""
+    name = candidate.settings.get("rung")
+    if name is None:
+        return []
+    with _CATCHING, warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", RungWarning)
+        rung_for(scene, name)
+    return [str(one.message) for one in told]
+
+
+def _rung(candidate: Candidate, scene: Scene) -> Rung:
+    """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
+    name = candidate.settings.get("rung")
+    if name is not None:
+        # `rung_for` warns of each; `warned_of` tells of the one that is chosen.
+        return choice._settings(scene, name, rung_table())  # noqa: SLF001
+    return Rung.unfitted(scene, candidate.r_p)
+
+
+def milliseconds(candidate: Candidate, scene: Scene, calibration: Calibration) -> float | None:
+    """Return the median time of a frame in mid-splash [ms]; None where nothing is known of its network.
+
+    Materials that nobody calibrated cost what sand costs. Where several meet, each counts as much as it has
+    of the scene's volume.
+
+    Raises
+    ------
+    ConfigError
+        As `work`.
+    """
+    total = 0.0
+    for share, times in _by_material(scene, calibration.times.materials):
+        one = _of_material(candidate, scene, times, calibration)
+        if one is None:
+            return None
+        total += share * one
+    return total / 1e3
+
+
+def _by_material(scene: Scene, known: Sequence[MaterialTimes]) -> list[tuple[float, MaterialTimes]]:
+    """Return the share of each material in the scene's volume, with its times."""
+    by_kind: dict[str, MaterialTimes] = {one.material: one for one in known if one.dim == scene.dim}
+    volumes: dict[str, float] = {}
+    for body in scene.bodies:
+        volumes[body.material.kind] = volumes.get(body.material.kind, 0.0) + body.measure
+    if not volumes:
+        volumes = {material.kind: 1.0 for material in scene.materials}
+    whole = sum(volumes.values())
+    return [(volume / whole, by_kind.get(kind, by_kind["sand"])) for kind, volume in volumes.items()]
+
+
+def _of_material(
+    candidate: Candidate, scene: Scene, times: MaterialTimes, calibration: Calibration
+) -> float | None:
+    """Return the time of a frame [us], as if the whole scene were of one material."""
+    for ratio in calibration.times.ratios:
+        if (ratio.name, ratio.material, ratio.dim) == (candidate.name, times.material, times.dim):
+            base = solvers().get(ratio.base)
+            spent = None if base is None else _of_material(base, scene, times, calibration)
+            return None if spent is None else ratio.ratio * spent
+    todo = work(candidate, scene, times.speed)
+    n = todo.particles
+    spent = 0.0
+    if candidate.carry:
+        each = times.carry_shown + times.carry_obstacle * todo.obstacles
+        spent = times.carry + times.carry_few * n + each * todo.shown
+    if candidate.method == "hybrid":
+        return None  # known by its ratio alone
+    if candidate.method == "neural":
+        known = (one for one in calibration.times.networks if one.model == candidate.model)
+        network = next(known, None)
+        return None if network is None else spent + network.frame + network.particle * n
+    s = todo.substeps
+    each = times.particle_substep + times.obstacle_particle_substep * todo.obstacles
+    all_of_them = times.substep + times.obstacle_substep * todo.obstacles + times.cell_substep * todo.cells
+    return spent + s * (all_of_them + each * n) + times.frame + times.particle * n

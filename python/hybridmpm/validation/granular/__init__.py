@@ -1,0 +1,1 @@
+"""Sand that collapses: planar columns, and round ones."""

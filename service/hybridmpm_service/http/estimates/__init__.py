@@ -1,0 +1,1 @@
+"""What is known before a session is made: checks of scenes, and plans."""

@@ -1,0 +1,99 @@
+"""Plans as JSON: what clients ask for, and what the service answers."""
+
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from hybridmpm.planner import Plan
+from hybridmpm_service.http.requests import Request
+
+Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
+
+
+class PlanRequest(Request):
+    """A scene, and the error or the time that its simulation has to keep within."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"scenario": "water_2d", "seed": 7, "budget_ms": 0.2},
+                {"scenario": "sand_3d", "max_error": 0.5, "measure": "grid_rmse"},
+            ]
+        }
+    )
+
+    scenario: str | None = Field(
+        default=None, max_length=100, description="Scenario that the scene is drawn from."
+    )
+    seed: int | None = Field(
+        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
+    )
+    scene: dict[str, Any] | None = Field(
+        default=None, description="Scene of your own, in the place of a scenario."
+    )
+    max_error: float | None = Field(
+        default=None, gt=0, description="Largest mean error: the quickest rung within it is answered."
+    )
+    budget_ms: float | None = Field(
+        default=None,
+        gt=0,
+        description="Longest time of a frame [ms]: the most accurate rung within it is answered.",
+    )
+    measure: Measure = Field(default="grid_rmse", description="Measure of the error.")
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        if (self.scenario is None) == (self.scene is None):
+            raise ValueError('give one of "scenario" (with "seed") and "scene"')
+        if self.scene is not None and self.seed is not None:
+            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
+        if (self.max_error is None) == (self.budget_ms is None):
+            raise ValueError('give one of "max_error" and "budget_ms"')
+        return self
+
+
+class ProspectBody(BaseModel):
+    """What is expected of a rung in the scene."""
+
+    name: str = Field(description="Name of the rung.", examples=["carried fitted 1/16"])
+    error: float = Field(description="Mean error by the measure.", examples=[0.44])
+    error_se: float | None = Field(description="Its standard error over the scenes of the calibration.")
+    ms_per_frame: float = Field(
+        description="Median time of a frame in mid-splash on one thread of the server [ms].", examples=[0.09]
+    )
+
+
+class PlanBody(ProspectBody):
+    """The rung that was chosen."""
+
+    measure: Measure = Field(description="Measure of the error.")
+    feasible: bool = Field(description="Whether it meets the demand; else it is the nearest rung.")
+    r_p: float = Field(description="Share of the particles that are simulated.")
+    particles: int = Field(description="About how many particles are simulated.")
+    resolution: int = Field(description="Cells per metre of their grid.")
+    substeps: int = Field(description="About how many substeps a frame has in mid-splash.")
+    carry: bool = Field(description="Whether all particles are carried along with fewer.")
+    session: dict[str, Any] | None = Field(
+        description="Fields of `POST /v1/sessions` that choose this rung; null where no session can have it.",
+        examples=[{"solver": "mpm", "rung": "1/16"}],
+    )
+    runner_up: ProspectBody | None = Field(description="The next that would have been chosen.")
+    reason: str = Field(description="Why this rung; what an impossible demand would take.")
+    notes: list[str] = Field(description="What the figures rest on.")
+
+    @classmethod
+    def of(cls, plan: Plan) -> Self:
+        """Describe a plan."""
+        plain = plan.to_dict()
+        known = {name: plain[name] for name in cls.model_fields if name in plain}
+        return cls.model_validate(known | {"session": _session(plan)})
+
+
+def _session(plan: Plan) -> dict[str, Any] | None:
+    """Return the fields of a session at the plan's rung; None where sessions have no such settings."""
+    if plan.model is not None:
+        shows_all = plan.carry and set(plan.settings) <= {"carry"}
+        return {"solver": plan.simulator, "model": plan.model} if shows_all else None
+    if plan.candidate.softer == 1 and set(plan.settings) <= {"rung"}:
+        return {"solver": "mpm", **plan.settings}
+    return None
