@@ -8,7 +8,7 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from hybridmpm import downsampling, recording, scenarios
+from hybridmpm import downsampling, probes, recording, scenarios
 from hybridmpm._native import (
     SOLVER_VERSION,
     CancelFlag,
@@ -63,6 +63,8 @@ from hybridmpm.scene import (
     Sand,
     Scene,
     SegmentObstacle,
+    Wall,
+    WallFaces,
     Walls,
     Water,
 )
@@ -133,6 +135,8 @@ __all__ = [
     "ThinObstacleWarning",
     "UnknownScenarioError",
     "VerletList",
+    "Wall",
+    "WallFaces",
     "Walls",
     "Water",
     "__version__",
@@ -146,6 +150,7 @@ __all__ = [
     "physics",
     "plan",
     "planner",
+    "probes",
     "radius_graph",
     "recording",
     "scenarios",

@@ -694,6 +694,9 @@ class Solver:
     def volume_ratio(self) -> npt.NDArray[np.float32]:
         """J of water, det F of solids (N,) [-]; a snapshot, read-only."""
     @property
+    def pressure(self) -> npt.NDArray[np.float32]:
+        """Pressure -tr(sigma) / D (N,) [Pa] of the Cauchy stress, above 0 in compression; read-only."""
+    @property
     def last_frame(self) -> FrameReport | None:
         """Report on the latest frame; None before the first."""
     def diagnostics(self) -> Diagnostics: ...

@@ -13,6 +13,9 @@ from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
 from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
 from hybridmpm.force import CheckedForce, Force, checked_force
+from hybridmpm.probes import Probe
+from hybridmpm.probes.probe import PressureSamples
+from hybridmpm.probes.series import checked_probe
 from hybridmpm.render import notebook
 from hybridmpm.scene import Scene
 from hybridmpm.snapshots import SavedState, read_state, write_state
@@ -169,6 +172,37 @@ class Simulator(ABC):
     @abstractmethod
     def diagnostics(self) -> _native.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
+
+    def probe(self, probe: Probe) -> npt.NDArray[np.float64]:
+        """Return what a probe of `hybridmpm.probes` reads at this instant.
+
+        `probes.record` reads several while the simulator advances.
+
+        Returns
+        -------
+        float64 () or (K,)
+            The reading, in the unit `probe.unit`; one for each of K points.
+
+        Raises
+        ------
+        ConfigError
+            It is no probe, lies outside of the walls, or reads a pressure, which MPM alone knows.
+        """
+        checked_probe(probe).check(self.scene)
+        return probe.read(self)
+
+    def pressure_samples(self) -> PressureSamples:
+        """Return the pressures of the particles that are simulated.
+
+        Raises
+        ------
+        ConfigError
+            The simulator knows none: a network that moves particles tells no stress.
+        """
+        raise ConfigError(
+            f"pressure is known to MPM alone, and this is a simulator of kind {self.kind!r}: read it off an "
+            "MpmSolver of the same scene"
+        )
 
     def advance(self, frames: int = 1, force: Force = None) -> None:
         """Advance by whole frames.

@@ -9,6 +9,7 @@ from hybridmpm import _native
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.downsampling import Carrier, CarryingSimulator, Rung
 from hybridmpm.mpm.frames import Frames
+from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scene import Scene
 from hybridmpm.scene.openings import EmitterStatus
 from hybridmpm.simulator import Kind
@@ -98,6 +99,16 @@ class MpmState(CarryingSimulator):
     def volume_ratio(self) -> npt.NDArray[np.float32]:
         """Volume over rest volume (n,) [-] of those simulated, J of water, det F of solids; read-only."""
         return self._frames.solver.volume_ratio
+
+    @property
+    def pressure(self) -> npt.NDArray[np.float32]:
+        """Pressure -tr(sigma) / D (n,) [Pa] of those simulated, above 0 in compression; read-only."""
+        return self._frames.solver.pressure
+
+    def pressure_samples(self) -> PressureSamples:
+        """Return the pressures of the n particles simulated."""
+        spacing = self.scene.spacing / self.r_p ** (1 / self.dim)
+        return PressureSamples(self.coarse_positions, self.pressure, float(spacing))
 
     @property
     def asleep(self) -> npt.NDArray[np.bool_]:

@@ -22,7 +22,7 @@ from hybridmpm.scene.openings import (
 )
 from hybridmpm.scene.sampling import Particles
 from hybridmpm.scene.scene import Scene
-from hybridmpm.scene.walls import Walls
+from hybridmpm.scene.walls import Wall, WallFaces, Walls
 
 __all__ = [
     "Ball",
@@ -49,6 +49,8 @@ __all__ = [
     "Scene",
     "SegmentObstacle",
     "Sink",
+    "Wall",
+    "WallFaces",
     "Walls",
     "Water",
 ]

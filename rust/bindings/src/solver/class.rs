@@ -330,6 +330,16 @@ impl PySolver {
     }
 
     #[getter]
+    fn pressure<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        let out = self.read(
+            py,
+            1,
+            |any, out| with_any!(any, s => s.write_pressures(out)),
+        );
+        read_only(out.into_pyarray(py))
+    }
+
+    #[getter]
     fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_asleep(out)));
         read_only(out.into_pyarray(py))

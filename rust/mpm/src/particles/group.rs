@@ -177,11 +177,20 @@ impl<const D: usize, M: Constitutive<D>> Group<D, M> {
         self.material.volume_ratios(&particle.state.splat())[0]
     }
 
-    /// Stored elastic energy [J].
+    /// Pressure of the Cauchy stress, -tr(tau) / (D J) [Pa]: above 0 where the particle is compressed.
+    pub fn pressure(&self, particle: &Particle<D, M::State>) -> f32 {
+        let states = particle.state.splat();
+        let stress = self.material.kirchhoff_stress(&states).diagonal;
+        let trace: f32 = stress.iter().map(|along| along[0]).sum();
+        // Without stress plus zero, not minus zero.
+        0.0 - trace / (D as f32 * self.material.volume_ratios(&states)[0])
+    }
+
     pub fn corrects_volume(&self) -> bool {
         self.material.corrects_volume()
     }
 
+    /// Stored elastic energy [J].
     pub fn elastic_energy(&self, particle: &Particle<D, M::State>) -> f32 {
         self.material.energy_density(&particle.state) * particle.volume
     }

@@ -108,6 +108,15 @@ impl<const D: usize> Solver<D> {
         }
     }
 
+    /// Writes N pressures [Pa] in the caller's order.
+    pub fn write_pressures(&self, out: &mut [f32]) {
+        for group in &self.state.groups {
+            with_group!(group, group => for p in group.particles() {
+                out[p.id as usize] = group.pressure(&p);
+            });
+        }
+    }
+
     /// Totals over all particles.
     pub fn diagnostics(&self) -> Diagnostics {
         Diagnostics::of(&self.state, &self.settings.gravity)
