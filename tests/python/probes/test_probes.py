@@ -9,6 +9,7 @@ import pytest
 
 from hybridmpm import (
     ConfigError,
+    FullBoxWarning,
     HybridSimulator,
     MpmSolver,
     NeuralPhysics,
@@ -119,7 +120,8 @@ def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() ->
     assert float(deep.probe(HeightGauge([0.2, 0.3]))) == pytest.approx(0.3, abs=0.01)
     full = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.4, 0.4]}
     walls = {"lower": [0.1, 0.1], "upper": [0.4, 0.4]}
-    brimming = MpmSolver(Scene.parse({"dim": 2, "resolution": 40, "bodies": [full], "walls": walls}))
+    with pytest.warns(FullBoxWarning):
+        brimming = MpmSolver(Scene.parse({"dim": 2, "resolution": 40, "bodies": [full], "walls": walls}))
     assert float(brimming.probe(HeightGauge(0.2))) == pytest.approx(0.3, abs=0.003)
 
 
