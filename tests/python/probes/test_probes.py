@@ -105,6 +105,7 @@ def test_height_and_filling_of_a_pool_are_those_at_rest(settled: probes.TimeSeri
     assert settled["upper half"].mean() < 0.01
 
 
+@pytest.mark.filterwarnings("ignore::hybridmpm.FullBoxWarning")
 def test_a_dam_has_the_height_it_was_built_with_everywhere_and_on_obstacles() -> None:
     body = {"shape": "box", "material": "water", "lower": [0.1, 0.3], "upper": [0.5, 0.55]}
     step = {"shape": "box", "lower": [0.05, 0.05], "upper": [0.5, 0.3]}
