@@ -32,6 +32,10 @@ BENCHES: dict[str, Origin] = {
         ),
         data=(_WEIGHTS, "python/hybridmpm/downsampling/rungs/rungs.json"),
     ),
+    "crossing": Origin(
+        modules=("hybridmpm.bench.crossing.measure",),
+        data=(_WEIGHTS, "python/hybridmpm/downsampling/rungs/rungs.json"),
+    ),
     "plans": Origin(
         modules=("hybridmpm.bench.calibrate.judge",),
         data=(_WEIGHTS, "python/hybridmpm/planner/calibration.json"),

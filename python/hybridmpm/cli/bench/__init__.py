@@ -6,16 +6,17 @@ import click
 
 from hybridmpm.bench.catalogue import BENCHES
 from hybridmpm.bench.staleness.results import dated_results
+from hybridmpm.cli.bench.charts.crossing import crossing
+from hybridmpm.cli.bench.charts.plans import calibrate, plans
+from hybridmpm.cli.bench.charts.tradeoff import tradeoff
 from hybridmpm.cli.bench.control import control
 from hybridmpm.cli.bench.errors import downsampling, models
 from hybridmpm.cli.bench.hybrid import handoff, hybrid, safeguard, shares
-from hybridmpm.cli.bench.plans import calibrate, plans
 from hybridmpm.cli.bench.reversal import reversal
 from hybridmpm.cli.bench.service import service
 from hybridmpm.cli.bench.speed import batch, mpm, neighbors, scaling, sleeping
 from hybridmpm.cli.bench.stability import stability
 from hybridmpm.cli.bench.sweep import sweep
-from hybridmpm.cli.bench.tradeoff import tradeoff
 
 __all__ = ["bench"]
 
@@ -61,7 +62,7 @@ def _print_stale(folder: Path) -> None:
 
 _COMMANDS = (
     mpm, scaling, batch, neighbors, sleeping, downsampling, models, sweep, stability, safeguard, handoff,
-    shares, hybrid, reversal, tradeoff, control, service, calibrate,
+    shares, hybrid, reversal, tradeoff, crossing, control, service, calibrate,
     plans,
 )  # fmt: skip
 

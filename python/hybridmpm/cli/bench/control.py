@@ -20,6 +20,7 @@ from hybridmpm.cli.bench.options import (
     json_option,
     print_origin,
     print_table,
+    runs_option,
     save,
     scenario_option,
     source,
@@ -74,13 +75,7 @@ _PAPER_COLUMNS = (
     show_default=True,
     help="Time that shooting, or a method of your own, may search for each sketch, in seconds.",
 )
-@click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Gather the runs in this file of JSON lines. Those that it holds are not run again.",
-)
+@runs_option
 @json_option
 @chart_option
 @click.option(

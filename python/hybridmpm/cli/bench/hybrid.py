@@ -21,6 +21,7 @@ from hybridmpm.cli.bench.options import (
     print_origin,
     print_table,
     report,
+    runs_option,
     save,
     scenario_option,
     source,
@@ -180,13 +181,7 @@ def hybrid(
     show_default=True,
     help="Whether all particles of the scene are carried along and compared.",
 )
-@click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="File in which the runs gather; the same command goes on with it after an interruption.",
-)
+@runs_option
 @json_option
 def shares(
     *,

@@ -71,6 +71,29 @@ def scenario_option(text: str, default: tuple[str, ...] | None = None) -> Callab
     )
 
 
+pattern_option = click.option(
+    "--entrant",
+    "patterns",
+    multiple=True,
+    metavar="PATTERN",
+    help="Measure only methods whose name matches, such as 'carried fitted *' or 'mpm 1'. May be given "
+    "several times.",
+)
+only_option = click.option(
+    "--only",
+    type=click.Choice(["errors", "times", "table"]),
+    help="Do only this part: errors may be measured on a busy machine, times want an idle one, and the table "
+    "is made of what the file of --runs holds.",
+)
+runs_option = click.option(
+    "--runs",
+    "runs_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File in which the runs gather; the same command goes on with it after an interruption.",
+)
+
+
 def source(command: str, **options: tuple[object, ...]) -> Provenance:
     """Return the origin of a measurement by a command with options; those that are None are left out."""
     words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]

@@ -17,6 +17,7 @@ from hybridmpm.cli.bench.options import (
     measured,
     print_origin,
     print_table,
+    runs_option,
     save,
     source,
 )
@@ -47,13 +48,7 @@ _TOLD = ("stress", "material", "dim", "level", "method", "outcome", "against", "
     multiple=True,
     help="Stress of the map. May be given several times. If absent, all.",
 )
-@click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="File in which the cells of the map gather; the same command goes on with it.",
-)
+@runs_option
 @json_option
 @chart_option
 def stability(

@@ -16,6 +16,7 @@ from hybridmpm.cli.bench.options import (
     number_option,
     print_origin,
     print_table,
+    runs_option,
     save,
     scenario_option,
     source,
@@ -82,13 +83,7 @@ def _make_folder(file: Path) -> None:
 @number_option("--scenes", 1, 1000, JudgeSettings.scenes, "Number of held-out scenes of each scenario.")
 @number_option("--span", 40, 10_000, JudgeSettings.span, "Number of frames that count, and are timed.")
 @number_option("--passes", 1, 1000, JudgeSettings.passes, "Timings of each frame; lower quartile counts.")
-@click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="File in which the runs gather; the same command goes on with it after an interruption.",
-)
+@runs_option
 @json_option
 def plans(
     *,

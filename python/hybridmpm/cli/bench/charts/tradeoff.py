@@ -17,7 +17,10 @@ from hybridmpm.cli.bench.options import (
     chart_option,
     json_option,
     number_option,
+    only_option,
+    pattern_option,
     report,
+    runs_option,
     scenario_option,
     source,
     threads_option,
@@ -47,27 +50,9 @@ _COLUMNS = (
     help="Measure this solver of others, too, in scenes that it takes. May be given several times.",
 )
 @click.option("--paper", is_flag=True, help="Time networks of the paper's size, too. This needs torch.")
-@click.option(
-    "--entrant",
-    "patterns",
-    multiple=True,
-    metavar="PATTERN",
-    help="Measure only methods whose name matches, such as 'carried fitted *' or 'mpm 1'. May be given "
-    "several times.",
-)
-@click.option(
-    "--only",
-    type=click.Choice(["errors", "times", "table"]),
-    help="Do only this part: errors may be measured on a busy machine, times want an idle one, and the table "
-    "is made of what the file of --runs holds.",
-)
-@click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="File in which the runs gather; the same command goes on with it after an interruption.",
-)
+@pattern_option
+@only_option
+@runs_option
 @number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one.")
 @click.option(
     "--sheet",

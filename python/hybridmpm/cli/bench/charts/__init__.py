@@ -1,0 +1,1 @@
+"""Commands that chart speed against accuracy, and hold plans against the chart."""
