@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
+import hybridmpm
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
@@ -322,6 +323,27 @@ class HybridSimulator(CarryingSimulator):
             "carry": self._carry,
             **dataclasses.asdict(self._settings),
         }
+
+    @classmethod
+    def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
+        """Return an `AutoSolver` of the scene: hybrids and MPM that keep a time, changing rung.
+
+        A network takes part where no MPM is both quicker and more accurate by the calibration.
+
+        Parameters
+        ----------
+        scene : Scene
+            Scene without emitters, sinks and moving obstacles.
+        budget_ms : float > 0
+            Time that a frame may take, with what is shown [ms].
+        threads : int in [1, 1024]
+
+        Raises
+        ------
+        ConfigError, DataError, SceneError
+            As `AutoSolver`.
+        """
+        return hybridmpm.AutoSolver(scene, budget_ms=budget_ms, threads=threads, learned=True)
 
     @classmethod
     def load(

@@ -10,6 +10,7 @@ from typing import Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
+import hybridmpm
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.downsampling import Carrier, Rung, rung_for
@@ -312,6 +313,25 @@ class MpmSolver(MpmState):
                 else {"rung": self.rung.to_dict()}
             ),
         }
+
+    @classmethod
+    def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
+        """Return an `AutoSolver` of the scene: MPM that keeps a time, changing its rung.
+
+        Parameters
+        ----------
+        scene : Scene
+            Scene without emitters, sinks and moving obstacles.
+        budget_ms : float > 0
+            Time that a frame may take, with what is shown [ms].
+        threads : int in [1, 1024]
+
+        Raises
+        ------
+        ConfigError, DataError, SceneError
+            As `AutoSolver`.
+        """
+        return hybridmpm.AutoSolver(scene, budget_ms=budget_ms, threads=threads)
 
     @classmethod
     def load(cls, path: str | Path, *, threads: int = 1) -> Self:

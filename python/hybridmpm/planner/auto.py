@@ -1,10 +1,10 @@
-"""`AutoSolver`: MPM that keeps a time budget by changing its rung."""
+"""`AutoSolver`: a simulator that keeps a time budget by changing its rung."""
 
 import time
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm._support.arguments import flag
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import ConfigError
@@ -22,7 +23,7 @@ from hybridmpm.planner.planning import Plan, Prospect, plan, prospective
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
 
-_MAGIC, _VERSION = b"HMPMAUTO", 1
+_MAGIC, _VERSION = b"HMPMAUTO", 2
 
 _Floats = npt.NDArray[np.float32]
 
@@ -42,7 +43,7 @@ class Change:
 
 
 class AutoSolver(Simulator):
-    """MPM at the most accurate rung whose frames keep within a time.
+    """The most accurate rung whose frames keep within a time.
 
     It begins at the rung of `plan(scene, budget_ms=...)`, takes the time of each frame, and changes to a
     cheaper or to a more accurate rung when frames leave the budget or leave much of it. All particles of the
@@ -63,6 +64,9 @@ class AutoSolver(Simulator):
         Threads of the solver; plans count with one.
     measure : str
         Error by which rungs are ranked; see `plan`.
+    learned : bool
+        Whether hybrids and networks that carry all particles are rungs, too, where no MPM is both quicker and
+        more accurate. Each begins with some frames of MPM, which it looks back on.
     calibration : str or Path, optional
         As for `plan`.
     clock : callable
@@ -85,6 +89,7 @@ class AutoSolver(Simulator):
         budget_ms: float,
         threads: int = 1,
         measure: str = "grid_rmse",
+        learned: bool = False,
         calibration: str | Path | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -96,11 +101,11 @@ class AutoSolver(Simulator):
             )
         self._scene, self._threads, self._clock = scene, threads, clock
         found = prospective(scene, measure=measure, calibration=calibration)
-        self._rungs, expected = _front(found)
+        self._rungs, expected = _front(found, learned=flag("learned", learned))
         first = max((i for i, ms in enumerate(expected) if ms <= budget_ms), default=0)
         self._controller = Controller(expected, float(budget_ms), first)
         self._begin = self._controller
-        self._offset, self._changes = 0, list[Change]()
+        self._offset, self._changes, self._earlier = 0, list[Change](), tuple[Decision, ...]()
         self._started: Scene = scene
         self._made()
         self._first_inner = self._inner
@@ -146,7 +151,7 @@ class AutoSolver(Simulator):
         names = [self._rungs[rung].name for rung in (before, self._controller.rung)]
         self._changes.append(Change(frame=self.frame, before=names[0], after=names[1], ms_per_frame=ms))
         self._started = Ongoing.of(self._scene, self._inner.positions, self._inner.velocities)
-        self._offset = self.frame
+        self._earlier, self._offset = self.log, self.frame
         self._made()
 
     @property
@@ -161,18 +166,22 @@ class AutoSolver(Simulator):
 
     @property
     def r_t(self) -> int:
-        """1: MPM makes every frame."""
-        return 1
+        """Frames that the present rung computes at once: 1 of MPM."""
+        return self._inner.r_t
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame: always "mpm"."""
-        return "mpm"
+        """Who simulates the next frame."""
+        return self._inner.mode
 
     @property
     def log(self) -> tuple[Decision, ...]:
-        """Empty: nobody but MPM ever simulates."""
-        return ()
+        """Decisions of networks and guards so far, by frames since the start; empty of MPM."""
+        later = self._offset
+        present = (
+            replace(one, frame=one.frame + later, noticed=one.noticed + later) for one in self._inner.log
+        )
+        return (*self._earlier, *present)
 
     @property
     def frame(self) -> int:
@@ -231,7 +240,7 @@ class AutoSolver(Simulator):
     def reset(self) -> None:
         """Go back to frame 0, at the rung of the plan."""
         self._controller = deepcopy(self._begin)
-        self._offset, self._changes, self._started = 0, [], self._scene
+        self._offset, self._changes, self._earlier, self._started = 0, [], (), self._scene
         self._inner = self._first_inner.copy()
 
     def copy(self) -> Self:
@@ -254,7 +263,8 @@ class AutoSolver(Simulator):
                 "x": start.x,
                 "v": start.v,
                 "inner": self._inner.snapshot(),
-                "changes": [vars(change) for change in self._changes],
+                "changes": [asdict(change) for change in self._changes],
+                "earlier": [asdict(decision) for decision in self._earlier],
             },
         )
 
@@ -272,6 +282,7 @@ class AutoSolver(Simulator):
             twin._controller = deepcopy(self._begin)  # noqa: SLF001 - of this very class
             twin._controller.rung = int(state["rung"])  # noqa: SLF001
             twin._changes = [Change(**change) for change in state["changes"]]  # noqa: SLF001
+            twin._earlier = tuple(Decision(**one) for one in state["earlier"])  # noqa: SLF001
             twin._offset = int(state["offset"])  # noqa: SLF001
             is_first = not twin._changes  # noqa: SLF001
             twin._started = self._scene if is_first else Ongoing.of(self._scene, state["x"], state["v"])  # noqa: SLF001
@@ -286,12 +297,12 @@ class AutoSolver(Simulator):
         )
 
 
-def _front(found: list[tuple[Prospect, Candidate]]) -> tuple[list[Candidate], list[float]]:
+def _front(found: list[tuple[Prospect, Candidate]], *, learned: bool) -> tuple[list[Candidate], list[float]]:
     """Return the rungs that show all particles and that no other beats, with their times [ms], ascending."""
     whole = [
         (expected, rung)
         for expected, rung in found
-        if rung.model is None and rung.softer == 1 and (rung.carry or rung.r_p == 1)
+        if (learned or rung.model is None) and rung.softer == 1 and (rung.carry or rung.r_p == 1)
     ]
     whole.sort(key=lambda one: (one[0].ms_per_frame, one[0].error))
     rungs, times, least = [], [], float("inf")

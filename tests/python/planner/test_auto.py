@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import AutoSolver, BoxSink, RungWarning, Scene, scenarios
+from hybridmpm import AutoSolver, BoxSink, HybridSimulator, MpmSolver, RungWarning, Scene, scenarios
 from hybridmpm.errors import ConfigError, SnapshotError
+from hybridmpm.planner import auto
+from hybridmpm.planner.candidates import Candidate, candidates
 from hybridmpm.planner.controller import WINDOW, Controller
+from hybridmpm.planner.planning import Prospect
 
 EXPECTED = (0.1, 0.2, 0.4, 0.8)
 
@@ -138,3 +141,39 @@ def test_a_warning_of_a_rung_is_told_once(clock: Clock) -> None:
     clock.frame_seconds = 1e-5
     solver.advance(70)  # here any warning is an error
     assert solver.changes
+
+
+def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, few = scenarios.water_2d(2_000_000), "carried fitted 1/64"
+    expected = {few: (0.9, 0.1), "hybrid fluids_2d": (0.5, 0.3), "neural fluids_2d carried": (0.6, 0.35)}
+    known = candidates("water_2d")
+
+    def prospects(_scene: Scene, **_: object) -> list[tuple[Prospect, Candidate]]:
+        return [
+            (Prospect(name=name, error=error, error_se=None, ms_per_frame=ms), known[name])
+            for name, (error, ms) in expected.items()
+        ]
+
+    monkeypatch.setattr(auto, "prospective", prospects)
+    clock.frame_seconds = 3e-4
+    assert MpmSolver.auto(scene, budget_ms=0.4).rung_names == (few,)
+    assert HybridSimulator.auto(scene, budget_ms=0.4).rung_names == (few, "hybrid fluids_2d")
+    solver = AutoSolver(scene, budget_ms=0.4, learned=True, clock=clock)
+    assert solver.rung_name == "hybrid fluids_2d"
+    solver.advance(30)
+    first = solver.log
+    assert first
+    clock.frame_seconds = 2e-3
+    solver.advance(30)
+    assert (solver.rung_name, solver.mode, solver.r_t) == (few, "mpm", 1)
+    assert solver.log[: len(first)] == first
+    clock.frame_seconds = 1e-5
+    solver.advance(90)
+    assert solver.rung_name == "hybrid fluids_2d"
+    # Decisions are told by frames since the start, not since the change.
+    back = next(change.frame for change in solver.changes if change.after == solver.rung_name)
+    assert solver.log[-1].noticed >= back
+    twin = AutoSolver(scene, budget_ms=0.4, learned=True, clock=clock)
+    twin.restore(solver.snapshot())
+    assert twin.log == solver.log
+    np.testing.assert_array_equal(twin.positions, solver.positions)

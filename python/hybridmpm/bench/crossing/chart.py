@@ -69,4 +69,6 @@ def _legend(figure: Any, axes: Any) -> None:
         for panel in axes.flat
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=min(3, axes.shape[1]), fontsize=8)
+    figure.legend(
+        entries.values(), entries.keys(), loc="outside upper center", ncols=min(3, axes.shape[1]), fontsize=8
+    )
