@@ -23,6 +23,7 @@ from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.jobs.table import JobTable
 from hybridmpm_service.routes import (
     checks,
+    datasets,
     health,
     jobs,
     models,
@@ -72,7 +73,19 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (health, scenarios, models, checks, plans, sessions, sketches, recordings, jobs, stream)
+    modules = (
+        health,
+        scenarios,
+        models,
+        checks,
+        plans,
+        sessions,
+        sketches,
+        recordings,
+        datasets,
+        jobs,
+        stream,
+    )
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)

@@ -62,6 +62,12 @@ class Settings(BaseModel):
     max_replay_frames: int = Field(
         default=20_000, ge=1, le=1_000_000, description="Largest number of frames of a log that is replayed."
     )
+    max_dataset_frames: int = Field(
+        default=20_000,
+        ge=1,
+        le=10**8,
+        description="Largest number of frames of a data set, those of all its trajectories together.",
+    )
     max_jobs: int = Field(
         default=16, ge=1, le=1024, description="Largest number of jobs, those that have ended among them."
     )

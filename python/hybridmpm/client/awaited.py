@@ -14,6 +14,7 @@ from hybridmpm.client import calls, messages
 from hybridmpm.client.answers import Particles, Trajectory
 from hybridmpm.client.calls import (
     Call,
+    DataSetSettings,
     Drawing,
     Json,
     PlanSettings,
@@ -152,6 +153,22 @@ class AsyncClient:
     async def session(self, session_id: str) -> "AsyncSession":
         """Return a session by its id."""
         return AsyncSession(self, await self.run(calls.session(session_id)))
+
+    async def make_dataset(
+        self, scenario: str, trajectories: int, **settings: Unpack[DataSetSettings]
+    ) -> "AsyncJob":
+        """Begin a job that makes a data set: a zip file of HDF5 files and their metadata.
+
+        Parameters
+        ----------
+        scenario : str
+            Scenario that the scenes are drawn from.
+        trajectories : int
+            Number of trajectories for training.
+        **settings
+            valid, test, seed, frames, stride and r_p; see docs/http-api.md.
+        """
+        return AsyncJob(self, await self.run(calls.dataset(scenario, trajectories, settings)))
 
     async def jobs(self) -> list["AsyncJob"]:
         """Return all jobs of the service, the oldest first."""

@@ -57,6 +57,23 @@ class RecordingSettings(TypedDict, total=False):
     """Simulated seconds in a second of film, in [0.01, 10]."""
 
 
+class DataSetSettings(TypedDict, total=False):
+    """What a data set holds besides its training split; what is absent takes the service's default."""
+
+    valid: int
+    """Number of trajectories for validation."""
+    test: int
+    """Number of trajectories for tests."""
+    seed: int
+    """First seed of each split, counted from the start of the split's seeds."""
+    frames: int
+    """Number of frames of a trajectory."""
+    stride: int
+    """Number of frames from one stored state to the next."""
+    r_p: float
+    """Number of particles over that of the scene, in (0, 1]."""
+
+
 class SimulatorSettings(TypedDict, total=False):
     """Who simulates a new session; what is absent takes the service's default."""
 
@@ -240,6 +257,12 @@ def record(session_id: str, frames: int, settings: RecordingSettings) -> Call[Js
     """Return the call that begins a job, which records a copy of a session."""
     body = {"json": {"frames": frames, **settings}}
     return Call("POST", f"/v1/sessions/{session_id}/recordings", _json, body)
+
+
+def dataset(scenario: str, trajectories: int, settings: DataSetSettings) -> Call[Json]:
+    """Return the call that begins a job, which makes a data set."""
+    body = {"json": {"scenario": scenario, "trajectories": trajectories, **settings}}
+    return Call("POST", "/v1/datasets", _json, body)
 
 
 def job_list() -> Call[list[Json]]:

@@ -13,6 +13,7 @@ from hybridmpm.client import calls, messages
 from hybridmpm.client.answers import Particles, Trajectory
 from hybridmpm.client.calls import (
     Call,
+    DataSetSettings,
     Drawing,
     Json,
     PlanSettings,
@@ -170,6 +171,20 @@ class Client:
     def session(self, session_id: str) -> "Session":
         """Return a session by its id."""
         return Session(self, self.run(calls.session(session_id)))
+
+    def make_dataset(self, scenario: str, trajectories: int, **settings: Unpack[DataSetSettings]) -> "Job":
+        """Begin a job that makes a data set: a zip file of HDF5 files and their metadata.
+
+        Parameters
+        ----------
+        scenario : str
+            Scenario that the scenes are drawn from.
+        trajectories : int
+            Number of trajectories for training.
+        **settings
+            valid, test, seed, frames, stride and r_p; see docs/http-api.md.
+        """
+        return Job(self, self.run(calls.dataset(scenario, trajectories, settings)))
 
     def jobs(self) -> list["Job"]:
         """Return all jobs of the service, the oldest first."""

@@ -44,7 +44,9 @@ class JobBody(BaseModel):
 
     id: str = Field(description="Name of the job.")
     kind: Kind = Field(description="What it makes.")
-    session: str = Field(description="Session that it belongs to; it ends with it.")
+    session: str | None = Field(
+        description="Session that it belongs to; it ends with it. Null for a data set, which has none."
+    )
     phase: Phase = Field(description="How far it is: running, done or failed.")
     done: int = Field(description="Number of frames, or other parts, that are done.")
     total: int | None = Field(description="Number of all of them; null until it is known.")

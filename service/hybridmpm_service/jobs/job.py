@@ -13,7 +13,7 @@ from hybridmpm_service.errors import ServiceError
 
 _log = logging.getLogger(__name__)
 
-Kind = Literal["trajectory", "recording"]
+Kind = Literal["trajectory", "recording", "dataset"]
 Phase = Literal["running", "done", "failed"]
 
 
@@ -50,8 +50,8 @@ class Job:
     ----------
     kind : str
         What it makes.
-    session : str
-        Name of the session that it is of.
+    session : str or None
+        Name of the session that it is of; None of a job that belongs to none.
     work : callable
     folder : Path
         Where its files may lie; it need not exist.
@@ -60,7 +60,7 @@ class Job:
     """
 
     def __init__(
-        self, kind: Kind, session: str, work: Work, folder: Path, clock: Callable[[], float]
+        self, kind: Kind, session: str | None, work: Work, folder: Path, clock: Callable[[], float]
     ) -> None:
         self.id = uuid.uuid4().hex
         self.kind = kind

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import shutil
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from hybridmpm_service.errors import JobNotFoundError, TooManyJobsError
@@ -23,14 +24,20 @@ class JobTable:
     keep_seconds : float
         Time for which a job is kept after its end [s].
     clock : Clock
+
+    Attributes
+    ----------
+    pool : ThreadPoolExecutor
+        The one thread of the jobs that belong to no session.
     """
 
     def __init__(self, most: int, keep_seconds: float, clock: Clock) -> None:
         self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
         self._jobs: dict[str, Job] = {}
         self._folder: Path | None = None
+        self.pool = ThreadPoolExecutor(1, "jobs")
 
-    def begin(self, kind: Kind, session: str, work: Work) -> Job:
+    def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
         """Begin with a job; the one that ended first makes room for it.
 
         Raises
@@ -88,6 +95,7 @@ class JobTable:
         """End all jobs, and delete their files."""
         await asyncio.gather(*(job.cancel() for job in self.all()))
         self._jobs.clear()
+        self.pool.shutdown(wait=False)
         if self._folder is not None:
             await asyncio.to_thread(shutil.rmtree, self._folder, ignore_errors=True)
 

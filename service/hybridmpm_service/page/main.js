@@ -7,6 +7,7 @@ import { SessionClient } from "./net/session.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
+import { bindPlanner } from "./panels/planner-panel.js";
 import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
@@ -259,6 +260,10 @@ controls.bindControls({
 });
 
 bindScene((wanted) => startScene(wanted));
+bindPlanner({
+  scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),
+  start: (rung) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...rung }),
+});
 bindToolPanel((shown) => {
   forces.wanted = shown;
 });

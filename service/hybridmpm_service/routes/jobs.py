@@ -1,19 +1,30 @@
 """Routes of jobs: what runs, how far it is, what it has made."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 from fastapi import APIRouter, Path, Response
 from starlette.responses import FileResponse, StreamingResponse
 
 from hybridmpm_service.errors import JobUnfinishedError
 from hybridmpm_service.http.jobs import PATH, JobBody, JobList, events
+from hybridmpm_service.jobs.datasets import MEDIA_TYPE
+from hybridmpm_service.jobs.job import Phase
 from hybridmpm_service.routes.handling.dependencies import Jobs, Sessions, problems
 
 router = APIRouter(prefix=PATH, tags=["jobs"])
 
 
 _JobId = Annotated[str, Path(description="Name of the job, its `id`.")]
-_MEDIA_TYPES = ("application/x-npz", "application/json", "image/gif", "image/png", "video/mp4")
+_MEDIA_TYPES = ("application/x-npz", "application/json", "image/gif", "image/png", "video/mp4", MEDIA_TYPE)
+_EVENT = {
+    "type": "object",
+    "description": "One event: the phase of the job, and the job as JSON.",
+    "properties": {
+        "event": {"type": "string", "enum": list(get_args(Phase))},
+        "data": {"type": "string", "contentMediaType": "application/json"},
+    },
+    "required": ["event", "data"],
+}
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 
 
@@ -32,7 +43,7 @@ async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
 @router.get(
     "/{job_id}/events",
     response_class=StreamingResponse,
-    responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}, **problems(404)},
+    responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404)},
 )
 async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> StreamingResponse:
     """Tell of each change of a job as a server-sent event, until it ends."""

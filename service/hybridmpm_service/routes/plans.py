@@ -4,6 +4,7 @@ from fastapi import APIRouter
 
 from hybridmpm import Scene, plan, scenarios
 from hybridmpm.errors import UnknownScenarioError
+from hybridmpm.planner.planning import prospective
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.estimates.plans import PlanBody, PlanRequest
 from hybridmpm_service.routes.handling.dependencies import problems
@@ -14,8 +15,9 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 @router.post("", responses=problems(400, 422))
 def make_plan(body: PlanRequest) -> PlanBody:
     """Choose the cheapest rung within an error, or the most accurate within a time; nothing is simulated."""
-    found = plan(_scene(body), max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
-    return PlanBody.of(found)
+    scene = _scene(body)
+    found = plan(scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
+    return PlanBody.of(found, [one for one, _ in prospective(scene, measure=body.measure)])
 
 
 def _scene(body: PlanRequest) -> Scene:

@@ -29,7 +29,7 @@ from hybridmpm_service.http.requests import (
     Step,
 )
 from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions
-from hybridmpm_service.routes.throttle import Throttle
+from hybridmpm_service.routes.handling.throttle import Throttle
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers.mailbox import Mailbox, MailboxClosed, Message, Signal

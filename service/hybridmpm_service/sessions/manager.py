@@ -70,7 +70,8 @@ class SessionManager:
             threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
         )
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
-        self._reviving = set() if self._folder is None else set(self._folder.names())
+        self._kept = [] if self._folder is None else self._folder.names()
+        self._reviving = set(self._kept)
         self._replaying: set[CancelFlag] = set()
         self._checker = ThreadPoolExecutor(1, "check")
         self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
@@ -166,9 +167,9 @@ class SessionManager:
             found = unrefused(scene, log.origin.choice)
             chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
             limited = replace(log, origin=replace(log.origin, scene=scene))
-            return replace(revived_from_log(limited, chosen, self.clock, cancel), findings=found)
+            return replace(revived_from_log(limited, chosen, self.clock, cancel, turns), findings=found)
 
-        cancel = CancelFlag()
+        cancel, turns = CancelFlag(), self._machine.turns
         self._replaying.add(cancel)
         try:
             return await self._create(make)
@@ -206,9 +207,7 @@ class SessionManager:
         """Start the sessions again that a server before this one has kept; each is paused where it was."""
         if self._folder is not None:
             cores = asyncio.Semaphore(usable_cores())
-            await asyncio.gather(
-                *(self._revive(self._folder, name, cores) for name in sorted(self._reviving))
-            )
+            await asyncio.gather(*(self._revive(self._folder, name, cores) for name in self._kept))
 
     def get(self, name: str) -> Session:
         """Return a session and note that it is used.
@@ -234,8 +233,10 @@ class SessionManager:
         return session
 
     def all(self) -> list[Session]:
-        """Return the sessions, oldest first."""
-        return [session for session in self._sessions.values() if not self._is_idle(session)]
+        """Return the sessions, oldest first; a restart leaves the order as it was."""
+        places = {name: place for place, name in enumerate(self._kept)}
+        found = [session for session in self._sessions.values() if not self._is_idle(session)]
+        return sorted(found, key=lambda session: places.get(session.id, len(places)))
 
     async def delete(self, name: str) -> None:
         """End a session, and wait until its threads have ended, but not for long.
@@ -366,7 +367,7 @@ class SessionManager:
         def make() -> Revived:
             file = folder.open(name)
             try:
-                revived = revived_from_file(file, self._solvers, self.clock)
+                revived = revived_from_file(file, self._solvers, self.clock, self._machine.turns)
                 return replace(revived, findings=checking.findings(revived.origin.scene))
             except BaseException:
                 file.close()

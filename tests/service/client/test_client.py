@@ -81,6 +81,7 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.release("ID"),
         calls.trace("ID", ARROW, None, 1, empty),
         calls.record("ID", 1, empty),
+        calls.dataset("water_2d", 1, empty),
         calls.job_list(),
         calls.job("ID"),
         calls.result("ID"),

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, creation, logs, requests
+from hybridmpm_service.http import answers, creation, datasets, logs, requests
 from hybridmpm_service.http import learned_answers as learned
 from hybridmpm_service.http.estimates import checks, plans
 from hybridmpm_service.http.sketches import answers as sketch_answers
@@ -37,6 +37,7 @@ OPERATIONS = {
     ("get", "/v1/sessions/{session_id}/force"),
     ("post", "/v1/sessions/{session_id}/trajectories"),
     ("post", "/v1/sessions/{session_id}/recordings"),
+    ("post", "/v1/datasets"),
     ("get", "/v1/jobs"),
     ("get", "/v1/jobs/{job_id}"),
     ("delete", "/v1/jobs/{job_id}"),
@@ -122,6 +123,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
         checks.CheckBody,
         checks.FindingBody,
         logs.LogBody,
+        datasets.MakeDataSet,
         requests.AdvanceSession,
         requests.SketchRequest,
         plans.PlanRequest,

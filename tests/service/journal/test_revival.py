@@ -317,6 +317,22 @@ def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> N
     asyncio.run(after())
 
 
+def test_sessions_stay_in_their_order(tmp_path: Path) -> None:
+    names: list[str] = []
+
+    async def make(manager: SessionManager) -> None:
+        names.extend([(await manager.create(lambda: SCENE)).id for _ in range(4)])
+        # A file that changes last is not the newest session.
+        await manager.get(names[0]).advance(3)
+
+    async def look(manager: SessionManager) -> None:
+        names.append((await manager.create(lambda: SCENE)).id)
+        assert [session.id for session in manager.all()] == names
+
+    _play(tmp_path, make)
+    _play(tmp_path, look)
+
+
 def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
     async def scene(_manager: SessionManager) -> None:
         with pytest.raises(ConfigError, match=r"state_folder: .* no other service uses"):

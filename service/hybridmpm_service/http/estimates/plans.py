@@ -1,10 +1,13 @@
 """Plans as JSON: what clients ask for, and what the service answers."""
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from hybridmpm.planner import Plan
+from hybridmpm.planner.planning import Prospect
 from hybridmpm_service.http.requests import Request
 
 Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
@@ -77,14 +80,16 @@ class PlanBody(ProspectBody):
         description="Fields of `POST /v1/sessions` that choose this rung; null where no session can have it.",
         examples=[{"solver": "mpm", "rung": "1/16"}],
     )
+    candidates: list[ProspectBody] = Field(description="All that were compared, the quickest first.")
     runner_up: ProspectBody | None = Field(description="The next that would have been chosen.")
     reason: str = Field(description="Why this rung; what an impossible demand would take.")
     notes: list[str] = Field(description="What the figures rest on.")
 
     @classmethod
-    def of(cls, plan: Plan) -> Self:
-        """Describe a plan."""
-        plain = plan.to_dict()
+    def of(cls, plan: Plan, candidates: Sequence[Prospect]) -> Self:
+        """Describe a plan, and what it was chosen among."""
+        ascending = sorted(candidates, key=lambda one: one.ms_per_frame)
+        plain = {**plan.to_dict(), "candidates": [asdict(one) for one in ascending]}
         known = {name: plain[name] for name in cls.model_fields if name in plain}
         return cls.model_validate(known | {"session": _session(plan)})
 

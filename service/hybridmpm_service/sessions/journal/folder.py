@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hybridmpm.errors import ConfigError
 from hybridmpm_service.sessions.journal.origin import Origin
-from hybridmpm_service.sessions.journal.session_file import SessionFile
+from hybridmpm_service.sessions.journal.session_file import SessionFile, begun
 
 _SUFFIX = ".session"
 _NAME = re.compile(r"[0-9a-f]{32}")
@@ -40,9 +40,9 @@ class Folder:
             ) from None
 
     def names(self) -> list[str]:
-        """Return the names of the sessions that have a file, oldest first."""
+        """Return the names of the sessions that have a file, in the order in which they began."""
         files = [path for path in self._path.glob(f"*{_SUFFIX}") if _NAME.fullmatch(path.stem)]
-        return [path.stem for path in sorted(files, key=lambda path: (path.stat().st_ctime, path.stem))]
+        return [path.stem for path in sorted(files, key=lambda path: (begun(path), path.stem))]
 
     def create(self, name: str, origin: Origin) -> SessionFile:
         """Return the new file of a session; errors as `SessionFile.create`."""

@@ -9,7 +9,9 @@ since they are not forced to the disk one by one, but never damages the file.
 
 import contextlib
 import json
+import math
 import sqlite3
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +22,8 @@ from hybridmpm_service.sessions.journal.inputs import Input, input_of
 from hybridmpm_service.sessions.journal.origin import Origin
 
 _FORMAT = 1
+_BEGUN = "begun"
+"""Name under which the record of the origin has the time at which the session began [s since 1970]."""
 _TABLES = """
 CREATE TABLE origin (record TEXT NOT NULL);
 CREATE TABLE progress (reached INTEGER NOT NULL, complete INTEGER NOT NULL);
@@ -64,6 +68,19 @@ class Stored:
     """Whether the inputs are all since frame 0."""
 
 
+def begun(path: Path) -> float:
+    """Return the time at which the session of a file began [s since 1970], for the order of sessions.
+
+    A file that cannot be read counts as the newest; whoever opens it tells what is wrong with it.
+    """
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            (record,) = database.execute("SELECT record FROM origin").fetchone()
+        return float(json.loads(record).get(_BEGUN, 0.0))
+    except (sqlite3.Error, TypeError, ValueError, AttributeError):
+        return math.inf
+
+
 class SessionFile:
     """The file of one session. Used by one thread at a time.
 
@@ -92,7 +109,8 @@ class SessionFile:
                 file._database.execute("PRAGMA journal_mode = WAL")
                 file._database.execute(f"PRAGMA user_version = {_FORMAT}")
                 file._database.executescript(_TABLES)
-                file._database.execute("INSERT INTO origin VALUES (?)", (json.dumps(origin.record()),))
+                record = json.dumps({_BEGUN: time.time(), **origin.record()})
+                file._database.execute("INSERT INTO origin VALUES (?)", (record,))
         except StorageError:
             file.close()
             file.remove()

@@ -1,0 +1,79 @@
+// The dialog that asks the server which way to simulate the scene is the quickest, or the most accurate.
+
+import { request } from "../net/api.js";
+import { byId, setText } from "./dom.js";
+import { drawPlans } from "./plan-chart.js";
+
+const METHODS = { mpm: "MPM", carried: "MPM carrying all particles", neural: "Network", hybrid: "Hybrid" };
+
+let plan = null; // the newest answer; null before the first, and after one that failed
+
+/** "carried fitted 1/16" -> "MPM carrying all particles, fitted 1/16". */
+function titleOf(name) {
+  const [method, ...label] = name.split(" ");
+  return `${METHODS[method] ?? method}, ${label.join(" ")}`;
+}
+
+const figures = ({ error, ms_per_frame: ms }) => `error ${Number(error.toPrecision(2))}, ${Number(ms.toPrecision(2))} ms a frame`;
+
+function demand() {
+  const budget = byId("plan-by-time").checked;
+  return budget ? { budget_ms: Number(byId("plan-time").value) } : { max_error: Number(byId("plan-error").value) };
+}
+
+function show(answer) {
+  plan = answer;
+  byId("plan-answer").hidden = answer === null;
+  if (answer === null) return;
+  setText("plan-name", titleOf(answer.name));
+  setText("plan-figures", figures(answer));
+  setText("plan-runner-up", answer.runner_up === null ? "none" : `${titleOf(answer.runner_up.name)}: ${figures(answer.runner_up)}`);
+  setText("plan-reason", answer.reason);
+  const notes = answer.notes.map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    return item;
+  });
+  byId("plan-notes").replaceChildren(...notes);
+  byId("plan-start").disabled = answer.session === null;
+  byId("plan-start").textContent = answer.session === null ? "Only in Python: no session has these settings" : "Simulate so";
+  drawPlans(byId("plan-chart"), answer, demand(), titleOf);
+}
+
+async function ask(scene) {
+  setText("plan-problem", "");
+  try {
+    show(await request("POST", "/v1/plans", { ...scene, ...demand() }));
+  } catch (problem) {
+    show(null);
+    setText("plan-problem", problem.detail || problem.title);
+  }
+}
+
+/**
+ * Open the dialog on demand, and start a session at the rung that was chosen.
+ *
+ * @param scene returns {scenario, seed} of the scene that is asked about
+ * @param start called with {solver, rung} of the plan
+ */
+export function bindPlanner({ scene, start }) {
+  const dialog = byId("planner");
+  byId("planner-open").addEventListener("click", () => {
+    dialog.showModal();
+    ask(scene());
+  });
+  byId("plan-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    ask(scene());
+  });
+  byId("plan-demand").addEventListener("change", () => {
+    const budget = byId("plan-by-time").checked;
+    byId("plan-time").disabled = !budget;
+    byId("plan-error").disabled = budget;
+  });
+  byId("plan-start").addEventListener("click", () => {
+    dialog.close();
+    start({ solver: plan.session.solver, rung: plan.session.rung ?? null });
+  });
+  byId("planner-close").addEventListener("click", () => dialog.close());
+}

@@ -1,0 +1,107 @@
+"""Data sets as jobs: those of the library, bounded, and ended when asked."""
+
+import io
+import time
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.service.conftest import WAIT_SECONDS
+
+from hybridmpm import data
+from hybridmpm.client import Client
+from hybridmpm.data.generation.assemble import read_split
+from hybridmpm.data.generation.executors import Threads
+
+
+@pytest.fixture(scope="module")
+def service(start_module: Callable[..., Any]) -> Any:
+    return start_module(max_jobs=4, max_dataset_frames=1000)
+
+
+def _ended(service: Any, job: dict[str, Any]) -> dict[str, Any]:
+    deadline = time.monotonic() + WAIT_SECONDS
+    while job["phase"] == "running":
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+        job = service.http.get(job["links"]["self"]).json()
+    return job
+
+
+@pytest.mark.needs("h5py", "data")
+def test_it_is_the_data_set_of_the_library(service: Any, tmp_path: Path) -> None:
+    with Client(f"http://{service.address}") as client:
+        job = client.make_dataset("water_2d", 2, test=1, seed=7, frames=6, stride=3, r_p=0.25)
+        packed = job.result()
+    assert (job.info["kind"], job.info["session"], job.info["done"], job.info["total"]) == (
+        "dataset",
+        None,
+        3,
+        3,
+    )
+    with zipfile.ZipFile(io.BytesIO(packed)) as file:
+        assert file.namelist() == ["water_2d/metadata.json", "water_2d/test.h5", "water_2d/train.h5"]
+        file.extractall(tmp_path)
+    recipe = data.Recipe(scenario="water_2d", frames=6, stride=3, r_p=0.25)
+    seeds = data.Seeds(train=2, test=1, first=7)
+    own = data.plan(recipe, tmp_path / "own", seeds)
+    data.generate(own, executor=Threads(1))
+    for split in ("train", "test"):
+        made, expected = (list(read_split(tmp_path / one, split)) for one in ("water_2d", "own"))
+        assert len(made) == len(expected) == seeds.counts()[split]
+        for one, other in zip(made, expected, strict=True):
+            np.testing.assert_array_equal(one.positions, other.positions)
+
+
+@pytest.mark.needs("h5py", "data")
+def test_it_ends_when_it_is_deleted_and_makes_room_for_the_next(service: Any) -> None:
+    asked = {"scenario": "water_3d", "trajectories": 1, "frames": 1000}
+    long = service.http.post("/v1/datasets", json=asked)
+    assert long.status_code == 202
+    begun = long.json()
+    assert long.headers["Location"] == begun["links"]["self"]
+    assert service.http.delete(begun["links"]["self"]).status_code == 204
+    assert service.http.get(begun["links"]["self"]).status_code == 404
+    body = {"scenario": "water_2d", "trajectories": 1, "frames": 4}
+    ended = _ended(service, service.http.post("/v1/datasets", json=body).json())
+    assert ended["phase"] == "done"
+
+
+@pytest.mark.needs("h5py", "data")
+@pytest.mark.parametrize(
+    ("changed", "field", "text"),
+    [
+        ({"scenario": "water_4d"}, "body.scenario", "water_2d"),
+        ({"trajectories": 0}, "body", "at least one trajectory"),
+        ({"trajectories": -1}, "body.trajectories", "greater than or equal to 0"),
+        (
+            {"trajectories": 11},
+            "body.trajectories",
+            "makes 1100 frames in all",
+        ),
+        ({"frames": 7, "stride": 2}, "body", "multiple of the stride"),
+        ({"r_p": 0.0}, "body.r_p", "greater than 0"),
+        ({"control": True}, "body.control", "not permitted"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(service: Any, changed: dict[str, Any], field: str, text: str) -> None:
+    body = {"scenario": "water_2d", "trajectories": 1, "frames": 100} | changed
+    answer = service.http.post("/v1/datasets", json=body)
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert text in error["message"]
+
+
+def test_without_h5py_it_is_told_what_is_missing(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.import_module", _missing)
+    answer = service.http.post("/v1/datasets", json={"scenario": "water_2d", "trajectories": 1})
+    assert answer.status_code == 422
+    assert "data sets need h5py" in answer.json()["detail"]
+
+
+def _missing(name: str) -> Any:
+    raise ImportError(name)
