@@ -8,12 +8,10 @@ memory.
 from typing import Protocol
 
 from hybridmpm import Scene, SceneError
-from hybridmpm._support.machine import usable_cores
 from hybridmpm.checking import Finding, findings
 from hybridmpm.mpm import frame_cost
 from hybridmpm_service.errors import MachineFullError
 from hybridmpm_service.sessions.solvers import SolverChoice
-from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
@@ -32,8 +30,7 @@ class Machine:
     """The machine's time, which the sessions that play share.
 
     The load of a session is the time that its frames take in a second at its speed, at most all of its
-    threads. Calls that compute frames without the player are not counted: they end by themselves, and take
-    turns with the players.
+    threads. Calls that compute frames without the player are not counted: they end by themselves.
 
     Parameters
     ----------
@@ -41,19 +38,11 @@ class Machine:
         Largest sum of the loads [cores].
     threads : int >= 1
         Threads of each session.
-
-    Attributes
-    ----------
-    turns : Turns
-        Held by the thread of a session while it computes frames: as many at the same time as there are cores.
-        More of them would share the cores, and all frames would come late instead of one after the other. A
-        player holds it for the few frames that are due, a call or a replay for one frame at a time.
     """
 
     def __init__(self, cores: float, threads: int) -> None:
         self._cores, self._threads = cores, threads
         self._players: set[Load] = set()
-        self.turns = Turns(max(1, usable_cores() // threads))
 
     def join(self, player: Load) -> None:
         """Count the load of a session from now on."""

@@ -167,9 +167,9 @@ class SessionManager:
             found = unrefused(scene, log.origin.choice)
             chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
             limited = replace(log, origin=replace(log.origin, scene=scene))
-            return replace(revived_from_log(limited, chosen, self.clock, cancel, turns), findings=found)
+            return replace(revived_from_log(limited, chosen, self.clock, cancel), findings=found)
 
-        cancel, turns = CancelFlag(), self._machine.turns
+        cancel = CancelFlag()
         self._replaying.add(cancel)
         try:
             return await self._create(make)
@@ -367,7 +367,7 @@ class SessionManager:
         def make() -> Revived:
             file = folder.open(name)
             try:
-                revived = revived_from_file(file, self._solvers, self.clock, self._machine.turns)
+                revived = revived_from_file(file, self._solvers, self.clock)
                 return replace(revived, findings=checking.findings(revived.origin.scene))
             except BaseException:
                 file.close()

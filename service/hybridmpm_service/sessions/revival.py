@@ -1,6 +1,5 @@
 """A simulation that goes on from what is left of it: its file, or its log."""
 
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from hybridmpm import CancelFlag, FrameCancelledError, SnapshotError
@@ -29,14 +28,11 @@ class Revived:
     """What a check of its scene says."""
 
 
-def revived_from_file(
-    file: SessionFile, solvers: SolverFactory, clock: Clock, turn: AbstractContextManager[object]
-) -> Revived:
+def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -> Revived:
     """Return the simulation of a file, which keeps it from now on.
 
     It goes on from the checkpoint; the inputs after that act again. Where another version of the solver has
-    written the checkpoint, everything is computed again from frame 0. A hand that pushed has let go. Each
-    frame is computed while `turn` is held.
+    written the checkpoint, everything is computed again from frame 0. A hand that pushed has let go.
 
     Raises
     ------
@@ -75,7 +71,7 @@ def revived_from_file(
             for place, data in stored.guidances.items()
             if place >= first
         }
-        replay(simulation, stored.inputs[first:], until, guidances, turn=turn)
+        replay(simulation, stored.inputs[first:], until, guidances)
     simulation.hand = None
     simulation.journal.keep_in(file, simulation.computed_seconds)
     if not restored and checkpoint is not None:
@@ -83,13 +79,7 @@ def revived_from_file(
     return Revived(simulation, origin, notice)
 
 
-def revived_from_log(
-    log: SessionLog,
-    chosen: ChosenSolver,
-    clock: Clock,
-    cancel: CancelFlag,
-    turn: AbstractContextManager[object],
-) -> Revived:
+def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel: CancelFlag) -> Revived:
     """Return the simulation of a log, computed again from frame 0.
 
     Parameters
@@ -100,8 +90,6 @@ def revived_from_log(
     clock : Clock
     cancel : CancelFlag
         Ends the computation.
-    turn : context manager
-        Held during each frame.
 
     Raises
     ------
@@ -122,7 +110,7 @@ def revived_from_log(
     late = next((one.frame for one in log.inputs if one.frame > log.frame), None)
     if late is not None:
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")
-    replay(simulation, log.inputs, log.frame, check=check, turn=turn)
+    replay(simulation, log.inputs, log.frame, check=check)
     return Revived(simulation, present, _notice(log, simulation, origin.versions, present.versions))
 
 

@@ -105,7 +105,6 @@ class Session:
         self.last_used = clock()
         self._clock = clock
         self._estimate = estimate
-        self._turns = machine.turns
         self._player = Player(
             self.scene.frame_dt,
             clock,
@@ -192,7 +191,7 @@ class Session:
         abandoned = False
         with self._in_use():
             try:
-                await self._compute(frames, lambda: not abandoned, at_once=1, answered=True)
+                await self._compute(frames, lambda: not abandoned, answered=True)
             except asyncio.CancelledError:
                 abandoned = True
                 raise
@@ -374,22 +373,14 @@ class Session:
             self._calls -= 1
             self.touch()
 
-    async def _compute(
-        self, frames: int, go_on: Callable[[], bool], *, at_once: int | None = None, answered: bool = False
-    ) -> int:
+    async def _compute(self, frames: int, go_on: Callable[[], bool], *, answered: bool = False) -> int:
         """Compute frames as long as `go_on()` is true before each; return how many were computed.
 
-        They take turns on the machine, each of which has `at_once` frames; all of them if absent. A client to
-        whom the last of them is `answered` can rely on it.
+        A client to whom the last of them is `answered` can rely on it.
         """
-        each = at_once or frames
 
         def compute() -> int:
-            done, goes_on = 0, True
-            while goes_on and done < frames:
-                with self._turns:
-                    more = self.simulation.advance(min(each, frames - done), go_on)
-                done, goes_on = done + more, more == each
+            done = self.simulation.advance(frames, go_on)
             if answered:
                 self.simulation.journal.mark(self.simulation.frame)
             return done

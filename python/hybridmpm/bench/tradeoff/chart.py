@@ -109,7 +109,7 @@ def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
     panel.text(
         0.98,
         0.98,
-        "\n".join(notes),
+        "; ".join(notes),
         transform=panel.transAxes,
         va="top",
         ha="right",

@@ -1,7 +1,6 @@
 """Computing a session again from its inputs."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Protocol
 
 from hybridmpm.control import Guidance, Push, prepare
@@ -36,9 +35,7 @@ def replay(
     inputs: Sequence[Input],
     until: int,
     guidances: Mapping[int, Guidance] | None = None,
-    *,
     check: Callable[[], object] = lambda: None,
-    turn: AbstractContextManager[object] | None = None,
 ) -> None:
     """Advance a simulation to a frame, while inputs act as they did.
 
@@ -53,10 +50,9 @@ def replay(
     guidances : mapping, optional
         Guidances of sketches by the place of the sketch among the inputs. Other sketches are planned again,
         in the state in which they were.
+
     check : callable, optional
-        Called before each frame; what it raises ends the replay.
-    turn : context manager, optional
-        Held during each frame, so that others get their turns on the machine between two.
+        Called again and again; what it raises ends the replay.
 
     Raises
     ------
@@ -72,10 +68,8 @@ def replay(
     stops = sorted({one.frame for one in inputs} | set(drawn.values()) | {until})
     waiting = list(enumerate(inputs))
     for stop in (stop for stop in stops if stop >= simulation.frame):
-        while simulation.frame < stop:
-            check()
-            with turn or nullcontext():
-                simulation.advance(1)
+        check()
+        simulation.advance(stop - simulation.frame)
         for place in [place for place, frame in drawn.items() if frame == stop]:
             sketch = inputs[place]
             assert isinstance(sketch, SketchInput)  # noqa: S101 - of such alone `drawn` is made
