@@ -8,7 +8,7 @@ import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
 import { bindPlanner } from "./panels/planner-panel.js";
-import { bindScene, chooseScene, showScenarios } from "./panels/scene-panel.js";
+import { bindScene, chooseScene, showFindings, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
@@ -141,6 +141,7 @@ function showSession(hello) {
   showFrameLength(scene.frame_dt);
   steering.clear();
   tools.setScene(scene);
+  showFindings(hello.session.findings);
   if (!hello.session.scenario) return;
   const { scenario, seed, solver, rung } = hello.session;
   chosen = { scenario, seed, solver, rung };

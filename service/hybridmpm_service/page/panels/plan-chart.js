@@ -45,7 +45,8 @@ export function drawPlans(svg, plan, demand, titleOf) {
     parts.push(drawn("line", { x1: x, x2: x, y1: 8, y2: HEIGHT - BOTTOM, class: "grid" }));
     parts.push(drawn("text", { x, y: HEIGHT - BOTTOM + 13, "text-anchor": "middle" }, String(Number(ms.toPrecision(1)))));
   }
-  for (let error = 0; error < top; error += 0.25) {
+  const step = top > 1.5 ? 0.5 : top > 0.6 ? 0.25 : 0.1;
+  for (let error = 0; error < top; error += step) {
     parts.push(drawn("line", { x1: LEFT, x2: WIDTH - 8, y1: up(error), y2: up(error), class: "grid" }));
     parts.push(drawn("text", { x: LEFT - 5, y: up(error) + 4, "text-anchor": "end" }, error.toFixed(2)));
   }

@@ -28,7 +28,7 @@ function show(answer) {
   setText("plan-name", titleOf(answer.name));
   setText("plan-figures", figures(answer));
   setText("plan-runner-up", answer.runner_up === null ? "none" : `${titleOf(answer.runner_up.name)}: ${figures(answer.runner_up)}`);
-  setText("plan-reason", answer.reason);
+  setText("plan-reason", `${answer.reason.charAt(0).toUpperCase()}${answer.reason.slice(1)}.`);
   const notes = answer.notes.map((text) => {
     const item = document.createElement("li");
     item.textContent = text;

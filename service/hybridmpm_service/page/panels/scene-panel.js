@@ -2,6 +2,7 @@
 
 import { byId, setText } from "./dom.js";
 
+const PARTS = { bodies: "Body", obstacles: "Obstacle", emitters: "Emitter", sinks: "Sink" };
 const TITLES = { water: "Water", sand: "Sand", ramps: "with ramps", "2d": "2D", "3d": "3D" };
 
 /** "water_sand_2d" -> "Water and sand, 2D". */
@@ -35,6 +36,23 @@ export function chooseScene({ scenario, seed }) {
 
 function describeScenario() {
   setText("scenario-text", byId("scenario").selectedOptions[0]?.dataset.text ?? "");
+}
+
+/** "obstacles[0]" -> "Obstacle 1"; other fields as they are. */
+function nounOf(field) {
+  const part = field.match(/^(\w+)\D(\d+)/);
+  return part && PARTS[part[1]] ? `${PARTS[part[1]]} ${Number(part[2]) + 1}` : field;
+}
+
+/** Tell what a check of the scene has found, each finding with what to change; nothing where there is none. */
+export function showFindings(findings) {
+  const items = findings.map(({ field, problem, advice }) => {
+    const item = document.createElement("li");
+    item.textContent = `${nounOf(field)} ${advice ? `${problem}; ${advice}` : problem}.`;
+    return item;
+  });
+  byId("findings").replaceChildren(...items);
+  byId("findings").hidden = items.length === 0;
 }
 
 /** Call `newScene` with {scenario, seed} whenever the user asks for another scene or simulator. */
