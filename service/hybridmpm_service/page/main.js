@@ -11,8 +11,10 @@ import { bindPlanner } from "./panels/planner-panel.js";
 import { bindScene, chooseScene, showFindings, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
+import { bindShare } from "./panels/share-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, Presenter, WELCOME } from "./presets.js";
+import { carriesLog, unpackedLog } from "./share/log-link.js";
 import { Hand } from "./sketch/hand.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
@@ -36,6 +38,7 @@ let playing = null; // whether the session plays; null as long as that is unknow
 let speed = 0.25; // simulated seconds per second that the player aims at
 let centroid = null; // centre of mass, as the newest status says; null where there is no particle
 let startsPlaying = false; // whether to play once the session is live: this page has created it
+let replays = false; // whether the session that is being created is a run computed again
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
 let drawnTimes = []; // when pictures were drawn [ms]
@@ -128,8 +131,15 @@ function onHello(hello) {
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
   setPlaying(hello.session.playing);
+  if (replays) tellReplay(hello.session);
+  replays = false;
   if (startsPlaying || resumes) session.send({ type: "play" });
   startsPlaying = false;
+}
+
+function tellReplay({ frame, notice }) {
+  const title = notice === null ? "Computed again, bit by bit" : "Computed again, but not the same";
+  messages.toast({ title, detail: notice ?? `This is frame ${frame} of the run.`, advice: "Press play to go on.", hint: notice === null });
 }
 
 /** Show another session than before. One that was only interrupted keeps its camera, tool and sketch. */
@@ -224,6 +234,7 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   chosen = { ...wanted, solver, rung: solver === "mpm" ? rung : null };
   showChoice(chosen);
   const address = new URL(window.location.href);
+  address.hash = "";
   for (const name of ["rung", "session", "preset"]) address.searchParams.delete(name);
   for (const [name, value] of Object.entries(chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
@@ -235,6 +246,33 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   newestMessage = null;
   startsPlaying = plays;
   session.start(chosen);
+}
+
+/** Leave the session for a scene or a run that somebody has brought. */
+function openOwn(body, hash = "") {
+  const address = new URL(window.location.href);
+  address.search = "";
+  address.hash = hash;
+  window.history.replaceState(null, "", address);
+  presenter.set(null);
+  steering.clear();
+  newestMessage = null;
+  startsPlaying = "scene" in body;
+  replays = "log" in body;
+  session.start(body);
+}
+
+async function openLink(hash) {
+  try {
+    openOwn({ log: await unpackedLog(hash) }, hash);
+  } catch {
+    messages.toast({
+      title: "This link is damaged",
+      detail: "It was meant to carry a whole run, and a part of it is missing or changed.",
+      advice: "Ask for it again. Another scene is shown.",
+    });
+    startScene(WELCOME.scene, { plays: !reducedMotion.matches });
+  }
 }
 
 controls.bindControls({
@@ -261,6 +299,7 @@ controls.bindControls({
 });
 
 bindScene((wanted) => startScene(wanted));
+bindShare({ session, toast: messages.toast, open: openOwn });
 bindPlanner({
   scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),
   start: (rung) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...rung }),
@@ -299,7 +338,9 @@ function begin() {
     });
   }
   const asksFor = (...names) => names.some((name) => query.has(name));
-  if (query.get("preset") === "pipeline") {
+  if (carriesLog(window.location.hash)) {
+    openLink(window.location.hash);
+  } else if (query.get("preset") === "pipeline") {
     modelsKnown.then(() => startScene(PIPELINE.scene, { itsPreset: PIPELINE, plays }));
   } else if (query.has("session")) {
     session.attach(query.get("session"));
@@ -320,6 +361,9 @@ request("GET", "/v1/scenarios").then(
 );
 requestAnimationFrame(animate);
 setInterval(measureDrawing, 500);
+window.addEventListener("hashchange", () => {
+  if (carriesLog(window.location.hash)) openLink(window.location.hash);
+});
 window.addEventListener("pagehide", (event) => {
   if (!event.persisted) session.dispose();
 });

@@ -15,7 +15,7 @@ const ADVICE_BY_TYPE = {
 /** What to do about a body that was refused, by the end of the address. */
 const ADVICE_ON_BODY = {
   sketches: "Draw the stroke again, inside the box.",
-  sessions: "Choose another scenario or seed in the scene panel.",
+  sessions: "Choose another scenario or seed in the scene panel, or correct the file that was opened.",
 };
 
 /** A request that the server refused or that never reached it. */
@@ -62,6 +62,18 @@ export async function request(method, path, body) {
   }
   if (!response.ok) throw await problemOf(response, path);
   return response.status === 204 ? null : response.json();
+}
+
+/** Make a GET call and return the body of its answer as it is. Throws as `request`. */
+export async function requestFile(path, accept = "*/*") {
+  let response;
+  try {
+    response = await fetch(path, { headers: { Accept: accept } });
+  } catch {
+    throw new Problem("The server does not answer", "Check that it is still running.", 0);
+  }
+  if (!response.ok) throw await problemOf(response, path);
+  return response.blob();
 }
 
 /** Delete a session while the page goes away; nobody waits for the answer. */

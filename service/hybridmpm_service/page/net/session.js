@@ -1,6 +1,6 @@
 // One simulation on the server: created or joined over HTTP, watched over a WebSocket, resumed by id.
 
-import { abandon, Problem, request } from "./api.js";
+import { abandon, Problem, request, requestFile } from "./api.js";
 import { VERSION } from "./protocol.js";
 
 const LOST_CODE = 4404; // the server does not know the session (any more)
@@ -29,12 +29,12 @@ export class SessionClient {
     return this.#state;
   }
 
-  /** Leave the present session and create another one. */
-  async start({ scenario, seed, solver, rung }) {
+  /** Leave the present session and create another one, of {scenario, seed, solver, rung}, {scene} or {log}. */
+  async start(body) {
     const generation = this.#leave();
     this.#enter("connecting");
     try {
-      const session = await request("POST", "/v1/sessions", { scenario, seed, solver, rung });
+      const session = await request("POST", "/v1/sessions", body);
       const path = `/v1/sessions/${session.id}`;
       if (generation !== this.#generation) {
         abandon(path);
@@ -76,6 +76,46 @@ export class SessionClient {
   /** The mean acceleration that steers the particles of each cell of a coarse grid, besides gravity. */
   force() {
     return request("GET", `${this.path}/force`);
+  }
+
+  /** What the session can be computed again from. */
+  log() {
+    return request("GET", `${this.path}/log`);
+  }
+
+  /** All particles, as a file of arrays. */
+  particles() {
+    return requestFile(`${this.path}/particles`, "application/x-npz");
+  }
+
+  /** Begin to film the next frames on a copy; answers the job. */
+  record(settings) {
+    return request("POST", `${this.path}/recordings`, settings);
+  }
+
+  /** Wait until a job has ended, and tell how far it is meanwhile. */
+  jobEnd(job, tell) {
+    return new Promise((resolve, reject) => {
+      const events = new EventSource(job.links.events);
+      for (const phase of ["running", "done", "failed"]) {
+        events.addEventListener(phase, ({ data }) => {
+          const now = JSON.parse(data);
+          tell(now);
+          if (phase === "running") return;
+          events.close();
+          resolve(now);
+        });
+      }
+      events.addEventListener("error", () => {
+        events.close();
+        reject(new Problem("The film was interrupted", "The server does not answer.", 0));
+      });
+    });
+  }
+
+  /** A file that a job has made. */
+  file(path) {
+    return requestFile(path);
   }
 
   /** Let no sketch steer the simulation any more. */

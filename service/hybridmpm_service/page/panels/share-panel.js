@@ -1,0 +1,105 @@
+// What can be taken away: links, code, films, particles, scenes, whole runs; and what can be brought back.
+
+import { packedLog } from "../share/log-link.js";
+import { asCurl, asPython } from "../share/snippets.js";
+import { byId, setText } from "./dom.js";
+
+/** Longest address that browsers and messengers pass on whole. */
+const LONGEST_LINK = 60_000;
+const FILM = { frames: 200, every: 4, format: "gif", width: 480, speed: 0.5 };
+
+let parts = null; // {session, toast, open}, from bindShare
+
+const tell = (text) => setText("share-text", text);
+
+async function copy(text, what) {
+  byId("share-copy").hidden = true;
+  try {
+    await navigator.clipboard.writeText(text);
+    tell(`${what} is in the clipboard.`);
+  } catch {
+    // Without permission, or over plain HTTP: the user copies it.
+    byId("share-copy").value = text;
+    byId("share-copy").hidden = false;
+    byId("share-copy").select();
+    tell(`${what}, to be copied:`);
+  }
+}
+
+function download(content, name, type) {
+  const link = document.createElement("a");
+  link.href = content instanceof Blob ? URL.createObjectURL(content) : URL.createObjectURL(new Blob([content], { type }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?? 0}` : scene.name || "scene");
+
+const ACTIONS = {
+  link: async () => {
+    const link = `${window.location.origin}/#${await packedLog(await parts.session.log())}`;
+    if (link.length > LONGEST_LINK) tell("This run has too many inputs for a link: save it as a file.");
+    else await copy(link, "A link that computes this run again");
+  },
+  python: async () => copy(asPython(await parts.session.log()), "Python for this scene"),
+  curl: async () => copy(asCurl(await parts.session.log(), window.location.origin), "A shell command for this scene"),
+  film: async () => {
+    tell("The next half second is filmed.");
+    const job = await parts.session.record(FILM);
+    const ended = await parts.session.jobEnd(job, ({ done, total }) => tell(`Filming: ${done} of ${total ?? "?"}.`));
+    if (ended.phase === "failed") throw ended.problem;
+    download(await parts.session.file(ended.links.result), "hybridmpm.gif");
+    tell("The film is saved.");
+  },
+  particles: async () => {
+    download(await parts.session.particles(), "particles.npz");
+    tell("Positions, velocities, types and ids are saved.");
+  },
+  scene: async () => {
+    const log = await parts.session.log();
+    download(JSON.stringify(log.scene, null, 1), `${titleOf(log)}.json`, "application/json");
+    tell("The scene is saved; Open brings it back, and so does Scene.load in Python.");
+  },
+  run: async () => {
+    const log = await parts.session.log();
+    download(JSON.stringify(log), `${titleOf(log)}-run.json`, "application/json");
+    tell("Scene and inputs are saved; Open computes the run again.");
+  },
+};
+
+async function open(file) {
+  let content;
+  try {
+    content = JSON.parse(await file.text());
+  } catch {
+    parts.toast({ title: "This file cannot be read", detail: `${file.name} is no JSON.`, advice: "Open a scene or a run that was saved here." });
+    return;
+  }
+  const isRun = typeof content === "object" && content !== null && "inputs" in content;
+  parts.open(isRun ? { log: content } : { scene: content });
+}
+
+/**
+ * Let the user take things away.
+ *
+ * @param given {session, toast(problem), open(body of POST /v1/sessions)}
+ */
+export function bindShare(given) {
+  parts = given;
+  for (const button of document.querySelectorAll("[data-share]")) {
+    button.addEventListener("click", async () => {
+      try {
+        await ACTIONS[button.dataset.share]();
+      } catch (problem) {
+        tell("");
+        parts.toast(problem);
+      }
+    });
+  }
+  byId("share-open").addEventListener("click", () => byId("share-file").click());
+  byId("share-file").addEventListener("change", ({ target }) => {
+    if (target.files.length > 0) open(target.files[0]);
+    target.value = "";
+  });
+}

@@ -1,0 +1,41 @@
+// The scene on the page as lines of Python, and as a call of the service.
+
+const quoted = (text) => JSON.stringify(text);
+
+function simulatorOf({ solver, rung, model }) {
+  switch (solver) {
+    case "hybrid":
+      return { name: "HybridSimulator", call: `HybridSimulator(scene, ${quoted(model)})` };
+    case "neural":
+      return { name: "NeuralPhysics", call: `NeuralPhysics(scene, ${quoted(model)})` };
+    default:
+      return { name: "MpmSolver", call: rung ? `MpmSolver(scene, rung=${quoted(rung)})` : "MpmSolver(scene)" };
+  }
+}
+
+/** Python that simulates what a log begins with, as far as the log goes. */
+export function asPython(log) {
+  const { name, call } = simulatorOf(log);
+  const own = !log.scenario;
+  const lines = own
+    ? ["import json", "", `from hybridmpm import ${[name, "Scene"].sort().join(", ")}`, ""]
+    : [`from hybridmpm import ${name}, scenarios`, ""];
+  const scene = own
+    ? `scene = Scene.parse(json.loads(r"""${JSON.stringify(log.scene)}"""))`
+    : `scene = scenarios.get(${quoted(log.scenario)}, ${log.seed ?? 0})`;
+  const frames = Math.max(1, log.frame);
+  return [...lines, scene, `solver = ${call}`, `solver.advance(${frames})`, "print(solver.positions)", ""].join("\n");
+}
+
+/** What the service needs to start the session of a log, without its inputs. */
+export function bodyOf({ scenario, seed, scene, solver, rung, model }) {
+  const what = scenario ? { scenario, seed } : { scene };
+  const who = solver === "mpm" ? { solver, ...(rung ? { rung } : {}) } : { solver, model };
+  return { ...what, ...who };
+}
+
+/** A shell command that starts the same session. */
+export function asCurl(log, origin) {
+  const body = JSON.stringify(bodyOf(log)).replaceAll("'", "'\\''");
+  return `curl -s -X POST ${origin}/v1/sessions -H 'Content-Type: application/json' \\\n  -d '${body}'\n`;
+}

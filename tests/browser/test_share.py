@@ -1,0 +1,101 @@
+"""What is taken away from the page comes back: links, code, films, particles, scenes and runs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import expect
+
+from hybridmpm import MpmSolver, Scene
+
+from .conftest import LiveService, Open, Visit
+
+pytestmark = pytest.mark.browser
+
+SCENE = "renderer=canvas2d&scenario=water_2d&seed=3"
+
+
+def _paused(open_page: Open, **options: Any) -> Visit:
+    """Open a page that may use the clipboard, and pause it after a push."""
+    visit = open_page(SCENE, **options)
+    visit.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
+    visit.drag([(0.4, 0.3), (0.6, 0.35)])
+    visit.pause_at(20)
+    return visit
+
+
+def _copied(visit: Visit, name: str) -> str:
+    visit.page.evaluate("navigator.clipboard.writeText('')")
+    visit.page.get_by_role("button", name=name).click()
+    expect(visit.page.locator("#share-text")).to_contain_text("clipboard")
+    return str(visit.page.evaluate("navigator.clipboard.readText()"))
+
+
+def _saved(visit: Visit, name: str, folder: Path) -> Path:
+    with visit.page.expect_download() as download:
+        visit.page.get_by_role("button", name=name, exact=True).click()
+    file = folder / download.value.suggested_filename
+    download.value.save_as(file)
+    return file
+
+
+@pytest.mark.parametrize("width", [1100, 390])
+def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, width: int) -> None:
+    visit = _paused(open_page, viewport={"width": width, "height": 844})
+    link = _copied(visit, "Copy link")
+    log = service.get(f"/v1/sessions/{visit.session}/log")
+    assert log["inputs"]
+    other = open_page("")
+    other.wait_for("body.state === 'live'")
+    other.page.goto(link)  # which changes the part behind the # alone
+    other.wait_for(f"body.state === 'live' && Number(body.frame) === {log['frame']}")
+    expect(other.page.locator("#toasts")).to_contain_text("Computed again, bit by bit")
+    assert other.session != visit.session
+    assert service.get(f"/v1/sessions/{other.session}/log")["digest"] == log["digest"]
+    damaged = link[:-40] + link[-20:]
+    other.page.goto("about:blank")
+    other.page.goto(damaged)
+    expect(other.page.locator("#toasts")).to_contain_text("This link is damaged")
+    other.wait_for("body.state === 'live'")
+
+
+def test_code_runs_elsewhere(open_page: Open, service: LiveService) -> None:
+    visit = _paused(open_page)
+    python = _copied(visit, "Copy as Python")
+    assert 'scenes.get("water_2d", 3)' in python.replace("scenarios", "scenes")
+    there: dict[str, Any] = {"print": lambda *_: None}
+    exec(python, there)  # noqa: S102 - it is what the page promises to run
+    assert there["solver"].frame == visit.frame
+    curl = _copied(visit, "Copy as curl")
+    assert service.url in curl
+    body = json.loads(curl.partition("-d '")[2].rpartition("'")[0])
+    made = service.post("/v1/sessions", body)
+    assert (made["scenario"], made["seed"], made["solver"]) == ("water_2d", 3, "mpm")
+
+
+def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_path: Path) -> None:
+    visit = _paused(open_page)
+    log = service.get(f"/v1/sessions/{visit.session}/log")
+    with np.load(_saved(visit, "Particles", tmp_path)) as arrays:
+        assert arrays["positions"].shape == MpmSolver(Scene.parse(log["scene"])).positions.shape
+    with Image.open(_saved(visit, "Film", tmp_path)) as film:
+        assert film.format == "GIF"
+        assert getattr(film, "n_frames", 1) > 20
+    scene, run = _saved(visit, "Save scene", tmp_path), _saved(visit, "Save run", tmp_path)
+    assert Scene.load(scene) == Scene.parse(log["scene"])
+    first = visit.session
+    visit.page.locator("#share-file").set_input_files(run)
+    visit.wait_for(f"body.session !== '{first}' && Number(body.frame) === {log['frame']}")
+    second = visit.session
+    assert service.get(f"/v1/sessions/{second}/log")["digest"] == log["digest"]
+    visit.page.locator("#share-file").set_input_files(scene)
+    visit.wait_for(f"body.state === 'live' && body.session !== '{second}' && Number(body.frame) > 0")
+    assert service.get(f"/v1/sessions/{visit.session}")["scenario"] is None
+    broken = tmp_path / "broken.json"
+    broken.write_text("no scene")
+    visit.page.locator("#share-file").set_input_files(broken)
+    expect(visit.page.locator("#toasts")).to_contain_text("This file cannot be read")
