@@ -12,11 +12,17 @@ MAX_VALUES = 1 << 15
 Objects, errors and answers that are made of a text grow with this number, whatever its bytes. The largest
 sketch, a stroke of 4096 points with widths and times, has 20 500.
 """
+MAX_LOG_VALUES = 1 << 18
+"""Largest number of values in a text that is the log of a session: some twenty thousand pushes of a hand.
+
+All but its inputs have to be at most `MAX_VALUES`.
+"""
 MAX_DEPTH = 32
 """Largest depth of arrays and objects within each other."""
 
 # Nothing here is tried twice, so that also a text without end takes time in proportion to its length.
 _STRING = re.compile(r'"[^"\\]*+(?:\\.[^"\\]*+)*+(?:"|\\?\Z)', re.DOTALL)
+_LOG = re.compile(r'\s*\{\s*"log"\s*:')
 _BRACKET = re.compile(r"[\[\]{}]")
 
 
@@ -37,20 +43,37 @@ def read_json(text: bytes | str, field: str) -> Any:
     """
     try:
         decoded = text.decode() if isinstance(text, bytes) else text
-        _check_structure(decoded, field)
-        return json.loads(decoded)
+        is_log = _LOG.match(decoded) is not None
+        _check_structure(decoded, field, MAX_LOG_VALUES if is_log else MAX_VALUES)
+        value = json.loads(decoded)
     except UnicodeDecodeError as err:
         raise FieldError(field, f"is not JSON: byte {err.start} is not UTF-8") from None
     except ValueError as err:
         raise FieldError(field, f"is not JSON: {err}") from None
+    if is_log:
+        _check_beside_inputs(value, field)
+    return value
 
 
-def _check_structure(text: str, field: str) -> None:
+def _check_beside_inputs(body: dict[str, Any], field: str) -> None:
+    log = body["log"]
+    inputs = log.get("inputs") if isinstance(log, dict) else None
+    values, waiting = 0, [body]
+    while waiting:
+        one = waiting.pop()
+        values += 1
+        if one is not inputs and isinstance(one, dict | list):
+            waiting += one.values() if isinstance(one, dict) else one
+    if values > MAX_VALUES:
+        raise FieldError(field, f"has {values} values beside its inputs, and may have at most {MAX_VALUES}")
+
+
+def _check_structure(text: str, field: str, most: int) -> None:
     structure = _STRING.sub("", text)
     opened = structure.count("[") + structure.count("{")
     values = 1 + opened + structure.count(",")
-    if values > MAX_VALUES:
-        raise FieldError(field, f"has about {values} values, and may have at most {MAX_VALUES}")
+    if values > most:
+        raise FieldError(field, f"has about {values} values, and may have at most {most}")
     if structure.count("]") + structure.count("}") > opened:
         raise FieldError(field, "is not JSON: more brackets are closed than opened")
     depth = 0

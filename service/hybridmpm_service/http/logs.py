@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, FailFast, Field, model_validator
 
 from hybridmpm import Scene
 from hybridmpm.control.sketch.sketch import MAX_POINTS
@@ -147,7 +147,8 @@ class LogBody(Request):
     r_c: float | None = Field(ge=-1, le=1, description="Value below which the safeguard alarms.")
     safeguard: SafeguardKind | None = Field(description="Particles that the safeguard's mean is taken over.")
     frame: Frame = Field(description="Frame at which the log ends.")
-    inputs: list[LoggedInput] = Field(
+    # One wrong input is told of: thousands of errors would take long to make.
+    inputs: Annotated[list[LoggedInput], FailFast()] = Field(
         max_length=MAX_INPUTS, description="What acted on the session, in order; frames ascend."
     )
     digest: str = Field(

@@ -4,17 +4,15 @@ import { request } from "./net/api.js";
 import { ForceField } from "./net/force-field.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
+import { bindAppearance } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindPlanner } from "./panels/planner-panel.js";
 import { bindScene, chooseScene, showFindings, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
-import { bindShare } from "./panels/share-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, Presenter, WELCOME } from "./presets.js";
-import { carriesLog, unpackedLog } from "./share/log-link.js";
 import { Hand } from "./sketch/hand.js";
 import { Steering } from "./sketch/steering.js";
 import { Stage } from "./stage/stage.js";
@@ -23,6 +21,7 @@ import { Tools } from "./tools.js";
 const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const carriesLog = (hash) => hash.startsWith("#replay=");
 const isSeed = (text) => /^\d{1,9}$/.test(text);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
 let chosen = {
@@ -251,7 +250,7 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
 /** Leave the session for a scene or a run that somebody has brought. */
 function openOwn(body, hash = "") {
   const address = new URL(window.location.href);
-  address.search = "";
+  for (const name of ["scenario", "seed", "solver", "rung", "session", "preset"]) address.searchParams.delete(name);
   address.hash = hash;
   window.history.replaceState(null, "", address);
   presenter.set(null);
@@ -264,6 +263,7 @@ function openOwn(body, hash = "") {
 
 async function openLink(hash) {
   try {
+    const { unpackedLog } = await import("./share/log-link.js");
     openOwn({ log: await unpackedLog(hash) }, hash);
   } catch {
     messages.toast({
@@ -298,11 +298,27 @@ controls.bindControls({
   forces: toggleForces,
 });
 
+bindAppearance();
 bindScene((wanted) => startScene(wanted));
-bindShare({ session, toast: messages.toast, open: openOwn });
-bindPlanner({
+// What few visitors ask for is loaded when it is asked for.
+const planned = {
   scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),
   start: (rung) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...rung }),
+};
+document.getElementById("planner-open").addEventListener("click", async () => {
+  const { openPlanner } = await import("./plan/panel.js");
+  openPlanner(planned);
+});
+const shared = { session, toast: messages.toast, open: openOwn };
+document.getElementById("share").addEventListener("click", async ({ target }) => {
+  const button = target.closest("button");
+  if (button === null) return;
+  const { share } = await import("./share/panel.js");
+  share(button, shared);
+});
+document.getElementById("share-file").addEventListener("change", async ({ target }) => {
+  const { openChosen } = await import("./share/panel.js");
+  openChosen(target, shared);
 });
 bindToolPanel((shown) => {
   forces.wanted = shown;

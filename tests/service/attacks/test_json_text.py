@@ -5,7 +5,7 @@ import json
 import pytest
 
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.json_text import MAX_DEPTH, MAX_VALUES, read_json
+from hybridmpm_service.http.json_text import MAX_DEPTH, MAX_LOG_VALUES, MAX_VALUES, read_json
 
 
 @pytest.mark.parametrize(
@@ -16,8 +16,9 @@ from hybridmpm_service.http.json_text import MAX_DEPTH, MAX_VALUES, read_json
         [0] * (MAX_VALUES - 1),
         json.loads("[" * MAX_DEPTH + "]" * MAX_DEPTH),
         "[" * 100_000,
+        {"log": {"frame": 3, "inputs": [[0, 0]] * MAX_VALUES}},
     ],
-    ids=["object", "escapes", "as many as allowed", "as deep as allowed", "brackets in a text"],
+    ids=["object", "escapes", "as many as allowed", "as deep as allowed", "brackets in a text", "log"],
 )
 def test_what_is_within_the_bounds_is_read(value: object) -> None:
     assert read_json(json.dumps(value), "body") == value
@@ -33,6 +34,11 @@ def test_what_is_within_the_bounds_is_read(value: object) -> None:
         ),
         (json.dumps({str(i): 0 for i in range(MAX_VALUES)}), "may have at most"),
         ("[" + "{}," * MAX_VALUES + "{}]", "values"),
+        (json.dumps({"log": {"inputs": [0] * MAX_LOG_VALUES}}), f"at most {MAX_LOG_VALUES}"),
+        (json.dumps({"log": {"inputs": [], "scene": [0] * MAX_VALUES}}), "values beside its inputs"),
+        (json.dumps({"log": {"inputs": []}, "scene": [0] * MAX_VALUES}), "values beside its inputs"),
+        (json.dumps({"log": [0] * MAX_VALUES}), "values beside its inputs"),
+        (json.dumps({"scene": 1, "log": {"inputs": [0] * MAX_VALUES}}), f"at most {MAX_VALUES}"),
         ("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1), f"at most {MAX_DEPTH} arrays and objects in each"),
         ('{"a":' * 1000 + "1" + "}" * 1000, "in each other"),
         ("]" * 100_000, "more brackets are closed than opened"),

@@ -118,3 +118,14 @@ def test_a_log_has_its_own_scene_and_simulator(
     answer = service.http.post("/v1/sessions", json={"log": logged[1]} | beside)
     assert answer.status_code == 422
     assert message in answer.text
+
+
+def test_a_log_of_minutes_of_pushing_can_be_sent(service: Any, path: str) -> None:
+    service.http.post(f"{path}/advance", json={"frames": 1})
+    log = service.http.get(f"{path}/log").json()
+    hand = {"point": [0.5, 0.4], "velocity": [0.0, 0.0], "radius": 0.05, "cap": 15.0}
+    log["inputs"] = [{"kind": "push", "frame": 1, "push": hand}] * 10_000
+    again = service.http.post("/v1/sessions", json={"log": log})
+    assert again.status_code == 201, again.text
+    assert again.json()["notice"] is None
+    assert service.http.delete(again.json()["links"]["self"]).status_code == 204

@@ -16,9 +16,6 @@ export async function packedLog(log) {
   return `${NAME}=${btoa(binary).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "")}`;
 }
 
-/** Whether the part of an address behind the # is meant to carry a log. */
-export const carriesLog = (hash) => hash.replace(/^#/, "").startsWith(`${NAME}=`);
-
 /** The log that `packedLog` packed. Throws where it is damaged. */
 export async function unpackedLog(hash) {
   const text = hash.replace(/^#/, "").slice(NAME.length + 1);

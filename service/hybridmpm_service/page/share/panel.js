@@ -1,14 +1,14 @@
 // What can be taken away: links, code, films, particles, scenes, whole runs; and what can be brought back.
 
-import { packedLog } from "../share/log-link.js";
-import { asCurl, asPython } from "../share/snippets.js";
-import { byId, setText } from "./dom.js";
+import { packedLog } from "./log-link.js";
+import { asCurl, asPython } from "./snippets.js";
+import { byId, setText } from "../panels/dom.js";
 
 /** Longest address that browsers and messengers pass on whole. */
 const LONGEST_LINK = 60_000;
 const FILM = { frames: 200, every: 4, format: "gif", width: 480, speed: 0.5 };
 
-let parts = null; // {session, toast, open}, from bindShare
+let parts = null; // {session, toast, open}
 
 const tell = (text) => setText("share-text", text);
 
@@ -81,25 +81,28 @@ async function open(file) {
 }
 
 /**
- * Let the user take things away.
+ * Do what a button of the card promises.
  *
- * @param given {session, toast(problem), open(body of POST /v1/sessions)}
+ * @param button the button
+ * @param given  {session, toast(problem), open(body of POST /v1/sessions)}
  */
-export function bindShare(given) {
+export async function share(button, given) {
   parts = given;
-  for (const button of document.querySelectorAll("[data-share]")) {
-    button.addEventListener("click", async () => {
-      try {
-        await ACTIONS[button.dataset.share]();
-      } catch (problem) {
-        tell("");
-        parts.toast(problem);
-      }
-    });
+  if (button.id === "share-open") {
+    byId("share-file").click();
+    return;
   }
-  byId("share-open").addEventListener("click", () => byId("share-file").click());
-  byId("share-file").addEventListener("change", ({ target }) => {
-    if (target.files.length > 0) open(target.files[0]);
-    target.value = "";
-  });
+  try {
+    await ACTIONS[button.dataset.share]();
+  } catch (problem) {
+    tell("");
+    parts.toast(problem);
+  }
+}
+
+/** Open the file that was chosen; `given` as for `share`. */
+export function openChosen(input, given) {
+  parts = given;
+  if (input.files.length > 0) open(input.files[0]);
+  input.value = "";
 }

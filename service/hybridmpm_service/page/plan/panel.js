@@ -1,11 +1,12 @@
 // The dialog that asks the server which way to simulate the scene is the quickest, or the most accurate.
 
 import { request } from "../net/api.js";
-import { byId, setText } from "./dom.js";
-import { drawPlans } from "./plan-chart.js";
+import { byId, setText } from "../panels/dom.js";
+import { drawPlans } from "./chart.js";
 
 const METHODS = { mpm: "MPM", carried: "MPM carrying all particles", neural: "Network", hybrid: "Hybrid" };
 
+let parts = null; // from openPlanner
 let plan = null; // the newest answer; null before the first, and after one that failed
 
 /** "carried fitted 1/16" -> "MPM carrying all particles, fitted 1/16". */
@@ -50,21 +51,11 @@ async function ask(scene) {
   }
 }
 
-/**
- * Open the dialog on demand, and start a session at the rung that was chosen.
- *
- * @param scene returns {scenario, seed} of the scene that is asked about
- * @param start called with {solver, rung} of the plan
- */
-export function bindPlanner({ scene, start }) {
-  const dialog = byId("planner");
-  byId("planner-open").addEventListener("click", () => {
-    dialog.showModal();
-    ask(scene());
-  });
+/** Let the dialog do what its parts promise; once. */
+function bind() {
   byId("plan-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    ask(scene());
+    ask(parts.scene());
   });
   byId("plan-demand").addEventListener("change", () => {
     const budget = byId("plan-by-time").checked;
@@ -72,8 +63,22 @@ export function bindPlanner({ scene, start }) {
     byId("plan-error").disabled = budget;
   });
   byId("plan-start").addEventListener("click", () => {
-    dialog.close();
-    start({ solver: plan.session.solver, rung: plan.session.rung ?? null });
+    byId("planner").close();
+    parts.start({ solver: plan.session.solver, rung: plan.session.rung ?? null });
   });
-  byId("planner-close").addEventListener("click", () => dialog.close());
+  byId("planner-close").addEventListener("click", () => byId("planner").close());
+}
+
+/**
+ * Open the dialog, and ask at once.
+ *
+ * @param given {scene() -> {scenario, seed} of the scene that is asked about, start({solver, rung}) at the rung chosen}
+ */
+export function openPlanner(given) {
+  if (parts === null) {
+    parts = given;
+    bind();
+  }
+  byId("planner").showModal();
+  ask(parts.scene());
 }

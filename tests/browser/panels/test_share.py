@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import expect
+from tests.browser.conftest import LiveService, Open, Visit
 
 from hybridmpm import MpmSolver, Scene
-
-from .conftest import LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
@@ -29,7 +28,7 @@ def _paused(open_page: Open, **options: Any) -> Visit:
 
 
 def _copied(visit: Visit, name: str) -> str:
-    visit.page.evaluate("navigator.clipboard.writeText('')")
+    visit.page.evaluate("document.getElementById('share-text').textContent = ''")
     visit.page.get_by_role("button", name=name).click()
     expect(visit.page.locator("#share-text")).to_contain_text("clipboard")
     return str(visit.page.evaluate("navigator.clipboard.readText()"))

@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 from playwright.sync_api import expect
-
-from .conftest import LiveService, Open, Visit
+from tests.browser.conftest import LiveService, Open, Visit
 
 pytestmark = pytest.mark.browser
 
