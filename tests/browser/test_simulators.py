@@ -89,7 +89,9 @@ def test_badge_and_chart_follow_the_session(
     assert before["value"] == 0
     # There is a threshold only where somebody sets r_c.
     assert before["threshold"] == 0
-    expect(visit.page.locator("#safeguard-threshold")).to_have_text("not set")
+    # No threshold of the cosine is set, so none is named.
+    expect(visit.page.locator("#threshold-row")).to_be_hidden()
+    expect(visit.page.locator("#threshold-legend")).to_be_hidden()
 
     service.advance(visit.session, 140)
     session = service.get(f"/v1/sessions/{visit.session}")

@@ -1,6 +1,7 @@
 // The tool in hand: what pointers on the stage do with it.
 
 import * as controls from "./panels/controls.js";
+import { StageKeys } from "./sketch/keys.js";
 import { StagePointer } from "./sketch/pointer.js";
 import { depthOfWidth } from "./sketch/sketch.js";
 
@@ -9,11 +10,12 @@ export class Tools {
   #scene = null;
   #parts;
   #pointer;
+  #keys;
 
   /** @param parts {stage, steering, hand, isLive(), play(), glides() -> whether the camera may, changed()} */
   constructor(overlay, parts) {
     this.#parts = parts;
-    this.#pointer = new StagePointer(overlay, {
+    const handlers = {
       mode: () => (this.name === "orbit" ? "orbit" : "stroke"),
       begin: (sample) => this.#begin(sample),
       extend: (samples) => this.#extend(samples),
@@ -27,7 +29,9 @@ export class Tools {
         parts.stage.view.zoomBy(factor);
         parts.stage.invalidateView();
       },
-    });
+    };
+    this.#pointer = new StagePointer(overlay, handlers);
+    this.#keys = new StageKeys(overlay, { ...handlers, cursor: (at) => parts.stage.showCursor(at) });
   }
 
   /** Take another scene, with the tool that it is best looked at with. */
@@ -51,8 +55,10 @@ export class Tools {
   /** Drop the stroke in progress, or else take back the sketch that steers. */
   escape() {
     const { steering, hand } = this.#parts;
-    if (steering.phase === "drawing" || hand.point !== null) this.#pointer.abort();
-    else steering.takeBack();
+    if (steering.phase === "drawing" || hand.point !== null) {
+      this.#pointer.abort();
+      this.#keys.abort();
+    } else steering.takeBack();
   }
 
   #begin(sample) {

@@ -92,7 +92,10 @@ export function showWho({ solver, mode, safeguard, frame }, history) {
   }
   charted = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
   setText("safeguard-value", safeguard.value === null ? "not yet" : signed(safeguard.value));
-  setText("safeguard-threshold", safeguard.r_c === null ? "not set" : signed(safeguard.r_c));
+  const watched = safeguard.r_c !== null;
+  byId("threshold-legend").hidden = !watched;
+  byId("threshold-row").hidden = !watched;
+  if (watched) setText("safeguard-threshold", signed(safeguard.r_c));
   setText("mpm-share", `${Math.round(100 * safeguard.mpm_share)} %`);
   showDecision(charted.history.decisions.at(-1));
   draw();

@@ -208,6 +208,29 @@ export function drawHand(context, view, point, radius) {
   context.restore();
 }
 
+/** Draw the cursor of the keyboard at a place of the stage [px]. */
+export function drawCursor(context, [px, py]) {
+  context.save();
+  for (const [color, width] of [
+    ["rgb(0 0 0 / 0.7)", 5],
+    ["#ffffff", 2],
+  ]) {
+    context.strokeStyle = color;
+    context.lineWidth = width;
+    for (const [dx, dy] of [
+      [12, 0],
+      [0, 12],
+    ]) {
+      trace(context, [
+        [px - dx, py - dy],
+        [px + dx, py + dy],
+      ]);
+      context.stroke();
+    }
+  }
+  context.restore();
+}
+
 function drawTarget(context, px, py) {
   context.strokeStyle = "#ffd166";
   context.lineWidth = 2;

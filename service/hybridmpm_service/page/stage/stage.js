@@ -4,6 +4,7 @@ import { RADIUS } from "../sketch/hand.js";
 import { FlatView, OrbitView } from "./camera.js";
 import { predicted } from "../sketch/prediction.js";
 import {
+  drawCursor,
   drawFittedEllipse,
   drawGhostHand,
   drawGoal,
@@ -34,6 +35,7 @@ export class Stage {
   #time = 0; // simulated time of the frame that is shown [s]
   #shown; // {steering, hand, presenter, forces}: what is drawn over the particles
   #centroid = null; // centre of mass of the fluid
+  #cursor = null; // cursor of the keyboard [px]; null while it has none
   #stale = false; // something has changed since the last drawing
   #backdropStale = true;
 
@@ -86,6 +88,12 @@ export class Stage {
   /** Begin predictions at this centre of mass from now on; null where there is no particle. */
   showCentroid(centroid) {
     this.#centroid = centroid;
+  }
+
+  /** Show the cursor of the keyboard at a place [px]; null takes it away. */
+  showCursor(at) {
+    this.#cursor = at;
+    this.invalidate();
   }
 
   /** Draw again at the next opportunity. */
@@ -143,6 +151,7 @@ export class Stage {
     if (steering.sketch !== null) this.#drawSteering(context, steering, now);
     else if (presenter.ghost !== null) this.#drawGhost(context, presenter.ghost);
     if (hand.point !== null) drawHand(context, this.view, hand.point, RADIUS);
+    if (this.#cursor !== null) drawCursor(context, this.#cursor);
   }
 
   #drawSteering(context, { sketch, plan, phase }, now) {
