@@ -1,12 +1,13 @@
 """Every tool at the width of a desktop and of a phone, and how hard and how long tools act."""
 
 import json
-from itertools import pairwise
+from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, Route, ViewportSize, expect
+from playwright.sync_api import Locator, Page, Route, ViewportSize, expect
 
 from .conftest import LiveService, Open, Visit
 
@@ -19,6 +20,8 @@ SIZES: list[ViewportSize] = [
     {"width": 920, "height": 800},
     {"width": 390, "height": 844},
 ]
+ON_ITS_SIDE: ViewportSize = {"width": 844, "height": 390}
+"""A phone that is held sideways."""
 FORCE_COLOR = (0xFF, 0x9F, 0x43)
 
 
@@ -147,22 +150,43 @@ def test_forces_are_shown_on_demand(open_page: Open, service: LiveService) -> No
 def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
     visit = open_page(f"renderer=canvas2d&scenario={scenario}&seed=1")
     visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
-    for size in SIZES:
+    for size, side in zip((*SIZES, ON_ITS_SIDE), (770, 510, 600, 390, 340), strict=True):
         visit.page.set_viewport_size(size)
         assert visit.page.evaluate("document.documentElement.scrollWidth") == size["width"]
-        boxes = [button.bounding_box() for button in visit.page.locator(".toolbar button:visible").all()]
+        boxes = [_box(button) for button in visit.page.locator(".toolbar button:visible").all()]
         assert len(boxes) == (7 if scenario == "water_2d" else 8)
-        ends = []
+        toolbar = _box(visit.page.locator(".toolbar"))
         for box in boxes:
-            assert box is not None
-            ends.append((box["x"], box["x"] + box["width"]))
-            assert box["y"] + box["height"] <= size["height"]
-        assert all(left[1] <= right[0] + 0.5 for left, right in pairwise(ends)), size
-        toolbar = visit.page.locator(".toolbar").bounding_box()
-        assert toolbar is not None
-        assert ends[0][0] >= toolbar["x"]
-        assert ends[-1][1] <= toolbar["x"] + toolbar["width"] + 0.5, size
-        # What the tool does is said in sight, not under the toolbar.
-        line = visit.page.locator("#steerline").bounding_box()
-        assert line is not None
-        assert line["y"] + line["height"] <= toolbar["y"] + 0.5, size
+            assert box.y + box.height <= size["height"]
+            assert toolbar.x <= box.x
+            assert box.x + box.width <= toolbar.x + toolbar.width + 0.5, size
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2)), size
+        # What the tool does is said in sight, not under the toolbar, and the picture takes the room there is.
+        line, view = _box(visit.page.locator("#steerline")), _box(visit.page.locator("#view"))
+        assert not line.overlaps(toolbar)
+        assert not line.overlaps(view)
+        assert not view.overlaps(toolbar)
+        assert line.y + line.height <= size["height"]
+        assert view.width == view.height >= side, size
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Where an element is on the screen [px]."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def overlaps(self, other: "Rectangle") -> bool:
+        """Whether a part of both, more than a rounding, is at the same place."""
+        across = min(self.x + self.width, other.x + other.width) - max(self.x, other.x)
+        down = min(self.y + self.height, other.y + other.height) - max(self.y, other.y)
+        return min(across, down) > 0.5
+
+
+def _box(element: Locator) -> Rectangle:
+    found = element.bounding_box()
+    assert found is not None
+    return Rectangle(**found)
