@@ -3,13 +3,13 @@
 import copy
 import dataclasses
 from collections.abc import Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
-import hybridmpm
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
@@ -32,6 +32,9 @@ from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind
 from hybridmpm.snapshots import SavedState
+
+if TYPE_CHECKING:
+    import hybridmpm
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
@@ -343,7 +346,9 @@ class HybridSimulator(CarryingSimulator):
         ConfigError, DataError, SceneError
             As `AutoSolver`.
         """
-        return hybridmpm.AutoSolver(scene, budget_ms=budget_ms, threads=threads, learned=True)
+        # By its name: the planner stands on this room.
+        auto: type[hybridmpm.AutoSolver] = import_module("hybridmpm.planner").AutoSolver
+        return auto(scene, budget_ms=budget_ms, threads=threads, learned=True)
 
     @classmethod
     def load(

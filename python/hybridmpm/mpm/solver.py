@@ -4,13 +4,13 @@ import copy
 import math
 import warnings
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
-import hybridmpm
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.downsampling import Carrier, Rung, rung_for
@@ -34,6 +34,9 @@ from hybridmpm.mpm.state import MpmState
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.snapshots import SavedState
+
+if TYPE_CHECKING:
+    import hybridmpm
 
 Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
@@ -331,7 +334,9 @@ class MpmSolver(MpmState):
         ConfigError, DataError, SceneError
             As `AutoSolver`.
         """
-        return hybridmpm.AutoSolver(scene, budget_ms=budget_ms, threads=threads)
+        # By its name: the planner stands on this room.
+        auto: type[hybridmpm.AutoSolver] = import_module("hybridmpm.planner").AutoSolver
+        return auto(scene, budget_ms=budget_ms, threads=threads)
 
     @classmethod
     def load(cls, path: str | Path, *, threads: int = 1) -> Self:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hybridmpm.bench.report.git import git, git_bytes
 from hybridmpm.bench.staleness.program import program
+from hybridmpm.errors import ConfigError
 
 
 class History:
@@ -31,14 +32,16 @@ class History:
         """Return the path of a file relative to the checkout."""
         return file.relative_to(self.root).as_posix()
 
-    def is_changed(self, file: Path, commit: str) -> bool:
-        """Whether a file computes something else than at a commit; a new file, whether it computes at all.
+    def has(self, commit: str) -> bool:
+        """Whether a commit is in the history."""
+        try:
+            git(self.root, "cat-file", "-e", f"{commit}^{{commit}}")
+        except ConfigError:
+            return False
+        return True
 
-        Raises
-        ------
-        ConfigError
-            The commit is not in the history.
-        """
+    def is_changed(self, file: Path, commit: str) -> bool:
+        """Whether a file computes something else than at a commit; a new file, whether it computes at all."""
         earlier = self._earlier(commit)
         name = self.name(file)
         is_untouched = name in earlier and earlier[name] is None

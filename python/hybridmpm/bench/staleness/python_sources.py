@@ -87,7 +87,9 @@ class PythonSources:
 
     def _found_uses(self, path: Path) -> Iterator[_Use]:
         tree = _parsed(path)
-        for node in ast.walk(tree):
+        # What is imported for type checkers is not run; the names of a package's `__init__` are found apart.
+        unrun = {id(node) for guard in ast.walk(tree) if _is_unrun(guard) for node in ast.walk(guard)}
+        for node in (one for one in ast.walk(tree) if id(one) not in unrun):
             if isinstance(node, ast.Import):
                 for one in node.names:
                     if one.name.split(".")[0] == PACKAGE:
@@ -131,6 +133,10 @@ class PythonSources:
 @functools.cache
 def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_bytes())
+
+
+def _is_unrun(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def _is_ours(node: ast.ImportFrom) -> bool:

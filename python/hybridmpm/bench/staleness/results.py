@@ -57,7 +57,7 @@ def dated_results(folder: Path, benches: Mapping[str, Origin]) -> list[DatedResu
     Raises
     ------
     ConfigError
-        The folder is in no checkout of this project, or a commit is not in its history.
+        The folder is in no checkout of this project.
     DataError
         A file is damaged or names no commit.
     """
@@ -77,6 +77,9 @@ def dated_results(folder: Path, benches: Mapping[str, Origin]) -> list[DatedResu
 def _changed(history: History, python: PythonSources, commit: str, origin: Origin | None) -> Iterator[str]:
     if origin is None:
         yield "the list of benchmarks, which lacks this result"
+        return
+    if not history.has(commit):
+        yield "all that may have, for the history lacks this commit"
         return
     for missing in (module for module in origin.modules if python.path(module) is None):
         yield f"{missing}, which is gone"
