@@ -309,6 +309,10 @@ document.getElementById("planner-open").addEventListener("click", async () => {
   const { openPlanner } = await import("./plan/panel.js");
   openPlanner(planned);
 });
+document.getElementById("gallery-open").addEventListener("click", async () => {
+  const { openGallery } = await import("./gallery/panel.js");
+  openGallery({ open: openOwn, toast: messages.toast });
+});
 const shared = { session, toast: messages.toast, open: openOwn };
 document.getElementById("share").addEventListener("click", async ({ target }) => {
   const button = target.closest("button");

@@ -1,0 +1,47 @@
+"""The gallery: every scene is sound, has its picture, and plays when it is chosen."""
+
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from playwright.sync_api import expect
+from tests.browser.conftest import LiveService, Open
+
+import hybridmpm_service
+from hybridmpm import MpmSolver, Scene
+
+pytestmark = pytest.mark.browser
+
+FOLDER = Path(hybridmpm_service.__file__).parent / "page" / "gallery"
+NAMES = sorted(file.stem for file in FOLDER.glob("*.json"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scene_runs_and_has_a_picture(name: str) -> None:
+    scene = Scene.load(FOLDER / f"{name}.json")
+    assert not [one for one in scene.check().findings if one.severity != "note"]
+    solver = MpmSolver(scene)
+    solver.advance(10)
+    assert 1000 < solver.particle_count < 15_000
+    with Image.open(FOLDER / f"{name}.png") as picture:
+        assert picture.width >= 150
+
+
+@pytest.mark.parametrize("width", [1100, 390])
+def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int) -> None:
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    first = visit.session
+    visit.page.get_by_role("button", name="Gallery").click()
+    items = visit.page.locator("#gallery-list button")
+    expect(items).to_have_count(len(NAMES))
+    listed = (FOLDER / "panel.js").read_text(encoding="utf-8")
+    assert sorted(re.findall(r'^  "?([a-z-]+)"?: "', listed, re.MULTILINE)) == NAMES
+    assert visit.page.evaluate("document.documentElement.scrollWidth") == width
+    visit.page.get_by_role("button", name="Hourglass").click()
+    visit.wait_for(f"body.state === 'live' && body.session !== '{first}' && Number(body.frame) > 0")
+    made = service.get(f"/v1/sessions/{visit.session}")
+    assert made["scenario"] is None
+    assert service.get(f"/v1/sessions/{visit.session}/log")["scene"]["name"] == "hourglass"
+    assert "scenario=" not in visit.page.url
