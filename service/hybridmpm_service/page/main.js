@@ -8,7 +8,7 @@ import { bindAppearance } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
-import { bindScene, chooseScene, showFindings, showScenarios } from "./panels/scene-panel.js";
+import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } from "./panels/scene-panel.js";
 import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
@@ -151,7 +151,11 @@ function showSession(hello) {
   steering.clear();
   tools.setScene(scene);
   showFindings(hello.session.findings);
-  if (!hello.session.scenario) return;
+  if (!hello.session.scenario) {
+    showOwnScene(scene.name || "Your scene");
+    showChoice({ scenario: "", solver: hello.session.solver, rung: hello.session.rung });
+    return;
+  }
   const { scenario, seed, solver, rung } = hello.session;
   chosen = { scenario, seed, solver, rung };
   chooseScene(chosen);
@@ -299,7 +303,16 @@ controls.bindControls({
 });
 
 bindAppearance();
-bindScene((wanted) => startScene(wanted));
+bindScene(async (wanted) => {
+  if (wanted.scenario !== "") {
+    startScene(wanted);
+    return;
+  }
+  // A scene of one's own stays; what changes is who simulates it.
+  const log = await session.log();
+  const rung = chosenRung();
+  openOwn({ scene: log.scene, ...(rung === null ? {} : { rung }) });
+});
 // What few visitors ask for is loaded when it is asked for.
 const planned = {
   scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),

@@ -39,8 +39,8 @@ router = APIRouter()
 
 _LAST_WORDS_SECONDS = 0.3
 """Longest time that a client may take to read the message on its way when its stream ends."""
-_SHOWN = {"dim", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
-"""Fields of a scene that a viewer may draw."""
+_SHOWN = {"name", "dim", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
+"""Fields of a scene that a viewer may show."""
 _CLOSE_VERSION = 4406
 """WebSocket close code of a stream that cannot be had in the version that was asked for."""
 _CLOSE_FLOODED = 1008

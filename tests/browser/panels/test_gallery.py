@@ -45,3 +45,16 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
     assert made["scenario"] is None
     assert service.get(f"/v1/sessions/{visit.session}/log")["scene"]["name"] == "hourglass"
     assert "scenario=" not in visit.page.url
+    # The panel says what is shown; another rung keeps the scene, a scenario leaves it.
+    scenario = visit.page.locator("#scenario")
+    expect(scenario.locator("option:checked")).to_have_text("Hourglass")
+    expect(visit.page.get_by_role("radio", name="Hybrid")).to_be_disabled()
+    second = visit.session
+    visit.page.locator("#rung").select_option("1/8")
+    visit.wait_for(f"body.state === 'live' && body.session !== '{second}'")
+    again = service.get(f"/v1/sessions/{visit.session}")
+    assert (again["scenario"], again["rung"]) == (None, "1/8")
+    scenario.select_option("sand_2d")
+    visit.wait_for(f"body.state === 'live' && body.session !== '{again['id']}'")
+    assert service.get(f"/v1/sessions/{visit.session}")["scenario"] == "sand_2d"
+    expect(visit.page.locator("#own-scene")).to_have_count(0)

@@ -24,11 +24,28 @@ export function showScenarios(scenarios, chosen) {
     option.dataset.text = text;
     return option;
   });
-  byId("scenario").replaceChildren(...options);
-  chooseScene(chosen);
+  const own = byId("own-scene");
+  byId("scenario").replaceChildren(...(own === null ? options : [own, ...options]));
+  if (own === null) chooseScene(chosen);
+}
+
+/** Show that the scene is none of the scenarios; `name` is its own. */
+export function showOwnScene(name) {
+  byId("own-scene")?.remove();
+  const option = document.createElement("option");
+  option.id = "own-scene";
+  option.value = "";
+  option.textContent = `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
+  option.dataset.text = "A scene from the gallery, a file or a link. A scenario that is chosen begins another simulation.";
+  byId("scenario").prepend(option);
+  byId("scenario").value = "";
+  byId("seed").disabled = true;
+  describeScenario();
 }
 
 export function chooseScene({ scenario, seed }) {
+  byId("own-scene")?.remove();
+  byId("seed").disabled = false;
   byId("scenario").value = scenario;
   byId("seed").value = seed;
   describeScenario();
