@@ -1,6 +1,5 @@
 """The dialog that asks which simulation is best: its answer, its chart, and a session by it."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,16 +12,11 @@ LIVE = "body.state === 'live' && Number(body.frame) > 0"
 SCENE = "renderer=canvas2d&scenario=water_2d&seed=3"
 
 
-@pytest.fixture(scope="module")
-def service() -> Iterator[LiveService]:
-    with LiveService() as live:
-        yield live
-
-
 def _asked(open_page: Open, **options: Any) -> Visit:
-    """Open a page, and the dialog on it."""
+    """Open a page, paused, and the dialog on it."""
     visit = open_page(SCENE, **options)
     visit.wait_for(LIVE)
+    visit.press_until("Space", "body.playing === 'false'")
     visit.page.get_by_role("button", name="Which is best?").click()
     expect(visit.page.locator("#plan-answer")).to_be_visible()
     return visit
