@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 import schemathesis
-from hypothesis import HealthCheck, settings
-from schemathesis import Case
+from hypothesis import HealthCheck, given, settings
+from hypothesis.errors import Unsatisfiable
+from schemathesis import Case, GenerationMode
+from schemathesis.schemas import APIOperation
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from hybridmpm_service import Settings, create_app
@@ -19,6 +21,7 @@ _SKETCH_SECONDS = 0.05
 _QUIET = settings(deadline=None, suppress_health_check=list(HealthCheck))
 
 document = schemathesis.openapi.from_dict(create_app(Settings()).openapi())
+OPERATIONS = [found.ok() for found in document.get_all_operations()]
 there: dict[str, str] = {}
 """Values of parameters of paths that name something, by parameter."""
 
@@ -65,14 +68,29 @@ def call(service: Any, path: str) -> Iterator[Callable[[Case], None]]:
     there.clear()
 
 
-@document.parametrize()
-@settings(_QUIET, max_examples=FEW, derandomize=True)
-def test_a_few_calls(case: Case, call: Callable[[Case], None]) -> None:
-    call(case)
+def _generate(operation: APIOperation, call: Callable[[Case], None], examples: int) -> None:
+    """Make calls of an operation that fit its schema, and as many that do not."""
+    for mode in GenerationMode:
+        try:
+            cases = operation.as_strategy(generation_mode=mode)
+
+            @settings(_QUIET, max_examples=examples, derandomize=examples == FEW)
+            @given(case=cases)
+            def make(case: Case) -> None:
+                call(case)
+
+            make()
+        except Unsatisfiable:
+            # What takes nothing cannot be asked wrongly.
+            assert mode == GenerationMode.NEGATIVE
+
+
+@pytest.mark.parametrize("operation", OPERATIONS, ids=[one.label for one in OPERATIONS])
+def test_a_few_calls(operation: APIOperation, call: Callable[[Case], None]) -> None:
+    _generate(operation, call, FEW)
 
 
 @pytest.mark.long
-@document.parametrize()
-@settings(_QUIET, max_examples=MANY)
-def test_many_calls(case: Case, call: Callable[[Case], None]) -> None:
-    call(case)
+@pytest.mark.parametrize("operation", OPERATIONS, ids=[one.label for one in OPERATIONS])
+def test_many_calls(operation: APIOperation, call: Callable[[Case], None]) -> None:
+    _generate(operation, call, MANY)
