@@ -44,7 +44,7 @@ let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
-  plan: (stroke, settings) => session.steer(stroke, settings),
+  plan: (stroke, settings, signal) => session.steer(stroke, settings, signal),
   settings: sketchSettings,
   release: () => session.release().catch(messages.toast),
   dim: () => scene.dim,

@@ -48,14 +48,19 @@ async function problemOf(response, path) {
   }
 }
 
-/** Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success. */
-export async function request(method, path, body) {
+/**
+ * Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success.
+ *
+ * @param signal an AbortSignal that takes the call back
+ */
+export async function request(method, path, body, signal) {
   let response;
   try {
     response = await fetch(path, {
       method,
       headers: body === undefined ? {} : { "Content-Type": "application/json" },
       body: body === undefined ? undefined : JSON.stringify(body),
+      signal,
     });
   } catch {
     throw new Problem("The server does not answer", "Check that it is still running.", 0);

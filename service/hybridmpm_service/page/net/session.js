@@ -68,9 +68,10 @@ export class SessionClient {
    * Let a stroke steer the simulation. Resolves to how it was understood, what it takes and where it leads.
    *
    * @param settings {strength, frames, hold}, each of which may be absent
+   * @param signal an AbortSignal that takes the stroke back as long as there is no answer
    */
-  steer(stroke, settings) {
-    return request("POST", `${this.path}/sketches`, { strokes: [stroke], ...settings });
+  steer(stroke, settings, signal) {
+    return request("POST", `${this.path}/sketches`, { strokes: [stroke], ...settings }, signal);
   }
 
   /** The mean acceleration that steers the particles of each cell of a coarse grid, besides gravity. */

@@ -20,9 +20,10 @@ export class Steering {
   #lastFrame = 0;
   #seen = false; // whether the server has said that this sketch steers
   #attempt = 0; // number of the present sketch, which tells answers to replaced ones apart
+  #call = new AbortController(); // takes back the call that asks for the plan
   #handlers;
 
-  /** @param handlers {plan(stroke, settings) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
+  /** @param handlers {plan(stroke, settings, signal) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
    *   changed(), refused(problem), planned(plan), tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
@@ -100,9 +101,11 @@ export class Steering {
   async #send(settings = this.#handlers.settings()) {
     this.#enter("planning");
     const serial = this.#attempt;
+    this.#call.abort();
+    this.#call = new AbortController();
     try {
       const stroke = strokeOf(this.sketch, this.#handlers.dim() === 3 ? this.sketch.widths : null);
-      const plan = await this.#handlers.plan(stroke, settings);
+      const plan = await this.#handlers.plan(stroke, settings, this.#call.signal);
       if (serial !== this.#attempt) return;
       this.plan = plan;
       this.#enter("following");
@@ -120,9 +123,10 @@ export class Steering {
     this.clear();
   }
 
-  /** Take the sketch off the picture, and leave the server as it is. */
+  /** Take the sketch off the picture; what the server has planned already stays with it. */
   clear() {
     clearTimeout(this.#stageTimer);
+    this.#call.abort();
     this.#attempt += 1;
     this.sketch = null;
     this.#forget();
