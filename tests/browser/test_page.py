@@ -169,7 +169,7 @@ def test_phone_needs_no_horizontal_scrolling(open_page: Open) -> None:
         assert box["y"] + box["height"] <= 844
 
 
-ON_DEMAND = ("gallery/", "plan/", "share/")
+ON_DEMAND = ("build/", "gallery/", "plan/", "share/")
 """Folders of what is loaded when somebody asks for it."""
 
 

@@ -326,6 +326,10 @@ document.getElementById("gallery-open").addEventListener("click", async () => {
   const { openGallery } = await import("./gallery/panel.js");
   openGallery({ open: openOwn, toast: messages.toast });
 });
+document.getElementById("build-open").addEventListener("click", async () => {
+  const { openBuilder } = await import("./build/panel.js");
+  openBuilder({ log: () => session.log(), open: openOwn });
+});
 const shared = { session, toast: messages.toast, open: openOwn };
 document.getElementById("share").addEventListener("click", async ({ target }) => {
   const button = target.closest("button");

@@ -37,6 +37,10 @@ def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, sc
     expect(visit.page.locator("#plan-answer")).to_be_visible()
     assert _violations(visit) == []
     visit.page.keyboard.press("Escape")
+    visit.page.get_by_role("button", name="Build").click()
+    visit.page.locator("[data-kind=emitter]").click()
+    assert _violations(visit) == []
+    visit.page.keyboard.press("Escape")
     visit.page.get_by_role("button", name="Help and keyboard shortcuts").click()
     assert _violations(visit) == []
     # It would have found something.

@@ -36,7 +36,7 @@ export function showOwnScene(name) {
   option.id = "own-scene";
   option.value = "";
   option.textContent = `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
-  option.dataset.text = "A scene from the gallery, a file or a link. A scenario that is chosen begins another simulation.";
+  option.dataset.text = "A scene of your own, from the gallery, a file or a link. A scenario that is chosen begins another simulation.";
   byId("scenario").prepend(option);
   byId("scenario").value = "";
   byId("seed").disabled = true;

@@ -1,0 +1,169 @@
+// The dialog in which a scene is made: things are placed by mouse, finger or keyboard, checked by the server, and simulated.
+
+import { request } from "../net/api.js";
+import { byId, setText } from "../panels/dom.js";
+import { Draft } from "./draft.js";
+import { showForm } from "./form.js";
+import { bindHands } from "./hands.js";
+import { drawDraft, focusThing, viewOf } from "./picture.js";
+import { freeRoom, indexIn, inWords, KINDS, made, nameOf } from "./things.js";
+
+const CHECK_MS = 700; // rest after a change before the server is asked
+const FIRST_SIZE = 0.16; // m, of what a button adds
+
+let parts = null; // from openBuilder
+let kind = null; // that a drag on free ground draws
+let timer = 0;
+let checked = null; // the things that the newest check is about
+let asked = 0; // number of the newest check, which tells answers to older ones apart
+
+const draft = new Draft(changed);
+const picture = () => byId("build-picture");
+const view = () => viewOf(draft.base.walls);
+
+function changed() {
+  if (draft.things !== checked) {
+    checked = draft.things;
+    checkSoon();
+  }
+  drawDraft(picture(), view(), draft);
+  showForm(draft);
+  byId("build-undo").disabled = !draft.canGoBack;
+  byId("build-start").disabled = draft.things.length === 0;
+}
+
+/** Ask the server, some time after the latest change, what is wrong with the draft. */
+function checkSoon() {
+  clearTimeout(timer);
+  asked += 1;
+  timer = setTimeout(check, CHECK_MS);
+}
+
+async function check() {
+  const number = ++asked;
+  if (draft.things.length === 0) {
+    showFindings([]);
+    return null;
+  }
+  setText("build-status", "The scene is being checked.");
+  try {
+    const answer = await request("POST", "/v1/checks", { scene: draft.scene });
+    if (number === asked) showAnswer(answer);
+    return answer;
+  } catch (problem) {
+    if (number === asked) setText("build-status", `${problem.title}. ${problem.detail} ${problem.advice}`);
+    return null;
+  }
+}
+
+function showAnswer(answer) {
+  const faults = answer.findings.filter(({ severity }) => severity === "error");
+  draft.mark(new Set(faults.map(indexOf)));
+  showFindings(answer.findings.filter(({ severity }) => severity !== "note"));
+  const cost = answer.milliseconds === null ? "" : `, ${Number(answer.milliseconds.toPrecision(2))} ms a frame`;
+  setText("build-status", answer.ok && answer.particles !== null ? `Runs: ${answer.particles} particles${cost}.` : "This scene cannot run as it is.");
+}
+
+/** The index of the thing that a finding is about; -1 for the whole scene. */
+function indexOf({ field, problem }) {
+  const index = indexIn(field, draft.things);
+  return index < 0 ? indexIn(problem, draft.things) : index;
+}
+
+function textOf({ field, problem, advice }) {
+  const index = indexIn(field, draft.things);
+  const noun = index >= 0 ? `“${nameOf(draft.things[index], draft.things)}” ` : field === "scene" ? "" : `${field}: `;
+  return `${noun}${inWords(advice ? `${problem}; ${advice}` : problem, draft.things)}.`;
+}
+
+function showFindings(findings) {
+  const items = findings.map((finding) => {
+    const item = document.createElement("li");
+    const index = indexOf(finding);
+    item.textContent = textOf(finding);
+    if (index < 0) return item;
+    const button = document.createElement("button");
+    Object.assign(button, { type: "button", className: "link", textContent: "Show" });
+    button.addEventListener("click", () => {
+      draft.select(index);
+      focusThing(picture(), index);
+    });
+    item.append(" ", button);
+    return item;
+  });
+  byId("build-findings").replaceChildren(...items);
+  byId("build-findings").hidden = items.length === 0;
+}
+
+function add(name) {
+  kind = name;
+  for (const button of byId("build-kinds").children) button.setAttribute("aria-pressed", String(button.dataset.kind === name));
+  draft.add(made(name, ...freeRoom(draft.base.walls, draft.things, FIRST_SIZE)));
+  focusThing(picture(), draft.selected);
+}
+
+async function start() {
+  clearTimeout(timer);
+  const answer = await check();
+  if (answer === null || !answer.ok) {
+    byId("build-status").focus();
+    return;
+  }
+  byId("builder").close();
+  parts.open({ scene: draft.scene });
+}
+
+/** Begin with the scene that is shown, if it is flat. */
+async function beginWithShown() {
+  try {
+    const { scene } = await parts.log();
+    if (scene.dim === 2) {
+      draft.begin(scene);
+      return;
+    }
+    setText("build-status", "The scene that is shown has depth, and this picture is flat: it begins with an empty box.");
+  } catch (problem) {
+    setText("build-status", `The scene that is shown cannot be read: ${problem.title}. This is an empty box.`);
+  }
+  draft.begin(null);
+}
+
+function bind() {
+  const buttons = Object.entries(KINDS).map(([name, { title }]) => {
+    const button = document.createElement("button");
+    Object.assign(button, { type: "button", className: `quiet ${name}`, textContent: title });
+    button.dataset.kind = name;
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => add(name));
+    return button;
+  });
+  byId("build-kinds").replaceChildren(...buttons);
+  bindHands(picture(), { draft, view, kind: () => kind });
+  byId("build-undo").addEventListener("click", () => draft.goBack());
+  byId("build-delete").addEventListener("click", () => draft.remove());
+  byId("build-empty").addEventListener("click", () => draft.begin(null));
+  byId("build-shown").addEventListener("click", beginWithShown);
+  byId("build-start").addEventListener("click", start);
+  byId("build-close").addEventListener("click", () => byId("builder").close());
+  byId("builder").addEventListener("keydown", (event) => {
+    if ((event.ctrlKey || event.metaKey) && event.key === "z" && event.target.tagName !== "INPUT") {
+      draft.goBack();
+      event.preventDefault();
+    }
+    event.stopPropagation(); // The page behind has keys of its own.
+  });
+}
+
+/**
+ * Open the dialog with the draft that was left in it, or at first with the scene that is shown.
+ *
+ * @param given {log() -> promise of the session's log, open(body of POST /v1/sessions)}
+ */
+export async function openBuilder(given) {
+  const first = parts === null;
+  parts = given;
+  if (first) bind();
+  byId("builder").showModal();
+  if (first) await beginWithShown();
+  else changed();
+}

@@ -1,0 +1,149 @@
+"""A scene made by hand: its things are placed by mouse, finger and keyboard, checked, and simulated."""
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, expect
+from tests.browser.conftest import LiveService, Open, Visit
+
+pytestmark = pytest.mark.browser
+
+Point = tuple[float, float]
+
+
+def _builder(open_page: Open, width: int = 1100) -> Visit:
+    """Open the page and the dialog, with an empty box in it."""
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3", viewport={"width": width, "height": 844})
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit.page.get_by_role("button", name="Build").click()
+    # It begins with the scene that is shown.
+    expect(_things(visit)).to_have_count(2)
+    visit.page.get_by_role("button", name="Empty box").click()
+    expect(_things(visit)).to_have_count(0)
+    return visit
+
+
+def _things(visit: Visit) -> Locator:
+    return visit.page.locator("#build-picture .thing")
+
+
+def _press(visit: Visit, kind: str) -> None:
+    visit.page.locator(f"#build-kinds [data-kind={kind}]").click()
+
+
+def _pixel(visit: Visit, point: Point) -> Point:
+    """Return where a point of the scene lies on the screen: between walls at 0.1 and 0.9, and a margin of 4 %."""
+    box = visit.page.locator("#build-picture").bounding_box()
+    assert box is not None
+    scale = box["width"] * 0.92 / 0.8
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    return middle[0] + (point[0] - 0.5) * scale, middle[1] - (point[1] - 0.5) * scale
+
+
+def _drag(visit: Visit, start: Point, end: Point, *, finger: bool) -> None:
+    (x, y), (to_x, to_y) = _pixel(visit, start), _pixel(visit, end)
+    if not finger:
+        visit.page.mouse.move(x, y)
+        visit.page.mouse.down()
+        visit.page.mouse.move(to_x, to_y, steps=4)
+        visit.page.mouse.up()
+        return
+    hand = visit.page.context.new_cdp_session(visit.page)
+    hand.send("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    for kind, place in (
+        ("Start", (x, y)),
+        ("Move", ((x + to_x) / 2, (y + to_y) / 2)),
+        ("Move", (to_x, to_y)),
+    ):
+        touch = {"type": f"touch{kind}", "touchPoints": [{"x": place[0], "y": place[1]}]}
+        hand.send("Input.dispatchTouchEvent", touch)
+    hand.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    hand.send("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    hand.detach()
+
+
+def _simulated(visit: Visit, service: LiveService) -> dict[str, Any]:
+    """Simulate the draft, and return the scene that the service got."""
+    before = visit.session
+    visit.page.locator("#build-start").click()
+    visit.wait_for(f"body.state === 'live' && body.session !== '{before}' && Number(body.frame) > 0")
+    expect(visit.page.locator("#builder")).to_be_hidden()
+    scene: dict[str, Any] = service.get(f"/v1/sessions/{visit.session}/log")["scene"]
+    return scene
+
+
+@pytest.mark.parametrize(("width", "finger"), [(1100, False), (390, True)], ids=["mouse", "finger"])
+def test_a_scene_is_drawn_and_simulated(
+    open_page: Open, service: LiveService, width: int, finger: bool
+) -> None:
+    visit = _builder(open_page, width)
+    _press(visit, "water")
+    # What a button adds lies in the middle: it is moved, then taken at a corner.
+    _drag(visit, (0.5, 0.5), (0.3, 0.3), finger=finger)
+    _drag(visit, (0.38, 0.38), (0.44, 0.42), finger=finger)
+    # The kind stays chosen: a drag on free ground draws one more.
+    _drag(visit, (0.6, 0.6), (0.7, 0.75), finger=finger)
+    _press(visit, "ramp")
+    _press(visit, "emitter")
+    visit.page.get_by_label("Flows").select_option("left")
+    expect(_things(visit)).to_have_count(4)
+    visit.page.locator("#build-delete").click()
+    _press(visit, "sink")
+    scene = _simulated(visit, service)
+    first, second = scene["bodies"]
+    assert (first["material"]["kind"], first["shape"]) == ("water", "box")
+    assert first["lower"] + first["upper"] == pytest.approx([0.22, 0.22, 0.44, 0.42], abs=0.012)
+    assert second["lower"] + second["upper"] == pytest.approx([0.6, 0.6, 0.7, 0.75], abs=0.012)
+    assert [len(scene[part]) for part in ("obstacles", "emitters", "sinks")] == [1, 0, 1]
+    assert visit.page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_all_of_it_goes_by_the_keyboard(open_page: Open, service: LiveService) -> None:
+    visit = _builder(open_page)
+    keys = visit.page.keyboard
+    for kind in ("sand", "block"):
+        visit.page.locator(f"[data-kind={kind}]").focus()
+        keys.press("Enter")
+    told = "Obstacle, 0.16 m by 0.16 m, at 0.272 m, 0.5 m"
+    expect(visit.page.locator(":focus")).to_have_attribute("aria-label", told)
+    keys.press("ArrowRight")
+    keys.press("Shift+ArrowUp")
+    keys.press("Shift+Tab")
+    expect(visit.page.locator("#build-name")).to_have_text("Sand")
+    keys.press("ArrowUp")
+    keys.press("Delete")
+    expect(_things(visit)).to_have_count(1)
+    keys.press("Control+z")
+    expect(_things(visit)).to_have_count(2)
+    scene = _simulated(visit, service)
+    (sand,), (block,) = scene["bodies"], scene["obstacles"]
+    assert sand["lower"] + sand["upper"] == pytest.approx([0.42, 0.43, 0.58, 0.59])
+    assert block["lower"] + block["upper"] == pytest.approx([0.202, 0.42, 0.362, 0.59])
+
+
+def test_faults_are_named_and_nothing_is_lost(open_page: Open, service: LiveService) -> None:
+    visit = _builder(open_page)
+    session = visit.session
+    _press(visit, "water")
+    _press(visit, "elastic")
+    middle = visit.page.get_by_label("Middle x")
+    middle.fill("0.05")
+    middle.blur()
+    visit.page.locator("#build-start").click()
+    status, findings = visit.page.locator("#build-status"), visit.page.locator("#build-findings")
+    expect(status).to_have_text("This scene cannot run as it is.")
+    expect(findings).to_contain_text("“Jelly”")
+    expect(visit.page.locator("#build-picture .wrong")).to_have_count(1)
+    assert visit.session == session
+    # The draft is there when the dialog is opened again, and the finding leads to its thing.
+    visit.page.get_by_role("button", name="Close").last.click()
+    visit.page.get_by_role("button", name="Build").click()
+    expect(_things(visit)).to_have_count(2)
+    findings.get_by_role("button", name="Show").first.click()
+    expect(visit.page.locator("#build-name")).to_have_text("Jelly")
+    visit.page.get_by_label("Shape").select_option("ball")
+    visit.page.get_by_label("Middle x").fill("0.75")
+    visit.page.get_by_label("Middle x").blur()
+    scene = _simulated(visit, service)
+    assert [body["shape"] for body in scene["bodies"]] == ["box", "ball"]
+    assert scene["bodies"][1]["center"][0] == pytest.approx(0.75)
