@@ -32,7 +32,7 @@ def _press(visit: Visit, kind: str) -> None:
 
 
 def _pixel(visit: Visit, point: Point) -> Point:
-    """Return where a point of the scene lies on the screen: between walls at 0.1 and 0.9, and a margin of 4 %."""
+    """Return where a point lies on the screen: the walls are at 0.1 and 0.9, in a margin of 4 %."""
     box = visit.page.locator("#build-picture").bounding_box()
     assert box is not None
     scale = box["width"] * 0.92 / 0.8
@@ -72,10 +72,9 @@ def _simulated(visit: Visit, service: LiveService) -> dict[str, Any]:
     return scene
 
 
-@pytest.mark.parametrize(("width", "finger"), [(1100, False), (390, True)], ids=["mouse", "finger"])
-def test_a_scene_is_drawn_and_simulated(
-    open_page: Open, service: LiveService, width: int, finger: bool
-) -> None:
+@pytest.mark.parametrize(("width", "hand"), [(1100, "mouse"), (390, "finger")])
+def test_a_scene_is_drawn_and_simulated(open_page: Open, service: LiveService, width: int, hand: str) -> None:
+    finger = hand == "finger"
     visit = _builder(open_page, width)
     _press(visit, "water")
     # What a button adds lies in the middle: it is moved, then taken at a corner.
