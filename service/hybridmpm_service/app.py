@@ -5,7 +5,6 @@ import contextlib
 import logging
 import time
 from collections.abc import AsyncIterator
-from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
@@ -34,12 +33,12 @@ from hybridmpm_service.routes import (
     sketches,
     stream,
 )
+from hybridmpm_service.routes.front import PAGE, front
 from hybridmpm_service.routes.handling.idempotency import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.settings import Settings
 
-PAGE = Path(__file__).parent / "page"
 _SWEEP_SECONDS = 30.0
 """Longest time between two searches for idle sessions."""
 
@@ -92,6 +91,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.operations = [
         route for router in routers for route in router.routes if isinstance(route, APIRoute)
     ]
+    app.add_route("/", front, methods=["GET", "HEAD"], include_in_schema=False)
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.
     app.add_middleware(BodyLimitMiddleware, max_bytes=settings.max_body_bytes)

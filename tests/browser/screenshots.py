@@ -1,13 +1,25 @@
 """Draw docs/images/page-*.png from a running service: `python tests/browser/screenshots.py`."""
 
+import base64
+import io
 import sys
 from pathlib import Path
 
 from conftest import CHROMIUM_FLAGS, PATIENCE_MS, LiveService, Visit, find_chromium
+from PIL import Image
 from playwright.sync_api import Browser, ViewportSize, sync_playwright
 
-IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+ROOT = Path(__file__).resolve().parents[2]
+IMAGES = ROOT / "docs" / "images"
+PREVIEW = ROOT / "service" / "hybridmpm_service" / "page" / "share" / "preview.png"
 MAX_BYTES = 400_000
+PREVIEW_PAGE = """
+<body style="margin:0;width:1200px;height:630px;display:flex;background:#0a0f16;color:#e8eef6;
+ font:500 34px/1.35 'DejaVu Sans',sans-serif">
+<div style="flex:1;padding:150px 30px 0 70px"><h1 style="margin:0 0 24px;font-size:62px">hybridmpm</h1>
+Particle fluids<br>that follow your sketch</div>
+<img src="data:image/png;base64,{}" style="width:630px;height:630px;border-radius:16px">
+"""
 
 
 def _open(browser: Browser, service: LiveService, query: str, viewport: ViewportSize, scale: float) -> Visit:
@@ -39,6 +51,17 @@ def _save(visit: Visit, name: str) -> None:
     visit.page.close()
 
 
+def _draw_preview(visit: Visit) -> None:
+    """Draw what is shown beside a link to the page: the picture of a page, with the project's name."""
+    picture = base64.b64encode(visit.page.locator("#view").screenshot()).decode()
+    card = visit.page.context.browser.new_page(viewport={"width": 1200, "height": 630})
+    card.set_content(PREVIEW_PAGE.format(picture))
+    with Image.open(io.BytesIO(card.screenshot())) as shot:
+        shot.convert("RGB").quantize(192, dither=Image.Dither.NONE).save(PREVIEW, optimize=True)
+    sys.stdout.write(f"{PREVIEW.name}: {PREVIEW.stat().st_size} bytes\n")
+    card.close()
+
+
 def main() -> None:
     """Draw the pictures."""
     chromium = find_chromium()
@@ -54,6 +77,7 @@ def main() -> None:
         desktop.drag([(0.36, 0.42), (0.52, 0.72)])
         desktop.wait_for("body.control === 'following'")
         _go_to(desktop, service, 62)
+        _draw_preview(desktop)
         _save(desktop, "page-desktop.png")
 
         hybrid = _open(

@@ -37,6 +37,7 @@ let playing = null; // whether the session plays; null as long as that is unknow
 let speed = 0.25; // simulated seconds per second that the player aims at
 let centroid = null; // centre of mass, as the newest status says; null where there is no particle
 let startsPlaying = false; // whether to play once the session is live: this page has created it
+let watches = false; // whether this page only shows a session of somebody else
 let replays = false; // whether the session that is being created is a run computed again
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
@@ -75,7 +76,7 @@ const tools = new Tools(document.getElementById("overlay"), {
   stage,
   steering,
   hand,
-  isLive: () => session.state === "live",
+  isLive: () => session.state === "live" && !watches,
   play: () => playing || session.send({ type: "play" }),
   glides: () => !reducedMotion.matches,
   changed: refreshSteering,
@@ -112,7 +113,11 @@ function bannerOf(state, seconds, problem) {
         action: () => session.retry(),
       };
     case "lost":
-      return { text: "The server no longer has this simulation.", label: "Start a new one", action: again };
+      return {
+        text: watches ? "The simulation that you watched has ended." : "The server no longer has this simulation.",
+        label: watches ? "Start one of your own" : "Start a new one",
+        action: again,
+      };
     case "failed":
       return { text: `The simulation could not be started. ${problem.title}.`, label: "Try again", action: again };
     default:
@@ -238,26 +243,35 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   showChoice(chosen);
   const address = new URL(window.location.href);
   address.hash = "";
-  for (const name of ["rung", "session", "preset"]) address.searchParams.delete(name);
+  for (const name of ["rung", "session", "watch", "preset"]) address.searchParams.delete(name);
   for (const [name, value] of Object.entries(chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
   }
   if (itsPreset === PIPELINE) address.searchParams.set("preset", "pipeline");
   window.history.replaceState(null, "", address);
   presenter.set(itsPreset);
+  setWatching(false);
   steering.clear();
   newestMessage = null;
   startsPlaying = plays;
   session.start(chosen);
 }
 
+/** Show a session of somebody else, with no tool that changes it; or no longer only that. */
+function setWatching(value) {
+  watches = value;
+  document.body.dataset.watches = String(value);
+  document.getElementById("watching").hidden = !value;
+}
+
 /** Leave the session for a scene or a run that somebody has brought. */
 function openOwn(body, hash = "") {
   const address = new URL(window.location.href);
-  for (const name of ["scenario", "seed", "solver", "rung", "session", "preset"]) address.searchParams.delete(name);
+  for (const name of ["scenario", "seed", "solver", "rung", "session", "watch", "preset"]) address.searchParams.delete(name);
   address.hash = hash;
   window.history.replaceState(null, "", address);
   presenter.set(null);
+  setWatching(false);
   steering.clear();
   newestMessage = null;
   startsPlaying = "scene" in body;
@@ -379,6 +393,9 @@ function begin() {
     openLink(window.location.hash);
   } else if (query.get("preset") === "pipeline") {
     modelsKnown.then(() => startScene(PIPELINE.scene, { itsPreset: PIPELINE, plays }));
+  } else if (query.has("watch")) {
+    setWatching(true);
+    session.attach(query.get("watch"), { watches: true });
   } else if (query.has("session")) {
     session.attach(query.get("session"));
   } else if (!asksFor("scenario", "seed", "solver", "rung")) {

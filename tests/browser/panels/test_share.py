@@ -98,3 +98,29 @@ def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_p
     broken.write_text("no scene")
     visit.page.locator("#share-file").set_input_files(broken)
     expect(visit.page.locator("#toasts")).to_contain_text("This file cannot be read")
+
+
+@pytest.mark.parametrize("width", [1100, 390])
+def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveService, width: int) -> None:
+    player = _paused(open_page)
+    link = _copied(player, "Viewer link")
+    assert link == f"{service.url}/?watch={player.session}"
+    viewer = open_page(f"renderer=canvas2d&watch={player.session}", viewport={"width": width, "height": 844})
+    viewer.wait_for(f"body.state === 'live' && Number(body.frame) === {player.frame}")
+    expect(viewer.page.get_by_text("You are watching")).to_be_visible()
+    for name in ("Play", "Reset", "New simulation", "Build", "Film"):
+        expect(viewer.page.get_by_role("button", name=name, exact=True)).to_be_hidden()
+    inputs = service.get(f"/v1/sessions/{player.session}/log")["inputs"]
+    viewer.page.keyboard.press("Space")
+    viewer.drag([(0.4, 0.3), (0.6, 0.35)])
+    player.page.get_by_role("button", name="Play", exact=True).click()
+    viewer.wait_for(f"Number(body.frame) > {player.frame}")
+    assert service.get(f"/v1/sessions/{player.session}/log")["inputs"] == inputs
+    # When the player leaves, the viewer is told, and may start anew.
+    player.page.goto("about:blank")
+    viewer.wait_for("body.state === 'lost'")
+    banner = viewer.page.locator("#banner")
+    expect(banner).to_contain_text("The simulation that you watched has ended.")
+    banner.get_by_role("button").click()
+    viewer.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    expect(viewer.page.get_by_role("button", name="New simulation")).to_be_visible()

@@ -1,10 +1,13 @@
 """Each row of the table in docs/http-api.md, on a real server."""
 
 import io
+import re
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from hybridmpm import MpmSolver, Scene, scenarios
 from hybridmpm.stream_frames import decode
@@ -115,6 +118,19 @@ def test_the_page_is_served_with_a_strict_policy(service: Any) -> None:
     assert answer.headers["x-content-type-options"] == "nosniff"
     script = service.http.get("/main.js")
     assert "javascript" in script.headers["content-type"]
+
+
+def test_a_link_to_the_page_has_a_picture_beside_it(service: Any) -> None:
+    answer = service.http.get("/")
+    found = re.search(r'property="og:image" content="([^"]+)"', answer.text)
+    assert found is not None
+    assert found[1].startswith("http://")
+    picture = service.http.get(urlsplit(found[1]).path)
+    assert picture.headers["content-type"] == "image/png"
+    with Image.open(io.BytesIO(picture.content)) as image:
+        assert image.size == (1200, 630)
+    again = service.http.get("/", headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
 
 
 def test_files_outside_the_page_are_not_served(service: Any, problem: Any) -> None:

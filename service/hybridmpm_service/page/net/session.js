@@ -17,6 +17,7 @@ export class SessionClient {
   #attempt = 0;
   #generation = 0; // grows with every start or attach, so that late answers are recognised
   #owned = false;
+  #watches = false; // whether nothing may be sent that changes the session
   #state = "connecting";
   path = null;
 
@@ -48,18 +49,23 @@ export class SessionClient {
     }
   }
 
-  /** Watch a session that somebody else created; it goes on when the page closes. */
-  attach(id) {
+  /**
+   * Join a session that somebody else created; it goes on when the page closes.
+   *
+   * @param watches whether to leave it as it is: no message is sent to it then
+   */
+  attach(id, { watches = false } = {}) {
     const generation = this.#leave();
+    this.#watches = watches;
     this.path = `/v1/sessions/${encodeURIComponent(id)}`;
     this.#owned = false;
     this.#enter("connecting");
     return this.#resume(generation);
   }
 
-  /** Send a control message; returns false (and sends nothing) while there is no connection. */
+  /** Send a control message; returns false (and sends nothing) while there is no connection, or where one only watches. */
   send(message) {
-    if (this.#state !== "live") return false;
+    if (this.#state !== "live" || this.#watches) return false;
     this.#socket.send(JSON.stringify(message));
     return true;
   }
@@ -144,7 +150,7 @@ export class SessionClient {
     this.#socket = null;
     if (this.#owned && this.path !== null) abandon(this.path);
     this.path = null;
-    this.#owned = false;
+    this.#owned = this.#watches = false;
     return this.#generation;
   }
 

@@ -42,6 +42,10 @@ const ACTIONS = {
     if (link.length > LONGEST_LINK) tell("This run has too many inputs for a link: save it as a file.");
     else await copy(link, "A link that computes this run again");
   },
+  watch: async () => {
+    const id = parts.session.path.split("/").at(-1);
+    await copy(`${window.location.origin}/?watch=${id}`, "A link to watch this simulation, as long as you keep it open,");
+  },
   python: async () => copy(asPython(await parts.session.log()), "Python for this scene"),
   curl: async () => copy(asCurl(await parts.session.log(), window.location.origin), "A shell command for this scene"),
   film: async () => {
