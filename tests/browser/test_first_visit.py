@@ -1,5 +1,7 @@
 """What somebody sees who opens the page for the first time: it moves, a hand draws, the fluid follows."""
 
+from urllib.parse import urlsplit
+
 import pytest
 from playwright.sync_api import Page, Response, ViewportSize, expect
 
@@ -73,20 +75,19 @@ def test_where_motion_is_reduced_nothing_starts_by_itself(open_page: Open, query
     assert visit.value("control") == "idle"
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("viewport", SIZES, ids=["desktop", "phone"])
-def test_the_picture_moves_within_two_seconds(open_page: Open, viewport: ViewportSize) -> None:
-    """Long because only a machine that does nothing else can tell."""
+def test_motion_waits_for_no_list_and_nothing_on_demand(open_page: Open, viewport: ViewportSize) -> None:
+    asked: list[str] = []
 
-    def watch(page: Page) -> None:
-        page.add_init_script(
-            "new MutationObserver(() => { if (Number(document.body?.dataset.frame) >= 5) window.moved ??="
-            " performance.now(); }).observe(document, { attributes: true, subtree: true });"
-        )
+    def hold_lists(page: Page) -> None:
+        page.on("request", lambda request: asked.append(urlsplit(request.url).path))
+        for name in ("models", "scenarios"):
+            page.route(f"**/v1/{name}", lambda _: None)
 
-    visit = open_page("", viewport=viewport, prepare=watch)
-    visit.page.wait_for_function("() => window.moved")
-    assert visit.page.evaluate("window.moved") < 2000
+    visit = open_page("", viewport=viewport, prepare=hold_lists)
+    visit.wait_for("Number(body.frame) >= 5")
+    assert {"/v1/models", "/v1/scenarios", "/v1/sessions"} <= set(asked)
+    assert not [path for path in asked if path.startswith(("/build/", "/gallery/", "/plan/", "/share/"))]
 
 
 def test_a_seed_that_does_not_fit_is_told(open_page: Open) -> None:
