@@ -12,6 +12,7 @@ from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
 import hybridmpm
+from hybridmpm_service.front import PAGE, front
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.connection.middleware import (
     AccessMiddleware,
@@ -33,7 +34,6 @@ from hybridmpm_service.routes import (
     sketches,
     stream,
 )
-from hybridmpm_service.routes.front import PAGE, front
 from hybridmpm_service.routes.handling.idempotency import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.playing.pace import Clock

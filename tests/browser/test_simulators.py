@@ -47,7 +47,7 @@ def _choose(visit: Visit, name: str) -> None:
 
 
 def _pixels(page: Page) -> dict[str, int]:
-    counted: dict[str, int] = page.locator("#safeguard-chart").evaluate(_COUNT)
+    counted: dict[str, int] = page.locator("#strips").evaluate(_COUNT)
     return counted
 
 
@@ -55,14 +55,14 @@ def test_choosing_a_simulator_starts_a_session_of_it(open_page: Open, service: L
     visit = open_page(FALL)
     visit.wait_for(LIVE)
     expect(visit.page.locator("#mode")).to_be_hidden()
-    expect(visit.page.locator("#safeguard-card")).to_be_hidden()
+    expect(visit.page.locator("#safeguard-numbers")).to_be_hidden()
     first = visit.session
     _choose(visit, "Hybrid")
     visit.wait_for(f"body.session !== '{first}' && {LIVE} && body.solver === 'hybrid'")
     made = service.get(f"/v1/sessions/{visit.session}")
     assert (made["solver"], made["model"], made["seed"]) == ("hybrid", "falling", 3)
     assert "solver=hybrid" in visit.page.url
-    expect(visit.page.locator("#safeguard-card")).to_be_visible()
+    expect(visit.page.locator("#safeguard-numbers")).to_be_visible()
     expect(visit.page.locator("#solver-text")).to_contain_text("25 % of the particles")
 
     second = visit.session
@@ -71,7 +71,7 @@ def test_choosing_a_simulator_starts_a_session_of_it(open_page: Open, service: L
     visit.wait_for(f"body.session !== '{second}' && {LIVE} && body.mode === 'neural'")
     assert service.get(f"/v1/sessions/{visit.session}")["solver"] == "neural"
     expect(visit.page.locator("#mode")).to_have_text("Network simulates")
-    expect(visit.page.locator("#safeguard-card")).to_be_hidden()
+    expect(visit.page.locator("#safeguard-numbers")).to_be_hidden()
 
 
 @pytest.mark.parametrize("viewport", [{"width": 1440, "height": 900}, {"width": 390, "height": 844}])
@@ -86,7 +86,6 @@ def test_badge_and_chart_follow_the_session(
     expect(badge).to_have_text("Network simulates")
     assert service.get(f"/v1/sessions/{visit.session}")["mode"] == "neural"
     before = _pixels(visit.page)
-    assert before["value"] == 0
     # There is a threshold only where somebody sets r_c.
     assert before["threshold"] == 0
     # No threshold of the cosine is set, so none is named.
@@ -106,13 +105,11 @@ def test_badge_and_chart_follow_the_session(
     shown = visit.page.locator("#safeguard-value").text_content() or ""
     assert float(shown.replace("\N{MINUS SIGN}", "-")) == pytest.approx(now["value"], abs=0.006)
     after = _pixels(visit.page)
-    assert after["value"] > 40
+    assert after["value"] > before["value"] + 40
     assert after["mpm"] > 2 * before["mpm"] > 0
     # Nothing sticks out to the side, and the chart is as wide as its card.
     assert visit.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-    chart, card = (
-        visit.page.locator(name).bounding_box() for name in ("#safeguard-chart", "#safeguard-card")
-    )
+    chart, card = (visit.page.locator(name).bounding_box() for name in ("#strips", "#history"))
     assert chart is not None
     assert card is not None
     assert chart["width"] > 0.8 * card["width"]
@@ -181,24 +178,36 @@ def test_a_network_that_fails_says_what_to_do(open_page: Open, service: LiveServ
 def test_chart_has_its_frames_from_left_to_right(browser: Any, service: LiveService) -> None:
     page = browser.new_page()
     page.goto(service.url + "/icon.svg")
-    history = {
-        "frames": [200, 600, 1000, 1200],
-        "values": [0.9, 1.0, 0.5, 0.0],
+    history = {"frames": [200, 600, 1000, 1200], "values": [0.9, 1.0, 0.5, 0.0]}
+    tracks = {"points": [[900, 1.5], [1200, 3.1]], "values": [1.5, 3.1]}
+    view = {
         "phases": [[150, "mpm"], [600, "neural"], [1000, "mpm"]],
+        "frame": 1200,
+        "width": 342,
+        "height": 400,
     }
-    view = {"threshold": 0.8, "frame": 1200, "width": 342, "height": 128}
     plan = page.evaluate(
-        "async (a) => (await import('/panels/safeguard-chart.js')).layout(...a)", [history, view]
+        """async ([history, track, view]) => {
+            const { latencyStrip, layout, safeguardStrip, volumeStrip } = await import('/panels/strips.js');
+            return layout([safeguardStrip(history, 0.8), latencyStrip(track), volumeStrip(track)], view);
+        }""",
+        [history, tracks, view],
     )
     page.close()
-    area = plan["area"]
+    area, latency, volume = plan["areas"]
     width, height = area["right"] - area["left"], area["bottom"] - area["top"]
     assert (plan["first"], plan["last"]) == (200, 1200)
-    xs = [(x - area["left"]) / width for x, _ in plan["points"]]
-    ys = [(area["bottom"] - y) / height for _, y in plan["points"]]
+    assert area["bottom"] < latency["top"] < latency["bottom"] < volume["top"] < volume["bottom"] < 400
+    line, of_latency, of_volume = plan["lines"]
+    xs = [(x - area["left"]) / width for x, _ in line]
+    ys = [(area["bottom"] - y) / height for _, y in line]
     assert xs == pytest.approx([0, 0.4, 0.8, 1])
     assert ys == pytest.approx(history["values"])
+    # Up to 5 ms, and up to five times the first volume.
+    assert [(latency["bottom"] - y) / height for _, y in of_latency] == pytest.approx([0.3, 0.62])
+    assert [(volume["bottom"] - y) / height for _, y in of_volume] == pytest.approx([0.2, 3.1 / 1.5 / 5])
     bands = [((band["x"] - area["left"]) / width, band["width"] / width) for band in plan["bands"]]
     assert bands == [pytest.approx((0, 0.4)), pytest.approx((0.8, 0.2))]
-    marks = {tick["text"]: (area["bottom"] - tick["y"]) / height for tick in plan["ticks"]}
+    inside = [tick for tick in plan["ticks"] if tick["y"] <= area["bottom"]]
+    marks = {tick["text"]: (area["bottom"] - tick["y"]) / height for tick in inside}
     assert marks == pytest.approx({"1": 1, "0": 0, "0.80": 0.8})

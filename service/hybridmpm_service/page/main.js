@@ -4,12 +4,12 @@ import { request } from "./net/api.js";
 import { ForceField } from "./net/force-field.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
-import { bindAppearance } from "./panels/appearance.js";
+import { bindAppearance, bindColours } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } from "./panels/scene-panel.js";
-import { asRung, chosenRung, chosenSolver, setModels, showChoice, showWho, solverFor } from "./panels/simulator-panel.js";
+import { asRung, chosenRung, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, Presenter, WELCOME } from "./presets.js";
@@ -22,6 +22,7 @@ const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 const carriesLog = (hash) => hash.startsWith("#replay=");
+const VOLUME_EVERY = 10; // shown frames from one measurement of the volume to the next
 const isSeed = (text) => /^\d{1,9}$/.test(text);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
 let chosen = {
@@ -41,6 +42,7 @@ let watches = false; // whether this page only shows a session of somebody else
 let replays = false; // whether the session that is being created is a run computed again
 let speedTimer = 0;
 let newestMessage = null; // the newest binary frame, as long as it has not been shown
+let shownFrames = 0; // number of frames that were shown
 let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
@@ -150,6 +152,7 @@ function tellReplay({ frame, notice }) {
 function showSession(hello) {
   sessionId = hello.session.id;
   livePanel.showSession(sessionId);
+  clearTracks();
   scene = hello.scene;
   stage.setScene(scene, decodeTypes(hello.types), hello.spacing);
   showFrameLength(scene.frame_dt);
@@ -198,6 +201,8 @@ function showNewest() {
     const frame = decodeFrame(newestMessage);
     stage.show(frame);
     livePanel.showFrame(frame);
+    // The volume takes a pass over all particles, so one frame in so many has to do.
+    trackFrame(frame, shownFrames++ % VOLUME_EVERY === 0 ? stage.volume : null);
     messages.hideSkeleton();
     steering.follow(frame.frame);
     presenter.follow(frame.frame, performance.now());
@@ -317,6 +322,7 @@ controls.bindControls({
 });
 
 bindAppearance();
+bindColours((quantity) => stage.colourBy(quantity));
 bindScene(async (wanted) => {
   if (wanted.scenario !== "") {
     startScene(wanted);

@@ -136,7 +136,8 @@ def measure(settings: MpmSettings, on_progress: Progress) -> Iterator[Row]:
                     rows = case.rows(peers, build)
                     slowdown = max(before, calibration.slowdown())
                     for row in rows:
-                        load = {"slowdown": round(slowdown, 2), "loaded": slowdown >= LARGEST_SLOWDOWN}
+                        slowdown = round(slowdown, 2)
+                        load = {"slowdown": slowdown, "loaded": slowdown >= LARGEST_SLOWDOWN}
                         yield {"dim": dim, "material": material, **row, **load}
                         on_progress(1)
 

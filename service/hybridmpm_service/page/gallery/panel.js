@@ -10,14 +10,17 @@ const SCENES = {
   "dam-and-gate": "Dam and gate",
   "sand-and-water": "Sand and water",
   jelly: "Jelly afloat",
+  "dam-in-space": "Dam in space",
 };
+const RUNGS = { "dam-in-space": "1/16" }; // where so many particles need few that carry them
 
 let parts = null; // {open, toast}, from openGallery
 
 async function choose(name) {
   byId("gallery").close();
   try {
-    parts.open({ scene: await request("GET", `gallery/${name}.json`) });
+    const scene = await request("GET", `gallery/${name}.json`);
+    parts.open(name in RUNGS ? { scene, rung: RUNGS[name] } : { scene });
   } catch (problem) {
     parts.toast(problem);
   }

@@ -1,17 +1,51 @@
-// Light or dark, and full screen. The page stores nothing: a choice of colours stays in the address.
+// Light or dark, full screen, and what particles are coloured by. The page stores nothing: a choice stays in the address.
 
-import { byId } from "./dom.js";
+import { QUANTITIES } from "../stage/quantities.js";
+import { css, onScale } from "../stage/renderer/palette.js";
+import { byId, setText } from "./dom.js";
 
 const wantsLight = window.matchMedia("(prefers-color-scheme: light)");
 const root = document.documentElement;
 
 const present = () => root.dataset.theme ?? (wantsLight.matches ? "light" : "dark");
 
+function keepInAddress(name, value) {
+  const address = new URL(window.location.href);
+  if (value === null) address.searchParams.delete(name);
+  else address.searchParams.set(name, value);
+  window.history.replaceState(null, "", address);
+}
+
 function chooseTheme(theme) {
   root.dataset.theme = theme;
-  const address = new URL(window.location.href);
-  address.searchParams.set("theme", theme);
-  window.history.replaceState(null, "", address);
+  keepInAddress("theme", theme);
+}
+
+/** Show the scale of a quantity on the picture; none where particles have the look of their material. */
+function showScale(quantity) {
+  const scale = QUANTITIES[quantity];
+  byId("scale").hidden = scale === undefined;
+  if (scale === undefined) return;
+  setText("scale-title", scale.title);
+  setText("scale-high", `${scale.most} ${scale.unit}`);
+  const stops = [0, 0.25, 0.5, 0.75, 1].map((t) => css(onScale(t)));
+  byId("scale-bar").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+}
+
+/** Call `colourBy(quantity)` with what the address asks for, and whenever the user chooses. */
+export function bindColours(colourBy) {
+  const select = byId("quantity");
+  const choose = () => {
+    showScale(select.value);
+    colourBy(select.value);
+  };
+  const asked = new URLSearchParams(window.location.search).get("colour");
+  if (asked in QUANTITIES) select.value = asked;
+  select.addEventListener("change", () => {
+    keepInAddress("colour", select.value in QUANTITIES ? select.value : null);
+    choose();
+  });
+  choose();
 }
 
 /** Take the colours that the address asks for, and let the user change them, and fill the screen. */

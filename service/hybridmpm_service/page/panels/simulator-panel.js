@@ -1,7 +1,7 @@
-// The simulator: its choice, the badge on the picture that says who simulates, the card of the safeguard.
+// The simulator: its choice, the badge on the picture that says who simulates, the card of the latest frames.
 
 import { byId, setText } from "./dom.js";
-import { drawSafeguard, signed } from "./safeguard-chart.js";
+import { drawStrips, latencyStrip, safeguardStrip, signed, Track, volumeStrip } from "./strips.js";
 
 const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
 const NAMES = { mpm: "MPM", neural: "Network" };
@@ -25,7 +25,9 @@ const REASONS = {
 const EMPTY = { frames: [], values: [], phases: [[0, "mpm"]], decisions: [] };
 
 let models = [];
-let charted = null; // content of the chart: {history, threshold, frame}
+let charted = { history: EMPTY, safeguard: null, frame: 0 }; // what the newest status says
+let latencies = new Track();
+let volumes = new Track();
 
 // ---- the choice ----
 
@@ -85,20 +87,37 @@ export function showWho({ solver, mode, safeguard, frame }, history) {
   byId("mode").hidden = solver === "mpm";
   // Screen readers speak this text whenever it changes.
   setText("mode-text", solver === "mpm" ? "" : MODES[mode]);
-  byId("safeguard-card").hidden = safeguard === null;
-  if (safeguard === null) {
-    charted = null;
-    return;
-  }
-  charted = { history: history ?? EMPTY, threshold: safeguard.r_c, frame };
-  setText("safeguard-value", safeguard.value === null ? "not yet" : signed(safeguard.value));
-  const watched = safeguard.r_c !== null;
+  charted = { history: history ?? EMPTY, safeguard, frame };
+  byId("safeguard-numbers").hidden = byId("safeguard-legend").hidden = safeguard === null;
+  if (safeguard !== null) showSafeguard(safeguard);
+  draw();
+}
+
+function showSafeguard({ value, r_c: threshold, mpm_share: share }) {
+  setText("safeguard-value", value === null ? "not yet" : signed(value));
+  const watched = threshold !== null;
   byId("threshold-legend").hidden = !watched;
   byId("threshold-row").hidden = !watched;
-  if (watched) setText("safeguard-threshold", signed(safeguard.r_c));
-  setText("mpm-share", `${Math.round(100 * safeguard.mpm_share)} %`);
+  if (watched) setText("safeguard-threshold", signed(threshold));
+  setText("mpm-share", `${Math.round(100 * share)} %`);
   showDecision(charted.history.decisions.at(-1));
-  draw();
+}
+
+/** Begin the chart of another session. */
+export function clearTracks() {
+  latencies = new Track();
+  volumes = new Track();
+}
+
+/**
+ * Note a frame that is shown.
+ *
+ * @param solverMs what it took [ms]
+ * @param volume room that the matter takes [m^dim]; null where it was not measured
+ */
+export function trackFrame({ frame, solverMs }, volume) {
+  latencies.add(frame, solverMs);
+  if (volume !== null) volumes.add(frame, volume);
 }
 
 function showDecision(decision) {
@@ -107,7 +126,12 @@ function showDecision(decision) {
 }
 
 function draw() {
-  if (charted !== null) drawSafeguard(byId("safeguard-chart"), charted.history, charted);
+  const { history, safeguard, frame } = charted;
+  const strips = [latencyStrip(latencies), volumeStrip(volumes)];
+  if (safeguard !== null) strips.unshift(safeguardStrip(history, safeguard.r_c));
+  const canvas = byId("strips");
+  canvas.style.height = `${strips.length * 76 + 20}px`;
+  drawStrips(canvas, strips, { phases: safeguard === null ? [] : history.phases, frame });
 }
 
-new ResizeObserver(draw).observe(byId("safeguard-chart"));
+new ResizeObserver(draw).observe(byId("strips"));

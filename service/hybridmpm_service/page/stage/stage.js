@@ -16,6 +16,7 @@ import {
 } from "./drawing.js";
 import { drawForces } from "./forces.js";
 import { SpeedEstimate } from "./particles.js";
+import { densityOf } from "./quantities.js";
 import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
@@ -31,6 +32,8 @@ export class Stage {
   #canvases;
   #renderer;
   #speeds = new SpeedEstimate();
+  #quantity = "material"; // name of what the particles are coloured by
+  #frame = null; // the frame that is shown
   #described = false; // whether the renderer knows the particles
   #time = 0; // simulated time of the frame that is shown [s]
   #shown; // {steering, hand, presenter, forces}: what is drawn over the particles
@@ -65,6 +68,7 @@ export class Stage {
     this.#speeds = new SpeedEstimate();
     this.#described = false;
     this.#time = 0;
+    this.#frame = null;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.#resize();
   }
@@ -75,14 +79,35 @@ export class Stage {
     const types = frame.types ?? this.#types;
     if (frame.count !== types?.length || dim !== this.#scene.dim) return;
     if (!this.#described || ids !== null) {
-      this.#renderer.setScene({ dim, types, ids, spacing: this.#spacing, floor: this.#scene.walls.lower[1] });
+      this.#renderer.setScene({ dim, types, ids, spacing: this.#spacing, walls: this.#scene.walls });
       this.#described = true;
     }
     this.#speeds.update(frame);
     this.#time = frame.time;
+    this.#frame = frame;
     if (backdropMoves(this.#scene)) this.#backdropStale = true;
-    this.#renderer.update(frame.positions, this.#speeds.bytes);
+    this.#updateParticles();
+  }
+
+  #updateParticles() {
+    const quantities = {
+      material: () => null,
+      speed: () => this.#speeds.bytes,
+      density: () => densityOf(this.#frame, this.#spacing).bytes,
+    };
+    this.#renderer.update(this.#frame.positions, this.#speeds.bytes, quantities[this.#quantity]());
     this.invalidate();
+  }
+
+  /** Colour the particles by a quantity, one of QUANTITIES, or by "material" from now on. */
+  colourBy(quantity) {
+    this.#quantity = quantity;
+    if (this.#frame !== null) this.#updateParticles();
+  }
+
+  /** Volume of the matter that is shown [m^dim]; null where nothing is. */
+  get volume() {
+    return this.#frame === null ? null : densityOf(this.#frame, this.#spacing).volume;
   }
 
   /** Begin predictions at this centre of mass from now on; null where there is no particle. */

@@ -2,10 +2,11 @@
 
 import { SAND } from "../../net/protocol.js";
 import { LiquidField } from "./liquid-cpu.js";
-import { css, grainShade, mix, SAND_DARK, SAND_LIGHT } from "./palette.js";
+import { css, grainShade, mix, onScale, SAND_DARK, SAND_LIGHT } from "./palette.js";
 import { SpherePicture } from "./spheres-cpu.js";
 
 const GRAIN_SHADES = 6;
+const SCALE_STEPS = 32; // colours of a quantity
 
 export class CanvasRenderer {
   kind = "canvas2d";
@@ -25,7 +26,7 @@ export class CanvasRenderer {
     this.#context = context;
   }
 
-  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], floor [m]} */
+  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], walls} */
   setScene(scene) {
     this.#scene = scene;
     this.#particles = null;
@@ -35,8 +36,9 @@ export class CanvasRenderer {
     });
   }
 
-  update(positions, speeds) {
-    this.#particles = { positions, speeds };
+  /** @param quantities bytes that the particles are coloured by; null for the look of their material */
+  update(positions, speeds, quantities) {
+    this.#particles = { positions, speeds, quantities };
   }
 
   draw(view) {
@@ -50,19 +52,33 @@ export class CanvasRenderer {
       this.#spheres.draw(context, view, this.#scene, this.#particles);
       return;
     }
+    if (this.#particles.quantities !== null) {
+      this.#drawQuantities(view, this.#particles.quantities);
+      return;
+    }
     this.#liquid.draw(context, view, this.#scene, this.#particles);
     this.#drawGrains(view);
   }
 
+  #drawQuantities(view, quantities) {
+    const steps = Array.from({ length: SCALE_STEPS }, () => []);
+    quantities.forEach((byte, i) => steps[Math.floor((byte / 256) * SCALE_STEPS)].push(i));
+    steps.forEach((indices, step) => this.#drawSquares(view, indices, css(onScale(step / (SCALE_STEPS - 1)))));
+  }
+
   #drawGrains(view) {
+    this.#grains.forEach((indices, shade) => {
+      this.#drawSquares(view, indices, css(mix(SAND_DARK, SAND_LIGHT, shade / (GRAIN_SHADES - 1))));
+    });
+  }
+
+  #drawSquares(view, indices, color) {
     const { positions } = this.#particles;
     const side = 1.25 * this.#scene.spacing * view.pixelsPerMetre;
-    this.#grains.forEach((indices, shade) => {
-      this.#context.fillStyle = css(mix(SAND_DARK, SAND_LIGHT, shade / (GRAIN_SHADES - 1)));
-      for (const i of indices) {
-        const [px, py] = view.project([positions[2 * i] / 65535, positions[2 * i + 1] / 65535]);
-        this.#context.fillRect(px - side / 2, py - side / 2, side, side);
-      }
-    });
+    this.#context.fillStyle = color;
+    for (const i of indices) {
+      const [px, py] = view.project([positions[2 * i] / 65535, positions[2 * i + 1] / 65535]);
+      this.#context.fillRect(px - side / 2, py - side / 2, side, side);
+    }
   }
 }

@@ -15,6 +15,25 @@ export const glsl = (rgb) => `vec3(${rgb.map((channel) => (channel / 255).toFixe
 export const mix = (a, b, t) => a.map((channel, i) => channel + (b[i] - channel) * t);
 export const css = (rgb) => `rgb(${rgb.map(Math.round).join(" ")})`;
 
+/** Colours of a scale from low to high, ever brighter, from blue to yellow: told apart by those who see few colours, too. */
+const SCALE = [[84, 70, 190], [48, 118, 206], [40, 164, 166], [136, 204, 100], [252, 236, 90]];
+
+/** The colour at a place of the scale, in [0, 1]. */
+export function onScale(t) {
+  const at = Math.min(0.9999, Math.max(0, t)) * (SCALE.length - 1);
+  return mix(SCALE[Math.floor(at)], SCALE[Math.floor(at) + 1], at % 1);
+}
+
+/** The same as a function of GLSL, `onScale(t)`. */
+export const SCALE_GLSL = `vec3 onScale(float t) {
+  float at = ${(SCALE.length - 1).toFixed(1)} * clamp(t, 0.0, 1.0);
+  vec3 found = ${glsl(SCALE[0])};
+${SCALE.slice(1)
+  .map((rgb, i) => `  found = mix(found, ${glsl(rgb)}, clamp(at - ${i.toFixed(1)}, 0.0, 1.0));`)
+  .join("\n")}
+  return found;
+}`;
+
 /** A smooth step from 0 at `low` to 1 at `high`, as in GLSL. */
 export function smoothstep(low, high, value) {
   const t = Math.min(1, Math.max(0, (value - low) / (high - low)));

@@ -18,14 +18,35 @@ void main() {
   reach = radius;
 }`;
 
+/** Spheres reach past the walls: they are cut off where the line of sight enters the box, so that faces there are flat. */
 export const DEPTH_FRAGMENT = `${FRAGMENT}
 in vec4 surface;
 in float reach;
+uniform float size;
+uniform float metres;
+uniform float perspective;
+uniform vec3 right;
+uniform vec3 up;
+uniform vec3 towards;
+uniform vec3 center;
+uniform vec3 lower;
+uniform vec3 upper;
 void main() {
   vec2 p = 2.0 * gl_PointCoord - 1.0;
   float inside = 1.0 - dot(p, p);
   if (inside < 0.0) discard;
-  float depth = surface.r + reach * sqrt(inside);
+  vec2 at = metres * (gl_FragCoord.xy / size - 0.5);
+  vec3 aside = right * at.x + up * at.y;
+  // The points center + aside + depth * along lie on the line of sight.
+  vec3 along = towards - perspective * aside;
+  along += vec3(1e-6) * vec3(greaterThanEqual(along, vec3(0.0))) - vec3(5e-7);
+  vec3 a = (lower - center - aside) / along;
+  vec3 b = (upper - center - aside) / along;
+  vec3 first = max(a, b);
+  vec3 last = min(a, b);
+  float entry = min(first.x, min(first.y, first.z));
+  if (entry <= max(last.x, max(last.y, last.z))) discard;
+  float depth = min(surface.r + reach * sqrt(inside), entry);
   color = vec4(depth, surface.gba);
   gl_FragDepth = 0.5 - 0.5 * depth;
 }`;

@@ -20,9 +20,14 @@ layout(location = 0) in vec3 position;
 layout(location = 1) in float type;
 layout(location = 2) in float speed;
 layout(location = 3) in float grain;
+layout(location = 4) in float quantity;
+uniform bool byQuantity;
 uniform mat4 matrix;
 uniform float pointSize;
 `;
+
+/** Whether a particle is drawn as one by itself: grains of sand are, and all where they are coloured by a quantity. */
+const ALONE = `(byQuantity || type == ${SAND}.0)`;
 
 /** Beginning of a fragment shader. */
 export const FRAGMENT = `#version 300 es
@@ -95,11 +100,13 @@ void main() {
 
 /** Sand in 2D: every grain a small disc of its own shade. */
 export const GRAIN_VERTEX = `${ATTRIBUTES}
+${palette.SCALE_GLSL}
 out vec3 shade;
 void main() {
-  gl_Position = type == ${SAND}.0 ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+  gl_Position = ${ALONE} ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = pointSize;
   shade = mix(${palette.glsl(palette.SAND_DARK)}, ${palette.glsl(palette.SAND_LIGHT)}, grain) * (0.94 + 0.2 * speed);
+  if (byQuantity) shade = onScale(quantity);
 }`;
 
 export const GRAIN_FRAGMENT = `${FRAGMENT}
@@ -129,15 +136,17 @@ void main() {
 
 /** 3D: each grain of sand as a lit sphere with true depth. */
 export const SPHERE_VERTEX = `${ATTRIBUTES}
+${palette.SCALE_GLSL}
 uniform float depthRadius;
 out vec3 deep;
 out vec3 bright;
 out float haze;
 out float reach;
 void main() {
-  gl_Position = type == ${SAND}.0 ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+  gl_Position = ${ALONE} ? matrix * vec4(position, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
   gl_PointSize = max(1.5, pointSize / gl_Position.w);
   bright = mix(${palette.glsl(palette.SAND_DARK)}, ${palette.glsl(palette.SAND_LIGHT)}, 0.35 + 0.65 * grain);
+  if (byQuantity) bright = onScale(quantity);
   deep = 0.42 * bright;
   haze = clamp(0.5 + 0.9 * gl_Position.z / gl_Position.w, 0.0, 1.0);
   reach = depthRadius / gl_Position.w;

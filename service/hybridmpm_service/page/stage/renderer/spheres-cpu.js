@@ -5,6 +5,7 @@ import * as palette from "./palette.js";
 
 const SPHERE_SPACINGS = 0.82;
 const SHADES = 6; // colours of one material, by speed or by grain
+const SCALE_STEPS = 32; // colours of a quantity
 const LEVELS = 32; // brightnesses of one colour
 const MAX_SIZE = 640; // pixels of the picture, which is then scaled to the stage
 
@@ -16,6 +17,11 @@ function rampOf(type, shade) {
   if (!ramps.has(key)) ramps.set(key, makeRamp(...colorsOf(type, shade / (SHADES - 1))));
   return ramps.get(key);
 }
+
+const scaleRamps = Array.from({ length: SCALE_STEPS }, (_, step) => {
+  const bright = palette.onScale(step / (SCALE_STEPS - 1));
+  return makeRamp(bright.map((channel) => 0.42 * channel), bright);
+});
 
 function colorsOf(type, t) {
   if (type === SAND) {
@@ -77,6 +83,12 @@ export class SpherePicture {
     context.drawImage(this.#canvas, 0, 0, view.size, view.size);
   }
 
+  #lookOf(scene, speeds, i) {
+    const type = scene.types[i];
+    const shade = type === WATER ? speeds[i] / 256 : palette.grainShade(scene, i);
+    return rampOf(type, Math.floor(shade * SHADES));
+  }
+
   #resize(size) {
     if (size === this.#size) return;
     this.#size = size;
@@ -87,14 +99,12 @@ export class SpherePicture {
     this.#depths = new Float32Array(size * size);
   }
 
-  #add(view, scene, { positions, speeds }, i) {
+  #add(view, scene, { positions, speeds, quantities }, i) {
     const place = view.project([positions[3 * i] / 65535, positions[3 * i + 1] / 65535, positions[3 * i + 2] / 65535]);
     const scale = this.#size / view.size;
     const reach = SPHERE_SPACINGS * scene.spacing;
     const radius = Math.max(1, Math.round((reach * view.pixelsPerMetre * scale) / (1 - view.perspective * place[2])));
-    const type = scene.types[i];
-    const shade = type === WATER ? speeds[i] / 256 : palette.grainShade(scene, i);
-    const ramp = rampOf(type, Math.floor(shade * SHADES));
+    const ramp = quantities === null ? this.#lookOf(scene, speeds, i) : scaleRamps[Math.floor((quantities[i] / 256) * SCALE_STEPS)];
     const [cx, cy] = [Math.round(place[0] * scale), Math.round(place[1] * scale)];
     for (const { dx, dy, height, level } of discOf(radius)) {
       const [x, y] = [cx + dx, cy + dy];
@@ -120,7 +130,7 @@ function drawShadows(context, view, scene, positions) {
     const key = row * 65536 + column;
     if (seen.has(key)) continue;
     seen.add(key);
-    const corner = (across, along) => view.project([(column + across) * cell, scene.floor, (row + along) * cell]);
+    const corner = (across, along) => view.project([(column + across) * cell, scene.walls.lower[1], (row + along) * cell]);
     const [first, ...others] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
     context.moveTo(first[0], first[1]);
     for (const [px, py] of others) context.lineTo(px, py);

@@ -30,10 +30,11 @@ export class LiquidSurface {
   }
 
   /**
+   * @param scene {spacing [m], walls}
    * @param canvasSize size of the canvas [pixels]
    * @param drawPoints issues the draw call of all particles
    */
-  draw(view, spacing, canvasSize, drawPoints) {
+  draw(view, { spacing, walls }, canvasSize, drawPoints) {
     const gl = this.#gl;
     const size = Math.min(canvasSize, MAX_SIZE);
     const texelsPerMetre = (view.pixelsPerMetre * size) / view.size;
@@ -44,13 +45,22 @@ export class LiquidSurface {
     gl.enable(gl.DEPTH_TEST);
     this.#front.bind();
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const near = view.axes()[2];
+    const [right, up, near] = view.axes();
     const offset = near.reduce((sum, value, axis) => sum - value * view.center[axis], 0);
     useProgram(gl, this.#programs.depth, {
       matrix: view.matrix(),
       near: [...near, offset],
       pointSize: 2 * RADIUS_SPACINGS * spacing * texelsPerMetre,
       radius: RADIUS_SPACINGS * spacing,
+      size,
+      metres: size / texelsPerMetre,
+      perspective: view.perspective,
+      right,
+      up,
+      towards: near,
+      center: view.center,
+      lower: walls.lower,
+      upper: walls.upper,
     });
     drawPoints();
 

@@ -72,11 +72,11 @@ export class WebglRenderer {
     this.#field = new FieldTarget(gl);
     this.#surface = new LiquidSurface(gl);
     this.#vertexArray = gl.createVertexArray();
-    this.#buffers = { positions: gl.createBuffer(), types: gl.createBuffer(), speeds: gl.createBuffer(), grains: gl.createBuffer() };
+    this.#buffers = { positions: gl.createBuffer(), types: gl.createBuffer(), speeds: gl.createBuffer(), grains: gl.createBuffer(), quantities: gl.createBuffer() };
     return true;
   }
 
-  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], floor [m]} */
+  /** @param scene {dim, types, ids (null if they are the indices), spacing [m], walls} */
   setScene(scene) {
     const gl = this.#gl;
     this.#scene = scene;
@@ -90,6 +90,8 @@ export class WebglRenderer {
     this.#attribute(1, this.#buffers.types, 1, gl.UNSIGNED_BYTE, false);
     gl.bufferData(gl.ARRAY_BUFFER, scene.types, gl.STATIC_DRAW);
     this.#attribute(2, this.#buffers.speeds, 1, gl.UNSIGNED_BYTE, true);
+    this.#attribute(4, this.#buffers.quantities, 1, gl.UNSIGNED_BYTE, true);
+    gl.bufferData(gl.ARRAY_BUFFER, new Uint8Array(scene.types.length), gl.DYNAMIC_DRAW);
     this.#attribute(3, this.#buffers.grains, 1, gl.UNSIGNED_BYTE, true);
     gl.bufferData(gl.ARRAY_BUFFER, scene.types.map((_, i) => 256 * grainShade(scene, i)), gl.STATIC_DRAW);
   }
@@ -101,8 +103,9 @@ export class WebglRenderer {
     gl.vertexAttribPointer(index, size, type, normalized, 0, 0);
   }
 
-  update(positions, speeds) {
-    this.#pending = { positions, speeds };
+  /** @param quantities bytes that the particles are coloured by; null for the look of their material */
+  update(positions, speeds, quantities) {
+    this.#pending = { positions, speeds, quantities };
   }
 
   draw(view) {
@@ -114,7 +117,8 @@ export class WebglRenderer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (this.#scene === null || this.#pending === null) return;
     gl.bindVertexArray(this.#vertexArray);
-    for (const name of ["positions", "speeds"]) {
+    for (const name of ["positions", "speeds", "quantities"]) {
+      if (this.#pending[name] === null) continue;
       gl.bindBuffer(gl.ARRAY_BUFFER, this.#buffers[name]);
       gl.bufferData(gl.ARRAY_BUFFER, this.#pending[name], gl.DYNAMIC_DRAW);
     }
@@ -129,10 +133,11 @@ export class WebglRenderer {
     const gl = this.#gl;
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
-    if (this.#has.liquid) this.#drawLiquid(matrix, spacing);
-    if (!this.#has.sand) return;
+    const byQuantity = this.#pending.quantities !== null;
+    if (this.#has.liquid && !byQuantity) this.#drawLiquid(matrix, spacing);
+    if (!this.#has.sand && !byQuantity) return;
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    useProgram(gl, this.#programs.grain, { matrix, pointSize: Math.max(1.6, GRAIN_SPACINGS * spacing) });
+    useProgram(gl, this.#programs.grain, { byQuantity: Number(byQuantity), matrix, pointSize: Math.max(1.6, GRAIN_SPACINGS * spacing) });
     this.#points();
   }
 
@@ -165,17 +170,19 @@ export class WebglRenderer {
     useProgram(gl, this.#programs.shadow, {
       matrix,
       pointSize: spacing,
-      floorHeight: this.#scene.floor,
+      floorHeight: this.#scene.walls.lower[1],
       strength: 0.5 * smoothstep(0.02, 0.25, view.pitch), // none where the floor is seen from the edge
     });
     this.#points();
     gl.blendEquation(gl.FUNC_ADD);
 
-    if (this.#has.liquid) this.#surface.draw(view, this.#scene.spacing, this.#canvas.width, this.#points);
-    if (!this.#has.sand) return;
+    const byQuantity = this.#pending.quantities !== null;
+    if (this.#has.liquid && !byQuantity) this.#surface.draw(view, this.#scene, this.#canvas.width, this.#points);
+    if (!this.#has.sand && !byQuantity) return;
     gl.disable(gl.BLEND);
     gl.enable(gl.DEPTH_TEST);
     useProgram(gl, this.#programs.sphere, {
+      byQuantity: Number(byQuantity),
       matrix,
       pointSize: 2 * SPHERE_SPACINGS * spacing,
       depthRadius: SPHERE_SPACINGS * this.#scene.spacing * DEPTH_SCALE,
