@@ -1,7 +1,9 @@
 """One state as a point cloud: PLY for mesh tools, VTP for ParaView. In 2D, z is 0."""
 
 import base64
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -9,35 +11,57 @@ import numpy.typing as npt
 from hybridmpm.recording import Recording
 
 
-def write_ply(path: Path, recording: Recording, row: int) -> None:
-    """Write state `row` as binary PLY; each vertex has x y z vx vy vz (float) and type (uchar)."""
-    fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
-    there = recording.present(row)
-    vertices = np.zeros(int(there.sum()), dtype=fields)
-    x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])
-    for axis, name in enumerate("xyz"):
-        vertices[name], vertices[f"v{name}"] = x[:, axis], v[:, axis]
-    vertices["type"] = recording.types[there]
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"comment frame {recording.frames[row]} time {recording.time(row):.9g} s",
-        f"element vertex {len(vertices)}",
-        *(f"property float {name}" for name, _ in fields[:-1]),
-        "property uchar type",
-        "end_header",
-    ]
-    path.write_bytes("\n".join(header).encode() + b"\n" + vertices.tobytes())
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """One state of N particles in D dimensions."""
 
+    frame: int
+    time: float
+    """Simulated time [s]."""
+    positions: npt.NDArray[np.float32]
+    """Positions (N, D) [m]."""
+    velocities: npt.NDArray[np.float32]
+    """Velocities (N, D) [m/s]."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,)."""
 
-def write_vtp(path: Path, recording: Recording, row: int) -> None:
-    """Write state `row` as VTK PolyData, with point arrays `velocity` and `type` and field `TimeValue`."""
-    there = recording.present(row)
-    x, v = _in_3d(recording.positions[row, there]), _in_3d(recording.velocities[row, there])
-    count = len(x)
-    time = np.array([recording.time(row)])
-    path.write_text(
-        f"""<?xml version="1.0"?>
+    @classmethod
+    def of(cls, recording: Recording, row: int) -> Self:
+        """Take state `row` of a recording, with the particles that are there."""
+        there = recording.present(row)
+        return cls(
+            frame=int(recording.frames[row]),
+            time=recording.time(row),
+            positions=recording.positions[row, there],
+            velocities=recording.velocities[row, there],
+            types=recording.types[there],
+        )
+
+    def ply(self) -> bytes:
+        """Return the state as binary PLY; each vertex has x y z vx vy vz (float) and type (uchar)."""
+        fields = [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "vz")] + [("type", "u1")]
+        vertices = np.zeros(len(self.types), dtype=fields)
+        x, v = _in_3d(self.positions), _in_3d(self.velocities)
+        for axis, name in enumerate("xyz"):
+            vertices[name], vertices[f"v{name}"] = x[:, axis], v[:, axis]
+        vertices["type"] = self.types
+        header = [
+            "ply",
+            "format binary_little_endian 1.0",
+            f"comment frame {self.frame} time {self.time:.9g} s",
+            f"element vertex {len(vertices)}",
+            *(f"property float {name}" for name, _ in fields[:-1]),
+            "property uchar type",
+            "end_header",
+        ]
+        return "\n".join(header).encode() + b"\n" + vertices.tobytes()
+
+    def vtp(self) -> bytes:
+        """Return the state as VTK PolyData, with point arrays `velocity` and `type` and field `TimeValue`."""
+        x, v = _in_3d(self.positions), _in_3d(self.velocities)
+        count = len(x)
+        time = np.array([self.time])
+        text = f"""<?xml version="1.0"?>
 <VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">
 <PolyData>
 <FieldData>{_array("TimeValue", time, tuples=True)}</FieldData>
@@ -45,14 +69,23 @@ def write_vtp(path: Path, recording: Recording, row: int) -> None:
 <Points>{_array("Points", x)}</Points>
 <Verts>{_array("connectivity", np.arange(count))}{_array("offsets", np.arange(1, count + 1))}</Verts>
 <PointData Vectors="velocity" Scalars="type">
-{_array("velocity", v)}{_array("type", recording.types[there])}
+{_array("velocity", v)}{_array("type", self.types)}
 </PointData>
 </Piece>
 </PolyData>
 </VTKFile>
-""",
-        encoding="ascii",
-    )
+"""
+        return text.encode("ascii")
+
+
+def write_ply(path: Path, recording: Recording, row: int) -> None:
+    """Write state `row` as `Cloud.ply`."""
+    path.write_bytes(Cloud.of(recording, row).ply())
+
+
+def write_vtp(path: Path, recording: Recording, row: int) -> None:
+    """Write state `row` as `Cloud.vtp`."""
+    path.write_bytes(Cloud.of(recording, row).vtp())
 
 
 def _array(name: str, values: npt.NDArray[np.generic], *, tuples: bool = False) -> str:

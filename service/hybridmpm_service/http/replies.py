@@ -11,8 +11,14 @@ import numpy.typing as npt
 from starlette.requests import Request
 from starlette.responses import Response
 
+from hybridmpm.export.clouds import Cloud
+
 NPZ = "application/x-npz"
 """Media type of numpy's npz."""
+PLY = "application/x-ply"
+"""Media type of a point cloud for mesh tools."""
+VTP = "application/x-vtp"
+"""Media type of a point cloud for ParaView."""
 _NUMBERS_AT_ONCE = 4096
 """Largest count of numbers that are encoded as JSON without a pause."""
 
@@ -42,6 +48,12 @@ async def npz_response(arrays: Mapping[str, npt.ArrayLike]) -> Response:
         return data.getvalue()
 
     return Response(await asyncio.to_thread(encode), media_type=NPZ)
+
+
+async def cloud_response(cloud: Cloud, media_type: str) -> Response:
+    """Return a point cloud as `PLY` or `VTP`."""
+    encode = cloud.ply if media_type == PLY else cloud.vtp
+    return Response(await asyncio.to_thread(encode), media_type=media_type)
 
 
 async def json_response(body: Mapping[str, Any]) -> Response:

@@ -344,13 +344,14 @@ document.getElementById("planner-open").addEventListener("click", async () => {
 });
 document.getElementById("gallery-open").addEventListener("click", async () => {
   const { openGallery } = await import("./gallery/panel.js");
-  openGallery({ open: openOwn, toast: messages.toast });
+  const show = (preset) => startScene(preset.scene, { itsPreset: preset });
+  openGallery({ open: openOwn, show, toast: messages.toast });
 });
 document.getElementById("build-open").addEventListener("click", async () => {
   const { openBuilder } = await import("./build/panel.js");
   openBuilder({ log: () => session.log(), open: openOwn });
 });
-const shared = { session, toast: messages.toast, open: openOwn };
+const shared = { session, toast: messages.toast, open: openOwn, picture: () => stage.picture() };
 document.getElementById("share").addEventListener("click", async ({ target }) => {
   const button = target.closest("button");
   if (button === null) return;

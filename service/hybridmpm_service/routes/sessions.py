@@ -4,12 +4,21 @@ import asyncio
 
 from fastapi import APIRouter, Request, Response
 
+from hybridmpm.export.clouds import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
 from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.logs import LogBody
-from hybridmpm_service.http.replies import NPZ, accepts, json_response, npz_response
+from hybridmpm_service.http.replies import (
+    NPZ,
+    PLY,
+    VTP,
+    accepts,
+    cloud_response,
+    json_response,
+    npz_response,
+)
 from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.handling.calls import SessionRoute
 from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions, problems
@@ -17,7 +26,9 @@ from hybridmpm_service.sessions.session import Session
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)
 
-_NPZ_CONTENT = {NPZ: {"schema": {"type": "string", "format": "binary"}}}
+_BINARY = {"schema": {"type": "string", "format": "binary"}}
+_NPZ_CONTENT = {NPZ: _BINARY}
+_PARTICLES_CONTENT = {NPZ: _BINARY, PLY: _BINARY, VTP: _BINARY}
 
 
 @router.post("", status_code=201, responses=problems(413, 415, 422, 503))
@@ -98,10 +109,15 @@ async def advance_session(
 @router.get(
     "/{session_id}/particles",
     response_model=ParticlesBody,
-    responses={200: {"content": _NPZ_CONTENT}, **problems(404, 503)},
+    responses={200: {"content": _PARTICLES_CONTENT}, **problems(404, 503)},
 )
 async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
-    """Return the state of all particles as JSON or npz."""
+    """Return the state of all particles as JSON, npz, or a point cloud (PLY, VTP)."""
+    for media_type in (PLY, VTP):
+        if accepts(request, media_type):
+            state = await sessions.get(session_id).particles()
+            cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
+            return await cloud_response(cloud, media_type)
     return await _particles(sessions.get(session_id), as_npz=accepts(request, NPZ))
 
 

@@ -36,6 +36,8 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
     visit.page.get_by_role("button", name="Gallery").click()
     items = visit.page.locator("#gallery-list button")
     expect(items).to_have_count(len(NAMES))
+    demos = visit.page.locator("#gallery-demos button")
+    expect(demos).to_have_count(8)
     listed = (FOLDER / "panel.js").read_text(encoding="utf-8")
     assert sorted(re.findall(r'^  "?([a-z-]+)"?: "', listed, re.MULTILINE)) == NAMES
     assert visit.page.evaluate("document.documentElement.scrollWidth") == width
@@ -58,3 +60,18 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
     visit.wait_for(f"body.state === 'live' && body.session !== '{again['id']}'")
     assert service.get(f"/v1/sessions/{visit.session}")["scenario"] == "sand_2d"
     expect(visit.page.locator("#own-scene")).to_have_count(0)
+
+
+def test_a_demonstration_draws_its_sketch(open_page: Open, service: LiveService) -> None:
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3")
+    visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
+    visit.page.get_by_role("button", name="Gallery").click()
+    expect(visit.page.locator("#gallery-demos img")).to_have_count(8)
+    visit.page.wait_for_function(
+        "[...document.querySelectorAll('#gallery-demos img')].every((one) => one.naturalWidth > 100)"
+    )
+    visit.page.get_by_role("button", name="Sand along an arrow", exact=True).click()
+    visit.wait_for("body.control === 'following'")
+    made = service.get(f"/v1/sessions/{visit.session}")
+    assert (made["scenario"], made["control"]["kind"]) == ("sand_2d", "arrow")
+    assert "scenario=sand_2d" in visit.page.url

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from PIL import Image
@@ -79,8 +80,15 @@ def test_code_runs_elsewhere(open_page: Open, service: LiveService) -> None:
 def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_path: Path) -> None:
     visit = _paused(open_page)
     log = service.get(f"/v1/sessions/{visit.session}/log")
-    with np.load(_saved(visit, "Particles", tmp_path)) as arrays:
-        assert arrays["positions"].shape == MpmSolver(Scene.parse(log["scene"])).positions.shape
+    with np.load(_saved(visit, "Particles, npz", tmp_path)) as arrays:
+        count, _ = arrays["positions"].shape
+        assert count == MpmSolver(Scene.parse(log["scene"])).particle_count
+    assert f"element vertex {count}\n".encode() in _saved(visit, "PLY", tmp_path).read_bytes()
+    assert f'NumberOfPoints="{count}"' in _saved(visit, "VTK", tmp_path).read_text(encoding="ascii")
+    with Image.open(_saved(visit, "Picture", tmp_path)) as picture:
+        colours = picture.convert("RGB").getcolors(1 << 24)
+        assert colours is not None
+        assert len(colours) > 100
     with Image.open(_saved(visit, "Film", tmp_path)) as film:
         assert film.format == "GIF"
         assert getattr(film, "n_frames", 1) > 20
@@ -98,6 +106,21 @@ def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_p
     broken.write_text("no scene")
     visit.page.locator("#share-file").set_input_files(broken)
     expect(visit.page.locator("#toasts")).to_contain_text("This file cannot be read")
+
+
+def test_a_fork_goes_on_by_itself(open_page: Open, service: LiveService) -> None:
+    visit = _paused(open_page)
+    visit.page.get_by_role("button", name="Fork", exact=True).click()
+    link = visit.page.get_by_role("link", name="Open the fork")
+    fork = (link.get_attribute("href") or "").partition("session=")[2]
+    assert fork != visit.session
+    assert service.get(f"/v1/sessions/{fork}")["frame"] == visit.frame
+    with visit.page.context.expect_page() as opened:
+        link.click()
+    other = Visit(opened.value)
+    other.wait_for(f"body.state === 'live' && body.session === '{fork}'")
+    opened.value.close()
+    httpx.delete(f"{service.url}/v1/sessions/{fork}").raise_for_status()
 
 
 @pytest.mark.parametrize("width", [1100, 390])

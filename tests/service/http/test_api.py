@@ -109,6 +109,20 @@ def test_particles_as_json_are_those_of_the_npz(service: Any, path: str) -> None
     assert (body["frame"], body["time"]) == (0, 0.0)
 
 
+def test_particles_as_point_clouds(service: Any, path: str) -> None:
+    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    count = len(arrays["positions"])
+    ply = service.http.get(f"{path}/particles", headers={"Accept": "application/x-ply"})
+    assert ply.headers["content-type"] == "application/x-ply"
+    header, _, body = ply.content.partition(b"end_header\n")
+    assert f"element vertex {count}\n".encode() in header
+    vertices = np.frombuffer(body, dtype=[("numbers", "<f4", 6), ("type", "u1")])
+    np.testing.assert_array_equal(vertices["numbers"][:, :2], arrays["positions"])
+    np.testing.assert_array_equal(vertices["numbers"][:, 3:5], arrays["velocities"])
+    vtp = service.http.get(f"{path}/particles", headers={"Accept": "application/x-vtp"})
+    assert f'NumberOfPoints="{count}"' in vtp.text
+
+
 def test_the_page_is_served_with_a_strict_policy(service: Any) -> None:
     answer = service.http.get("/")
     assert answer.headers["content-type"].startswith("text/html")

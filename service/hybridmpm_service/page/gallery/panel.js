@@ -2,6 +2,7 @@
 
 import { request } from "../net/api.js";
 import { byId } from "../panels/dom.js";
+import { DEMOS } from "./demos.js";
 
 const SCENES = {
   "water-wheel": "Water wheel",
@@ -10,11 +11,12 @@ const SCENES = {
   "dam-and-gate": "Dam and gate",
   "sand-and-water": "Sand and water",
   jelly: "Jelly afloat",
+  letters: "Letters",
   "dam-in-space": "Dam in space",
 };
 const RUNGS = { "dam-in-space": "1/16" }; // where so many particles need few that carry them
 
-let parts = null; // {open, toast}, from openGallery
+let parts = null; // {open, show, toast}, from openGallery
 
 async function choose(name) {
   byId("gallery").close();
@@ -26,7 +28,7 @@ async function choose(name) {
   }
 }
 
-function itemOf([name, title]) {
+function itemOf(name, title, chosen) {
   const button = document.createElement("button");
   button.type = "button";
   const picture = document.createElement("img");
@@ -35,15 +37,24 @@ function itemOf([name, title]) {
   const caption = document.createElement("span");
   caption.textContent = title;
   button.append(picture, caption);
-  button.addEventListener("click", () => choose(name));
+  button.addEventListener("click", chosen);
   return button;
 }
 
-/** Show the gallery; `given` is {open(body of POST /v1/sessions), toast(problem)}. */
+function itemOfDemo([name, { title, preset }]) {
+  return itemOf(name, title, () => {
+    byId("gallery").close();
+    parts.show(preset);
+  });
+}
+
+/** Show the gallery; `given` is {open(body of POST /v1/sessions), show(preset as in presets.js), toast(problem)}. */
 export function openGallery(given) {
   if (parts === null) {
     parts = given;
-    byId("gallery-list").replaceChildren(...Object.entries(SCENES).map(itemOf));
+    const scenes = Object.entries(SCENES).map(([name, title]) => itemOf(name, title, () => choose(name)));
+    byId("gallery-list").replaceChildren(...scenes);
+    byId("gallery-demos").replaceChildren(...Object.entries(DEMOS).map(itemOfDemo));
     byId("gallery-close").addEventListener("click", () => byId("gallery").close());
   }
   byId("gallery").showModal();

@@ -90,9 +90,14 @@ export class SessionClient {
     return request("GET", `${this.path}/log`);
   }
 
-  /** All particles, as a file of arrays. */
-  particles() {
-    return requestFile(`${this.path}/particles`, "application/x-npz");
+  /** All particles as a file: "npz", "ply" or "vtp". */
+  particles(kind) {
+    return requestFile(`${this.path}/particles`, `application/x-${kind}`);
+  }
+
+  /** Begin a session that goes on from the present state by itself; answers it. */
+  fork() {
+    return request("POST", `${this.path}/fork`);
   }
 
   /** Begin to film the next frames on a copy; answers the job. */

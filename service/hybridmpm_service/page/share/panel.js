@@ -8,7 +8,7 @@ import { byId, setText } from "../panels/dom.js";
 const LONGEST_LINK = 60_000;
 const FILM = { frames: 200, every: 4, format: "gif", width: 480, speed: 0.5 };
 
-let parts = null; // {session, toast, open}
+let parts = null; // {session, toast, open, picture}
 
 const tell = (text) => setText("share-text", text);
 
@@ -34,6 +34,11 @@ function download(content, name, type) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
+async function saveParticles(kind, text) {
+  download(await parts.session.particles(kind), `particles.${kind}`);
+  tell(text);
+}
+
 const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?? 0}` : scene.name || "scene");
 
 const ACTIONS = {
@@ -56,9 +61,17 @@ const ACTIONS = {
     download(await parts.session.file(ended.links.result), "hybridmpm.gif");
     tell("The film is saved.");
   },
-  particles: async () => {
-    download(await parts.session.particles(), "particles.npz");
-    tell("Positions, velocities, types and ids are saved.");
+  picture: async () => {
+    download(await parts.picture(), "hybridmpm.png");
+    tell("The picture is saved.");
+  },
+  npz: () => saveParticles("npz", "Positions, velocities, types and ids are saved."),
+  ply: () => saveParticles("ply", "The particles are saved as a point cloud for mesh tools."),
+  vtp: () => saveParticles("vtp", "The particles are saved as VTK PolyData, for ParaView."),
+  fork: async () => {
+    const fork = await parts.session.fork();
+    const link = Object.assign(document.createElement("a"), { href: `?session=${fork.id}`, target: "_blank", textContent: "Open the fork" });
+    byId("share-text").replaceChildren("A second simulation goes on from this state by itself. ", link);
   },
   scene: async () => {
     const log = await parts.session.log();
@@ -88,7 +101,7 @@ async function open(file) {
  * Do what a button of the card promises.
  *
  * @param button the button
- * @param given  {session, toast(problem), open(body of POST /v1/sessions)}
+ * @param given  {session, toast(problem), open(body of POST /v1/sessions), picture() -> promise of a blob}
  */
 export async function share(button, given) {
   parts = given;

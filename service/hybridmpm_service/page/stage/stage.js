@@ -21,6 +21,7 @@ import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
 const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get warm
+const GROUND = "#0a0f16"; // behind the picture
 const DOT_SPEED = 0.03; // px/ms at which the dots of a prediction walk
 
 export class Stage {
@@ -158,6 +159,20 @@ export class Stage {
     this.#renderer.draw(this.view);
     this.#drawOverlay(now);
     return true;
+  }
+
+  /** The picture as it is shown, as a promise of a PNG file. */
+  picture() {
+    // What WebGL has drawn can be read only before the browser shows it.
+    this.#renderer.draw(this.view);
+    const { backdrop, particles, overlay } = this.#canvases;
+    const whole = document.createElement("canvas");
+    [whole.width, whole.height] = [overlay.width, overlay.height];
+    const context = whole.getContext("2d");
+    context.fillStyle = GROUND;
+    context.fillRect(0, 0, whole.width, whole.height);
+    for (const layer of [backdrop, particles, overlay]) context.drawImage(layer, 0, 0);
+    return new Promise((resolve) => whole.toBlob(resolve, "image/png"));
   }
 
   #clear(canvas) {
