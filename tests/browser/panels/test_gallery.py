@@ -68,7 +68,7 @@ def test_a_demonstration_draws_its_sketch(open_page: Open, service: LiveService)
     visit.page.get_by_role("button", name="Gallery").click()
     expect(visit.page.locator("#gallery-demos img")).to_have_count(8)
     visit.page.wait_for_function(
-        "[...document.querySelectorAll('#gallery-demos img')].every((one) => one.naturalWidth > 100)"
+        "() => [...document.querySelectorAll('#gallery-demos img')].every((one) => one.naturalWidth > 100)"
     )
     visit.page.get_by_role("button", name="Sand along an arrow", exact=True).click()
     visit.wait_for("body.control === 'following'")
