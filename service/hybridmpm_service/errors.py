@@ -57,6 +57,10 @@ class SketchDroppedError(ServiceError):
     """The sketch was replaced, taken back or ended by a reset before its preparation had ended."""
 
 
+class PressureUnknownError(ServiceError):
+    """A network moves the particles of the session, or may: nobody knows their pressures."""
+
+
 class UploadTooLargeError(ServiceError):
     """An uploaded file is larger than the limit."""
 

@@ -64,6 +64,8 @@ def test_choosing_a_simulator_starts_a_session_of_it(open_page: Open, service: L
     assert "solver=hybrid" in visit.page.url
     expect(visit.page.locator("#safeguard-numbers")).to_be_visible()
     expect(visit.page.locator("#solver-text")).to_contain_text("25 % of the particles")
+    # A network tells no pressure.
+    expect(visit.page.locator('#quantity [value="pressure"]')).to_be_disabled()
 
     second = visit.session
     visit.page.get_by_role("radio", name="Hybrid").focus()

@@ -256,6 +256,10 @@ class AsyncSession:
         """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
         return await self._client.run(calls.force(self.id))
 
+    async def pressure(self) -> Json:
+        """Return the pressure [Pa] in the mean over the cells of a grid; MPM alone knows it."""
+        return await self._client.run(calls.pressure(self.id))
+
     async def release(self) -> None:
         """Let no sketch steer any more."""
         await self._client.run(calls.release(self.id))

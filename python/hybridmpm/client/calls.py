@@ -240,6 +240,11 @@ def force(session_id: str) -> Call[Json]:
     return Call("GET", f"/v1/sessions/{session_id}/force", _json)
 
 
+def pressure(session_id: str) -> Call[Json]:
+    """Return the call for the pressure in the cells of a grid."""
+    return Call("GET", f"/v1/sessions/{session_id}/pressure", _json)
+
+
 def release(session_id: str) -> Call[None]:
     """Return the call that lets no sketch steer a session."""
     return Call("DELETE", f"/v1/sessions/{session_id}/sketches", _nothing)

@@ -270,6 +270,10 @@ class Session:
         """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
         return self._client.run(calls.force(self.id))
 
+    def pressure(self) -> Json:
+        """Return the pressure [Pa] in the mean over the cells of a grid; MPM alone knows it."""
+        return self._client.run(calls.pressure(self.id))
+
     def release(self) -> None:
         """Let no sketch steer any more."""
         self._client.run(calls.release(self.id))

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from hybridmpm.scenarios import ScenarioInfo
 from hybridmpm_service.http.estimates.checks import MOST_FINDINGS, FindingBody
 from hybridmpm_service.http.learned_answers import SafeguardBody
+from hybridmpm_service.sessions.cell_means import CellMeans
 from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import Kind, Mode
@@ -242,6 +243,31 @@ class ScenarioList(BaseModel):
     """All scenarios of the library."""
 
     scenarios: list[ScenarioBody] = Field(description="Scenarios.")
+
+
+class PressureBody(BaseModel):
+    """Pressure in the cells of a grid where there is matter."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"frame": 12, "cell": 0.016, "points": [[0.41, 0.11]], "pressure": [1270.0]}]
+        }
+    )
+
+    frame: int = Field(description="Number of frames since the start.")
+    cell: float = Field(description="Side of a cell [m].")
+    points: list[list[float]] = Field(description="Mean position of the particles of each cell [m].")
+    pressure: list[float] = Field(description="Mean pressure of these particles [Pa].")
+
+    @classmethod
+    def of(cls, means: CellMeans) -> Self:
+        """Describe means of pressures, rounded to what a picture can show."""
+        return cls(
+            frame=means.frame,
+            cell=means.cell,
+            points=means.points.round(4).tolist(),
+            pressure=means.values[:, 0].round(1).tolist(),
+        )
 
 
 class ParticlesBody(BaseModel):

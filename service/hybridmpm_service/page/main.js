@@ -1,10 +1,10 @@
 // Puts the parts together: session -> stage, pointer -> steering -> session, all of them -> panels.
 
 import { request } from "./net/api.js";
-import { ForceField } from "./net/force-field.js";
+import { Polled } from "./net/polled.js";
 import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
-import { bindAppearance, bindColours } from "./panels/appearance.js";
+import { bindAppearance, bindColours, offerPressure, showHighest } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
@@ -69,8 +69,11 @@ const hand = new Hand({
   changed: refreshSteering,
 });
 const presenter = new Presenter(steering);
-const forces = new ForceField({
-  ask: async () => (session.state === "live" ? session.force() : null),
+const forces = new Polled({
+  ask: async () => {
+    const field = session.state === "live" ? await session.force() : null;
+    return field?.points.length > 0 ? field : null;
+  },
   changed: () => stage.invalidate(),
 });
 const stage = new Stage(document.getElementById("view"), { steering, hand, presenter, forces }, query.get("renderer"));
@@ -136,6 +139,7 @@ function onHello(hello) {
   controls.showSpeed(speed);
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
+  offerPressure(hello.session.solver === "mpm");
   setPlaying(hello.session.playing);
   if (replays) tellReplay(hello.session);
   replays = false;
@@ -322,7 +326,17 @@ controls.bindControls({
 });
 
 bindAppearance();
-bindColours((quantity) => stage.colourBy(quantity));
+const pressures = new Polled({
+  ask: async () => (session.state === "live" && scene !== null ? session.pressure() : null),
+  changed: () => {
+    stage.showPressure(pressures.latest);
+    showHighest(stage.highest);
+  },
+});
+bindColours((quantity) => {
+  stage.colourBy(quantity);
+  pressures.wanted = quantity === "pressure";
+});
 bindScene(async (wanted) => {
   if (wanted.scenario !== "") {
     startScene(wanted);

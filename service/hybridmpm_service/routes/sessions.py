@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request, Response
 
 from hybridmpm.export.clouds import Cloud
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.answers import ParticlesBody, SessionBody, SessionList
+from hybridmpm_service.http.answers import ParticlesBody, PressureBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
 from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.logs import LogBody
@@ -81,6 +81,12 @@ async def get_session(session_id: SessionId, sessions: Sessions) -> SessionBody:
 async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionList:
     """List all decisions since frame 0 about who simulates; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
+
+
+@router.get("/{session_id}/pressure", responses=problems(404, 409, 503))
+async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBody:
+    """Answer the pressure in the mean over the cells of a grid; MPM alone knows it."""
+    return PressureBody.of(await sessions.get(session_id).pressure())
 
 
 @router.delete("/{session_id}", status_code=204, responses=problems(404, 503))

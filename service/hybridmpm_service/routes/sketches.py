@@ -95,7 +95,7 @@ async def release_session(session_id: SessionId, sessions: Sessions) -> None:
 @router.get("/{session_id}/force", responses=problems(404, 503))
 async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
     """Answer what acts on the fluid in the next frame besides gravity, in the mean over cells of a grid."""
-    return ForceBody.of(await sessions.get(session_id).force_field())
+    return ForceBody.of(await sessions.get(session_id).force())
 
 
 @router.post(

@@ -12,13 +12,13 @@ from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.admission import Machine
+from hybridmpm_service.sessions.cell_means import CellMeans
 from hybridmpm_service.sessions.journal.journal import Kept
 from hybridmpm_service.sessions.journal.log import SessionLog, log_of
 from hybridmpm_service.sessions.journal.origin import Origin
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.playing.player import Player
 from hybridmpm_service.sessions.simulation import Simulation
-from hybridmpm_service.sessions.sketches.force_field import ForceField
 from hybridmpm_service.sessions.sketches.planning import Check, Planner
 from hybridmpm_service.sessions.sketches.steering import Steered
 from hybridmpm_service.sessions.view import Control, Particles, View
@@ -266,10 +266,15 @@ class Session:
         with self._in_use():
             return await self._on_worker(self.simulation.particles)
 
-    async def force_field(self) -> ForceField:
+    async def force(self) -> CellMeans:
         """Return what acts in the next frame besides gravity; errors as in `advance`."""
         with self._in_use():
-            return await self._on_worker(self.simulation.force_field)
+            return await self._on_worker(self.simulation.force)
+
+    async def pressure(self) -> CellMeans:
+        """Return the pressure; errors as in `advance` and of `Simulation.pressure`."""
+        with self._in_use():
+            return await self._on_worker(self.simulation.pressure)
 
     async def log(self) -> SessionLog:
         """Return what the session can be computed again from; errors as in `advance`."""

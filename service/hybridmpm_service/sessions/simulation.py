@@ -13,8 +13,11 @@ import numpy.typing as npt
 
 from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
+from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage, Population
+from hybridmpm_service.errors import PressureUnknownError
+from hybridmpm_service.sessions.cell_means import CellMeans
 from hybridmpm_service.sessions.journal.inputs import (
     PushInput,
     ReleaseInput,
@@ -26,7 +29,6 @@ from hybridmpm_service.sessions.journal.journal import Journal
 from hybridmpm_service.sessions.journal.session_file import Checkpoint
 from hybridmpm_service.sessions.playing.pace import Clock
 from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
-from hybridmpm_service.sessions.sketches.force_field import ForceField
 from hybridmpm_service.sessions.sketches.steering import Steered, Steering
 from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.view import Control, LastFrame, Particles, Timing, View
@@ -222,10 +224,24 @@ class Simulation:
             ids=self._solver.ids,
         )
 
-    def force_field(self) -> ForceField:
+    def force(self) -> CellMeans:
         """Return what acts in the next frame besides gravity, in the mean over cells; nothing changes."""
         force = self._sum(self._acting(self.hand))
-        return ForceField.of(self._solver.frame, self._solver.positions, force)
+        return CellMeans.of_force(self._solver.frame, self._solver.positions, force)
+
+    def pressure(self) -> CellMeans:
+        """Return the pressure [Pa] in the mean over cells.
+
+        Raises
+        ------
+        PressureUnknownError
+            A network moves the particles, or may.
+        """
+        try:
+            samples = self._solver.pressure_samples()
+        except ConfigError as err:
+            raise PressureUnknownError(str(err)) from err
+        return CellMeans.of_pressure(self._solver.frame, samples)
 
     def look(self) -> View:
         """Return what other threads may see of the present state."""

@@ -52,6 +52,12 @@ def test_particles_are_coloured_by_what_is_chosen(
     visit.page.get_by_label("Particles coloured by").select_option("Density")
     expect(visit.page.locator("#scale-title")).to_have_text("Density")
     assert _hues(visit)["violet"] < 0.2 * still["violet"]
+    visit.page.get_by_label("Particles coloured by").select_option("Pressure")
+    expect(visit.page.locator("#scale-high")).to_have_text("0.1 kPa")
+    # Nothing presses on what falls.
+    fallen = _hues(visit)
+    assert fallen["violet"] > 0.8 * fallen["any"] > 0
+    visit.page.get_by_label("Particles coloured by").select_option("Density")
     visit.page.reload()
     visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
     expect(visit.page.locator("#scale-title")).to_have_text("Density")

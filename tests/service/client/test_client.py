@@ -171,7 +171,7 @@ def test_a_sketch_steers_in_every_form(client: Client, tmp_path: Path, form: str
     answer = session.steer(drawing, frames=40, cap=9.0)
     assert answer["sketch"]["kind"] == "arrow"
     assert (answer["frames"], answer["needs"]["cap"]) == (40, 9.0)
-    assert session.force()["frame"] == 0
+    assert session.force()["frame"] == session.pressure()["frame"] == 0
     session.advance(2)
     assert session.info["control"]["frames_done"] == 2
     session.release()

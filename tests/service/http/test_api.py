@@ -123,6 +123,23 @@ def test_particles_as_point_clouds(service: Any, path: str) -> None:
     assert f'NumberOfPoints="{count}"' in vtp.text
 
 
+def test_the_pressure_grows_with_depth(service: Any) -> None:
+    pool = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.3]}
+    body = {"scene": {"dim": 2, "resolution": 128, "bodies": [pool]}, "rung": "1/16"}
+    path = service.http.post("/v1/sessions", json=body).json()["links"]["self"]
+    assert service.http.get(f"{path}/pressure").json()["frame"] == 0
+    service.http.post(f"{path}/advance", json={"frames": 200})
+    field = service.http.get(f"{path}/pressure").json()
+    points, pressure = np.array(field["points"]), np.array(field["pressure"])
+    assert len(points) == len(pressure) > 20
+    # Half a second is no rest yet, but the mean over a layer is that of rho g h.
+    for low, high in ((0.12, 0.18), (0.18, 0.24)):
+        layer = (points[:, 1] > low) & (points[:, 1] < high)
+        depth = 0.3 - points[layer, 1].mean()
+        assert pressure[layer].mean() == pytest.approx(9810 * depth, rel=0.35)
+    service.http.delete(path)
+
+
 def test_the_page_is_served_with_a_strict_policy(service: Any) -> None:
     answer = service.http.get("/")
     assert answer.headers["content-type"].startswith("text/html")

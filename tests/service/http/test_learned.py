@@ -76,6 +76,14 @@ def test_a_session_says_who_simulates_it(learned: Service, create: Callable[...,
     }
 
 
+def test_a_network_tells_no_pressure(learned: Service, create: Callable[..., str], problem: Any) -> None:
+    for solver in ("hybrid", "neural"):
+        answer = learned.http.get(f"{create(solver=solver)}/pressure")
+        body = problem(answer, 409)
+        assert body["type"].endswith(":pressure-unknown")
+        assert "MPM alone" in body["detail"]
+
+
 def test_a_session_at_a_rung_shows_all_particles_of_the_scene(
     learned: Service, create: Callable[..., str]
 ) -> None:

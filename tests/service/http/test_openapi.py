@@ -35,6 +35,7 @@ OPERATIONS = {
     ("post", "/v1/sessions/{session_id}/sketches"),
     ("delete", "/v1/sessions/{session_id}/sketches"),
     ("get", "/v1/sessions/{session_id}/force"),
+    ("get", "/v1/sessions/{session_id}/pressure"),
     ("post", "/v1/sessions/{session_id}/trajectories"),
     ("post", "/v1/sessions/{session_id}/recordings"),
     ("post", "/v1/datasets"),

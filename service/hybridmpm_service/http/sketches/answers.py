@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from hybridmpm.control import Arrow, ControlledTrajectory, Guidance, Needs, Sketch
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.oval import Oval
-from hybridmpm_service.sessions.sketches.force_field import ForceField
+from hybridmpm_service.sessions.cell_means import CellMeans
 
 _OUTLINE_POINTS = 96
 _DIGITS = 4
@@ -55,10 +55,10 @@ class ForceBody(BaseModel):
     force: list[list[float]] = Field(description="Mean acceleration of these particles [m/s^2].")
 
     @classmethod
-    def of(cls, field: ForceField) -> Self:
-        """Describe a field, rounded to what a picture can show."""
-        points, force = field.points.round(_DIGITS).tolist(), field.force.round(2).tolist()
-        return cls(frame=field.frame, cell=field.cell, points=points, force=force)
+    def of(cls, means: CellMeans) -> Self:
+        """Describe means of accelerations, rounded to what a picture can show."""
+        points, force = means.points.round(_DIGITS).tolist(), means.values.round(2).tolist()
+        return cls(frame=means.frame, cell=means.cell, points=points, force=force)
 
 
 class ObstructionBody(BaseModel):

@@ -85,6 +85,11 @@ export class SessionClient {
     return request("GET", `${this.path}/force`);
   }
 
+  /** The mean pressure of the particles of each cell of a grid; MPM alone knows it. */
+  pressure() {
+    return request("GET", `${this.path}/pressure`);
+  }
+
   /** What the session can be computed again from. */
   log() {
     return request("GET", `${this.path}/log`);

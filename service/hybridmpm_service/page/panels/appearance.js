@@ -27,9 +27,25 @@ function showScale(quantity) {
   byId("scale").hidden = scale === undefined;
   if (scale === undefined) return;
   setText("scale-title", scale.title);
-  setText("scale-high", `${scale.most} ${scale.unit}`);
+  showHighest(scale.most);
   const stops = [0, 0.25, 0.5, 0.75, 1].map((t) => css(onScale(t)));
   byId("scale-bar").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
+}
+
+/** Show what the upper end of the scale stands for; null where nobody knows. */
+export function showHighest(most) {
+  const scale = QUANTITIES[byId("quantity").value];
+  if (scale !== undefined) setText("scale-high", `${most ?? "…"} ${scale.unit}`);
+}
+
+/** Offer the pressure, or not: MPM alone knows it. */
+export function offerPressure(known) {
+  const option = byId("quantity").querySelector('[value="pressure"]');
+  if (option.disabled === !known) return;
+  option.disabled = !known;
+  if (known || byId("quantity").value !== "pressure") return;
+  byId("quantity").value = "material";
+  byId("quantity").dispatchEvent(new Event("change"));
 }
 
 /** Call `colourBy(quantity)` with what the address asks for, and whenever the user chooses. */

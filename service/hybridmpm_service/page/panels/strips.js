@@ -1,5 +1,7 @@
 // The chart of the latest frames: who simulated, the safeguard, what a frame took, how much room the matter takes.
 
+import { roundUp } from "../stage/quantities.js";
+
 const FRAMES = 1000; // as many as the server keeps of the safeguard
 const MIN_FRAMES = 200; // a run that has just begun does not fill the width
 const MARGIN = { left: 42, right: 8, top: 18, bottom: 20 };
@@ -28,12 +30,6 @@ export class Track {
   get values() {
     return this.points.map(([, value]) => value);
   }
-}
-
-/** A number that a scale may end with, at least `value`: 1, 2 or 5 times a power of ten. */
-function roundUp(value) {
-  const power = 10 ** Math.floor(Math.log10(Math.max(value, 1e-6)));
-  return power * [1, 2, 5, 10].find((factor) => factor * power >= value);
 }
 
 /** The strip of the safeguard, from the history and the threshold (null where there is none) of a status message. */

@@ -16,7 +16,7 @@ import {
 } from "./drawing.js";
 import { drawForces } from "./forces.js";
 import { SpeedEstimate } from "./particles.js";
-import { densityOf } from "./quantities.js";
+import { densityOf, pressureOf, QUANTITIES } from "./quantities.js";
 import { createRenderer } from "./renderer/index.js";
 import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
@@ -25,6 +25,7 @@ const GROUND = "#0a0f16"; // behind the picture
 const DOT_SPEED = 0.03; // px/ms at which the dots of a prediction walk
 
 export class Stage {
+  highest = null; // what the upper end of the scale of colours stands for; null where there is none
   view = new FlatView({ lower: [0.1, 0.1], upper: [0.9, 0.9] });
   #scene = { dim: 2, walls: { lower: [0.1, 0.1], upper: [0.9, 0.9] }, obstacles: [] };
   #types = null; // types of the particles; null where each frame has its own
@@ -34,6 +35,7 @@ export class Stage {
   #renderer;
   #speeds = new SpeedEstimate();
   #quantity = "material"; // name of what the particles are coloured by
+  #pressure = null; // the newest answer of the server; null where nobody asks
   #frame = null; // the frame that is shown
   #described = false; // whether the renderer knows the particles
   #time = 0; // simulated time of the frame that is shown [s]
@@ -91,19 +93,40 @@ export class Stage {
   }
 
   #updateParticles() {
-    const quantities = {
-      material: () => null,
-      speed: () => this.#speeds.bytes,
-      density: () => densityOf(this.#frame, this.#spacing).bytes,
-    };
-    this.#renderer.update(this.#frame.positions, this.#speeds.bytes, quantities[this.#quantity]());
+    if (this.#frame === null) return;
+    this.#renderer.update(this.#frame.positions, this.#speeds.bytes, this.#quantities());
     this.invalidate();
+  }
+
+  /** The bytes that the particles are coloured by; null for the look of their material. */
+  #quantities() {
+    switch (this.#quantity) {
+      case "speed":
+        return this.#speeds.bytes;
+      case "density":
+        return densityOf(this.#frame, this.#spacing).bytes;
+      case "pressure": {
+        if (this.#pressure === null) return null;
+        const { bytes, most } = pressureOf(this.#frame, this.#pressure);
+        this.highest = most;
+        return bytes;
+      }
+      default:
+        return null;
+    }
   }
 
   /** Colour the particles by a quantity, one of QUANTITIES, or by "material" from now on. */
   colourBy(quantity) {
     this.#quantity = quantity;
-    if (this.#frame !== null) this.#updateParticles();
+    this.highest = QUANTITIES[quantity]?.most ?? null;
+    this.#updateParticles();
+  }
+
+  /** Show pressures, as the service answers them, from now on; null where they are not known. */
+  showPressure(field) {
+    this.#pressure = field;
+    this.#updateParticles();
   }
 
   /** Volume of the matter that is shown [m^dim]; null where nothing is. */

@@ -1,21 +1,21 @@
-// The forces that act on the fluid, asked for again and again as long as somebody wants to see them.
+// An answer of the server that is asked for again and again as long as somebody wants to see it.
 
 const EVERY_MS = 150;
 
-export class ForceField {
-  latest = null; // {cell, points, force} as the service answers it; null where nothing acts or nobody looks
+export class Polled {
+  latest = null; // the newest answer; null where there is none, or nobody looks
   #timer = 0;
   #wanted = false;
   #ask;
   #changed;
 
-  /** @param handlers {ask() -> promise of a field, or null while there is nobody to ask; changed()} */
+  /** @param handlers {ask() -> promise of an answer, or of null while there is none; changed()} */
   constructor({ ask, changed }) {
     this.#ask = ask;
     this.#changed = changed;
   }
 
-  /** Whether somebody wants to see the forces. */
+  /** Whether somebody wants to see it. */
   get wanted() {
     return this.#wanted;
   }
@@ -29,20 +29,20 @@ export class ForceField {
   }
 
   async #poll() {
-    let field = null;
+    let answer = null;
     try {
-      field = await this.#ask();
+      answer = await this.#ask();
     } catch {
       // A session that is gone, or a server that is away, is told of elsewhere.
     }
     if (!this.#wanted) return;
-    this.#take(field !== null && field.points.length > 0 ? field : null);
+    this.#take(answer);
     this.#timer = setTimeout(() => this.#poll(), EVERY_MS);
   }
 
-  #take(field) {
-    if (field === null && this.latest === null) return;
-    this.latest = field;
+  #take(answer) {
+    if (answer === null && this.latest === null) return;
+    this.latest = answer;
     this.#changed();
   }
 }
