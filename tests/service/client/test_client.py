@@ -78,6 +78,7 @@ def test_every_call_of_the_service_has_its_method(service: Any) -> None:
         calls.decisions("ID"),
         calls.steer("ID", ARROW, None, empty),
         calls.force("ID"),
+        calls.pressure("ID"),
         calls.release("ID"),
         calls.trace("ID", ARROW, None, 1, empty),
         calls.record("ID", 1, empty),
