@@ -43,6 +43,7 @@ async function check() {
   const number = ++asked;
   if (draft.things.length === 0) {
     showFindings([]);
+    setText("build-status", "");
     return null;
   }
   setText("build-status", "The scene is being checked.");
