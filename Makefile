@@ -24,9 +24,9 @@ test-rust: ## tests of the Rust crates alone; they need no Python
 test-python: setup $(VENV)/.dev ## tests of library, service and page on all cores; lists the slowest
 	$(BIN)/pytest --numprocesses auto --durations 10
 
-# A long test uses all cores itself.
-test-all: test ## the default suite, then the long twins of its tests one by one
-	$(BIN)/pytest -m long
+# Two of them take ten minutes and wait for most of it, so workers take tests from each other.
+test-all: test ## the default suite, then the long twins of its tests, within an hour on two cores
+	$(BIN)/pytest -m long --numprocesses auto --dist worksteal --durations 10
 
 lint: setup $(VENV)/.dev ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,7 @@ from tests.service.sessions.test_manager import SCENE, _Clock, _run
 
 from hybridmpm import DomainError, MpmSolver, SketchError
 from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, follow, prepare, push
+from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SessionNotFoundError, SketchDroppedError
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
@@ -142,6 +144,31 @@ def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
 
     _run(scene)
     assert gate.frames == 0
+
+
+def test_whoever_cancels_work_beside_a_session_finds_it_ended() -> None:
+    async def scene(manager: SessionManager, clock: _Clock) -> None:
+        session = await manager.create(lambda: SCENE)
+        begun, notes = threading.Event(), []
+
+        def work(_twin: Simulator, check: Callable[[], None]) -> None:
+            begun.set()
+            try:
+                while True:
+                    time.sleep(0.005)
+                    check()
+            finally:
+                time.sleep(0.05)
+                notes.append("ended")
+
+        working = asyncio.create_task(session.beside(work))
+        assert await asyncio.to_thread(begun.wait, 60)
+        working.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await working
+        assert notes == ["ended"]
+
+    _run(scene)
 
 
 def test_a_sketch_that_is_refused_leaves_the_older_one() -> None:

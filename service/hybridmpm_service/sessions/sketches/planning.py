@@ -1,6 +1,8 @@
 """Planning beside a session that goes on: on copies of its simulator, in threads of their own."""
 
 import asyncio
+import contextlib
+import threading
 from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
@@ -147,7 +149,8 @@ class Planner:
     async def beside(self, work: Callable[[Check], T]) -> T:
         """Do work on a copy of the simulator, after that which was asked for before.
 
-        A caller that is cancelled ends it at its next check.
+        A caller that is cancelled ends it at its next check, and waits until then: files that the work writes
+        may be taken away afterwards.
 
         Parameters
         ----------
@@ -160,10 +163,24 @@ class Planner:
             As `Worker.run`; otherwise what the work raises.
         """
         errand = Errand(self._check_open)
+        loop, ended = asyncio.get_running_loop(), asyncio.Event()
+        begun = threading.Event()
+
+        def do() -> T:
+            begun.set()
+            try:
+                errand.check()
+                return work(errand.check)
+            finally:
+                with contextlib.suppress(RuntimeError):  # The event loop may be closed by now.
+                    loop.call_soon_threadsafe(ended.set)
+
         try:
-            return await self._copies.run(lambda: work(errand.check))
+            return await self._copies.run(do)
         except asyncio.CancelledError:
             errand.drop("its client has gone")
+            if begun.is_set():
+                await ended.wait()
             raise
 
     def stop(self) -> None:
