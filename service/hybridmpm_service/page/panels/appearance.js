@@ -56,7 +56,7 @@ export function bindColours(colourBy) {
     colourBy(select.value);
   };
   const asked = new URLSearchParams(window.location.search).get("colour");
-  if (asked in QUANTITIES) select.value = asked;
+  if (asked !== null && Object.hasOwn(QUANTITIES, asked)) select.value = asked;
   select.addEventListener("change", () => {
     keepInAddress("colour", select.value in QUANTITIES ? select.value : null);
     choose();

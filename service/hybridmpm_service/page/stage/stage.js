@@ -72,6 +72,7 @@ export class Stage {
     this.#described = false;
     this.#time = 0;
     this.#frame = null;
+    this.#pressure = null;
     this.view = scene.dim === 2 ? new FlatView(scene.walls) : new OrbitView(scene.walls);
     this.#resize();
   }
