@@ -66,3 +66,21 @@ def spent(state: Mapping[str, Any]) -> tuple[int, float]:
 def with_this_solver(about: Mapping[str, str]) -> str:
     """Return the versions of the solvers of a checkpoint's data and of this one, as a text for `about`."""
     return ", ".join(map(str, sorted({*solver_versions(about), SOLVER_VERSION})))
+
+
+def origin_of(state: Mapping[str, Any]) -> dict[str, str]:
+    """Return what a training that begins with the weights of a checkpoint tells about them.
+
+    Returns
+    -------
+    dict
+        `command`, which makes them; `solver_versions` of their data and of this solver; `steps_before` and
+        `seconds_before`, which they took.
+    """
+    steps, seconds = spent(state)
+    return {
+        "command": f"{state['about']['command']} --until {state['step']}",
+        "solver_versions": with_this_solver(state["about"]),
+        "steps_before": str(steps),
+        "seconds_before": f"{seconds:.1f}",
+    }

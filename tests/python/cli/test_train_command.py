@@ -1,16 +1,20 @@
 """`hybridmpm train physics` as one types it: begin, go on, finetune, export; and what it refuses."""
 
 import csv
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
 
+import onnx
 import pytest
 import torch
 from click.testing import CliRunner, Result
 
 from hybridmpm import SOLVER_VERSION
 from hybridmpm.cli import cli
+from hybridmpm.physics import NetworkSpec, NeuralModel
+from hybridmpm.physics.manifest import read_model
 from hybridmpm.training import checkpoint
 from hybridmpm.training.export import export_checkpoint
 
@@ -95,6 +99,12 @@ def test_what_does_not_fit_is_refused(train: Train, tmp_path: Path) -> None:
         (("--scenario", "sand_2d", "--out", out), "was trained on water_2d, not on sand_2d"),
         ((*begin, "--latent", 8), "has --latent 4, not 8; leave it out or choose another --out"),
         (("--finetune", tmp_path / "none.pt", "--out", tmp_path / "new"), "none.pt does not exist"),
+        (("--finetune", "fluids", "--out", tmp_path / "new"), "no model 'fluids'; known are fluids_2d"),
+        (("--finetune", tmp_path / "none.onnx", "--out", tmp_path / "new"), "cannot read"),
+        (
+            ("--finetune", out / "checkpoint.pt", "--latent", 8, "--out", tmp_path / "new"),
+            "has --latent 4, not 8; leave it out or leave out --finetune",
+        ),
         (("--scenario", "water_2d", "--noise", 2, "--out", tmp_path / "new"), "2.0 is not in the range"),
         (
             ("--scenario", "water_2d", "--scenario", "water_3d", "--out", tmp_path / "new"),
@@ -104,4 +114,38 @@ def test_what_does_not_fit_is_refused(train: Train, tmp_path: Path) -> None:
     for arguments, message in cases:
         result = train(*arguments)
         assert result.exit_code == 2, (arguments, result.output)
+        assert message in " ".join(result.stderr.split()), result.stderr
+
+
+def test_a_network_of_the_library_is_finetuned_without_relaxations(train: Train, tmp_path: Path) -> None:
+    out = tmp_path / "fine"
+    begin = ("--finetune", "fluids_3d_fast", "--scenario", "sand_3d", "--relaxations", 0)
+    result = train(*begin, "--steps", 1, "--batch", 1, "--unroll", 1, "--noise", 0.15, "--out", out)
+    assert result.exit_code == 0, result.output
+    state, served = checkpoint.read(out / "checkpoint.pt"), NeuralModel.load("fluids_3d_fast")
+    spec = NetworkSpec.from_dict(json.loads(state["spec"]), where="checkpoint")
+    assert spec == dataclasses.replace(served.spec, scenarios=("sand_3d",), relaxations=0)
+    held = onnx.load_from_string(read_model("fluids_3d_fast")).graph.initializer
+    before = {one.name.removeprefix("simulator.network."): onnx.numpy_helper.to_array(one) for one in held}
+    change = [abs(part.numpy() - before[name]).max() for name, part in state["weights"].items()]
+    assert 0 < max(change) < 0.01, "a training of one step begins with the weights of the network"
+    assert json.loads(state["scales"])["noise_std"] == pytest.approx(served.info.scales.noise_std, rel=0.5)
+    about = state["about"]
+    assert about["command"].startswith(served.info.training["command"] + "; hybridmpm train physics")
+    assert int(about["steps_before"]) == int(served.info.training["steps"]) > 0
+
+
+def test_damaged_networks_are_not_finetuned(train: Train, tmp_path: Path) -> None:
+    file, data = tmp_path / "one.onnx", read_model("fluids_3d_fast")
+    foreign = onnx.load_from_string(data)
+    foreign.graph.initializer[0].name = "another"
+    cases = [
+        (data[:1000], "no ONNX model"),
+        (b"", "has model format none"),
+        (foreign.SerializeToString(), "its weights are not those of its network"),
+    ]
+    for content, message in cases:
+        file.write_bytes(content)
+        result = train("--finetune", file, "--out", tmp_path / "fine")
+        assert result.exit_code == 2, result.output
         assert message in " ".join(result.stderr.split()), result.stderr

@@ -105,11 +105,12 @@ def trained(
         "command": f"hybridmpm bench sweep --points {point.key} --minutes-per-point {minutes:g}",
         "solver_versions": versions,
     }
+    windows = Windows(training, trainer.settings.unroll, step_dt=trainer.spec.step_dt)
     held_out = [_held_out(point.scenario, point.ratio, point.r_t)]
     run.train(
         trainer,
         mine,
-        step=functools.partial(trainer.step, Windows(training, trainer.settings.unroll)),
+        step=functools.partial(trainer.step, windows),
         validate=functools.partial(log_rollouts, trainer, mine, held_out),
         about=about,
         rhythm=run.Rhythm(validation_seconds=float("inf")),
@@ -138,7 +139,7 @@ def _new(
         final_rate=_FINAL_RATE,
     )
     scales = normalization(training, spec, plan.noise)
-    windows = Windows(training, settings.unroll)
+    windows = Windows(training, settings.unroll, step_dt=spec.step_dt)
     # A round has as many steps as there are lengths of unrolling: the mixture of the whole training.
     probe = Trainer(spec, scales, replace(plan, steps=settings.unroll), device)
     _round(probe, windows)

@@ -99,24 +99,25 @@ def make_missing(
                     prepare(root, scenario, seeds, bar.update)
 
 
-def origin(finetuned: Path | None) -> dict[str, str]:
+def origin(before: Mapping[str, str] | None) -> dict[str, str]:
     """Return the command that makes the weights and the versions of the solvers of its data.
 
-    With a checkpoint to finetune, they begin with those of the checkpoint.
+    Parameters
+    ----------
+    before : mapping, optional
+        What `checkpoint.origin_of` tells of the weights that the training begins with. Their command comes first.
     """
     this = shlex.join(["hybridmpm", *sys.argv[1:]])
-    if finetuned is None:
+    if before is None:
         return {"command": this, "solver_versions": str(SOLVER_VERSION)}
+    return {**before, "command": f"{before['command']}; {this}"}
+
+
+def of_checkpoint(file: Path | None) -> dict[str, str] | None:
+    """Return what a checkpoint tells of the weights that a training begins with; None without one."""
     from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
 
-    older = checkpoint.read(finetuned)
-    steps, seconds = checkpoint.spent(older)
-    return {
-        "command": f"{older['about']['command']} --until {older['step']}; {this}",
-        "solver_versions": checkpoint.with_this_solver(older["about"]),
-        "steps_before": str(steps),
-        "seconds_before": f"{seconds:.1f}",
-    }
+    return None if file is None else checkpoint.origin_of(checkpoint.read(file))
 
 
 def told_before(file: Path) -> dict[str, str]:
@@ -138,6 +139,8 @@ def refuse_other_options(
     trained_on: Collection[str],
     names: tuple[str, ...],
     file: Path,
+    *,
+    instead: str = "leave it out or choose another --out",
 ) -> None:
     """Refuse an option whose value differs from the one that the training began with.
 
@@ -153,6 +156,8 @@ def refuse_other_options(
         Scenarios that were given.
     file : Path
         The checkpoint.
+    instead : str
+        What to do, for the message.
 
     Raises
     ------
@@ -166,7 +171,7 @@ def refuse_other_options(
         given = ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
         if given and key in there and not math.isclose(there[key], value):
             flag = "--" + key.replace("_", "-")
-            text = f"has {flag} {there[key]}, not {value}; leave it out or choose another --out"
+            text = f"has {flag} {there[key]}, not {value}; {instead}"
             raise ConfigError(f"{file} {text}")
 
 

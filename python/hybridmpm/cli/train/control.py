@@ -15,6 +15,7 @@ from hybridmpm.cli.train.begun import (
     finetune_option,
     learning_rate_option,
     machine_of,
+    of_checkpoint,
     make_missing,
     origin,
     out_option,
@@ -121,7 +122,7 @@ def control(
         trainer = _new(_spec(names, options), options, device)
         kinds = ", ".join(trainer.spec.scenarios)
         about = {
-            **origin(options["finetune"]),
+            **origin(of_checkpoint(options["finetune"])),
             "data": f"{options['scenes']} scenes of each of {kinds}, seeds from 0",
             "machine": machine_of(device),
         }

@@ -14,6 +14,7 @@ from hybridmpm.cli.train.begun import (
     finetune_option,
     learning_rate_option,
     machine_of,
+    of_checkpoint,
     make_missing,
     origin,
     out_option,
@@ -118,7 +119,7 @@ def controlnet(
         told_before(file)
         if begun is not None
         else {
-            **origin(options["finetune"]),
+            **origin(of_checkpoint(options["finetune"])),
             "data": f"reversed cases of {options['scenes']} scenes of each of {', '.join(names)}",
             "machine": machine_of(torch.device("cpu")),
         }

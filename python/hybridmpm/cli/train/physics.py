@@ -1,19 +1,18 @@
 """`hybridmpm train physics`: train a learned simulator on data sets, which are made where missing."""
 
 import dataclasses
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from hybridmpm import scenarios
 from hybridmpm.cli.devices import device_option, require_torch, torch_device
 from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import progress
 from hybridmpm.cli.train.begun import (
-    finetune_option,
     machine_of,
     origin,
     out_option,
@@ -29,9 +28,12 @@ from hybridmpm.physics.spec import NetworkSpec
 if TYPE_CHECKING:
     import torch
 
+    from hybridmpm.training.physics.beginning import Beginning
     from hybridmpm.training.physics.datasets import Amount
     from hybridmpm.training.physics.trainer import Trainer
 
+_SHAPE = ("latent", "layers", "hidden_layers", "radius", "r_p", "r_t")
+"""Options that weights are made for."""
 _SPACINGS = {2: 2.5, 3: 1.8}
 """Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
 radius is smaller than the paper's."""
@@ -158,7 +160,13 @@ radius is smaller than the paper's."""
 @seed_option
 @device_option
 @threads_option
-@finetune_option
+@click.option(
+    "--finetune",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="NETWORK",
+    help="Checkpoint, .onnx file or name of a network of the library, whose weights, shape and scales this "
+    "training begins with.",
+)
 @click.pass_context
 def physics(
     ctx: click.Context, /, *, names: tuple[str, ...], out: Path, threads: int | None, **options: Any
@@ -171,6 +179,7 @@ def physics(
     torch = require_torch()
     from hybridmpm.training import run  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.beginning import Beginning  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.windows import Windows  # noqa: PLC0415 - needs torch
@@ -188,22 +197,24 @@ def physics(
         about = told_before(file)
         _make_data(options["root"], trainer.spec, amount)
     else:
-        spec = _spec(names, options)
+        beginning = None if options["finetune"] is None else Beginning.read(options["finetune"])
+        spec = _spec(ctx, names, beginning)
         _make_data(options["root"], spec, amount)
-        trainer = _new(spec, options, device)
+        trainer = _new(spec, beginning, options, device)
         about = {
-            **origin(options["finetune"]),
+            **origin(None if beginning is None else beginning.origin),
             "data": _described(spec, amount),
             "machine": machine_of(device),
         }
     training = datasets.trajectories(options["root"], trainer.spec, "train")
     held_out = list(datasets.held_out(options["root"], trainer.spec))
+    windows = Windows(training, trainer.settings.unroll, step_dt=trainer.spec.step_dt)
     weights = sum(weight.numel() for weight in trainer.simulator.parameters())
     click.echo(f"{weights} parameters, {len(training)} trajectories, on {device}", err=True)
     run_shown(
         trainer,
         out,
-        step=partial(trainer.step, Windows(training, trainer.settings.unroll)),
+        step=partial(trainer.step, windows),
         validate=partial(log_rollouts, trainer, out, held_out),
         about=about,
         until=options["until"],
@@ -211,43 +222,54 @@ def physics(
     click.echo(f"wrote {file}, and losses and rollouts beside it")
 
 
-def _spec(names: tuple[str, ...], options: dict[str, Any]) -> NetworkSpec:
-    """Return the description of the network: that of the checkpoint to finetune, else by the options."""
-    if options["finetune"] is not None:
-        from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | None") -> NetworkSpec:
+    """Return the description of the network: by the options, or that of the weights it begins with.
 
-        older = checkpoint.read(options["finetune"])
-        spec = NetworkSpec.from_dict(json.loads(older["spec"]), where=str(options["finetune"]))
-        return dataclasses.replace(spec, scenarios=names or spec.scenarios)
+    Of the latter, relaxations may change: they have no weights.
+    """
+    options = ctx.params
+    if beginning is not None:
+        older = beginning.simulator.spec
+        refuse_other_options(
+            ctx,
+            {key: getattr(older, key) for key in _SHAPE},
+            older.scenarios,
+            (),
+            options["finetune"],
+            instead="leave it out or leave out --finetune",
+        )
+        given = ctx.get_parameter_source("relaxations") is ParameterSource.COMMANDLINE
+        relaxations = options["relaxations"] if given else older.relaxations
+        return dataclasses.replace(older, scenarios=names or older.scenarios, relaxations=relaxations)
     if not names:
         raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
-    shape = {key: options[key] for key in ("latent", "layers", "hidden_layers", "r_p", "r_t", "relaxations")}
-    radius = options["radius"]
-    if radius is None:
-        bare = NetworkSpec(scenarios=names, radius=1.0, **shape)
-        radius = round(_SPACINGS[bare.dim] * bare.spacing, 6)
-    return NetworkSpec(scenarios=names, radius=radius, **shape)
+    shape = {key: options[key] for key in (*_SHAPE, "relaxations")}
+    if shape["radius"] is None:
+        bare = NetworkSpec(scenarios=names, **shape | {"radius": 1.0})
+        shape["radius"] = round(_SPACINGS[bare.dim] * bare.spacing, 6)
+    return NetworkSpec(scenarios=names, **shape)
 
 
-def _new(spec: NetworkSpec, options: dict[str, Any], device: "torch.device") -> "Trainer":
-    """Return a new trainer; with a checkpoint to finetune, one that has its weights and their scales."""
+def _new(
+    spec: NetworkSpec, beginning: "Beginning | None", options: dict[str, Any], device: "torch.device"
+) -> "Trainer":
+    """Return a new trainer, with the weights and scales that it begins with, if any."""
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.scales import normalization  # noqa: PLC0415
     from hybridmpm.training.physics.trainer import Trainer, TrainingSettings  # noqa: PLC0415
 
     fields = (field.name for field in dataclasses.fields(TrainingSettings))
     settings = TrainingSettings(**{name: options[name] for name in fields})
-    if options["finetune"] is None:
+    if beginning is None:
         training = datasets.trajectories(options["root"], spec, "train")
         return Trainer(spec, normalization(training, spec, settings.noise), settings, device)
-    older = Trainer.load(options["finetune"], device)
-    scales = older.simulator.scales
-    if older.settings.noise > 0:
+    scales = beginning.simulator.scales
+    if beginning.noise > 0:
         # The other scales belong to the weights; this one says how much noise is drawn.
-        noise_std = scales.noise_std * settings.noise / older.settings.noise
+        noise_std = scales.noise_std * settings.noise / beginning.noise
         scales = dataclasses.replace(scales, noise_std=noise_std)
     trainer = Trainer(spec, scales, settings, device)
-    trainer.simulator.load_state_dict(older.simulator.state_dict())
+    trainer.simulator.load_state_dict(beginning.simulator.state_dict())
     return trainer
 
 

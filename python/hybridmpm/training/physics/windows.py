@@ -16,6 +16,12 @@ from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.physics.graph_network import EdgeList
 
 _Floats = npt.NDArray[np.float32]
+_PUSH = 2.0
+"""Acceleration besides the known one [m/s^2] from which on a particle does not fall freely."""
+_PUSHED_SHARE = 0.01
+"""Share of the particles that have to be pushed for a motion to be more than free fall."""
+_AHEAD = 5
+"""Number of steps before the first push that are drawn, too: bodies are near each other and not yet in touch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +76,10 @@ def edges_of(x: Tensor, types: Tensor, counts: Sequence[int], radius: float) -> 
 
 
 class Windows:
-    """All windows of trajectories, which are in memory.
+    """All windows of trajectories, which are in memory, but for those of free fall.
+
+    Free fall teaches nothing: it is known, and the network's answer does not count there. So windows begin
+    shortly before something but gravity and force moves the particles.
 
     Parameters
     ----------
@@ -78,6 +87,8 @@ class Windows:
         Trajectories with their scenes, which give walls and gravity.
     unroll : int
         Largest number K of targets that `draw` is asked for.
+    step_dt : float
+        Time from one state to the next [s].
 
     Raises
     ------
@@ -85,7 +96,7 @@ class Windows:
         A trajectory has no scene, or no trajectory is long enough.
     """
 
-    def __init__(self, trajectories: Sequence[Trajectory], unroll: int) -> None:
+    def __init__(self, trajectories: Sequence[Trajectory], unroll: int, *, step_dt: float) -> None:
         for trajectory in trajectories:
             if trajectory.scene is None:
                 raise DataError(
@@ -96,6 +107,7 @@ class Windows:
         self._trajectories = [t for t in trajectories if len(t.positions) >= length]
         if not self._trajectories:
             raise DataError(f"no trajectory has the {length} states that a training sample needs")
+        self._starts = [max(0, first_push(one, step_dt) - HISTORY - _AHEAD) for one in self._trajectories]
 
     def draw(self, rng: np.random.Generator, *, size: int, unroll: int, noise_std: float) -> Batch:
         """Draw `size` windows at random.
@@ -128,8 +140,10 @@ class Windows:
     def _window(
         self, rng: np.random.Generator, unroll: int, noise_std: float
     ) -> tuple[_Floats, _Floats, _Floats, _Floats, npt.NDArray[np.int64]]:
-        trajectory = self._trajectories[int(rng.integers(len(self._trajectories)))]
-        first = int(rng.integers(len(trajectory.positions) - HISTORY - unroll + 1))
+        number = int(rng.integers(len(self._trajectories)))
+        trajectory = self._trajectories[number]
+        last = len(trajectory.positions) - HISTORY - unroll
+        first = int(rng.integers(min(self._starts[number], last), last + 1))
         states = trajectory.positions[first : first + HISTORY + unroll].copy()
         acceleration, corners = known_acceleration(trajectory, first + HISTORY - 1, unroll)
         _mirror(rng, states, acceleration, corners)
@@ -137,6 +151,16 @@ class Windows:
         noise[:, trajectory.types == KINEMATIC] = 0.0
         walls = np.broadcast_to(corners[:, None], (2, *states.shape[1:]))
         return states[:HISTORY] + noise, states[HISTORY:] + noise[-1], acceleration, walls, trajectory.types
+
+
+def first_push(trajectory: Trajectory, step_dt: float) -> int:
+    """Return the number of the first state in which more than free fall begins; 0 where that never happens."""
+    moving = trajectory.types != KINEMATIC
+    known, _ = known_acceleration(trajectory, 0, len(trajectory.positions) - 1)
+    found = np.diff(trajectory.positions[:, moving].astype(np.float64), n=2, axis=0) / step_dt**2
+    pushed = np.linalg.norm(found - known[1:, moving], axis=2) > _PUSH
+    states = np.flatnonzero(pushed.mean(axis=1) > _PUSHED_SHARE)
+    return int(states[0]) + 1 if len(states) else 0
 
 
 def known_acceleration(trajectory: Trajectory, first: int, count: int) -> tuple[_Floats, _Floats]:

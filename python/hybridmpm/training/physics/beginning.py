@@ -1,0 +1,99 @@
+"""`Beginning`: weights that a training begins with, of a checkpoint or of a network that is served."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import onnx
+import torch
+
+from hybridmpm.errors import DataError
+from hybridmpm.physics.manifest import read_model
+from hybridmpm.physics.model_info import ModelInfo
+from hybridmpm.physics.spec import Normalization
+from hybridmpm.training import checkpoint
+from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.trainer import Trainer
+
+_PREFIX = "simulator."
+"""Beginning of the names of weights in an exported file; see `hybridmpm.training.export`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beginning:
+    """A trained simulator, and what is known of its training."""
+
+    simulator: LearnedSimulator
+    noise: float
+    """Standard deviation of the noise that it was trained with, over that of the velocity."""
+    origin: Mapping[str, str]
+    """`command`, `solver_versions`, `steps_before` and `seconds_before`, as `checkpoint.origin_of` gives them."""
+
+    @classmethod
+    def read(cls, place: Path) -> Self:
+        """Read a checkpoint, a file whose name ends in .onnx, or the network of the library that has this name.
+
+        Raises
+        ------
+        DataError
+            The file is missing, damaged or neither; or it has other weights than its network.
+        ConfigError
+            There is no network of this name, or it has other features than those of this library.
+        """
+        if place.suffix == ".onnx":
+            try:
+                return cls._of_network(place.read_bytes(), where=str(place))
+            except OSError as error:
+                raise DataError(f"cannot read {place}: {error.strerror or error}") from None
+        if not place.suffix and not place.exists():
+            return cls._of_network(read_model(str(place)), where=f"model {place}")
+        trainer = Trainer.load(place, torch.device("cpu"))
+        return cls(
+            simulator=trainer.simulator,
+            noise=trainer.settings.noise,
+            origin=checkpoint.origin_of(checkpoint.read(place)),
+        )
+
+    @classmethod
+    def _of_network(cls, data: bytes, *, where: str) -> Self:
+        try:
+            model = onnx.load_from_string(data)
+        except Exception as error:  # noqa: BLE001 - protobuf's own errors share no other parent
+            raise DataError(f"{where} is no ONNX model, or damaged or cut off: {error}") from None
+        properties = {one.key: one.value for one in model.metadata_props}
+        info = ModelInfo.from_properties(properties, where=where)
+        simulator = LearnedSimulator(info.spec, info.scales)
+        held = {
+            one.name.removeprefix(_PREFIX): torch.from_numpy(onnx.numpy_helper.to_array(one).copy())
+            for one in model.graph.initializer
+        }
+        # The names of the scales begin alike, but the description has them in full.
+        weights = {f"network.{name}": part for name, part in simulator.network.state_dict().items()}
+        missing = sorted(name for name, part in weights.items() if _shape(held.get(name)) != part.shape)
+        if missing:
+            raise DataError(f"{where}: its weights are not those of its network; {missing[0]} is missing or of another size")
+        simulator.network.load_state_dict(
+            {name: held[f"network.{name}"] for name in simulator.network.state_dict()}
+        )
+        return cls(simulator=simulator, noise=_noise(info.scales), origin=_origin(info))
+
+
+def _shape(tensor: torch.Tensor | None) -> torch.Size | None:
+    return None if tensor is None else tensor.shape
+
+
+def _noise(scales: Normalization) -> float:
+    """Return the noise over the deviation of the velocity, in which it is folded; see `scales.normalization`."""
+    squares = np.square(scales.velocity_std) - scales.noise_std**2
+    return scales.noise_std / float(np.sqrt(np.mean(squares)))
+
+
+def _origin(info: ModelInfo) -> dict[str, str]:
+    return {
+        "command": info.training.get("command", ""),
+        "solver_versions": checkpoint.with_this_solver(info.training),
+        "steps_before": info.training.get("steps") or "0",
+        "seconds_before": info.training.get("seconds") or "0",
+    }
