@@ -39,6 +39,11 @@ class TrueGrids:
         apart = self._normalised(x, mass) - self._masses[row]
         return float(np.sqrt(np.dot(apart, apart)) / self._norms[row])
 
+    def nrmse_over_rmse(self, row: int) -> float:
+        """Return by what a `grid_rmse` against the state `row` has to be multiplied for the `grid_nrmse`."""
+        true = self._masses[row]
+        return float(self._norms[row] / (np.sqrt(true.size) * true.max()))
+
     def _normalised(
         self, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32]
     ) -> npt.NDArray[np.float32]:

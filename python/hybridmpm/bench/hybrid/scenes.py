@@ -15,6 +15,7 @@ from hybridmpm.bench.accuracy.conventions import AT, EVERY, FIRST_SEED
 from hybridmpm.bench.accuracy.grid import TrueGrids
 from hybridmpm.bench.accuracy.impact import first_impact
 from hybridmpm.bench.hybrid.corruptions import CORRUPTIONS, Corrupted
+from hybridmpm.bench.hybrid.scene_means import FREE_FALL, HYBRID, KEY, MPM, means, promises
 from hybridmpm.bench.report.gathered import Gathered
 from hybridmpm.bench.report.provenance import Provenance
 from hybridmpm.bench.report.rows import Progress, Row, significant
@@ -30,18 +31,16 @@ from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
-HYBRID, FREE_FALL, NETWORK, MPM, JITTER = "hybrid", "free-fall", "network", "mpm", "mpm-other-jitter"
+NETWORK, JITTER = "network", "mpm-other-jitter"
 MAIN = (HYBRID, FREE_FALL, MPM, JITTER)
 """Methods that run unless others are asked for."""
-METHODS = (*MAIN, NETWORK, *CORRUPTIONS)
-"""All methods: a hybrid with its network, with free fall in its place, MPM twice, the network alone, and
-hybrids whose network is spoilt."""
-KEY = ("scenario", "seed", "method", "carry")
-"""Fields that tell runs apart."""
+THRESHOLDS = {f"cosine-{tenth / 10}": tenth / 10 for tenth in range(10)}
+"""Thresholds r_c of hybrids that only the cosine guards besides `non-finite` and `outside`, by name."""
+METHODS = (*MAIN, NETWORK, *THRESHOLDS, *CORRUPTIONS)
+"""All methods: a hybrid with its network, with free fall in its place, MPM twice, the network alone, hybrids
+with the cosine alone, and hybrids whose network is spoilt."""
 CALM_SHARE = 0.95
 """Share of the truth's particles that have to be calm for contact to be over."""
-PROMISED = 0.9
-"""Share of the scenes that a promise is about."""
 _STRIDE = 4
 """Frames over which the truth's accelerations are taken."""
 
@@ -60,6 +59,9 @@ class ScenesSettings:
     """Seed of the first scene of each scenario."""
     scenes: int = 20
     """Number of scenes of each scenario."""
+    promised: int = 0
+    """Number of scenes of each scenario that promises are made from; in those beyond `scenes` only the hybrid
+    and MPM run, with all particles carried along."""
     frames: int = 400
     """Number of frames of each scene."""
     methods: tuple[str, ...] = MAIN
@@ -73,12 +75,13 @@ class ScenesSettings:
 
     def asked_for(self) -> list[tuple[str, int, str, bool]]:
         """Return the runs, by the values of their `KEY`."""
+        everything = [(method, carry) for method in self.methods for carry in self.carried]
+        promised = [(HYBRID, True), (MPM, True)]
         return [
-            (scenario, seed, method, carry)
+            (scenario, self.first + number, method, carry)
             for scenario in self.scenarios
-            for seed in range(self.first, self.first + self.scenes)
-            for method in self.methods
-            for carry in self.carried
+            for number in range(max(self.scenes, self.promised))
+            for method, carry in (everything if number < self.scenes else promised)
         ]
 
 
@@ -130,17 +133,20 @@ def measure(
     """Run what is missing, adding it to the runs one by one, and yield all rows; `on_progress` counts runs.
 
     Rows of the part `run` are the single runs. `error` is the mean `grid_rmse` against the truth from the
-    first impact on, `error_40` that 40 frames after it. `network`, `free_fall`, `rest` and `mpm` are shares
-    of all frames. `contact` is the share of the frames in contact in which the network was evaluated: from
+    first impact on, `error_40` that 40 frames after it, and `nrmse` the mean `grid_nrmse` over the same
+    frames as `error`. `network`, `free_fall`, `rest` and `mpm` are shares of all frames. `contact` is the share of the frames in contact in which the network was evaluated: from
     the first impact until 95 % of the truth's particles are calm. `kinetic` is the kinetic energy at the end
     over the energy of the fall, `kinetic_true` that of the truth. Rows of the part `mean` are means over the
-    scenes of a scenario, rows of the part `promise` tell what holds in 90 % of the scenes; see `means` and
-    `promises`.
+    first `scenes` of a scenario, rows of the part `promise` tell what holds in 90 % of all; see
+    `scene_means`.
     """
     runs_asked_for = settings.asked_for()
     for scenario in settings.scenarios:
-        for seed in range(settings.first, settings.first + settings.scenes):
-            mine = [key for key in runs_asked_for if key[:2] == (scenario, seed)]
+        mine_by_seed: dict[int, list[tuple[str, int, str, bool]]] = {}
+        for key in runs_asked_for:
+            if key[0] == scenario:
+                mine_by_seed.setdefault(key[1], []).append(key)
+        for seed, mine in mine_by_seed.items():
             missing = [key for key in mine if not runs.has(key)]
             if missing:
                 scene = scenarios.get(scenario, seed)
@@ -152,13 +158,14 @@ def measure(
             on_progress(len(mine))
     rows = [runs.row(key) for key in runs_asked_for]
     yield from rows
-    for row in (*means(rows), *promises(rows)):
+    judged = [row for row in rows if row["seed"] < settings.first + settings.scenes]
+    for row in (*means(judged), *promises(rows)):
         yield origin.stamped(row)
 
 
 def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, carry: bool, frames: int) -> Row:
     simulator = _simulator(scene, network, method, carry=carry)
-    errors, answered, seconds = [], [], list[float]()
+    errors, normalised, answered, seconds = [], [], [], list[float]()
     for row in range(1, frames // EVERY + 1):
         try:
             with Clock(seconds):
@@ -166,15 +173,18 @@ def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, carry: b
         except SimulationError:
             break
         errors.append(truth.grids.rmse(row, np.clip(simulator.positions, 0, 1), simulator.mass))
+        normalised.append(errors[-1] * truth.grids.nrmse_over_rmse(row))
         if isinstance(simulator, HybridSimulator):
             answered.append(simulator.answered)
     whole = len(errors) == frames // EVERY
-    later = errors[max(truth.impact // EVERY, 1) - 1 :]
+    counted = slice(max(truth.impact // EVERY, 1) - 1, None)
+    later = errors[counted]
     found: Row = {
         "frames": frames,
         "impact": truth.impact,
         "calm": truth.calm,
         "error": significant(float(np.mean(later))) if whole and later else None,
+        "nrmse": significant(float(np.mean(normalised[counted]))) if whole and later else None,
         **{f"error_{at}": _at(errors, truth.impact + at) for at in AT},
         "kinetic": significant(simulator.diagnostics().kinetic_energy / truth.fall_energy) if whole else None,
         "kinetic_true": significant(truth.kinetic_energy / truth.fall_energy),
@@ -214,96 +224,9 @@ def _simulator(scene: Scene, network: Stepper, method: str, *, carry: bool) -> S
         return NeuralPhysics(scene, network, carry=carry)
     if method == FREE_FALL:
         network = FreeFall(scene.frame_dt, r_p=network.r_p, r_t=network.r_t)
+    elif method in THRESHOLDS:
+        sound = ("non-finite", "outside")
+        return HybridSimulator(scene, network, r_c=THRESHOLDS[method], guards=sound, carry=carry)
     elif method != HYBRID:
         network = Corrupted(network, CORRUPTIONS[method], scene)
     return HybridSimulator(scene, network, carry=carry)
-
-
-def means(rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield a row for each scenario, and one for all, of each method and `carry`.
-
-    `ratio` is the mean of the error over that of MPM on the same scene, `ratio_se` its standard error,
-    `worst` the largest. `to_free_fall` is the mean of the error over that of the hybrid with free fall in the
-    network's place. `kinetic_met` is the share of the scenes at rest whose kinetic energy at the end is at
-    most twice the truth's, or 1e-4 of the energy of the fall; None where no scene is at rest.
-    """
-    runs = {tuple(row[name] for name in KEY): row for row in rows}
-    groups: dict[tuple[str, bool], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row["method"], row["carry"]), []).append(row)
-    for (method, carry), mine in groups.items():
-        for scenario in (*dict.fromkeys(row["scenario"] for row in mine), "all"):
-            chosen = [row for row in mine if scenario in (row["scenario"], "all")]
-            yield {"part": "mean", "scenario": scenario, "method": method, "carry": carry} | _mean(
-                chosen, runs
-            )
-
-
-def _mean(chosen: Sequence[Row], runs: dict[tuple[object, ...], Row]) -> Row:
-    ratios = _over(chosen, runs, MPM, "error")
-    fallen = _over(chosen, runs, FREE_FALL, "error")
-    at_rest = [row for row in chosen if row["calm"] < row["frames"] and row["kinetic"] is not None]
-    met = [row["kinetic"] <= max(2 * row["kinetic_true"], 1e-4) for row in at_rest]
-    shares = ("network", "free_fall", "rest", "mpm", "contact", "ms_per_frame", "error")
-    known = {name: [row[name] for row in chosen if row[name] is not None] for name in shares}
-    return {
-        "scenes": len(chosen),
-        **{name: significant(float(np.mean(values))) if values else None for name, values in known.items()},
-        "ratio": significant(float(np.mean(ratios))) if ratios else None,
-        "ratio_se": significant(_standard_error(ratios)),
-        "worst": significant(max(ratios)) if ratios else None,
-        "to_free_fall": significant(float(np.mean(fallen))) if fallen else None,
-        "to_free_fall_se": significant(_standard_error(fallen)),
-        "kinetic_met": significant(float(np.mean(met))) if met else None,
-        "failed": sum(row["error"] is None for row in chosen),
-    }
-
-
-def _standard_error(values: Sequence[float]) -> float | None:
-    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None
-
-
-def _over(chosen: Sequence[Row], runs: dict[tuple[object, ...], Row], other: str, field: str) -> list[float]:
-    """Return the values of a field over those of another method on the same scenes, where both are known."""
-    pairs = (
-        (row[field], runs.get((row["scenario"], row["seed"], other, row["carry"]), {}).get(field))
-        for row in chosen
-    )
-    return [one / two for one, two in pairs if one is not None and two is not None]
-
-
-def promises(rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield what holds in 90 % of the scenes, and whether it held in others.
-
-    For each dimension and material, and 40, 100 and 200 frames after the first impact: `bound` is the
-    smallest number such that in scenes like those with even seeds the error of the hybrid is at most so many
-    times MPM's with a probability of 90 % (split conformal prediction; Vovk et al. 2005); None where there
-    are too few. `held` is the share of the scenes with odd seeds in which it was.
-    """
-    runs = {tuple(row[name] for name in KEY): row for row in rows}
-    hybrids = [row for row in rows if row["method"] == HYBRID]
-    groups: dict[tuple[str, bool], list[Row]] = {}
-    for row in hybrids:
-        groups.setdefault((_material(row["scenario"]), row["carry"]), []).append(row)
-    for (material, carry), mine in groups.items():
-        for after in AT:
-            halves = [[row for row in mine if row["seed"] % 2 == half] for half in (0, 1)]
-            known, fresh = (_over(half, runs, MPM, f"error_{after}") for half in halves)
-            rank = int(np.ceil(PROMISED * (len(known) + 1)))
-            bound = sorted(known)[rank - 1] if rank <= len(known) else None
-            held = None if bound is None or not fresh else float(np.mean(np.array(fresh) <= bound))
-            yield {
-                "part": "promise",
-                "scenario": material,
-                "carry": carry,
-                "after": after,
-                "bound": significant(bound),
-                "held": significant(held),
-                "calibrated_on": len(known),
-                "tested_on": len(fresh),
-            }
-
-
-def _material(scenario: str) -> str:
-    """Return what a scenario's particles are made of, with its dimension: water_ramps_2d is water_2d."""
-    return scenario.replace("_ramps", "")

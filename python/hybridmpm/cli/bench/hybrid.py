@@ -10,7 +10,7 @@ from hybridmpm.bench.accuracy.conventions import FIRST_SEED
 from hybridmpm.bench.hybrid import handoff as handoff_bench
 from hybridmpm.bench.hybrid import hybrid as hybrid_bench
 from hybridmpm.bench.hybrid import safeguard as safeguard_bench
-from hybridmpm.bench.hybrid import safeguard_chart
+from hybridmpm.bench.hybrid import safeguard_chart, scenes_chart
 from hybridmpm.bench.hybrid import scenes as scenes_bench
 from hybridmpm.bench.report.gathered import Gathered
 from hybridmpm.cli.bench.options import (
@@ -44,7 +44,7 @@ _HANDOFF_COLUMNS = (
 _HYBRID_COLUMNS = ("scenario", "method", "ms_per_frame", "seconds", "mpm_share", "frame", "error")
 _SHARES_COLUMNS = (
     "scenario", "method", "carry", "scenes", "network", "free_fall", "rest", "mpm", "contact", "ratio",
-    "ratio_se", "worst", "to_free_fall", "kinetic_met", "ms_per_frame",
+    "ratio_se", "worst", "nrmse", "to_free_fall", "kinetic_met", "ms_per_frame",
 )  # fmt: skip
 _PROMISE_COLUMNS = ("scenario", "carry", "after", "bound", "held", "calibrated_on", "tested_on")
 _LINE_EVERY = 50
@@ -156,6 +156,9 @@ def hybrid(
 @model_option
 @scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
 @number_option("--scenes", 1, 100_000, 20, "Number of scenes of each scenario.")
+@number_option(
+    "--promised", 0, 100_000, 0, "Number of scenes of each scenario that promises are made from, if more."
+)
 @click.option(
     "--first",
     type=click.IntRange(min=0),
@@ -183,17 +186,20 @@ def hybrid(
 )
 @runs_option
 @json_option
+@chart_option
 def shares(
     *,
     model: str | None,
     names: tuple[str, ...],
     scenes: int,
+    promised: int,
     first: int,
     frames: int,
     methods: tuple[str, ...],
     carried: str,
     runs_file: Path | None,
     json_file: Path | None,
+    chart_file: Path | None,
 ) -> None:
     """Measure on many scenes which share of the frames a hybrid's network simulates, and at what error.
 
@@ -205,16 +211,18 @@ def shares(
         scenarios=names,
         first=first,
         scenes=scenes,
+        promised=promised,
         frames=frames,
         methods=methods,
         carried={"yes": (True,), "no": (False,), "both": (True, False)}[carried],
     )
-    options = {"model": (model,), "scenario": names, "scenes": (scenes,), "first": (first,)}
-    origin = source("shares", **options, frames=(frames,), method=methods, carry=(carried,))
+    options = {"model": (model,), "scenario": names, "scenes": (scenes,), "promised": (promised,)}
+    more = {"first": (first,), "frames": (frames,), "method": methods, "carry": (carried,)}
+    origin = source("shares", **options, **more)
     runs = Gathered(settings.shared(), runs_file)
     with progress("Measuring", len(settings.asked_for())) as bar:
         rows = list(scenes_bench.measure(settings, runs, origin, bar.update))
-    save(rows, json_file)
+    save(rows, json_file, chart_file, scenes_chart.chart)
     for part, columns in (("mean", _SHARES_COLUMNS), ("promise", _PROMISE_COLUMNS)):
         click.echo(f"\n{part}")
         if chosen := [row for row in rows if row["part"] == part]:

@@ -105,7 +105,8 @@ def origin(before: Mapping[str, str] | None) -> dict[str, str]:
     Parameters
     ----------
     before : mapping, optional
-        What `checkpoint.origin_of` tells of the weights that the training begins with. Their command comes first.
+        What `checkpoint.origin_of` tells of the weights that the training begins with. Their command comes
+        first.
     """
     this = shlex.join(["hybridmpm", *sys.argv[1:]])
     if before is None:

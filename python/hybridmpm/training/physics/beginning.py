@@ -29,11 +29,11 @@ class Beginning:
     noise: float
     """Standard deviation of the noise that it was trained with, over that of the velocity."""
     origin: Mapping[str, str]
-    """`command`, `solver_versions`, `steps_before` and `seconds_before`, as `checkpoint.origin_of` gives them."""
+    """`command`, `solver_versions`, `steps_before`, `seconds_before`; see `checkpoint.origin_of`."""
 
     @classmethod
     def read(cls, place: Path) -> Self:
-        """Read a checkpoint, a file whose name ends in .onnx, or the network of the library that has this name.
+        """Read a checkpoint, an .onnx file, or the network of the library that has this name.
 
         Raises
         ------
@@ -73,7 +73,10 @@ class Beginning:
         weights = {f"network.{name}": part for name, part in simulator.network.state_dict().items()}
         missing = sorted(name for name, part in weights.items() if _shape(held.get(name)) != part.shape)
         if missing:
-            raise DataError(f"{where}: its weights are not those of its network; {missing[0]} is missing or of another size")
+            raise DataError(
+                f"{where}: its weights are not those of its network; {missing[0]} is missing or has another "
+                "size"
+            )
         simulator.network.load_state_dict(
             {name: held[f"network.{name}"] for name in simulator.network.state_dict()}
         )
@@ -85,7 +88,7 @@ def _shape(tensor: torch.Tensor | None) -> torch.Size | None:
 
 
 def _noise(scales: Normalization) -> float:
-    """Return the noise over the deviation of the velocity, in which it is folded; see `scales.normalization`."""
+    """Return the noise over the deviation of the velocity; see `scales.normalization`."""
     squares = np.square(scales.velocity_std) - scales.noise_std**2
     return scales.noise_std / float(np.sqrt(np.mean(squares)))
 

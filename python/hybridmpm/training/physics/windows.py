@@ -21,7 +21,7 @@ _PUSH = 2.0
 _PUSHED_SHARE = 0.01
 """Share of the particles that have to be pushed for a motion to be more than free fall."""
 _AHEAD = 5
-"""Number of steps before the first push that are drawn, too: bodies are near each other and not yet in touch."""
+"""Number of steps before the first push that are drawn, too: bodies are near, and not yet in touch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +154,7 @@ class Windows:
 
 
 def first_push(trajectory: Trajectory, step_dt: float) -> int:
-    """Return the number of the first state in which more than free fall begins; 0 where that never happens."""
+    """Return the number of the first state that more than free fall follows; 0 where none does."""
     moving = trajectory.types != KINEMATIC
     known, _ = known_acceleration(trajectory, 0, len(trajectory.positions) - 1)
     found = np.diff(trajectory.positions[:, moving].astype(np.float64), n=2, axis=0) / step_dt**2
