@@ -134,11 +134,11 @@ def measure(
 
     Rows of the part `run` are the single runs. `error` is the mean `grid_rmse` against the truth from the
     first impact on, `error_40` that 40 frames after it, and `nrmse` the mean `grid_nrmse` over the same
-    frames as `error`. `network`, `free_fall`, `rest` and `mpm` are shares of all frames. `contact` is the share of the frames in contact in which the network was evaluated: from
-    the first impact until 95 % of the truth's particles are calm. `kinetic` is the kinetic energy at the end
-    over the energy of the fall, `kinetic_true` that of the truth. Rows of the part `mean` are means over the
-    first `scenes` of a scenario, rows of the part `promise` tell what holds in 90 % of all; see
-    `scene_means`.
+    frames as `error`. `network`, `free_fall`, `rest` and `mpm` are shares of all frames. `contact` is the
+    share of the frames in contact in which the network was evaluated: from the first impact until 95 % of the
+    truth's particles are calm. `kinetic` is the kinetic energy at the end over the energy of the fall,
+    `kinetic_true` that of the truth. Rows of the part `mean` are means over the first `scenes` of a scenario,
+    rows of the part `promise` tell what holds in 90 % of all; see `scene_means`.
     """
     runs_asked_for = settings.asked_for()
     for scenario in settings.scenarios:
