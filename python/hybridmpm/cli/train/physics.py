@@ -100,7 +100,7 @@ radius is smaller than the paper's."""
 @click.option(
     "--relaxations",
     type=click.IntRange(0, 16),
-    default=3,
+    default=0,
     show_default=True,
     help="Number of relaxations of density after each step of the network; the paper's network has none.",
 )
@@ -122,7 +122,7 @@ radius is smaller than the paper's."""
 @click.option(
     "--unroll",
     type=click.IntRange(1, 32),
-    default=3,
+    default=6,
     show_default=True,
     help="Number of successive network steps in the loss at the end of training; it grows from 1.",
 )
