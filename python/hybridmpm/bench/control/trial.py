@@ -12,7 +12,7 @@ from hybridmpm.bench.control.measures.forces import least_force, measure_forces
 from hybridmpm.bench.control.measures.naturalness import features
 from hybridmpm.bench.control.suite.problems import ORACLE_CAP, Problem
 from hybridmpm.bench.report.rows import Row, significant
-from hybridmpm.control import Following, follow, prepare
+from hybridmpm.control import Following, Sketch, follow, prepare
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.simulator import Simulator
@@ -75,7 +75,7 @@ def look_at(simulator: Simulator) -> list[float]:
 
 
 def _filled(problem: Problem) -> Trial:
-    goal = prepare(problem.simulator, problem.sketch, method="none", frames=problem.frames).goal
+    goal = _goal(problem, problem.sketch)
     places = goal.ways.places
     figures = _end_states(problem, goal).measure(places, places)
     return Trial(_row(problem, FILLED, figures), [], places, goal)
@@ -103,7 +103,7 @@ def _followed(problem: Problem, entrant: Entrant, budget: float) -> Trial:
     except ConfigError as error:
         raise broken(entrant.name, name, error) from error
     except SimulationError as error:
-        goal = prepare(problem.simulator, problem.sketch, method="none", frames=problem.frames).goal
+        goal = _goal(problem, problem.sketch)
         return Trial(_row(problem, entrant.name, {"failed": str(error)}), [], None, goal)
     except Exception as error:
         raise broken(entrant.name, name, error) from error
@@ -125,7 +125,9 @@ def _followed(problem: Problem, entrant: Entrant, budget: float) -> Trial:
         "frames": frames,
     }
     if problem.case.kind == "arrow":
-        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], goal.path)
+        figures["path_error"] = distance_from_path(
+            result.centroids[: frames + 1], _judged(problem, goal).path
+        )
     return Trial(_row(problem, entrant.name, figures), looks, result.positions[frames], goal)
 
 
@@ -149,7 +151,17 @@ def _run(following: Following, began: float) -> tuple[Row, list[list[float]]]:
 
 
 def _end_states(problem: Problem, goal: Goal) -> EndStates:
-    return EndStates(problem.simulator.scene, problem.simulator.mass, goal, problem.truth)
+    judged = _judged(problem, goal)
+    return EndStates(problem.simulator.scene, problem.simulator.mass, judged, problem.truth)
+
+
+def _goal(problem: Problem, sketch: Sketch) -> Goal:
+    return prepare(problem.simulator, sketch, method="none", frames=problem.frames).goal
+
+
+def _judged(problem: Problem, goal: Goal) -> Goal:
+    """Return the goal that was meant: that of the sketch, unless a hand drew it."""
+    return goal if problem.meant is problem.sketch else _goal(problem, problem.meant)
 
 
 def _row(problem: Problem, method: str, figures: Row) -> Row:

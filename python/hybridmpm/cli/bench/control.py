@@ -108,10 +108,10 @@ def control(
 ) -> None:
     """Hold methods of control against each other on a fixed suite of sketches.
 
-    Five families: states that are led back to where they came from (reversed), free ovals, bent arrows, ovals
-    behind obstacles, and fluid in pieces that is to be gathered. docs/control-bench.md tells what each can
-    show, and how to enter a method of your own. With --runs an interrupted benchmark goes on where it
-    stopped.
+    Six families: states that are led back to where they came from (reversed), free ovals, bent arrows, ovals
+    behind obstacles, fluid in pieces that is to be gathered, and ovals and arrows as a hand draws them.
+    docs/control-bench.md tells what each can show, and how to enter a method of your own. With --runs an
+    interrupted benchmark goes on where it stopped.
     """
     if page_file is not None:
         check_page(page_file)

@@ -1,24 +1,28 @@
 """The suite of control: every case is valid, and the same whenever it is drawn."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from hybridmpm import scenarios
+from hybridmpm.bench.control.entrants import entrant
 from hybridmpm.bench.control.suite.cases import FAMILIES, KINDS, SCENARIOS, Case, cases, digest
 from hybridmpm.bench.control.suite.problems import problem
-from hybridmpm.control import Ellipse, prepare
+from hybridmpm.bench.control.trial import run
+from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.room import Room
 
 FREE = [case for case in cases() if case.family != "reversed"]
 
 
 def test_the_suite_has_the_sketches_that_the_documentation_promises() -> None:
-    assert len(set(cases())) == len(cases()) == 4 * 2 * 50 + 10 * (7 + 5 + 7 + 5)
+    assert len(set(cases())) == len(cases()) == 4 * 2 * 50 + 10 * (7 + 5 + 7 + 5) + 30
     for family in FAMILIES:
         for scenario in SCENARIOS[family]:
             for kind in KINDS[family]:
                 mine = [case for case in cases([family], [scenario]) if case.kind == kind]
-                assert len(mine) == (50 if family == "reversed" else 10)
+                assert len(mine) == {"reversed": 50, "hand": 5}.get(family, 10)
                 assert len(cases([family], [scenario], seeds=3)) == 3 * len(KINDS[family])
 
 
@@ -50,6 +54,31 @@ def test_obstacles_lie_between_or_belong_to_the_scenario() -> None:
     for case in FREE:
         has_obstacles = bool(case.start().scene.obstacles)
         assert has_obstacles == (case.family == "obstacles" or "ramps" in case.scenario)
+
+
+def test_what_is_read_from_a_hand_is_near_to_what_it_meant() -> None:
+    found = [case.start() for case in cases(["hand"])]
+    assert len({start.meant is start.sketch for start in found}) == 1
+    for start in found:
+        assert start.meant is not None
+        assert start.sketch.kind == start.meant.kind
+        if isinstance(start.meant, Ellipse):
+            assert isinstance(start.sketch, Ellipse)
+            np.testing.assert_allclose(start.sketch.center, start.meant.center, atol=0.015)
+        else:
+            assert isinstance(start.sketch, Arrow)
+            ends = start.sketch.points[[0, -1]]
+            np.testing.assert_allclose(ends, start.meant.points[[0, -1]], atol=0.04)
+
+
+def test_a_hand_is_judged_by_what_it_meant() -> None:
+    ready = problem(Case("hand", "water_2d", "oval", 1_245_000))
+    trial = run(ready, entrant("filled"), budget=1.0)
+    assert ready.meant is not ready.sketch
+    # The floor is what the reading alone is off.
+    assert 0 < trial.row["transport"] < 0.03
+    meant = dataclasses.replace(ready, sketch=ready.meant)
+    assert run(meant, entrant("filled"), budget=1.0).row["transport"] < 1e-6
 
 
 def test_a_case_is_the_same_to_the_bit_each_time() -> None:

@@ -23,6 +23,8 @@ _SIZE, _GAP, _HEAD, _SIDE = 170, 4, 16, 92
 """Side of a picture, gaps, and room for titles above and on the left [pixels]."""
 WORST_OF = "analytic"
 """Whose worst cases are shown."""
+_WORST_BY_HAND = 5
+"""Number of hand-drawn sketches that are shown: those that it does worst."""
 _INK = (40, 40, 40)
 _MILLIMETRES = 1000
 
@@ -47,7 +49,8 @@ def first_cases(some: Sequence[Case]) -> dict[str, list[Case]]:
 def sheets(some: Sequence[Case], rows: Sequence[Row]) -> dict[str, list[Case]]:
     """Return the cases of each sheet: by family the first ones, and the worst ones of all families.
 
-    The worst case of a family is the one that `WORST_OF` did worst, by what the family is judged by.
+    The worst case of a family is the one that `WORST_OF` did worst, by what the family is judged by. Of
+    hand-drawn sketches the five worst are shown in the place of the first ones.
 
     Parameters
     ----------
@@ -64,7 +67,13 @@ def sheets(some: Sequence[Case], rows: Sequence[Row]) -> dict[str, list[Case]]:
     worst = {
         row["family"]: by_name[row["family"], row["scenario"], row["sketch"], row["seed"]] for row in ranked
     }
-    return first_cases(some) | ({"worst": list(worst.values())} if worst else {})
+    by_hand = [row for row in ranked if row["family"] == "hand"][: -_WORST_BY_HAND - 1 : -1]
+    shown = first_cases(some)
+    if by_hand:
+        shown["hand"] = [
+            by_name[row["family"], row["scenario"], row["sketch"], row["seed"]] for row in by_hand
+        ]
+    return shown | ({"worst": list(worst.values())} if worst else {})
 
 
 def write_sheets(

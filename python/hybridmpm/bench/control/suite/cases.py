@@ -13,10 +13,10 @@ from hybridmpm import scenarios
 from hybridmpm.bench.control.suite.starts import Start, drawn_start
 from hybridmpm.control import Ellipse
 
-VERSION = 1
+VERSION = 2
 """Version of the suite; raised whenever a case is another one than before."""
 
-Family = Literal["reversed", "free", "bent", "obstacles", "gather"]
+Family = Literal["reversed", "free", "bent", "obstacles", "gather", "hand"]
 Kind = Literal["oval", "arrow"]
 
 FAMILIES: tuple[Family, ...] = get_args(Family)
@@ -30,6 +30,7 @@ SCENARIOS: dict[Family, tuple[str, ...]] = {
     "bent": _OPEN,
     "obstacles": scenarios.NAMES,
     "gather": _OPEN,
+    "hand": ("water_2d", "sand_2d", "water_sand_2d"),
 }
 """Scenarios of each family. Ramps leave no room for a shape on a bent way, or for a letter."""
 KINDS: dict[Family, tuple[Kind, ...]] = {
@@ -38,6 +39,7 @@ KINDS: dict[Family, tuple[Kind, ...]] = {
     "bent": ("arrow",),
     "obstacles": ("oval",),
     "gather": ("oval",),
+    "hand": ("oval", "arrow"),
 }
 """Kinds of sketches in each family."""
 _SEEDS: dict[Family, range] = {
@@ -46,6 +48,7 @@ _SEEDS: dict[Family, range] = {
     "bent": range(1_220_000, 1_220_010),
     "obstacles": range(1_230_000, 1_230_010),
     "gather": range(1_240_000, 1_240_010),
+    "hand": range(1_245_000, 1_245_005),
 }
 _MOST = 50
 """Largest number of sketches of each kind in a family and scenario."""
@@ -72,7 +75,7 @@ class Case:
 
     def start(self) -> Start:
         """Return scene, frame and sketch; for families other than `reversed`, whose sketch needs a run."""
-        return drawn_start(self.family, self.scenario, self.seed)
+        return drawn_start(self.family, self.scenario, self.kind, self.seed)
 
 
 def cases(

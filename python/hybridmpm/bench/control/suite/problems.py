@@ -29,6 +29,8 @@ class Problem:
     simulator: MpmSolver
     """In the state on which the sketch was drawn; entrants get copies."""
     sketch: Sketch
+    meant: Sketch
+    """What is judged by: the sketch itself, but for the family `hand`, where a hand drew it."""
     frames: int | None
     """Number of frames in which the goal is to be reached; None leaves it to what the goal needs."""
     truth: npt.NDArray[np.float32] | None
@@ -55,7 +57,8 @@ def problem(case: Case) -> Problem:
     start = case.start()
     solver = MpmSolver(start.scene)
     solver.advance(start.frame)
-    return Problem(case, solver, start.sketch, None, None, None)
+    meant = start.sketch if start.meant is None else start.meant
+    return Problem(case, solver, start.sketch, meant, None, None, None)
 
 
 def uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:
@@ -81,7 +84,8 @@ def _reversed(case: Case) -> Problem:
         cap=ORACLE_CAP,
         substeps="cfl",
     )
-    return Problem(case, found.simulator(), found.sketch, found.frames, found.target, Oracle(found))
+    sketch = found.sketch
+    return Problem(case, found.simulator(), sketch, sketch, found.frames, found.target, Oracle(found))
 
 
 def _control_frame(seed: int) -> int:

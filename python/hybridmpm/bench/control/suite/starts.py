@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import Arrow, Ellipse, Sketch
+from hybridmpm.control import Arrow, Ellipse, Sketch, parse_png, render_png
 from hybridmpm.control.goal.room import Room
+from hybridmpm.control.sketch.hand import draw_by_hand, random_hand
 from hybridmpm.scene import BallObstacle, Box, BoxObstacle, Polygon, Scene, SegmentObstacle
 
 _Floats = npt.NDArray[np.float64]
 
-_SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4}
+_SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4, "hand": 5}
 _AMOUNT = {2: 0.052, 3: 0.00145}
 """Volume of fluid by dimension [m^D]: 3400 particles in 2D, 3000 in 3D."""
 _CENTERS = np.array([0.35, 0.4]), np.array([0.65, 0.65])
@@ -42,11 +43,15 @@ class Start:
     scene: Scene
     frame: int
     sketch: Sketch
+    meant: Sketch | None = None
+    """What a hand meant, where the sketch is what is read from its picture."""
 
 
-def drawn_start(family: str, scenario: str, seed: int) -> Start:
+def drawn_start(family: str, scenario: str, kind: str, seed: int) -> Start:
     """Draw a start of a family from a seed; the same seed gives the same start."""
     rng = np.random.default_rng([_SALT[family], scenarios.NAMES.index(scenario), seed])
+    if family == "hand":
+        return _by_hand(_Drawing(scenario, seed, rng), kind)
     draw = {"free": _free, "bent": _bent, "obstacles": _obstacles, "gather": _gathered}[family]
     return draw(_Drawing(scenario, seed, rng))
 
@@ -128,6 +133,18 @@ def _free(draw: _Drawing) -> Start:
         corners = [(np.array([a, 0.1]), np.array([b, 0.1 + height])) for a, b in itertools.pairwise(parts)]
         scene, frame = draw.scene(draw.boxes(corners)), 250 if "sand" in draw.materials else 100
     return Start(scene, frame, draw.oval(scene))
+
+
+def _by_hand(draw: _Drawing, kind: str) -> Start:
+    """Draw a start of `free`, and what is read from a hand's picture of an oval or of an arrow upwards."""
+    start, rng = _free(draw), draw.rng
+    meant = start.sketch
+    if kind == "arrow":
+        tail = rng.uniform([0.35, 0.2], [0.65, 0.35])
+        tip = tail + rng.uniform([-0.2, 0.2], [0.2, 0.34])
+        meant = Arrow(np.linspace(tail, tip, 40))
+    _, picture = draw_by_hand(meant, random_hand(rng, meant.kind), rng)
+    return Start(start.scene, start.frame, parse_png(render_png(picture)), meant)
 
 
 def _bent(draw: _Drawing) -> Start:
