@@ -96,7 +96,7 @@ class Drift(Guard):
     stage = Stage.MOTION
     undo = 1
 
-    threshold: float = 2.0
+    threshold: float = 1.75
     period: int = field(default=1, kw_only=True)
     memory: float = field(default=0.9, kw_only=True)
     _errors: tuple[float, ...] = field(default=(), init=False)
