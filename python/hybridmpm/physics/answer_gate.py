@@ -1,4 +1,4 @@
-"""Where the answer of a network counts; `training.physics.answer_gate` is the same with gradients."""
+"""Where the answer of a network counts; `training.physics.network.answer_gate` is the same with gradients."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,4 @@
-"""Relaxation of density, which ends a step of a network; `training.physics.relaxation` has the gradients."""
+"""Relaxation of density, which ends a step of a network; `training.physics.network` has it with gradients."""
 
 import itertools
 

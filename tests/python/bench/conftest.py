@@ -24,7 +24,7 @@ def write() -> None:
     from hybridmpm.physics.model_info import ModelInfo
     from hybridmpm.physics.spec import NetworkSpec, Normalization
     from hybridmpm.training.export import to_onnx
-    from hybridmpm.training.physics.simulator import LearnedSimulator
+    from hybridmpm.training.physics.network.simulator import LearnedSimulator
 
     torch.manual_seed(0)
     spec = NetworkSpec(

@@ -19,7 +19,7 @@ from hybridmpm.cli import cli
 from hybridmpm.physics import ModelInfo, NetworkSpec, NeuralModel, Normalization
 from hybridmpm.training import checkpoint
 from hybridmpm.training.export import to_onnx
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
 from hybridmpm.training.physics.windows import edges_of
 

@@ -14,8 +14,8 @@ from hybridmpm.physics.answer_gate import answer_weights as served_weights
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
-from hybridmpm.training.physics.answer_gate import answer_weights
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.answer_gate import answer_weights
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of
 
 Inputs = Callable[..., dict[str, Any]]

@@ -14,8 +14,8 @@ from click.testing import Result
 from hybridmpm import ConfigError, NeuralPhysics, radius_graph, scenarios
 from hybridmpm._support.onnx_file import OPSET
 from hybridmpm.physics import NetworkSpec, NeuralModel, manifest
-from hybridmpm.training.physics.graph_network import GraphNetwork
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.graph_network import GraphNetwork
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of
 from hybridmpm.training.publish import MAX_BYTES, publish
 

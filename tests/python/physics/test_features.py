@@ -6,8 +6,8 @@ import torch
 
 from hybridmpm import radius_graph
 from hybridmpm.physics.spec import HISTORY
-from hybridmpm.training.physics.features import edge_features, node_features, step_velocities
-from hybridmpm.training.physics.graph_network import EdgeList
+from hybridmpm.training.physics.network.features import edge_features, node_features, step_velocities
+from hybridmpm.training.physics.network.graph_network import EdgeList
 
 RADIUS = 0.05
 WALLS = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)

@@ -7,7 +7,7 @@ import torch
 from hybridmpm import radius_graph
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.physics.model import edge_inputs
-from hybridmpm.training.physics.graph_network import EdgeList, GraphNetwork, Layer, SortedEdges
+from hybridmpm.training.physics.network.graph_network import EdgeList, GraphNetwork, Layer, SortedEdges
 
 SPEC = NetworkSpec(scenarios=("water_2d",), latent=16, layers=2, hidden_layers=2, radius=0.15)
 

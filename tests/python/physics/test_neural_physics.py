@@ -23,7 +23,7 @@ from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.track import StepPath, Track, warmup_frames
 from hybridmpm.recording import record
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 
 _Floats = npt.NDArray[np.float32]
 DROP = Ball(material="water", center=(0.4, 0.7), radius=0.06, velocity=(0.5, 0.0), seed=3)
@@ -102,7 +102,9 @@ def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: py
     All its answers count here: it is told what no network can know, as that a ramp comes within one step.
     """
     everywhere = torch.ones(1, 1)
-    monkeypatch.setattr("hybridmpm.training.physics.simulator.answer_weights", lambda *_, **__: everywhere)
+    monkeypatch.setattr(
+        "hybridmpm.training.physics.network.simulator.answer_weights", lambda *_, **__: everywhere
+    )
     simulator = simulator_of(relaxations=0)
     scene, steps, r_t = scenarios.water_ramps_2d(2), 30, 4
     truth = MpmSolver(scene, r_p=1 / 8).rollout((5 + steps) * r_t)[::r_t].astype(np.float64)

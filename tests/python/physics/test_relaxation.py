@@ -10,8 +10,8 @@ from hybridmpm import ConfigError, radius_graph
 from hybridmpm._native import relaxed
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.physics.relaxation import STRENGTH, rest_density
-from hybridmpm.training.physics.graph_network import EdgeList
-from hybridmpm.training.physics.relaxation import relaxation
+from hybridmpm.training.physics.network.graph_network import EdgeList
+from hybridmpm.training.physics.network.relaxation import relaxation
 
 
 def _settings(dim: int) -> dict[str, Any]:

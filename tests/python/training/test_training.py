@@ -291,7 +291,7 @@ def test_a_network_that_knows_the_accelerations_rolls_out_to_the_recorded_positi
     simulator.answer = recorded
     # Without it an answer would count in part where a body is hardly disturbed.
     monkeypatch.setattr(
-        "hybridmpm.training.physics.simulator.answer_weights", lambda *_, **__: torch.ones(())
+        "hybridmpm.training.physics.network.simulator.answer_weights", lambda *_, **__: torch.ones(())
     )
     found = rollout(simulator, trajectory)
     # Rounding alone: an error of an acceleration grows with the square of the steps.

@@ -17,9 +17,9 @@ from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.training import checkpoint, run
 from hybridmpm.training.export import described, export_checkpoint, to_onnx
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.rollouts import log_rollouts
 from hybridmpm.training.physics.scales import normalization
-from hybridmpm.training.physics.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
 from hybridmpm.training.physics.windows import Windows
 

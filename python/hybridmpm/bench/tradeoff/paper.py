@@ -17,7 +17,7 @@ from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training.export import described, to_onnx
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 
 _SPACINGS = {2: 2.9, 3: 2.0}
 """Connectivity radius in spacings of the particles, by dimension: some 26 neighbours."""

@@ -1,1 +1,1 @@
-"""Training of learned simulators: the network in torch, its features, its samples and its loss."""
+"""Training of learned simulators: their samples, their loss and their rollouts."""

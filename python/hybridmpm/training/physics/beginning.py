@@ -14,7 +14,7 @@ from hybridmpm.physics.manifest import read_model
 from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import Normalization
 from hybridmpm.training import checkpoint
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer
 
 _PREFIX = "simulator."

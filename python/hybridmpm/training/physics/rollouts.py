@@ -14,7 +14,7 @@ from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.render import side_by_side, view_of
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.trainer import Trainer
 from hybridmpm.training.physics.windows import edges_of, known_acceleration
 from hybridmpm.training.run import log_row

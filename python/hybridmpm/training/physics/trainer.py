@@ -16,7 +16,7 @@ from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.training import checkpoint
 from hybridmpm.training.physics.losses import huber_loss
-from hybridmpm.training.physics.simulator import LearnedSimulator
+from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import Batch, Windows, edges_of
 
 _LONGEST = 100_000_000

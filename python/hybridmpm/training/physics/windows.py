@@ -13,7 +13,7 @@ from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.graph_network import EdgeList
+from hybridmpm.training.physics.network.graph_network import EdgeList
 
 _Floats = npt.NDArray[np.float32]
 _PUSH = 2.0

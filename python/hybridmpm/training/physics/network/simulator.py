@@ -6,10 +6,10 @@ from torch import Tensor, nn
 from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.answer_gate import answer_weights
-from hybridmpm.training.physics.features import edge_features, node_features
-from hybridmpm.training.physics.graph_network import Edges, GraphNetwork
-from hybridmpm.training.physics.relaxation import relaxation
+from hybridmpm.training.physics.network.answer_gate import answer_weights
+from hybridmpm.training.physics.network.features import edge_features, node_features
+from hybridmpm.training.physics.network.graph_network import Edges, GraphNetwork
+from hybridmpm.training.physics.network.relaxation import relaxation
 
 
 class LearnedSimulator(nn.Module):
