@@ -25,6 +25,9 @@ FEATURES_VERSION = 1
 MAX_STRIDE = 64
 """Largest r_t."""
 
+GRID_CELLS = (4, 64)
+"""Smallest and largest number of cells of a grid branch along an axis."""
+
 _MAX_LATENT, _MAX_LAYERS, _MAX_HIDDEN = 1024, 64, 8
 
 
@@ -56,6 +59,9 @@ class NetworkSpec:
     """Frames that one network step spans, in [1, 64]."""
     relaxations: int = 0
     """Relaxations of density after each network step, in [0, 16]; the paper's network has none."""
+    grid_cells: int = 0
+    """Cells of the grid branch along each axis of the unit box, in [4, 64], or 0 without such a branch, as in
+    the paper."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scenarios", tuple(self.scenarios))
@@ -64,6 +70,8 @@ class NetworkSpec:
         whole("hidden_layers", self.hidden_layers, 1, _MAX_HIDDEN)
         whole("r_t", self.r_t, 1, MAX_STRIDE)
         whole("relaxations", self.relaxations, 0, 16)
+        if self.grid_cells != 0:
+            whole("grid_cells", self.grid_cells, *GRID_CELLS)
         if not (0.0 < self.r_p <= 1.0):
             raise ConfigError(f"r_p must be in (0, 1], got {self.r_p}")
         if not (math.isfinite(self.radius) and 0.0 < self.radius <= 1.0):

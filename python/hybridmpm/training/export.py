@@ -17,7 +17,7 @@ from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.training import checkpoint
 from hybridmpm.training.onnx_program import exported
-from hybridmpm.training.physics.network.graph_network import SortedEdges
+from hybridmpm.training.physics.network.edges import SortedEdges
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
 
 INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask", "share")

@@ -118,8 +118,8 @@ def simulator() -> LearnedSimulator:
 
 @pytest.fixture(scope="session")
 def simulator_3d() -> LearnedSimulator:
-    """Return a small network for sand in 3D, without relaxation."""
-    return make_simulator(scenarios=("sand_3d",), radius=0.03, hidden_layers=1, relaxations=0)
+    """Return a small network for sand in 3D, without relaxation, with a grid branch."""
+    return make_simulator(scenarios=("sand_3d",), radius=0.03, hidden_layers=1, relaxations=0, grid_cells=6)
 
 
 @pytest.fixture(scope="session")

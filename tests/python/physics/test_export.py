@@ -23,6 +23,7 @@ ALLOWED = {
     *("Add", "Sub", "Mul", "Div", "Neg", "Sqrt", "ReduceSum", "MatMul", "Gemm", "Relu", "LayerNormalization"),
     *("Gather", "Slice", "Concat", "Squeeze", "Unsqueeze", "Reshape", "Cast", "CastLike", "Constant"),
     *("Clip", "Min", "Max", "Equal", "Greater", "Where", "Exp", "Pow"),
+    *("Conv", "Transpose", "Abs", "Identity", "Shape"),
 }
 Inputs = Callable[..., dict[str, Any]]
 CROWDS = [

@@ -6,8 +6,8 @@ import torch
 
 from hybridmpm import radius_graph
 from hybridmpm.physics.spec import HISTORY
+from hybridmpm.training.physics.network.edges import EdgeList
 from hybridmpm.training.physics.network.features import edge_features, node_features, step_velocities
-from hybridmpm.training.physics.network.graph_network import EdgeList
 
 RADIUS = 0.05
 WALLS = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
@@ -45,7 +45,7 @@ def test_values_worked_out_by_hand() -> None:
 def test_edge_values_worked_out_by_hand() -> None:
     x = torch.tensor([[0.5, 0.5], [0.53, 0.46], [0.5, 0.5]])
     # From 1 to 0, from 0 to 1, and between two particles in one place.
-    graph = EdgeList(torch.tensor([1, 0, 2]), torch.tensor([0, 1, 0]), 3)
+    graph = EdgeList(torch.tensor([1, 0, 2]), torch.tensor([0, 1, 0]), [3])
     expected = [[0.6, -0.8, 1.0], [-0.6, 0.8, 1.0], [0.0, 0.0, 1e-6]]
     np.testing.assert_allclose(edge_features(x, graph, RADIUS), expected, atol=2e-6)
 
@@ -74,7 +74,7 @@ def test_edges_against_loops() -> None:
     }
     assert set(zip(graph.senders.tolist(), graph.receivers.tolist(), strict=True)) == pairs
     senders, receivers = (torch.from_numpy(a.astype(np.int64)) for a in (graph.senders, graph.receivers))
-    found = edge_features(torch.from_numpy(x), EdgeList(senders, receivers, 12), RADIUS).numpy()
+    found = edge_features(torch.from_numpy(x), EdgeList(senders, receivers, [12]), RADIUS).numpy()
     assert len(found) > 10
     for row, s, r in zip(found, senders, receivers, strict=True):
         offset = (x[s].astype(float) - x[r]) / RADIUS
@@ -100,4 +100,4 @@ def test_shifted_particles_and_walls_have_the_same_features() -> None:
 def test_no_particles_and_no_edges() -> None:
     assert _nodes(np.empty((HISTORY, 0, 2), np.float32)).shape == (0, 14)
     none = torch.zeros(0, dtype=torch.int64)
-    assert edge_features(torch.rand(1, 2), EdgeList(none, none, 1), RADIUS).shape == (0, 3)
+    assert edge_features(torch.rand(1, 2), EdgeList(none, none, [1]), RADIUS).shape == (0, 3)

@@ -7,7 +7,8 @@ import torch
 from hybridmpm import radius_graph
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.physics.model import edge_inputs
-from hybridmpm.training.physics.network.graph_network import EdgeList, GraphNetwork, Layer, SortedEdges
+from hybridmpm.training.physics.network.edges import EdgeList, SortedEdges
+from hybridmpm.training.physics.network.graph_network import GraphNetwork, Layer
 
 SPEC = NetworkSpec(scenarios=("water_2d",), latent=16, layers=2, hidden_layers=2, radius=0.15)
 
@@ -17,7 +18,7 @@ def _graphs(count: int, seed: int) -> tuple[EdgeList, SortedEdges]:
     graph = radius_graph(x, SPEC.radius)
     ends = [torch.from_numpy(ids.astype(np.int64)) for ids in (graph.senders, graph.receivers)]
     plain = [torch.from_numpy(array) for array in edge_inputs(graph).values()]
-    return EdgeList(*ends, count), SortedEdges(*plain)
+    return EdgeList(*ends, [count]), SortedEdges(*plain)
 
 
 def test_the_first_edge_map_is_that_of_the_concatenation() -> None:
@@ -38,16 +39,16 @@ def test_lists_and_sorted_edges_give_the_same(seed: int) -> None:
     torch.manual_seed(seed)
     network = GraphNetwork(SPEC)
     lists, ordered = _graphs(80, seed)
-    nodes, types = torch.randn(80, SPEC.node_features - 16), torch.randint(0, 9, (80,))
+    x, nodes, types = torch.rand(80, 2), torch.randn(80, SPEC.node_features - 16), torch.randint(0, 9, (80,))
     edges = torch.randn(len(lists.from_senders(nodes)), SPEC.edge_features)
-    one, two = network(nodes, types, edges, lists), network(nodes, types, edges, ordered)
+    one, two = (network(x, nodes, types, edges, one) for one in (lists, ordered))
     torch.testing.assert_close(one, two, rtol=1e-4, atol=1e-5)
 
 
 def test_isolated_nodes_receive_nothing() -> None:
     far = torch.eye(3, 2)
     lists, ordered = (
-        EdgeList(*torch.zeros(2, 0, dtype=torch.int64), 3),
+        EdgeList(*torch.zeros(2, 0, dtype=torch.int64), [3]),
         edge_inputs(radius_graph(far.numpy().astype(np.float32), 0.1)),
     )
     table = SortedEdges(*(torch.from_numpy(array) for array in ordered.values()))
@@ -57,7 +58,7 @@ def test_isolated_nodes_receive_nothing() -> None:
 
 def test_one_way_edges_go_one_way() -> None:
     # Particle 1 hears of 0, and 0 of nobody: what is swapped shows.
-    graph = EdgeList(torch.tensor([0]), torch.tensor([1]), 2)
+    graph = EdgeList(torch.tensor([0]), torch.tensor([1]), [2])
     nodes = torch.tensor([[1.0], [2.0]])
     assert graph.from_senders(nodes).tolist() == [[1.0]]
     assert graph.from_receivers(nodes).tolist() == [[2.0]]

@@ -10,7 +10,7 @@ from hybridmpm import ConfigError, radius_graph
 from hybridmpm._native import relaxed
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.physics.relaxation import STRENGTH, rest_density
-from hybridmpm.training.physics.network.graph_network import EdgeList
+from hybridmpm.training.physics.network.edges import EdgeList
 from hybridmpm.training.physics.network.relaxation import relaxation
 
 
@@ -34,7 +34,7 @@ def test_both_forms_agree(dim: int) -> None:
     graph = radius_graph((x + rng.normal(0, 0.002, x.shape)).astype(np.float32), 0.05)
     found = relaxed(x, answer_weight, graph.starts, graph.senders, **_settings(dim))
     ends = (torch.from_numpy(ids.astype(np.int64)) for ids in (graph.senders, graph.receivers))
-    edges, wanted = EdgeList(*ends, 150), torch.from_numpy(x)
+    edges, wanted = EdgeList(*ends, [150]), torch.from_numpy(x)
     for _ in range(3):
         push = relaxation(wanted, edges, 0.05, 0.5)
         wanted = (wanted + torch.from_numpy(answer_weight)[:, None] * push).clamp(0.1, 0.9)

@@ -23,7 +23,7 @@ from hybridmpm.cli.train.begun import (
     told_before,
     until_option,
 )
-from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm.physics.spec import GRID_CELLS, NetworkSpec
 
 if TYPE_CHECKING:
     import torch
@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     from hybridmpm.training.physics.datasets import Amount
     from hybridmpm.training.physics.trainer import Trainer
 
-_SHAPE = ("latent", "layers", "hidden_layers", "radius", "r_p", "r_t")
+_SHAPE = ("latent", "layers", "hidden_layers", "radius", "r_p", "r_t", "grid_cells")
 """Options that weights are made for."""
 _SPACINGS = {2: 2.5, 3: 1.8}
 """Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
 radius is smaller than the paper's."""
+_CELLS = {2: 32, 3: 12}
+"""Default number of cells of the grid branch along an axis, by dimension."""
 
 
 @click.command()
@@ -103,6 +105,12 @@ radius is smaller than the paper's."""
     default=0,
     show_default=True,
     help="Number of relaxations of density after each step of the network; the paper's network has none.",
+)
+@click.option(
+    "--grid-cells",
+    type=click.IntRange(0, GRID_CELLS[1]),
+    help="Number of cells along each axis of a grid by which far particles act on each other; 0 is without, "
+    "as in the paper. Default: 32 in 2D, 12 in 3D.",
 )
 @click.option(
     "--steps",
@@ -244,9 +252,11 @@ def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | No
     if not names:
         raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
     shape = {key: options[key] for key in (*_SHAPE, "relaxations")}
+    bare = NetworkSpec(scenarios=names, **shape | {"radius": 1.0, "grid_cells": 0})
     if shape["radius"] is None:
-        bare = NetworkSpec(scenarios=names, **shape | {"radius": 1.0})
         shape["radius"] = round(_SPACINGS[bare.dim] * bare.spacing, 6)
+    if shape["grid_cells"] is None:
+        shape["grid_cells"] = _CELLS[bare.dim]
     return NetworkSpec(scenarios=names, **shape)
 
 

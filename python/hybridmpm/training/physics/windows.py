@@ -13,7 +13,7 @@ from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.scene.particle_types import KINEMATIC
-from hybridmpm.training.physics.network.graph_network import EdgeList
+from hybridmpm.training.physics.network.edges import EdgeList
 
 _Floats = npt.NDArray[np.float32]
 _PUSH = 2.0
@@ -71,7 +71,7 @@ def edges_of(x: Tensor, types: Tensor, counts: Sequence[int], radius: float) -> 
     return EdgeList(
         torch.from_numpy(np.concatenate(senders)).to(x.device),
         torch.from_numpy(np.concatenate(receivers)).to(x.device),
-        len(points),
+        counts,
     )
 
 

@@ -38,7 +38,7 @@ from hybridmpm.training.control.controlnet.trainer import (
 from hybridmpm.training.control.controlnet.ways import WAY, field_of, way_of
 from hybridmpm.training.control.controlnet.windows import scale_of
 from hybridmpm.training.control.pasts import Past
-from hybridmpm.training.physics.network.graph_network import SortedEdges
+from hybridmpm.training.physics.network.edges import SortedEdges
 
 COUNT = 40
 SETTINGS = ("water_2d", "sand_3d")

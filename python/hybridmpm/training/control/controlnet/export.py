@@ -12,7 +12,7 @@ from hybridmpm.training.control.controlnet.trainer import Conditioned, ControlNe
 from hybridmpm.training.control.controlnet.ways import WAY, field_of
 from hybridmpm.training.control.published import Exported, told
 from hybridmpm.training.onnx_program import exported
-from hybridmpm.training.physics.network.graph_network import SortedEdges
+from hybridmpm.training.physics.network.edges import SortedEdges
 
 
 class _Served(nn.Module):

@@ -7,7 +7,8 @@ from torch import Tensor, nn
 
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.training.control.controlnet.sketch_encoder import EMBEDDING, SketchEncoder
-from hybridmpm.training.physics.network.graph_network import Decoder, Edges, Encoder, Layer
+from hybridmpm.training.physics.network.edges import Edges
+from hybridmpm.training.physics.network.graph_network import Decoder, Encoder, Layer
 
 STEP_EMBEDDING = 16
 """Numbers that stand for the control step, as in the paper."""

@@ -17,8 +17,8 @@ from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.control.controlnet.network import FluidControlNet, fluid_moments
 from hybridmpm.training.control.controlnet.ways import WAY, way_of
 from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
+from hybridmpm.training.physics.network.edges import Edges
 from hybridmpm.training.physics.network.features import edge_features, node_features
-from hybridmpm.training.physics.network.graph_network import Edges
 
 _AT_NOISE = 0.6
 """Share of the samples at the last time of the diffusion, from which all samplers begin."""

@@ -11,7 +11,7 @@ from torch import Tensor
 from hybridmpm.control.goal.cloud import EARTH
 from hybridmpm.control.laws import SHORTEST_FRAMES
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
-from hybridmpm.training.physics.network.graph_network import EdgeList
+from hybridmpm.training.physics.network.edges import EdgeList
 from hybridmpm.training.physics.windows import edges_of
 
 _PUSHED = 0.8

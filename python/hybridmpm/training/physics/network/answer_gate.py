@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from hybridmpm.physics.answer_gate import MOST, QUIET, UNNOTICED
-from hybridmpm.training.physics.network.graph_network import Edges
+from hybridmpm.training.physics.network.edges import Edges
 
 
 def answer_weights(

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from hybridmpm.training.physics.network.graph_network import Edges
+from hybridmpm.training.physics.network.edges import Edges
 
 _SMALLEST = 1e-12
 """Number added to a squared length, so that its root has a gradient also for coincident particles."""

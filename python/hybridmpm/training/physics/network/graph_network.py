@@ -1,84 +1,11 @@
 """The graph network: encoder, processor, decoder (Sanchez-Gonzalez et al. 2020, arXiv:2002.09405)."""
 
-from typing import Protocol
-
 import torch
 from torch import Tensor, nn
 
 from hybridmpm.physics.spec import TYPE_EMBEDDING, TYPES, NetworkSpec
-
-
-class Edges(Protocol):
-    """The E edges between N nodes."""
-
-    def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of `nodes` (N, H) at the sending ends of the edges."""
-
-    def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of `nodes` (N, H) at the receiving ends of the edges."""
-
-    def sum(self, edges: Tensor) -> Tensor:
-        """Return, for each node, the sum of the rows of `edges` (E, H) that arrive at it, (N, H)."""
-
-
-class EdgeList:
-    """E edges as two lists of indices, for training, where the graphs of a batch differ in size.
-
-    Parameters
-    ----------
-    senders, receivers : int64 (E,)
-        Indices of the nodes at both ends of each edge.
-    count : int
-        Number N of nodes.
-    """
-
-    def __init__(self, senders: Tensor, receivers: Tensor, count: int) -> None:
-        self._senders, self._receivers, self._count = senders, receivers, count
-
-    def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of nodes; see `Edges`."""
-        return nodes.index_select(0, self._senders)
-
-    def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of nodes; see `Edges`."""
-        return nodes.index_select(0, self._receivers)
-
-    def sum(self, edges: Tensor) -> Tensor:
-        """Return the sums (N, H) of edges; see `Edges`."""
-        return edges.new_zeros(self._count, edges.shape[-1]).index_add(0, self._receivers, edges)
-
-
-class SortedEdges:
-    """E edges ordered by receiver, with a table of the edges that arrive at each node, for inference.
-
-    Each node gathers the messages of up to K edges. If edges scattered their messages instead, onnxruntime
-    would take them one by one. Only the table is padded; the perceptrons compute each edge once.
-
-    Parameters
-    ----------
-    senders, receivers : integer (E,)
-        Indices of the nodes at both ends of each edge.
-    arrivals : integer (N, K)
-        Indices of the edges that arrive at each node; surplus entries may be any index.
-    mask : bool (N, K)
-        Whether an entry of `arrivals` is an edge and not surplus.
-    """
-
-    def __init__(self, senders: Tensor, receivers: Tensor, arrivals: Tensor, mask: Tensor) -> None:
-        self._senders, self._receivers, self._arrivals = senders, receivers, arrivals
-        self._weights = mask.to(torch.float32).unsqueeze(1)
-
-    def from_senders(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of nodes; see `Edges`."""
-        return nn.functional.embedding(self._senders, nodes)
-
-    def from_receivers(self, nodes: Tensor) -> Tensor:
-        """Return the rows (E, H) of nodes; see `Edges`."""
-        return nn.functional.embedding(self._receivers, nodes)
-
-    def sum(self, edges: Tensor) -> Tensor:
-        """Return the sums (N, H) of edges; see `Edges`."""
-        return torch.matmul(self._weights, nn.functional.embedding(self._arrivals, edges)).squeeze(1)
+from hybridmpm.training.physics.network.edges import Edges
+from hybridmpm.training.physics.network.grid_branch import GridBranch
 
 
 class Perceptron(nn.Module):
@@ -182,17 +109,24 @@ class Decoder(nn.Module):
 
 
 class GraphNetwork(nn.Module):
-    """Encoder, processor and decoder, which turn features of a graph into normalised accelerations."""
+    """Encoder, processor and decoder, which turn features of a graph into normalised accelerations.
+
+    A grid branch, if the network has one, adds to the latents of the nodes before the processor.
+    """
 
     def __init__(self, spec: NetworkSpec) -> None:
         super().__init__()
         self.encoder = Encoder(spec)
+        self.grid = GridBranch(spec) if spec.grid_cells else None
         self.processor = Processor(spec)
         self.decoder = Decoder(spec)
 
-    def forward(self, nodes: Tensor, types: Tensor, edges: Tensor, graph: Edges) -> Tensor:
+    def forward(self, x: Tensor, nodes: Tensor, types: Tensor, edges: Tensor, graph: Edges) -> Tensor:
         """Return normalised accelerations (N, D).
 
-        Inputs are node features (N, F), types (N,) and edge features (..., D + 1).
+        Inputs are positions (N, D) [m], node features (N, F), types (N,) and edge features (..., D + 1).
         """
-        return self.decoder(self.processor(*self.encoder(nodes, types, edges), graph))  # type: ignore[no-any-return]
+        latents, messages = self.encoder(nodes, types, edges)
+        if self.grid is not None:
+            latents = latents + self.grid(latents, x, graph)
+        return self.decoder(self.processor(latents, messages, graph))  # type: ignore[no-any-return]

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from hybridmpm.physics.relaxation import STRENGTH
-from hybridmpm.training.physics.network.graph_network import Edges
+from hybridmpm.training.physics.network.edges import Edges
 
 _SMALLEST = 1e-12
 

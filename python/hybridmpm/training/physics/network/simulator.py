@@ -7,8 +7,9 @@ from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.physics.network.answer_gate import answer_weights
+from hybridmpm.training.physics.network.edges import Edges
 from hybridmpm.training.physics.network.features import edge_features, node_features
-from hybridmpm.training.physics.network.graph_network import Edges, GraphNetwork
+from hybridmpm.training.physics.network.graph_network import GraphNetwork
 from hybridmpm.training.physics.network.relaxation import relaxation
 
 
@@ -36,7 +37,8 @@ class LearnedSimulator(nn.Module):
         """Return the network's answer, normalised residual accelerations (N, D); inputs as in `forward`."""
         radius = self.spec.radius
         nodes = node_features(history, walls, radius, self.velocity_mean, self.velocity_std)
-        prediction: Tensor = self.network(nodes, types, edge_features(history[-1], graph, radius), graph)
+        edges = edge_features(history[-1], graph, radius)
+        prediction: Tensor = self.network(history[-1], nodes, types, edges, graph)
         return prediction
 
     def forward(
