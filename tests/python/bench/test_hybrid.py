@@ -3,11 +3,13 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from hybridmpm.bench.hybrid import handoff, hybrid, safeguard, safeguard_chart
 from hybridmpm.bench.hybrid.guard_values import PLAIN
+from hybridmpm.bench.hybrid.rank_correlations import rank_correlations
 from hybridmpm.cli import cli
 
 
@@ -34,6 +36,19 @@ def test_the_safeguard_is_measured(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     safeguard_chart.chart(rows, tmp_path / "safeguard.svg")
     assert (tmp_path / "safeguard.png").stat().st_size > 10_000
+
+
+def test_a_correlation_apart_from_time() -> None:
+    draws = np.random.default_rng(0)
+    frame, told = np.arange(500.0), draws.normal(size=500)
+    # Both grow with time, and have nothing else in common.
+    whole, partial = rank_correlations(frame, frame + 50 * draws.normal(size=500), frame + 50 * told)
+    assert (whole, partial) == (pytest.approx(0.9, abs=0.1), pytest.approx(0, abs=0.15))
+    # The value goes with the error also at equal times.
+    whole, partial = rank_correlations(frame, told, frame + 50 * told)
+    assert (whole, partial) == (pytest.approx(0.35, abs=0.15), pytest.approx(1, abs=0.1))
+    assert rank_correlations(frame, 2 * frame, frame + told)[1] is None
+    assert rank_correlations(frame, np.ones(500), told) == (None, None)
 
 
 # The others are its long twins: a fall takes 3000 frames until all is at rest.

@@ -61,7 +61,8 @@ class HybridSettings:
 def measure(settings: HybridSettings, on_progress: Progress) -> Iterator[Row]:
     """Simulate, and yield a row for every few frames of each method; `on_progress` counts simulators.
 
-    All three methods have the same particles; the truth has all particles and the ground truth's substeps.
+    All three methods simulate as few particles as the network does, and carry the others along; the truth
+    has all particles and the ground truth's substeps.
     `error` is the grid RMSE, None after a failure; `seconds` is the time of the whole rollout; `mode` tells
     who simulated the frame, the network or MPM; `mpm_share` is the share of the frames by MPM.
     """
@@ -74,13 +75,13 @@ def measure(settings: HybridSettings, on_progress: Progress) -> Iterator[Row]:
         network,
         r_c=settings.r_c,
         safeguard=settings.safeguard,
-        carry=False,
+        carry=True,
         threads=settings.threads,
     )
     simulators: dict[str, Simulator] = {
-        "neural": NeuralPhysics(scene, network, carry=False, threads=settings.threads),
+        "neural": NeuralPhysics(scene, network, carry=True, threads=settings.threads),
         "hybrid": hybrid,
-        "mpm": MpmSolver(scene, r_p=network.r_p, threads=settings.threads),
+        "mpm": MpmSolver(scene, r_p=network.r_p, carry=True, threads=settings.threads),
     }
     for method, simulator in simulators.items():
         states, seconds = _rollout(simulator, settings.frames)

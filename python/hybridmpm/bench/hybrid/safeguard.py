@@ -3,7 +3,7 @@
 The field `part` tells kinds of rows apart: `cost`, `point` and `correlation`, `delay`, and `false alarms`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from hybridmpm.bench.accuracy.conventions import FIRST_SEED
 from hybridmpm.bench.accuracy.grid import present_grid_mass
 from hybridmpm.bench.accuracy.impact import first_impact
 from hybridmpm.bench.hybrid.guard_values import AUDIT_PERIOD, GuardValues
+from hybridmpm.bench.hybrid.rank_correlations import rank_correlations
 from hybridmpm.bench.report.rows import Progress, Row
 from hybridmpm.bench.report.timing import Clock
 from hybridmpm.errors import SimulationError
@@ -53,7 +54,7 @@ class SafeguardSettings:
     """Name of the network, or "zero" for free fall; None takes the first that serves each scenario."""
     scenarios: tuple[str, ...] = scenarios.NAMES
     """Scenarios in which values and errors are compared."""
-    scenes: int = 3
+    scenes: int = 10
     """Number of scenes of each scenario."""
     frames: int = 200
     """Number of frames of each scene."""
@@ -71,9 +72,10 @@ def measure(settings: SafeguardSettings, on_progress: Progress) -> Iterator[Row]
     particles; what several guards share has a row of its own (`history`, of cosine and impact; `state`, of
     density, energy and divergence). `point` holds the values of the guards at a frame of the network left
     alone, and the network's error (grid RMSE against the truth). `correlation` is Spearman's, over the points
-    of a scenario. `delay` counts the frames from an impact to the first alarm, None without an alarm in time;
-    the motion is MPM's own, so that no error of a network gives the impact away. `false alarms` counts the
-    steps with an alarm on a pool of water at rest.
+    of a scenario, and apart from time; the guard `frame` is the frame number alone. `delay` counts the frames
+    from an impact to the first alarm, None without an alarm in time. The motion is MPM's own there, so that
+    no error of a network gives the impact away. `false alarms` counts the steps with an alarm on a pool of
+    water at rest.
     """
     for scenario in settings.scenarios:
         points: list[Row] = []
@@ -135,14 +137,16 @@ def _costs(scene: Scene, network: Stepper, values: GuardValues) -> Iterator[Row]
         }
 
 
-def _correlations(points: list[Row]) -> Iterator[Row]:
-    from scipy.stats import spearmanr  # noqa: PLC0415 - an extra
-
-    for key in sorted({key for point in points for key in point if key.startswith(GUARD)}):
-        pairs = np.array([(point[key], point["error"]) for point in points if key in point])
-        constant = len(pairs) < 3 or np.ptp(pairs, axis=0).min() == 0
-        rank = None if constant else round(float(spearmanr(pairs[:, 0], pairs[:, 1]).statistic), 4)
-        yield {"guard": key.removeprefix(GUARD), "spearman": rank, "points": len(pairs)}
+def _correlations(points: Sequence[Row]) -> Iterator[Row]:
+    for name in ("frame", *sorted({key for point in points for key in point if key.startswith(GUARD)})):
+        known = [(point["frame"], point[name], point["error"]) for point in points if name in point]
+        whole, partial = rank_correlations(*np.array(known, dtype=np.float64).T)
+        yield {
+            "guard": name.removeprefix(GUARD),
+            "spearman": whole,
+            "spearman_without_time": None if name == "frame" else partial,
+            "points": len(known),
+        }
 
 
 def _impacts(settings: SafeguardSettings, on_progress: Progress) -> Iterator[Row]:

@@ -14,6 +14,11 @@ from hybridmpm.bench.report.rows import Row
 _COLUMNS = 4
 _SILENT = ("non-finite", "outside")
 """Guards whose value is 0 unless there is a fault."""
+_RANKS = {
+    "spearman": "Spearman's correlation with the error",
+    "spearman_without_time": "the same apart from time",
+}
+"""Fields of the correlation, with their names in the chart."""
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
@@ -29,7 +34,8 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     _ranks(axes.flat[len(names)], names, rows)
     for spare in axes.flat[len(names) + 1 :]:
         spare.set_visible(False)
-    handles, labels = axes.flat[0].get_legend_handles_labels()
+    points, ranks = (panel.get_legend_handles_labels() for panel in (axes.flat[0], axes.flat[len(names)]))
+    handles, labels = points[0] + ranks[0], points[1] + ranks[1]
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     charts.save(figure, file)
 
@@ -58,18 +64,21 @@ def _scatter(panel: Any, name: str, rows: Sequence[Row]) -> None:
 
 
 def _ranks(panel: Any, names: Sequence[str], rows: Sequence[Row]) -> None:
-    found = {
-        (row["guard"], row["scenario"]): row["spearman"]
-        for row in rows
-        if row["part"] == "correlation" and row["spearman"] is not None
-    }
-    guards = [guard for guard in dict.fromkeys(g for g, _ in found) if guard not in _SILENT]
+    mine = [row for row in rows if row["part"] == "correlation" and row["scenario"] in names]
+    guards = [guard for guard in dict.fromkeys(row["guard"] for row in mine) if guard not in _SILENT]
     for place, guard in enumerate(guards):
-        values = [found[guard, name] for name in names if (guard, name) in found]
-        panel.plot(values, [place] * len(values), "|", color=charts.COLOURS[0], markersize=10)
-        panel.plot(np.median(values), place, "o", color=charts.COLOURS[1], markersize=5)
+        for (field, label), shift, colour in zip(
+            _RANKS.items(), (0.18, -0.18), charts.COLOURS[2:4], strict=True
+        ):
+            values = [row[field] for row in mine if row["guard"] == guard and row[field] is not None]
+            if values:
+                panel.plot(values, [place + shift] * len(values), "|", color=colour)
+                told = label if place == len(guards) - 1 else None
+                panel.plot(np.median(values), place + shift, "D", color=colour, markersize=5, label=told)
     panel.axvline(0, color="0.6", linewidth=0.8)
     panel.set_yticks(range(len(guards)), guards)
     panel.set(
-        title="all scenarios, and their median", xlabel="Spearman correlation with the error", xlim=(-1, 1)
+        title="correlation in each scenario,\nand the median",
+        xlabel="rank correlation",
+        xlim=(-1, 1),
     )

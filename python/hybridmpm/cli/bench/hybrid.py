@@ -33,7 +33,7 @@ from hybridmpm.hybrid.guards import Safeguard
 
 _PARTS = {
     "cost": ("scenario", "guard", "particles", "us_per_frame", "share_of_mpm"),
-    "correlation": ("scenario", "guard", "spearman", "points"),
+    "correlation": ("scenario", "guard", "spearman", "spearman_without_time", "points"),
     "delay": ("event", "scene", "guard", "impact", "delay", "alarms_before"),
     "false alarms": ("scene", "guard", "frames", "alarms"),
 }
@@ -54,7 +54,7 @@ _LINE_EVERY = 50
 @click.command()
 @model_option
 @scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
-@number_option("--scenes", 1, 1000, 3, "Number of scenes of each scenario.")
+@number_option("--scenes", 1, 1000, 10, "Number of scenes of each scenario.")
 @number_option("--frames", 60, 10_000, 200, "Number of frames of each scene.")
 @json_option
 @chart_option
