@@ -47,6 +47,8 @@ BENCHES: dict[str, Origin] = {
     "handoff": Origin(modules=("hybridmpm.bench.hybrid.handoff",)),
     "hybrid": Origin(modules=("hybridmpm.bench.hybrid.hybrid",), data=(_WEIGHTS,)),
     "shares": Origin(modules=("hybridmpm.bench.hybrid.scenes",), data=(_WEIGHTS,)),
+    "thresholds": Origin(modules=("hybridmpm.bench.hybrid.scenes",), data=(_WEIGHTS,)),
+    "spoilt": Origin(modules=("hybridmpm.bench.hybrid.scenes",), data=(_WEIGHTS,)),
     "reversal": Origin(modules=("hybridmpm.bench.reversal.reversal",)),
     "control": Origin(modules=("hybridmpm.bench.control.runner", "hybridmpm.bench.control.report.means")),
     "service": Origin(
@@ -54,4 +56,4 @@ BENCHES: dict[str, Origin] = {
     ),
 }
 """Modules and data by the name of the result in docs/results, which is that of its command; the map of
-stability is made by `stability --map`."""
+stability is made by `stability --map`, thresholds of the cosine and spoilt networks by `shares --method`."""

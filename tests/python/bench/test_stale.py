@@ -275,8 +275,9 @@ def test_what_the_benchmarks_need() -> None:
 
 
 def test_every_result_and_every_command_has_its_origin() -> None:
-    # The map is an option of the command that finds the limits, and a calibration is no result.
-    assert {*BENCHES, "calibrate"} == {*bench.commands, "stability-map"}
+    # The map is an option of the command that finds the limits, thresholds and spoilt networks are methods of
+    # shares, and a calibration is no result.
+    assert {*BENCHES, "calibrate"} == {*bench.commands, "stability-map", "thresholds", "spoilt"}
     assert {file.stem for file in (HOME / "docs" / "results").glob("*.json")} <= set(BENCHES)
 
 
