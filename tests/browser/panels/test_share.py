@@ -18,14 +18,21 @@ pytestmark = pytest.mark.browser
 SCENE = "renderer=canvas2d&scenario=water_2d&seed=3"
 
 
-def _paused(open_page: Open, **options: Any) -> Visit:
-    """Open a page that may use the clipboard, and pause it after a push."""
+def _paused(open_page: Open, service: LiveService, **options: Any) -> Visit:
+    """Open a page that may use the clipboard, and pause it after a push that has ended."""
     visit = open_page(SCENE, **options)
     visit.page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     visit.wait_for("body.state === 'live' && Number(body.frame) > 5")
     visit.drag([(0.4, 0.3), (0.6, 0.35)])
+    # A frame notes that the hand has let go; a pause before it would leave the note to the first frame after.
+    visit.eventually(lambda: _has_let_go(service, visit))
     visit.pause_at(20)
     return visit
+
+
+def _has_let_go(service: LiveService, visit: Visit) -> bool:
+    inputs = service.get(f"/v1/sessions/{visit.session}/log")["inputs"]
+    return bool(inputs) and inputs[-1]["push"] is None
 
 
 def _copied(visit: Visit, name: str) -> str:
@@ -45,7 +52,7 @@ def _saved(visit: Visit, name: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize("width", [1100, 390])
 def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, width: int) -> None:
-    visit = _paused(open_page, viewport={"width": width, "height": 844})
+    visit = _paused(open_page, service, viewport={"width": width, "height": 844})
     link = _copied(visit, "Copy link")
     log = service.get(f"/v1/sessions/{visit.session}/log")
     assert log["inputs"]
@@ -64,7 +71,7 @@ def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, wi
 
 
 def test_code_runs_elsewhere(open_page: Open, service: LiveService) -> None:
-    visit = _paused(open_page)
+    visit = _paused(open_page, service)
     python = _copied(visit, "Copy as Python")
     assert 'scenes.get("water_2d", 3)' in python.replace("scenarios", "scenes")
     there: dict[str, Any] = {"print": lambda *_: None}
@@ -78,7 +85,7 @@ def test_code_runs_elsewhere(open_page: Open, service: LiveService) -> None:
 
 
 def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_path: Path) -> None:
-    visit = _paused(open_page)
+    visit = _paused(open_page, service)
     log = service.get(f"/v1/sessions/{visit.session}/log")
     with np.load(_saved(visit, "Particles, npz", tmp_path)) as arrays:
         count, _ = arrays["positions"].shape
@@ -109,7 +116,7 @@ def test_files_are_saved_and_opened(open_page: Open, service: LiveService, tmp_p
 
 
 def test_a_fork_goes_on_by_itself(open_page: Open, service: LiveService) -> None:
-    visit = _paused(open_page)
+    visit = _paused(open_page, service)
     visit.page.get_by_role("button", name="Fork", exact=True).click()
     link = visit.page.get_by_role("link", name="Open the fork")
     fork = (link.get_attribute("href") or "").partition("session=")[2]
@@ -125,7 +132,7 @@ def test_a_fork_goes_on_by_itself(open_page: Open, service: LiveService) -> None
 
 @pytest.mark.parametrize("width", [1100, 390])
 def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveService, width: int) -> None:
-    player = _paused(open_page)
+    player = _paused(open_page, service)
     link = _copied(player, "Viewer link")
     assert link == f"{service.url}/?watch={player.session}"
     viewer = open_page(f"renderer=canvas2d&watch={player.session}", viewport={"width": width, "height": 844})
