@@ -37,8 +37,9 @@ _SHAPE = ("latent", "layers", "hidden_layers", "radius", "r_p", "r_t", "grid_cel
 _SPACINGS = {2: 2.5, 3: 1.8}
 """Default connectivity radius [spacings], by dimension. The cost grows with the number of neighbours, so the
 radius is smaller than the paper's."""
-_CELLS = {2: 32, 3: 12}
-"""Default number of cells of the grid branch along an axis, by dimension."""
+_CELLS = {2: 32, 3: 0}
+"""Default number of cells of the grid branch along an axis, by dimension. In 3D the branch takes time and
+does not lower the error (docs/hybrid.md)."""
 
 
 @click.command()
@@ -110,7 +111,7 @@ _CELLS = {2: 32, 3: 12}
     "--grid-cells",
     type=click.IntRange(0, GRID_CELLS[1]),
     help="Number of cells along each axis of a grid by which far particles act on each other; 0 is without, "
-    "as in the paper. Default: 32 in 2D, 12 in 3D.",
+    "as in the paper. Default: 32 in 2D, 0 in 3D.",
 )
 @click.option(
     "--steps",
