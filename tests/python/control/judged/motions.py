@@ -92,7 +92,10 @@ def judged(case: ReversedCase) -> dict[str, float]:
 
 def table(names: Sequence[str], seeds: Sequence[int]) -> list[str]:
     """Return the rows of the table, means over seeds."""
-    found = {name: [judged(reversed_from_seed(name, seed, kind="oval")) for seed in seeds] for name in names}
+    found = {
+        name: [judged(reversed_from_seed(name, seed, start="live", kind="oval")) for seed in seeds]
+        for name in names
+    }
     lines = ["| | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for row in found[names[0]][0]:
         means = [np.mean([one[row] for one in found[name]]) for name in names]

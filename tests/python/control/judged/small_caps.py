@@ -31,7 +31,7 @@ def table(names: Sequence[str], seeds: Sequence[int]) -> list[str]:
     lines = ["| scenario | cap [g] | " + " | ".join(METHODS) + " | handed over |"]
     lines.append("|---" * (len(METHODS) + 3) + "|")
     for name in names:
-        cases = [reversed_from_seed(name, seed, kind="oval") for seed in seeds]
+        cases = [reversed_from_seed(name, seed, start="live", kind="oval") for seed in seeds]
         for cap in CAPS:
             runs = [[judged(case, method, cap) for method in METHODS] for case in cases]
             found = np.mean(np.array(runs, dtype=np.float64), axis=0)
