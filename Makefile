@@ -41,11 +41,11 @@ format: $(VENV)/.dev ## format Python and Rust
 	$(BIN)/ruff format .
 	cargo fmt --all
 
-bench: setup ## time the solver on one thread
-	$(BIN)/hybridmpm bench mpm --threads 1
+bench: setup $(VENV)/.dev ## time the solver on one thread
+	$(BIN)/python -m hybridmpm_lab speed --threads 1
 
-validate: setup $(VENV)/.dev ## hold the solver against experiments and closed forms, and write docs/validation
-	$(BIN)/hybridmpm validate --out docs/validation
+validate: setup $(VENV)/.dev ## compare the solver with experiments and closed forms, and write docs/validation
+	$(BIN)/python -m hybridmpm_lab validate --out docs/validation
 
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist
@@ -81,6 +81,7 @@ $(VENV)/.service: $(VENV)/.library service/pyproject.toml
 	$(BIN)/pip install --quiet --editable service
 	touch $@
 
-$(VENV)/.dev: $(VENV)/.library pyproject.toml
+$(VENV)/.dev: $(VENV)/.service pyproject.toml lab/pyproject.toml
 	$(BIN)/pip install --quiet --group dev
+	$(BIN)/pip install --quiet --no-deps --editable lab
 	touch $@

@@ -27,12 +27,11 @@ TOGETHER = {
         "tests/python/physics/",
         "tests/python/training/",
         "tests/python/cli/test_train_command.py",
-        "tests/python/bench/test_models.py",
-        "tests/python/bench/test_sweep.py",
+        "tests/lab/test_models.py",
     ),
 }
 """Tests that run in one process, one after the other: they share what is expensive, or they wait for time."""
-LONGEST = (*TOGETHER.values(), ("tests/python/validation/test_cases.py",))
+LONGEST = (*TOGETHER.values(), ("tests/lab/validation/test_cases.py",))
 """Tests that are dealt out first, so that no process is left with one of them when the others are done."""
 MAX_PROCESSES = 8
 """More would wait for the longest of `TOGETHER`, and each takes up to 1 GB."""

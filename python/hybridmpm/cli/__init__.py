@@ -18,40 +18,43 @@ from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotEr
 __all__ = ["cli", "main"]
 
 _MODULES = {
-    "bench": "bench",
+    "calibrate": "calibrate",
     "check": "check",
     "control": "control",
     "dataset": "dataset",
     "doctor": "report",
     "export": "export",
-    "fit": "fit",
     "scenarios": "report",
     "plan": "plan",
     "schema": "report",
     "serve": "serve",
     "simulate": "simulate",
     "train": "train",
-    "validate": "validate",
 }
 """Module of this package that has each subcommand."""
 
 
 class _Subcommands(UserDict[str, click.Command]):
-    """Subcommands by name. Each is imported when it is asked for, because their imports take 0.1 s."""
+    """Subcommands by name. Each is imported at its first use, because their imports take 0.1 s."""
+
+    def __init__(self, package: str, modules: dict[str, str]) -> None:
+        super().__init__()
+        self._package = package
+        self._modules = modules
 
     def __missing__(self, name: str) -> click.Command:
-        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+        module = importlib.import_module(f"{self._package}.{self._modules[name]}")
         command: click.Command = getattr(module, name)
         return command
 
     def __contains__(self, name: object) -> bool:
-        return name in _MODULES
+        return name in self._modules
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_MODULES)
+        return iter(self._modules)
 
     def __len__(self) -> int:
-        return len(_MODULES)
+        return len(self._modules)
 
 
 class _BadInput(click.ClickException):
@@ -82,10 +85,25 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-@click.group(cls=_Commands, commands=_Subcommands(), context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="hybridmpm")
-def cli() -> None:
-    """Simulate fluids, check scenes, make data sets, train networks, fit solvers, measure, and serve."""
+def commands_of(package: str, modules: dict[str, str], summary: str) -> click.Group:
+    """Return a command group.
+
+    Parameters
+    ----------
+    package : str
+        Package of the modules.
+    modules : dict of str to str
+        Module of each subcommand; the command has its key's name there.
+    summary : str
+        First line of the help.
+    """
+    settings = {"help_option_names": ["-h", "--help"]}
+    return _Commands(help=summary, commands=_Subcommands(package, modules), context_settings=settings)
+
+
+cli = click.version_option(__version__, prog_name="hybridmpm")(
+    commands_of(__name__, _MODULES, "Simulate fluids, check scenes, make data, train networks, and serve.")
+)
 
 
 def main() -> None:

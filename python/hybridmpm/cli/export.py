@@ -23,7 +23,7 @@ from hybridmpm.errors import ConfigError, DataError
     "error_file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE.json",
-    help="Errors that `hybridmpm bench models --json` wrote; those of this model are stored with it.",
+    help="Errors that `python -m hybridmpm_lab models --json` wrote; those of this model are stored with it.",
 )
 @click.option(
     "--publish",

@@ -31,7 +31,7 @@ from hybridmpm.scene import Scene
     "--calibration",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="File of times that `hybridmpm bench calibrate` wrote. Default: the user's own, else the library's.",
+    help="File of times that `hybridmpm calibrate` wrote. Default: the user's own, else the library's.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the plan as JSON.")
 def plan(

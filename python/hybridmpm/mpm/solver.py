@@ -67,7 +67,7 @@ class MpmSolver(MpmState):
         the whole scene, and forces are given for them; `coarse_positions` are those of the few.
     rung : str or Rung, optional
         Name of a fitted rung, such as "1/16" (`downsampling.rung_table` lists them): so large a part of the
-        particles simulates, on the grid, with the moduli and at the step that `hybridmpm fit rungs` found,
+        particles simulates, on the grid, with the moduli and at the step that `python -m hybridmpm_lab fit rungs` found,
         and carries all others. Or the settings themselves. Not together with `substeps`, `cfl` or `r_p`. A
         frame that fails at the rung's step is done again at the safe one (`redone_frames`).
     threads : int in [1, 1024]

@@ -20,7 +20,7 @@ MEASURES = {
     "kinetic_energy": "kinetic_energy",
     "centroid": "centroid",
 }
-"""Errors that a plan may be asked about, and their fields in the rows of `hybridmpm bench tradeoff`."""
+"""Errors that a plan may be asked about, and their fields in the rows of `python -m hybridmpm_lab tradeoff`."""
 
 
 class MethodErrors(Record):

@@ -103,7 +103,7 @@ def plan(
     Candidates are MPM with all and with fewer particles, alone, carrying all others, fitted, softer and
     sleeping, each network of the library, and the hybrid with it. What they err was measured against the
     truth (`MpmSolver(scene, substeps="reference")`) in held-out scenes of the seven scenarios; what they take
-    is told by the work that the scene makes, on one thread of this machine (`hybridmpm bench calibrate`).
+    is told by the work that the scene makes, on one thread of this machine (`hybridmpm calibrate`).
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def plan(
         One of "grid_rmse", "grid_nrmse", "grid_node_error", "transport" [m], "kinetic_energy" and
         "centroid" [m].
     calibration : str or Path, optional
-        File of times that `hybridmpm bench calibrate` wrote; if absent, the user's own, else the one that
+        File of times that `hybridmpm calibrate` wrote; if absent, the user's own, else the one that
         comes with the library. `Plan.notes` tells which.
 
     Returns

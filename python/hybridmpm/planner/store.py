@@ -49,7 +49,7 @@ def shipped() -> Calibration:
 
 
 def read_times(path: Path) -> MachineTimes:
-    """Read a file that `hybridmpm bench calibrate` wrote.
+    """Read a file that `hybridmpm calibrate` wrote.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_times(path: Path) -> MachineTimes:
         The file is missing, damaged, incomplete, of another version, machine or solver; the message says
         which, and what to do.
     """
-    remedy = f"make it anew by: hybridmpm bench calibrate --out {path}"
+    remedy = f"make it anew by: hybridmpm calibrate --out {path}"
     times = _read(path, MachineTimes, remedy)
     there = {"version": times.version, "solver version": times.solver_version, "machine": times.machine}
     here = {"version": VERSION, "solver version": _native.SOLVER_VERSION, "machine": cpu_model()}
@@ -110,7 +110,7 @@ def present(path: Path | None = None) -> tuple[Calibration, str]:
         return base, f"times that came with the library, of the same processor ({base.times.machine})"
     return base, (
         f"times that came with the library, of another processor ({base.times.machine}): "
-        "`hybridmpm bench calibrate` takes those of this one"
+        "`hybridmpm calibrate` takes those of this one"
     )
 
 

@@ -78,7 +78,7 @@ def described(data: bytes, info: ModelInfo) -> bytes:
 
 
 _KEPT = ("scenario", "method", "label", "ms_per_frame", "error_40", "error_100", "error_200", "as_good")
-"""Keys of a row of `hybridmpm bench models` that are stored in a model."""
+"""Keys of a row of `python -m hybridmpm_lab models` that are stored in a model."""
 
 
 def export_checkpoint(
@@ -91,7 +91,7 @@ def export_checkpoint(
     path : Path
         Checkpoint that `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of `hybridmpm bench models`. The model stores the rows of its own scenarios and warm-up that are
+        Rows of `python -m hybridmpm_lab models`. The model stores the rows of its own scenarios and warm-up that are
         of this network, of the bounds, or of MPM at its r_p.
     name : str, optional
         Name of this network in the rows; if absent, the rows of all networks count as its own.

@@ -94,7 +94,7 @@ def test_substep_rules(scene_file: Path, rule: str) -> None:
         (["simulate", "--speed", "0"], "--speed"),
         (["simulate", "--frmes", "3"], "--frmes"),
         (["simulat"], "No such command 'simulat'"),
-        (["bench", "mpm", "--particles", "3"], "--particles"),
+        (["mpm", "--particles", "3"], "--particles"),
         (["serve", "--port", "65536"], "--port"),
     ],
 )
@@ -210,7 +210,7 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     names = [
-        "bench", "check", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema",
+        "check", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema",
         "serve", "simulate", "train", "validate",
     ]  # fmt: skip
     listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()
@@ -234,7 +234,7 @@ def test_schema_scenarios_and_help() -> None:
     listed = run("scenarios").stdout.splitlines()
     assert [line.split()[0] for line in listed] == list(scenarios.NAMES)
     assert run("scenarios", "--ranges").stdout.count("\n") == len(scenarios.NAMES) + 2
-    for name in ("simulate", "doctor", "bench", "schema", "scenarios"):
+    for name in ("simulate", "doctor", "schema", "scenarios"):
         assert run(name, "--help").stdout.startswith("Usage: hybridmpm")
     assert run("serve", "--help").stdout.startswith("usage: hybridmpm serve")
     assert "Usage: hybridmpm" in run().output
@@ -300,7 +300,7 @@ def test_serve_names_a_library_that_the_service_lacks(monkeypatch: pytest.Monkey
 
 
 def test_a_benchmark_that_could_not_be_written_is_not_begun(tmp_path: Path) -> None:
-    result = run("bench", "mpm", "--json", tmp_path / "nowhere" / "a.json")
+    result = run("mpm", "--json", tmp_path / "nowhere" / "a.json")
     assert_fails(result, 2, f"--json: the folder {tmp_path / 'nowhere'} does not exist")
 
 

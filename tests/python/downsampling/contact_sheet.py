@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 from hybridmpm import MpmSolver, scenarios
 from hybridmpm._support.files import replacing
-from hybridmpm.bench.accuracy.impact import LONGEST_FALL, first_impact
+from hybridmpm.planner.calibrating.impact import LONGEST_FALL, first_impact
 from hybridmpm.render import view_of
 
 SEED = 1_100_003

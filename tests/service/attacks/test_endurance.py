@@ -17,8 +17,8 @@ from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from hybridmpm.bench.service.hostile import uploads
-from hybridmpm.bench.service.server import Server
+from hybridmpm_lab.service.hostile import uploads
+from hybridmpm_lab.service.server import Server
 
 MIB = 2**20
 CLOSE_FLOODED = 1008

@@ -1,4 +1,4 @@
-"""The table of fitted rungs that comes with the library; `hybridmpm fit rungs` writes it."""
+"""The table of fitted rungs that comes with the library; `python -m hybridmpm_lab fit rungs` writes it."""
 
 from functools import cache
 from pathlib import Path

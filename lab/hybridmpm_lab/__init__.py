@@ -1,0 +1,1 @@
+"""How each published figure of hybridmpm is made: `python -m hybridmpm_lab NAME` measures a result again."""

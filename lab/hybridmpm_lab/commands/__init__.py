@@ -1,0 +1,29 @@
+"""`python -m hybridmpm_lab ...`: measure, print a table, write rows (--json), draw (--chart)."""
+
+from hybridmpm.cli import commands_of
+
+_MODULES = {
+    "batch": "speed",
+    "control": "control",
+    "crossing": "crossing",
+    "coarse": "errors",
+    "fit": "fit",
+    "hybrid": "hybrid",
+    "models": "errors",
+    "neighbors": "speed",
+    "scaling": "speed",
+    "service": "service",
+    "sleeping": "speed",
+    "speed": "speed",
+    "stability": "stability",
+    "tradeoff": "tradeoff",
+    "validate": "validate",
+}
+"""Module of this package that has each command."""
+
+cli = commands_of(__name__, _MODULES, "Measure the published results of hybridmpm on this machine.")
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    cli(prog_name="python -m hybridmpm_lab")

@@ -1,0 +1,147 @@
+"""What the commands of `hybridmpm bench` share: options, the origin of a measurement, and its output."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hybridmpm import scenarios
+from hybridmpm._support import charts
+from hybridmpm.cli.progress import progress
+from hybridmpm_lab.harness.provenance import Provenance, provenance, write_rows
+from hybridmpm_lab.harness.rows import Progress, Row
+
+
+def _file_option(name: str, target: str, check: Callable[..., Path | None], text: str) -> Callable[..., Any]:
+    kind = click.Path(dir_okay=False, path_type=Path)
+    return click.option(name, target, type=kind, metavar="FILE", callback=check, help=text)
+
+
+def _in_a_folder(_context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
+    if file is not None and not file.parent.is_dir():
+        raise click.UsageError(f"{option.opts[0]}: the folder {file.parent} does not exist.")
+    return file
+
+
+def _drawable(context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
+    if file is not None:
+        charts.panels()  # Without matplotlib the error comes here, not after the measurement.
+    return _in_a_folder(context, option, file)
+
+
+json_option = _file_option("--json", "json_file", _in_a_folder, "Write the rows to this JSON file, too.")
+chart_option = _file_option(
+    "--chart", "chart_file", _drawable, "Draw the rows into this file, as SVG and as PNG."
+)
+
+
+def number_option(name: str, low: int, high: int, default: int, text: str) -> Callable[..., Any]:
+    """Return an option for one whole number."""
+    return click.option(name, type=click.IntRange(low, high), default=default, show_default=True, help=text)
+
+
+def numbers_option(name: str, low: int, high: int, default: tuple[int, ...], text: str) -> Callable[..., Any]:
+    """Return an option for whole numbers, which is given once for each."""
+    return click.option(
+        name,
+        type=click.IntRange(low, high),
+        multiple=True,
+        default=default,
+        show_default=True,
+        help=f"{text} May be given several times.",
+    )
+
+
+def threads_option(text: str) -> Callable[..., Any]:
+    """Return the option for one number of threads."""
+    return number_option("--threads", 1, 1024, 1, text)
+
+
+def scenario_option(text: str, default: tuple[str, ...] | None = None) -> Callable[..., Any]:
+    """Return the option for several scenarios."""
+    return click.option(
+        "--scenario",
+        "names",
+        type=click.Choice(scenarios.NAMES),
+        multiple=True,
+        default=default,
+        show_default=default is not None,
+        help=f"{text} May be given several times.",
+    )
+
+
+pattern_option = click.option(
+    "--entrant",
+    "patterns",
+    multiple=True,
+    metavar="PATTERN",
+    help="Measure only methods whose name matches, such as 'carried fitted *' or 'mpm 1'. May be given "
+    "several times.",
+)
+only_option = click.option(
+    "--only",
+    type=click.Choice(["errors", "times", "table"]),
+    help="Do only this part: errors may be measured on a busy machine, times want an idle one, and the table "
+    "is made of what the file of --runs holds.",
+)
+runs_option = click.option(
+    "--runs",
+    "runs_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="File in which the runs gather; the same command goes on with it after an interruption.",
+)
+
+
+def source(command: str, **options: tuple[object, ...]) -> Provenance:
+    """Return the origin of a measurement by a command with options; those that are None are left out."""
+    words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
+    return provenance(" ".join(["hybridmpm bench", command, *words]))
+
+
+def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: Provenance) -> list[Row]:
+    """Run a measurement behind a progress bar of so many steps, and return its rows with their origin."""
+    with progress("Measuring", steps) as bar:
+        return [origin.stamped(row) for row in measure(bar.update)]
+
+
+def save(
+    rows: Sequence[Row],
+    json_file: Path | None,
+    chart_file: Path | None = None,
+    draw: Callable[[Sequence[Row], Path], object] | None = None,
+) -> None:
+    """Write and draw the rows where the user asked for it."""
+    if json_file is not None:
+        write_rows(json_file, rows)
+    if chart_file is not None and draw is not None:
+        draw(rows, chart_file)
+
+
+def report(
+    rows: Sequence[Row],
+    columns: Sequence[str],
+    origin: Provenance,
+    json_file: Path | None,
+    *,
+    chart_file: Path | None = None,
+    draw: Callable[[Sequence[Row], Path], object] | None = None,
+) -> None:
+    """Save the rows, and print some of their columns and their origin."""
+    save(rows, json_file, chart_file, draw)
+    print_table(rows, columns)
+    print_origin(origin)
+
+
+def print_table(rows: Sequence[Row], columns: Sequence[str]) -> None:
+    """Print some columns of the rows, each as wide as its widest cell."""
+    widths = {name: max(len(name), *(len(str(row[name])) for row in rows)) for name in columns}
+    click.echo("  ".join(name.rjust(widths[name]) for name in columns))
+    for row in rows:
+        click.echo("  ".join(str(row[name]).rjust(widths[name]) for name in columns))
+
+
+def print_origin(origin: Provenance) -> None:
+    """Print where, when and from what the rows come."""
+    click.echo(f"{origin.machine}, {origin.date}, commit {origin.commit or 'unknown'}")

@@ -1,0 +1,47 @@
+"""`python -m hybridmpm_lab validate`: compare the solver with experiments and closed forms."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hybridmpm._support import charts
+from hybridmpm.cli.progress import progress
+from hybridmpm_lab import validation
+from hybridmpm_lab.validation import page
+
+if TYPE_CHECKING:
+    from hybridmpm_lab.validation.case import Case, CaseResult
+
+
+@click.command()
+@click.argument("cases", nargs=-1, type=click.Choice(list(validation.CASES)), metavar="[CASE]...")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write a page of these cases to: README.md and charts.",
+)
+@click.pass_context
+def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> None:
+    """Compare the solver with experiments and closed forms, and print each figure with its target.
+
+    All cases are run if none is named. The exit status is 1 if a figure is outside its tolerance.
+    """
+    if out is not None:
+        if not out.is_dir():
+            raise click.UsageError(f"--out: the folder {out} does not exist.")
+        charts.panels()  # so that a missing matplotlib is reported before the runs
+    chosen = [case for name, case in validation.CASES.items() if name in cases or not cases]
+    results: list[tuple[Case, CaseResult]] = []
+    with progress("Validating", len(chosen)) as bar:
+        for case in chosen:
+            results.append((case, case.run()))
+            bar.update(1)
+    for case, result in results:
+        click.echo(f"{case.title}\n{page.text_table(result.checks)}\n")
+    if out is not None:
+        page.write(out, results)
+        click.echo(f"wrote {out / 'README.md'} and its charts")
+    failed = any(check.verdict == "FAIL" for _, result in results for check in result.checks)
+    ctx.exit(1 if failed else 0)

@@ -1,0 +1,1 @@
+"""Comparisons of methods by error and time."""

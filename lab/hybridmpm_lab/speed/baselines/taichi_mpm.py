@@ -1,0 +1,272 @@
+"""MLS-MPM in plain Taichi, after its examples mpm88 and mpm3d; the same kernels run on its fork quadrants.
+
+Dense grid, quadratic B-splines, APIC, float32:
+https://github.com/taichi-dev/taichi/tree/v1.7.4/python/taichi/examples/simulation
+
+Materials and constants are those of rust/mpm/src/material.rs, water without its volume correction. Walls are
+those of the examples: they act on the nodes at or beyond them, not at their true position.
+"""
+
+import contextlib
+import io
+import math
+import os
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm.scene import Scene, Water
+from hybridmpm_lab.speed.baselines.conventions import checked_material, sand_constants
+
+# Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+os.environ.setdefault("QD_ENABLE_PYBUF", "0")
+import taichi as ti
+
+NAME = f"{ti.__name__} " + ".".join(str(part) for part in ti.__version__)
+SETTINGS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
+"""Threads by the way in which the loops of a solver run.
+
+"serial": each loop runs on one thread, which lets Taichi add to the grid without atomics. "atomic": each loop
+runs on all threads, as in the examples. "serial_scatter": the loop that adds to the grid runs on one thread,
+the others on all.
+"""
+
+_SMALLEST_STRETCH = 1.0e-4
+"""Smallest stretch of sand, the same as in our solver: its logarithm stays finite."""
+
+
+def start() -> None:
+    """Start Taichi afresh; solvers made before are void."""
+    with contextlib.redirect_stdout(io.StringIO()):  # it announces its backend
+        ti.init(arch=ti.cpu, default_fp=ti.f32, cpu_max_num_threads=2, log_level=ti.ERROR)
+
+
+@ti.data_oriented
+class Solver:
+    """MLS-MPM for water or sand on Taichi; call `start` once before the first.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of one material, water or sand, without obstacles, its walls three cells or more inside the world
+        box. They are taken as separating.
+    substeps : int
+        Equal substeps a frame.
+    setting : str
+        One of `SETTINGS`.
+
+    Raises
+    ------
+    ConfigError
+        The scene holds what this solver lacks.
+
+    Notes
+    -----
+    N is the number of particles, D the dimension.
+    """
+
+    def __init__(self, scene: Scene, *, substeps: int, setting: str) -> None:
+        material = checked_material(scene, "Taichi")
+        self._substeps = substeps
+        self._serial, self._serial_scatter = setting == "serial", setting != "atomic"
+        self._dim, self._dt = scene.dim, scene.frame_dt / substeps
+        self._dx, self._per_dx = scene.dx, float(scene.resolution)
+        self._gravity = ti.Vector(scene.gravity)
+        # Nodes at these and beyond lie on or behind the walls.
+        self._lowest = [math.floor(s * scene.resolution + 1e-6) for s in scene.walls.lower]
+        self._highest = [math.ceil(s * scene.resolution - 1e-6) for s in scene.walls.upper]
+        # Nodes that particles between the walls can touch: sweeping no others is faster.
+        self._first, self._end = [i - 2 for i in self._lowest], [i + 3 for i in self._highest]
+        self._friction = material.wall_friction if scene.walls.friction is None else scene.walls.friction
+        self._water = isinstance(material, Water)
+        if isinstance(material, Water):
+            self._bulk_modulus = material.stiffness(scene.potential_drop)
+            self._tension = material.tension
+        else:
+            self._mu, self._lambda, self._alpha = sand_constants(material)
+            self._volume_correction = material.volume_correction
+        self._place_fields(scene)
+
+    def _place_fields(self, scene: Scene) -> None:
+        particles = scene.sample()
+        n, dim = particles.x.shape
+        self._count = n
+        self._x, self._v = ti.Vector.field(dim, float, n), ti.Vector.field(dim, float, n)
+        self._C = ti.Matrix.field(dim, dim, float, n)
+        self._mass, self._volume = ti.field(float, n), ti.field(float, n)
+        if self._water:
+            self._J = ti.field(float, n)
+        else:
+            self._F, self._tau = (ti.Matrix.field(dim, dim, float, n) for _ in range(2))
+            self._volume_gain = ti.field(float, n)
+        # Velocity and mass of a node side by side: faster than two arrays.
+        self._grid_v, self._grid_m = ti.Vector.field(dim, float), ti.field(float)
+        nodes = ti.root.dense(ti.ij if dim == 2 else ti.ijk, scene.resolution)
+        nodes.place(self._grid_v, self._grid_m)
+        self._mass.from_numpy(particles.mass)
+        self._volume.from_numpy(particles.volume)
+        still = np.zeros((n, dim, dim), dtype=np.float32)
+        self.load(particles.x, particles.v, still, np.ones(n, dtype=np.float32))
+
+    def load(
+        self,
+        x: npt.NDArray[np.float32],
+        v: npt.NDArray[np.float32],
+        affine: npt.NDArray[np.float32],
+        volume_ratio: npt.NDArray[np.float32],
+    ) -> None:
+        """Take over a state.
+
+        Parameters
+        ----------
+        x, v : float32 (N, D)
+            Positions [m] and velocities [m/s].
+        affine : float32 (N, D, D)
+            APIC matrices C [1/s].
+        volume_ratio : float32 (N,)
+            J [-]. Sand starts at F = J^(1/D) I: its shear and the volume that it gained are lost.
+        """
+        self._x.from_numpy(x)
+        self._v.from_numpy(v)
+        self._C.from_numpy(affine)
+        if self._water:
+            self._J.from_numpy(volume_ratio)
+        else:
+            # Sand bears no tension.
+            strain = np.minimum(np.log(volume_ratio), 0)[:, None, None] * np.eye(self._dim) / self._dim
+            self._F.from_numpy((np.exp(strain) * np.eye(self._dim)).astype(np.float32))
+            stiffness = 2 * self._mu + self._dim * self._lambda
+            self._tau.from_numpy((stiffness * strain).astype(np.float32))
+            self._volume_gain.fill(0)
+
+    def advance(self, frames: int) -> None:
+        """Advance by whole frames, and wait until they are computed."""
+        for _ in range(frames * self._substeps):
+            self._substep()
+        ti.sync()
+
+    @property
+    def positions(self) -> npt.NDArray[np.float32]:
+        """Positions (N, D) [m], a copy."""
+        x: npt.NDArray[np.float32] = self._x.to_numpy()
+        return x
+
+    @ti.kernel
+    def _substep(self):  # noqa: C901 - loops are parallel only at this level
+        ti.loop_config(serialize=self._serial)
+        for i in range(self._first[0], self._end[0]):
+            for j in range(self._first[1], self._end[1]):
+                if ti.static(self._dim == 2):
+                    self._clear(ti.Vector([i, j]))
+                else:
+                    for k in range(self._first[2], self._end[2]):
+                        self._clear(ti.Vector([i, j, k]))
+        ti.loop_config(serialize=self._serial_scatter)
+        for p in range(self._count):
+            self._scatter(p)
+        ti.loop_config(serialize=self._serial)
+        for i in range(self._first[0], self._end[0]):
+            for j in range(self._first[1], self._end[1]):
+                if ti.static(self._dim == 2):
+                    self._update(ti.Vector([i, j]))
+                else:
+                    for k in range(self._first[2], self._end[2]):
+                        self._update(ti.Vector([i, j, k]))
+        ti.loop_config(serialize=self._serial)
+        for p in range(self._count):
+            self._gather(p)
+
+    @ti.func
+    def _clear(self, node):
+        self._grid_v[node] = ti.zero(self._grid_v[node])
+        self._grid_m[node] = 0
+
+    @ti.func
+    def _scatter(self, p):
+        base = int(self._x[p] * self._per_dx - 0.5)
+        fx = self._x[p] * self._per_dx - base
+        w = [0.5 * (1.5 - fx) ** 2, 0.75 - (fx - 1) ** 2, 0.5 * (fx - 0.5) ** 2]
+        tau = ti.Matrix.zero(float, self._dim, self._dim)
+        if ti.static(self._water):
+            tau = ti.Matrix.identity(float, self._dim) * self._water_stress(self._J[p])
+        else:
+            tau = self._tau[p]
+        factor = self._dt * 4 * self._per_dx**2 * self._volume[p]
+        affine = self._mass[p] * self._C[p] - factor * tau
+        momentum = self._mass[p] * self._v[p]
+        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self._dim))):
+            dpos = (offset - fx) * self._dx
+            weight = 1.0
+            for i in ti.static(range(self._dim)):
+                weight *= w[offset[i]][i]
+            self._grid_v[base + offset] += weight * (momentum + affine @ dpos)
+            self._grid_m[base + offset] += weight * self._mass[p]
+
+    @ti.func
+    def _water_stress(self, J):
+        tau = self._bulk_modulus * J * (J - 1)
+        return ti.select(J > 1, self._tension * tau, tau)
+
+    @ti.func
+    def _update(self, node):
+        if self._grid_m[node] > 0:
+            v = self._grid_v[node] / self._grid_m[node] + self._dt * self._gravity
+            for i in ti.static(range(self._dim)):
+                push = 0.0
+                if node[i] <= self._lowest[i]:
+                    push = ti.max(0, -v[i])
+                if node[i] >= self._highest[i]:
+                    push = ti.max(0, v[i])
+                if push > 0:
+                    v[i] = 0
+                    if ti.static(self._friction > 0):
+                        v *= ti.max(0, 1 - self._friction * push / ti.max(v.norm(), 1e-20))
+            self._grid_v[node] = v
+
+    @ti.func
+    def _gather(self, p):
+        base = int(self._x[p] * self._per_dx - 0.5)
+        fx = self._x[p] * self._per_dx - base
+        w = [0.5 * (1.5 - fx) ** 2, 0.75 - (fx - 1) ** 2, 0.5 * (fx - 0.5) ** 2]
+        v, C = ti.zero(self._v[p]), ti.zero(self._C[p])
+        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self._dim))):
+            weight = 1.0
+            for i in ti.static(range(self._dim)):
+                weight *= w[offset[i]][i]
+            g_v = weight * self._grid_v[base + offset]
+            v += g_v
+            C += 4 * self._per_dx * g_v.outer_product(offset - fx)
+        self._v[p], self._C[p] = v, C
+        self._x[p] += self._dt * v
+        if ti.static(self._water):
+            self._J[p] *= 1 + self._dt * C.trace()
+        else:
+            self._deform_sand(p)
+
+    @ti.func
+    def _deform_sand(self, p):
+        dim, mu, lam = ti.static(self._dim, self._mu, self._lambda)
+        U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self._dt * self._C[p]) @ self._F[p])
+        strain = ti.Vector.zero(float, dim)
+        for i in ti.static(range(dim)):
+            strain[i] = ti.log(ti.max(sigma[i, i], _SMALLEST_STRETCH)) + self._volume_gain[p] / dim
+        trace, gained = strain.sum(), 0.0
+        if trace >= 0:
+            strain = ti.zero(strain)
+            if ti.static(self._volume_correction):
+                gained = trace
+        else:
+            deviator = strain - trace / dim
+            norm = deviator.norm()
+            excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self._alpha
+            if excess > 0:
+                strain -= deviator * (excess / norm)
+        stretch, tau, trace = ti.zero(sigma), ti.zero(sigma), strain.sum()
+        for i in ti.static(range(dim)):
+            stretch[i, i] = ti.exp(strain[i])
+            tau[i, i] = 2 * mu * strain[i] + lam * trace
+        self._F[p], self._volume_gain[p] = U @ stretch @ V.transpose(), gained
+        self._tau[p] = U @ tau @ U.transpose()

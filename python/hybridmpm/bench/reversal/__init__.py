@@ -1,1 +1,0 @@
-"""How well reversed control data lead back to where the fluid was."""

@@ -1,1 +1,0 @@
-"""Whether a committed result is older than the code that made it."""

@@ -1,1 +1,0 @@
-"""Commands that chart speed against accuracy, and hold plans against the chart."""

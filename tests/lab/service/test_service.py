@@ -1,0 +1,191 @@
+"""`python -m hybridmpm_lab service`: a small twin of it, and what it says when the service does not play along."""
+
+import asyncio
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from websockets.asyncio.server import ServerConnection, serve
+
+from hybridmpm import ConfigError, SimulationError
+from hybridmpm_lab.commands import cli
+from hybridmpm_lab.service import reactions, server, service
+from hybridmpm_lab.service.hostile import uploads
+from hybridmpm_lab.service.slow_client import SlowClient
+from hybridmpm_lab.service.viewers import Viewer, watching
+
+IS_LINUX = sys.platform == "linux"
+
+
+def run(file: Path, *options: str) -> dict[tuple[str, int, int], float | None]:
+    """Run the command, and return the values by measure, sessions and viewers."""
+    result = CliRunner().invoke(cli, ["service", *options, "--json", str(file)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(file.read_text())
+    assert all(row["measure"] in result.output for row in rows)
+    assert all(row["command"].startswith("python -m hybridmpm_lab service --") for row in rows)
+    figures = {(row["measure"], row["sessions"], row["viewers"]): row["value"] for row in rows}
+    assert len(figures) == len(rows)
+    return figures
+
+
+def test_a_small_twin_of_the_benchmark(tmp_path: Path) -> None:
+    parts = ["--part", "intervals", "--part", "push", "--part", "hostile"]
+    sizes = ["--sessions", "2", "--viewers", "3", "--seconds", "0.2", "--repeats", "1"]
+    figures: Any = run(tmp_path / "service.json", *parts, *sizes)
+    for crowd in ((2, 1), (1, 3)):
+        p50, p95, p99 = (figures[f"frame interval p{share}", *crowd] for share in (50, 95, 99))
+        assert 0 < p50 <= p95 <= p99
+        assert figures["load of the viewers", *crowd] > 0
+    assert (
+        0 < figures["push to moved particles, p50", 1, 1] <= figures["push to moved particles, worst", 1, 1]
+    )
+    assert figures["hostile upload, slowest answer", 1, 0] > 0
+    # A refusal holds at least the fields of a problem.
+    assert 0.1 < figures["hostile upload, largest answer", 1, 0] < 64
+    assert not [measure for measure, *_ in figures if "restart" in measure or "1 KB/s" in measure]
+
+
+@pytest.mark.long
+def test_the_other_parts_of_the_benchmark(tmp_path: Path) -> None:
+    parts = [word for name in ("slow-client", "real-time", "sketch", "restart") for word in ("--part", name)]
+    figures: Any = run(tmp_path / "service.json", *parts, "--kept", "2", "--seconds", "1", "--repeats", "3")
+    # A player makes up for at most a tenth of a second at once.
+    assert 0 < figures["least time scale, asked for 1, rung 1/16", 8, 1] < 1.2
+    assert figures["sketch to the first steered frame, first sketch", 1, 1] > 0
+    sketch = [figures[f"sketch to the first steered frame, {which}", 1, 1] for which in ("p50", "worst")]
+    assert 0 < sketch[0] <= sketch[1]
+    assert figures["restart after kill -9, until all sessions answer", 2, 0] > 0
+    ratio = figures["frame interval p99 beside a client at 1 KB/s, over without", 4, 1]
+    sides = [figures[f"frame interval p99 {side} a client at 1 KB/s", 4, 1] for side in ("beside", "without")]
+    assert ratio == pytest.approx(sides[0] / sides[1], rel=1e-3)
+    held = figures["memory held for a client at 1 KB/s", 4, 1]
+    # Frames of some seconds stay with the system.
+    assert held > 0.1 if IS_LINUX else held is None
+
+
+def test_each_crowd_is_measured_once() -> None:
+    settings = service.ServiceSettings()
+    assert settings.crowds == [(1, 1), (4, 1), (16, 1), (1, 20), (1, 100)]
+    assert settings.count == 5 + 6
+    assert service.ServiceSettings(parts=("push",)).count == 1
+
+
+def test_a_service_that_does_not_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server.sys, "executable", "false")
+    with pytest.raises(SimulationError, match="ended with exit code 1 before it listened"):
+        server.Server()
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        ("websockets", r"needs websockets: pip install 'hybridmpm\[bench\]'"),
+        ("hybridmpm_service", "the service is not installed"),
+    ],
+)
+def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, missing: str, told: str) -> None:
+    known = service.importlib.util.find_spec
+    monkeypatch.setattr(
+        service.importlib.util, "find_spec", lambda name: None if name == missing else known(name)
+    )
+    with pytest.raises(ConfigError, match=told):
+        next(service.measure(service.ServiceSettings(), lambda _: None))
+
+
+def watched(send: Callable[[ServerConnection], Any], use: Callable[[Viewer], Any]) -> Any:
+    """Watch a server that sends something to each viewer."""
+
+    async def run() -> Any:
+        async with serve(send, "127.0.0.1", 0) as running:
+            port = next(iter(running.sockets)).getsockname()[1]
+            async with watching(f"127.0.0.1:{port}", {"stream": "/stream"}) as viewer:
+                return await use(viewer)
+
+    return asyncio.run(run())
+
+
+def frame(time: float, flags: int = 0) -> bytes:
+    head = np.zeros(32, np.uint8)
+    head[6] = flags
+    head[16:24] = np.frombuffer(np.float64(time).tobytes(), np.uint8)
+    return head.tobytes() + b"xyxy"
+
+
+def test_a_viewer_notes_when_frames_come() -> None:
+    async def send(stream: ServerConnection) -> None:
+        await stream.recv()
+        await stream.send('{"type":"hello"}')
+        for index in range(3):
+            await stream.send(frame(0.01 * index, flags=index == 2))
+            await asyncio.sleep(0.02)
+        await stream.wait_closed()
+
+    async def use(viewer: Viewer) -> None:
+        steered = viewer.expect(reactions._is_steered)
+        await viewer.send(type="play")
+        assert await viewer.arrival(steered) == viewer.arrivals[-1]
+        assert len(viewer.intervals()) == 2
+        assert viewer.time_scale() == pytest.approx(20 / viewer.intervals().sum())
+        viewer.begin()
+        with pytest.raises(SimulationError, match="fewer than two frames"):
+            viewer.intervals()
+
+    watched(send, use)
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [('{"type":"problem","status":422}', "422"), (None, "closed a stream with code 4404")],
+)
+def test_a_viewer_tells_why_no_frame_comes(message: str | None, told: str) -> None:
+    async def send(stream: ServerConnection) -> None:
+        if message is None:
+            await stream.close(4404)
+        else:
+            await stream.send(message)
+            await stream.wait_closed()
+
+    async def use(viewer: Viewer) -> None:
+        with pytest.raises(SimulationError, match=told):
+            await viewer.arrival(viewer.expect(lambda _: True))
+
+    watched(send, use)
+
+
+def test_a_slow_client_that_is_refused_measures_nothing() -> None:
+    async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 403 Forbidden\r\n\r\n")
+        writer.close()
+
+    async def run() -> None:
+        async with await asyncio.start_server(refuse, "127.0.0.1", 0) as running:
+            port = running.sockets[0].getsockname()[1]
+            async with SlowClient(f"127.0.0.1:{port}", "/stream"):
+                await asyncio.sleep(0.1)
+
+    with pytest.raises(SimulationError, match=r"answers a slow client HTTP/1\.1 403 Forbidden"):
+        asyncio.run(run())
+
+
+@pytest.mark.parametrize("status", [200, 500])
+def test_a_hostile_upload_has_to_be_refused(monkeypatch: pytest.MonkeyPatch, status: int) -> None:
+    links = {"self": "/s", "sketches": "/s/sketches", "trajectories": "/s/trajectories"}
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        made = request.url.path == "/v1/sessions" and b"scenario" in request.content
+        return httpx.Response(201, json={"links": links}) if made else httpx.Response(status)
+
+    mock = httpx.AsyncClient(transport=httpx.MockTransport(answer), base_url="http://service")
+    monkeypatch.setattr(reactions, "client", lambda _address: mock)
+    monkeypatch.setattr(reactions, "uploads", lambda: uploads()[2:3])
+    with pytest.raises(SimulationError, match=f"answers a hostile upload with {status}"):
+        reactions.hostile_uploads(SimpleNamespace(address="service"))

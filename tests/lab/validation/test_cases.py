@@ -1,0 +1,69 @@
+"""The solver against experiments and closed forms, as `python -m hybridmpm_lab validate` runs them, with its tolerances."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hybridmpm import MpmSolver
+from hybridmpm.scene import Box, Sand, Scene, Walls
+from hybridmpm_lab.validation import (
+    CASES,
+    colliding_discs,
+    column_collapse,
+    dam_break,
+    rotation,
+    round_columns,
+    sliding_block,
+)
+from hybridmpm_lab.validation.case import CaseResult, Check
+
+SHORTER: dict[str, Callable[[], CaseResult]] = {
+    "dam_break": lambda: dam_break.run((64, 128)),
+    "column_collapse": lambda: column_collapse.run((0.5, 4.0), beads=(4.0,)),
+    "round_columns": lambda: round_columns.run((1.0,), resolution=64),
+    "sliding_block": lambda: sliding_block.run((32,)),
+    "rotation": lambda: rotation.run(disc_seconds=1.0, ball_seconds=1.0),
+    "colliding_discs": lambda: colliding_discs.run((32, 64)),
+}
+"""Cases without their finest grids or longest runs, to save time; the command runs them in full."""
+
+LONGER: dict[str, Callable[[], CaseResult]] = {
+    "column_collapse": column_collapse.run,
+    "rotation": rotation.run,
+}
+"""More of those of `SHORTER` that leave much out."""
+
+
+@cache
+def checks(name: str) -> tuple[Check, ...]:
+    return SHORTER.get(name, CASES[name].run)().checks
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_case(name: str) -> None:
+    assert any(check.verdict == "pass" for check in checks(name))
+    assert [check for check in checks(name) if check.verdict == "FAIL"] == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", LONGER)
+def test_longer_case(name: str) -> None:
+    assert [check for check in LONGER[name]().checks if check.verdict == "FAIL"] == []
+
+
+def test_a_layer_of_sand_is_braked_by_the_sine_of_its_friction_angle() -> None:
+    """Eight cells deep on a rough floor, away from the ends; the lowest cells take a little less."""
+    angle = 30.0
+    floor, dx = 0.03125, 1 / 128
+    sand = Sand(friction_angle=column_collapse.angle_for_sand(angle))
+    body = Box(material=sand, lower=(0.05, floor), upper=(0.75, floor + 8 * dx), velocity=(1.0, 0.0))
+    walls = Walls(lower=(floor, floor), upper=(1 - floor, 1 - floor), contact="sticky")
+    solver = MpmSolver(Scene(dim=2, resolution=128, walls=walls, bodies=(body,)))
+    middle = np.abs(solver.positions[:, 0] - 0.4) < 0.1
+    solver.advance(8)
+    before = solver.velocities[middle, 0].mean()
+    solver.advance(24)
+    braking = (before - solver.velocities[middle, 0].mean()) / (24 * 2.5e-3)
+    assert braking / 9.81 == pytest.approx(np.sin(np.radians(angle)), rel=0.08)
