@@ -8,7 +8,7 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
-from hybridmpm import downsampling, probes, recording, scenarios
+from hybridmpm import coarse, probes, recording, scenarios
 from hybridmpm._native import (
     SOLVER_VERSION,
     CancelFlag,
@@ -21,6 +21,7 @@ from hybridmpm._native import (
 )
 from hybridmpm.errors import (
     BatchError,
+    CoarseWarning,
     ConfigError,
     CostlyMaterialWarning,
     DataError,
@@ -32,7 +33,6 @@ from hybridmpm.errors import (
     GraphSizeError,
     InvertedError,
     NonFiniteError,
-    RungWarning,
     SceneError,
     SimulationError,
     SketchError,
@@ -90,6 +90,7 @@ __all__ = [
     "BoxSink",
     "CalibrationWarning",
     "CancelFlag",
+    "CoarseWarning",
     "ConfigError",
     "CostlyMaterialWarning",
     "Cylinder",
@@ -119,7 +120,6 @@ __all__ = [
     "RadiusGraph",
     "RectangularEmitter",
     "RoundEmitter",
-    "RungWarning",
     "Sand",
     "Scene",
     "SceneCheck",
@@ -141,9 +141,9 @@ __all__ = [
     "Water",
     "__version__",
     "check",
+    "coarse",
     "control",
     "data",
-    "downsampling",
     "hybrid",
     "load",
     "metrics",

@@ -111,10 +111,10 @@ class ThinObstacleWarning(UserWarning):
     """
 
 
-class RungWarning(UserWarning):
-    """A scene is not one for this rung, or a frame had to be done again at the safe step.
+class CoarseWarning(UserWarning):
+    """A scene is not one for this level, or a frame had to be done again at the safe step.
 
-    The scene is faster than all that the rung was fitted to, or an obstacle is thinner than a cell of its
+    The scene is faster than all that the coarse level was fitted to, or an obstacle is thinner than a cell of its
     grid. Not an error: the frames are right as far as a coarse solver is, but errors may be larger than the
-    table of rungs says.
+    table of coarse levels says.
     """

@@ -118,14 +118,14 @@ def test_badge_and_chart_follow_the_session(
 
 
 @pytest.mark.parametrize("viewport", [{"width": 1440, "height": 900}, {"width": 390, "height": 844}])
-def test_a_rung_is_chosen_on_the_page(
+def test_a_level_is_chosen_on_the_page(
     open_page: Open, service: LiveService, viewport: dict[str, int]
 ) -> None:
-    visit = open_page(f"{FALL}&rung=1/16", viewport=viewport)
+    visit = open_page(f"{FALL}&coarse=1/16", viewport=viewport)
     visit.wait_for(LIVE)
     first = visit.session
     made = service.get(f"/v1/sessions/{first}")
-    assert (made["solver"], made["rung"], made["r_p"]) == ("mpm", "1/16", 1 / 16)
+    assert (made["solver"], made["coarse"], made["r_p"]) == ("mpm", "1/16", 1 / 16)
     expect(visit.page.locator("#solver-text")).to_contain_text(
         "1/16 of the particles, which carry all others"
     )
@@ -134,8 +134,8 @@ def test_a_rung_is_chosen_on_the_page(
     choice.select_option("All")
     visit.wait_for(f"body.session !== '{first}' && {LIVE}")
     every = service.get(f"/v1/sessions/{visit.session}")
-    assert (every["rung"], every["particles"]) == (None, made["particles"])
-    assert "rung" not in visit.page.url
+    assert (every["coarse"], every["particles"]) == (None, made["particles"])
+    assert "coarse" not in visit.page.url
     assert visit.page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 

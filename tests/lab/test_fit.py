@@ -1,4 +1,4 @@
-"""Fitting of rungs: a short search, its journal, its table, and what is refused."""
+"""Fitting of levels: a short search, its journal, its table, and what is refused."""
 
 import json
 import shutil
@@ -12,11 +12,11 @@ from click.testing import CliRunner
 
 from hybridmpm import ConfigError, DataError, MpmSolver, scenarios
 from hybridmpm.cli import cli
-from hybridmpm.downsampling import rung_for, rung_table
+from hybridmpm.coarse import coarse_level, coarse_table
 from hybridmpm_lab.fitting import judge, search
 from hybridmpm_lab.fitting.cases import Case
+from hybridmpm_lab.fitting.levels import FitSettings, fit_levels
 from hybridmpm_lab.fitting.outcome import measure
-from hybridmpm_lab.fitting.rungs import FitSettings, fit_rungs
 from hybridmpm_lab.fitting.space import SCALE, TARGETS, Constants, Target
 
 TARGET = Target("water", 2, "1/64")
@@ -24,8 +24,8 @@ TARGET = Target("water", 2, "1/64")
 
 @pytest.fixture(autouse=True)
 def _few_scenarios(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Judge rungs on the scenario alone that they are fitted to."""
-    monkeypatch.setattr("hybridmpm_lab.fitting.rungs.scenarios_of", lambda target: [target.scenario])
+    """Judge coarse levels on the scenario alone that they are fitted to."""
+    monkeypatch.setattr("hybridmpm_lab.fitting.levels.scenarios_of", lambda target: [target.scenario])
     monkeypatch.setattr(judge, "_SEEN", 20)
 
 
@@ -35,11 +35,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def fit(folder: Path, trials: int, scenes: int = 1) -> int:
-    """Fit one rung, and return how many trials the journal holds."""
+    """Fit one level, and return how many trials the journal holds."""
     settings = FitSettings(trials=trials, scenes=scenes, held_out=2)
-    file = folder / "rungs.json"
-    rung_table.cache_clear()
-    fit_rungs([TARGET], settings, folder=folder, file=file, on_step=lambda: None)
+    file = folder / "levels.json"
+    coarse_table.cache_clear()
+    fit_levels([TARGET], settings, folder=folder, file=file, on_step=lambda: None)
     return len((folder / f"{TARGET.key}.jsonl").read_text().splitlines()) - 1
 
 
@@ -47,10 +47,10 @@ def test_a_search_goes_on_where_it_stopped(folder: Path) -> None:
     assert fit(folder, 2) == 2
     journal = folder / f"{TARGET.key}.jsonl"
     before = journal.read_text()
-    first = rung_table(folder / "rungs.json").entries
+    first = coarse_table(folder / "levels.json").entries
     assert fit(folder, 2) == 2
-    rung_table.cache_clear()
-    assert rung_table(folder / "rungs.json").entries == first
+    coarse_table.cache_clear()
+    assert coarse_table(folder / "levels.json").entries == first
     assert fit(folder, 3) == 3
     assert journal.read_text().startswith(before)
     (entry,) = first
@@ -60,12 +60,12 @@ def test_a_search_goes_on_where_it_stopped(folder: Path) -> None:
     assert 0.3 < seen.error < 0.9
     assert 0 < seen.transport < 0.3
     scene = scenarios.water_2d(1_100_000)
-    solver = MpmSolver(scene, rung=rung_for(scene, "1/64", rung_table(folder / "rungs.json")))
+    solver = MpmSolver(scene, coarse=coarse_level(scene, "1/64", coarse_table(folder / "levels.json")))
     case = Case.of("water_2d", 1_100_000, folder / "truths")
     outcome = measure(case, solver)
     other = measure(
         Case.of("water_2d", 1_100_001, folder / "truths"),
-        MpmSolver(scenarios.water_2d(1_100_001), rung=solver.rung),
+        MpmSolver(scenarios.water_2d(1_100_001), coarse=solver.coarse),
     )
     # The card is what this measures.
     assert seen.error == pytest.approx((outcome.error + other.error) / 2, rel=0.02)
@@ -87,20 +87,20 @@ def test_constants_that_no_trial_beats_stay(tmp_path: Path, monkeypatch: pytest.
         assert found.trials == 2
 
 
-def test_without_trials_the_rungs_of_a_table_are_judged_anew(folder: Path, tmp_path: Path) -> None:
+def test_without_trials_the_levels_of_a_table_are_judged_anew(folder: Path, tmp_path: Path) -> None:
     fit(folder, 1)
     shutil.copytree(folder / "truths", tmp_path / "truths")
-    file = tmp_path / "rungs.json"
-    rung_table.cache_clear()
+    file = tmp_path / "levels.json"
+    coarse_table.cache_clear()
     settings = FitSettings(trials=0, scenes=1, held_out=2)
-    with pytest.raises(ConfigError, match="has no rung water_2d-1-64 to judge"):
-        fit_rungs([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
-    (known,) = rung_table(folder / "rungs.json").entries
+    with pytest.raises(ConfigError, match="has no coarse level water_2d-1-64 to judge"):
+        fit_levels([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
+    (known,) = coarse_table(folder / "levels.json").entries
     blank = known.model_copy(update={"held_out": ()})
-    table = rung_table(folder / "rungs.json").model_copy(update={"entries": (blank,)})
+    table = coarse_table(folder / "levels.json").model_copy(update={"entries": (blank,)})
     file.write_text(table.model_dump_json())
-    rung_table.cache_clear()
-    done = fit_rungs([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
+    coarse_table.cache_clear()
+    done = fit_levels([TARGET], settings, folder=tmp_path, file=file, on_step=lambda: None)
     assert done.entries == (known,)
     assert not list(tmp_path.glob("*.jsonl"))
 
@@ -132,20 +132,20 @@ def test_searches_begin_and_stay_within_bounds(target: Target) -> None:
         assert 0 <= at.affine_share <= 1
         assert 0 < at.relaxation <= 8
     scene = scenarios.get(target.scenario, 0)
-    rung = start.rung(target, scene)
-    assert (rung.name, rung.r_p) == (target.name, target.r_p)
-    assert 8 <= rung.resolution <= scene.resolution
+    level = start.coarse(target, scene)
+    assert (level.name, level.r_p) == (target.name, target.r_p)
+    assert 8 <= level.resolution <= scene.resolution
 
 
 def test_the_command_says_what_it_found(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder / "truths", tmp_path / "new" / "truths")
-    arguments = ["--scenario", "water_2d", "--rung", "1/64", "--trials", "1", "--scenes", "1"]
+    arguments = ["--scenario", "water_2d", "--coarse", "1/64", "--trials", "1", "--scenes", "1"]
     run = CliRunner().invoke
-    done = run(cli, ["fit", "rungs", str(tmp_path / "new"), *arguments, "--held-out", "2"])
+    done = run(cli, ["fit", "coarse levels", str(tmp_path / "new"), *arguments, "--held-out", "2"])
     assert done.exit_code == 0, done.output
     assert "transport_few" in done.output
     assert "wrote" in done.output
-    assert len(rung_table(tmp_path / "new" / "rungs.json").entries) == 1
-    refused = run(cli, ["fit", "rungs", str(tmp_path), "--table", str(tmp_path / "none" / "t.json")])
+    assert len(coarse_table(tmp_path / "new" / "levels.json").entries) == 1
+    refused = run(cli, ["fit", "coarse levels", str(tmp_path), "--table", str(tmp_path / "none" / "t.json")])
     assert refused.exit_code == 2
     assert "does not exist" in refused.output

@@ -141,17 +141,17 @@ def test_a_failure_is_counted_and_the_others_go_on(monkeypatch: pytest.MonkeyPat
     assert zero["error"] > 0
 
 
-def rung(label: str, ms: float | None, error: float | None, method: str = "mpm") -> dict[str, Any]:
+def level(label: str, ms: float | None, error: float | None, method: str = "mpm") -> dict[str, Any]:
     return {"method": method, "label": label, "ms_per_frame": ms, "error": error}
 
 
-def test_who_dominates_and_which_rung_is_as_good() -> None:
-    ladder = [rung("1", 1.0, 0.1), rung("1/4", 0.3, 0.4), rung("1/16", 0.1, 0.9)]
+def test_who_dominates_and_which_level_is_as_good() -> None:
+    ladder = [level("1", 1.0, 0.1), level("1/4", 0.3, 0.4), level("1/16", 0.1, 0.9)]
     models = [
-        rung("slow", 0.5, 0.5, "neural"), rung("fast", 0.05, 0.95, "neural"),
-        rung("good", 0.2, 0.3, "neural"), rung("unmeasured", 0.2, None, "neural"),
+        level("slow", 0.5, 0.5, "neural"), level("fast", 0.05, 0.95, "neural"),
+        level("good", 0.2, 0.3, "neural"), level("unmeasured", 0.2, None, "neural"),
     ]  # fmt: skip
-    bounds = [rung("x", None, 0.01, "merged"), rung("y", None, 1.0, "still")]
+    bounds = [level("x", None, 0.01, "merged"), level("y", None, 1.0, "still")]
     found = {row["label"]: row for row in pareto.compared([*ladder, *models, *bounds])}
     assert found["slow"]["dominated_by"] == "neural good"
     assert (found["slow"]["as_good"], found["slow"]["as_good_ms"]) == ("1/4", 0.3)

@@ -62,7 +62,7 @@ def test_scenes_beyond_the_table_serve_promises_alone(tmp_path: Path) -> None:
 
 def test_means_tell_the_variance_of_the_scenes() -> None:
     rows = [
-        {"part": "run", "scenario": "sand_2d", "seed": seed, "method": "mpm", "carry": True, "frames": 400,
+        {"part": "run", "scenario": "sand_2d", "seed": seed, "method": "mpm", "show_all": True, "frames": 400,
          "calm": 400, "kinetic": 0.0, "kinetic_true": 0.0, "error": 1.0, "nrmse": nrmse,
          **dict.fromkeys(("network", "free_fall", "rest", "mpm", "contact")), "ms_per_frame": 1.0}
         for seed, nrmse in enumerate((0.1, 0.2, 0.3))
@@ -85,7 +85,7 @@ def test_the_two_readings_of_an_error_differ_by_a_factor() -> None:
 def test_the_chart_shows_shares_and_errors(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     shares = {"network": 0.4, "free_fall": 0.1, "rest": 0.2, "mpm": 0.3}
-    common = {"scenario": "sand_2d", "carry": True, "seed": 1}
+    common = {"scenario": "sand_2d", "show_all": True, "seed": 1}
     rows = [
         {**common, "part": "run", "method": "hybrid", "error": 1.05},
         {**common, "part": "run", "method": "mpm", "error": 1.0},
@@ -108,7 +108,7 @@ def test_runs_of_other_settings_are_refused(tmp_path: Path) -> None:
 
 def rows_of(ratios: Any) -> list[dict[str, Any]]:
     """Return rows of a hybrid whose error is so many times MPM's."""
-    common = {"scenario": "water_ramps_2d", "carry": True}
+    common = {"scenario": "water_ramps_2d", "show_all": True}
     errors = {f"error_{at}": 0.5 for at in scene_means.AT}
     return [
         {**common, "seed": seed, "method": method, **{name: value * times for name, value in errors.items()}}

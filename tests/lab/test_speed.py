@@ -166,7 +166,9 @@ def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
         assert row["speedup"] == pytest.approx(
             rows[0]["ms_per_scene_frame"] / row["ms_per_scene_frame"], rel=0.01
         )
-        assert row["command"].startswith("python -m hybridmpm_lab batch sand_ramps_2d --scenes 2 --threads 2 ")
+        assert row["command"].startswith(
+            "python -m hybridmpm_lab batch sand_ramps_2d --scenes 2 --threads 2 "
+        )
         assert str(row["speedup"]) in result.stdout
 
 

@@ -109,8 +109,8 @@ def test_no_answer_waits_for_an_acknowledgement(start: Callable[..., Any]) -> No
         connections = list(service._server.server_state.connections)
         assert len(connections) == 2
         for connection in connections:
-            carrier = connection.transport.get_extra_info("socket")
-            assert carrier.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            upsampler = connection.transport.get_extra_info("socket")
+            assert upsampler.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 def test_importing_the_package_starts_nothing_and_reads_no_environment() -> None:

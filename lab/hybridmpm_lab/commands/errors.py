@@ -63,7 +63,7 @@ def coarse(
         scenarios=names, scenes=scenes, frames=frames, repeats=repeats
     )
     options = {"scenes": (scenes,), "frames": (frames,), "repeats": (repeats,)}
-    origin = source("downsampling", scenario=names, **options)
+    origin = source("coarse", scenario=names, **options)
     rows = measured(partial(downsampling_bench.measure, settings), settings.count, origin)
     report(
         rows, _DOWNSAMPLING_COLUMNS, origin, json_file, chart_file=chart_file, draw=downsampling_bench.chart

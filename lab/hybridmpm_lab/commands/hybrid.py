@@ -24,10 +24,10 @@ from hybridmpm_lab.compare.hybrid import scenes_chart
 from hybridmpm_lab.harness.gathered import Gathered
 
 _SHARES_COLUMNS = (
-    "scenario", "method", "carry", "scenes", "network", "free_fall", "rest", "mpm", "contact", "ratio",
+    "scenario", "method", "show_all", "scenes", "network", "free_fall", "rest", "mpm", "contact", "ratio",
     "ratio_se", "worst", "nrmse", "to_free_fall", "kinetic_met", "ms_per_frame",
 )  # fmt: skip
-_PROMISE_COLUMNS = ("scenario", "carry", "after", "bound", "held", "calibrated_on", "tested_on")
+_PROMISE_COLUMNS = ("scenario", "show_all", "after", "bound", "held", "calibrated_on", "tested_on")
 
 
 @click.command()
@@ -55,7 +55,7 @@ _PROMISE_COLUMNS = ("scenario", "carry", "after", "bound", "held", "calibrated_o
     help="Method to run. May be given several times.",
 )
 @click.option(
-    "--carry",
+    "--show-all",
     "carried",
     type=click.Choice(["yes", "no", "both"]),
     default="yes",
@@ -95,7 +95,7 @@ def hybrid(
         carried={"yes": (True,), "no": (False,), "both": (True, False)}[carried],
     )
     options = {"model": (model,), "scenario": names, "scenes": (scenes,), "promised": (promised,)}
-    more = {"first": (first,), "frames": (frames,), "method": methods, "carry": (carried,)}
+    more = {"first": (first,), "frames": (frames,), "method": methods, "show_all": (carried,)}
     origin = source("shares", **options, **more)
     runs = Gathered(settings.shared(), runs_file)
     with progress("Measuring", len(settings.asked_for())) as bar:

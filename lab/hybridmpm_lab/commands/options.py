@@ -97,7 +97,7 @@ runs_option = click.option(
 def source(command: str, **options: tuple[object, ...]) -> Provenance:
     """Return the origin of a measurement by a command with options; those that are None are left out."""
     words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
-    return provenance(" ".join(["hybridmpm bench", command, *words]))
+    return provenance(" ".join(["python -m hybridmpm_lab", command, *words]))
 
 
 def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: Provenance) -> list[Row]:

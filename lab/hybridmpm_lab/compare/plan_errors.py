@@ -53,5 +53,5 @@ def read_rows(file: Path) -> list[Row]:
         ):
             raise ValueError("rows without errors")  # noqa: TRY301 - as of a damaged file
     except (OSError, ValueError, TypeError) as error:
-        raise DataError(f"{file} is no file of rows of `python -m hybridmpm_lab tradeoff --json`: {error}") from None
+        raise DataError(f"{file} holds no rows of the trade-off: {error}") from None
     return rows

@@ -1,1 +1,1 @@
-"""Fitting of rungs: constants of coarse MPM that carries all particles, learned from the truth of scenes."""
+"""Fitting of levels: constants of coarse MPM that carries all particles, learned from the truth of scenes."""

@@ -1,4 +1,4 @@
-"""`Case`: the truth of one scene, as rungs are measured by it."""
+"""`Case`: the truth of one scene, as coarse levels are measured by it."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How a fitted rung does on scenes that no search saw: the card of its entry in the table."""
+"""How a fitted coarse level does on scenes that no search saw: the card of its entry in the table."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from hybridmpm import scenarios
-from hybridmpm.downsampling import RungTable, rung_for
-from hybridmpm.downsampling.rungs import HeldOut
-from hybridmpm.downsampling.rungs.bounds import fastest_impact
-from hybridmpm.errors import RungWarning
+from hybridmpm.coarse import CoarseTable, HeldOut, coarse_level
+from hybridmpm.coarse.bounds import fastest_impact
+from hybridmpm.errors import CoarseWarning
 from hybridmpm.mpm import MpmSolver
 from hybridmpm_lab.compare.accuracy.conventions import FIRST_SEED
 from hybridmpm_lab.fitting.cases import Case
@@ -38,19 +37,19 @@ def fastest(target: Target) -> float:
 
 def judge(
     target: Target,
-    table: RungTable,
+    table: CoarseTable,
     scenario: str,
     *,
     scenes: int,
     folder: Path,
     on_scene: Callable[[], object],
 ) -> HeldOut:
-    """Measure a rung of a table on held-out scenes of a scenario, beside the same r_p without fitting.
+    """Measure a coarse level of a table on held-out scenes of a scenario, beside the same r_p without fitting.
 
     Parameters
     ----------
     target : Target
-    table : RungTable
+    table : CoarseTable
     scenario : str
     scenes : int >= 2
         Number of scenes, from the first seed of the tests on.
@@ -63,10 +62,10 @@ def judge(
     for seed in range(FIRST_SEED, FIRST_SEED + scenes):
         case = Case.of(scenario, seed, folder)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RungWarning)  # Frames that are redone are counted.
-            rung = rung_for(case.scene, target.name, table)
-            fitted.append(measure(case, MpmSolver(case.scene, rung=rung)))
-        unfitted.append(measure(case, MpmSolver(case.scene, r_p=target.r_p, carry=True)))
+            warnings.simplefilter("ignore", CoarseWarning)  # Frames that are redone are counted.
+            level = coarse_level(case.scene, target.name, table)
+            fitted.append(measure(case, MpmSolver(case.scene, coarse=level)))
+        unfitted.append(measure(case, MpmSolver(case.scene, r_p=target.r_p, show_all=True)))
         few.append(measure(case, MpmSolver(case.scene, r_p=target.r_p)))
         on_scene()
     errors, others = _column(fitted, "error"), _column(unfitted, "error")

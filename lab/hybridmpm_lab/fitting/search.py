@@ -1,4 +1,4 @@
-"""The search for the constants of one rung: CMA-ES, with a journal from which it goes on."""
+"""The search for the constants of one level: CMA-ES, with a journal from which it goes on."""
 
 import json
 import warnings
@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridmpm._native import SOLVER_VERSION
 from hybridmpm.control.methods.cma_es import minimise
-from hybridmpm.errors import DataError, RungWarning, SimulationError
+from hybridmpm.errors import CoarseWarning, DataError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm_lab.fitting.cases import Case
 from hybridmpm_lab.fitting.outcome import Outcome, measure
@@ -19,7 +19,7 @@ from hybridmpm_lab.fitting.space import SCALE, Constants, Floats, Target, millis
 PRICE = 0.25
 """Exponent of the time in the objective, error * time^PRICE.
 
-Along the ladder of carried rungs halving the time costs 18 to 24 % in error, a factor of 2^0.24 to 2^0.31. So
+Along the ladder of carried coarse levels halving the time costs 18 to 24 % in error, a factor of 2^0.24 to 2^0.31. So
 the lowest objective lies where the front touches a line of about its own slope.
 """
 DENSEST = 1.3
@@ -48,7 +48,7 @@ def search(
     *,
     known: Constants | None = None,
 ) -> Found:
-    """Search the constants of a rung on training scenes.
+    """Search the constants of a coarse level on training scenes.
 
     The objective is the logarithm of error * time^`PRICE`, meaned over the scenes. Transport must not be
     worse than that of the few without carrying, nor density exceed `DENSEST`: what does is penalised.
@@ -98,9 +98,9 @@ def _value(
     """Return the objective, and means over the cases for whoever reads the journal."""
     outcomes, times = [], []
     for case in cases:
-        rung = constants.rung(target, case.scene)
+        level = constants.level(target, case.scene)
         try:
-            outcome = _run(MpmSolver(case.scene, rung=rung), case)
+            outcome = _run(MpmSolver(case.scene, coarse=level), case)
         except SimulationError:
             return float("inf"), {}
         times.append(milliseconds(target, outcome, len(case.scene.sample().x)))
@@ -120,7 +120,7 @@ def _value(
 
 def _run(solver: MpmSolver, case: Case) -> Outcome:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RungWarning)  # Frames that are redone are counted.
+        warnings.simplefilter("ignore", CoarseWarning)  # Frames that are redone are counted.
         return measure(case, solver)
 
 

@@ -1,4 +1,4 @@
-"""The constants that are searched: where the search of a rung begins, how far it goes, and what they cost."""
+"""The constants that are searched: where the search of a coarse level begins, how far it goes, and what they cost."""
 
 from dataclasses import dataclass
 from typing import Literal, Self
@@ -6,20 +6,19 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling import Rung, coarse_resolution
-from hybridmpm.downsampling.rungs import RungEntry
+from hybridmpm.coarse import CoarseLevel, FittedLevel, coarse_resolution
 from hybridmpm.scene import Scene
 from hybridmpm_lab.fitting.outcome import Outcome
 
 RATIOS = {"1/64": 1 / 64, "1/32": 1 / 32, "1/16": 1 / 16, "1/8": 1 / 8, "1/4": 1 / 4}
-"""Ratios r_p of the rungs by name."""
+"""Ratios r_p of the coarse levels by name."""
 
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Target:
-    """A rung for one material in one dimension."""
+    """A coarse level for one material in one dimension."""
 
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
@@ -27,7 +26,7 @@ class Target:
 
     @property
     def scenario(self) -> str:
-        """Scenario whose scenes the rung is fitted to."""
+        """Scenario whose scenes the coarse level is fitted to."""
         return f"{self.material}_{self.dim}d"
 
     @property
@@ -101,8 +100,8 @@ class Constants:
         )
 
     @classmethod
-    def of(cls, entry: RungEntry) -> Self:
-        """Return the constants of a rung of a table."""
+    def of(cls, entry: FittedLevel) -> Self:
+        """Return the constants of a coarse level of a table."""
         return cls(
             particles_per_cell=entry.particles_per_cell,
             modulus=entry.modulus,
@@ -111,9 +110,9 @@ class Constants:
             relaxation=entry.relaxation,
         )
 
-    def rung(self, target: Target, scene: Scene) -> Rung:
-        """Return the rung of a scene of the target's scenario, unbounded by depth."""
-        return Rung(
+    def level(self, target: Target, scene: Scene) -> CoarseLevel:
+        """Return the coarse level of a scene of the target's scenario, unbounded by depth."""
+        return CoarseLevel(
             name=target.name,
             r_p=target.r_p,
             resolution=coarse_resolution(scene, target.r_p, self.particles_per_cell),

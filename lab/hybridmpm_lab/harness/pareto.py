@@ -1,4 +1,4 @@
-"""Which methods others dominate in error and latency, and which rung of a ladder reaches a method's error."""
+"""Which methods others dominate in error and latency, and which coarse level of a ladder reaches a method's error."""
 
 from collections.abc import Sequence
 
@@ -16,12 +16,12 @@ def compared(rows: Sequence[Row]) -> list[Row]:
     rivals = [row for row in rows if row["method"] in {"neural", "mpm"}]
     more = []
     for row in rows:
-        rung, better = cheapest_as_good(row, ladder), dominating(row, rivals)
+        level, better = cheapest_as_good(row, ladder), dominating(row, rivals)
         more.append(
             {
                 **row,
-                "as_good": rung and rung["label"],
-                "as_good_ms": rung and rung["ms_per_frame"],
+                "as_good": level and level["label"],
+                "as_good_ms": level and level["ms_per_frame"],
                 "dominated_by": better and f"{better['method']} {better['label']}",
             }
         )
@@ -47,11 +47,11 @@ def dominating(row: Row, others: Sequence[Row]) -> Row | None:
 
 
 def cheapest_as_good(row: Row, ladder: Sequence[Row]) -> Row | None:
-    """Return the cheapest rung whose error is at most the row's: a method pays only below that latency."""
+    """Return the cheapest coarse level whose error is at most the row's: a method pays only below that latency."""
     if row["error"] is None:
         return None
-    as_good = [rung for rung in ladder if _measured(rung) and rung["error"] <= row["error"]]
-    return min(as_good, key=lambda rung: rung["ms_per_frame"], default=None)
+    as_good = [level for level in ladder if _measured(level) and level["error"] <= row["error"]]
+    return min(as_good, key=lambda level: level["ms_per_frame"], default=None)
 
 
 def _measured(row: Row) -> bool:

@@ -13,8 +13,8 @@ from hybridmpm_lab.service.viewers import Viewer, playing
 
 _SPEED = 0.25
 """Simulated seconds per second at which frames are watched."""
-_RUNG = "1/16"
-"""Rung of the sessions that play in real time."""
+_LEVEL = "1/16"
+"""CoarseLevel of the sessions that play in real time."""
 _REAL_TIME_SESSIONS = 8
 _MOST_INTERVAL = 40.0
 """Aim for the 99th percentile of frame intervals with many sessions or viewers [ms]."""
@@ -68,8 +68,8 @@ def frame_intervals(server: Server, crowd: tuple[int, int], seconds: float) -> l
 
 
 def real_time(server: Server, seconds: float) -> list[Row]:
-    """Measure the time scale that eight sessions of water_2d on rung 1/16 reach, when asked for 1."""
-    bodies = [body | {"rung": _RUNG} for body in _bodies(_REAL_TIME_SESSIONS)]
+    """Measure the time scale that eight sessions of water_2d on coarse level 1/16 reach, when asked for 1."""
+    bodies = [body | {"coarse": _LEVEL} for body in _bodies(_REAL_TIME_SESSIONS)]
 
     async def watch() -> list[float]:
         async with playing(server.address, bodies, speed=1.0) as crowd:
@@ -80,7 +80,7 @@ def real_time(server: Server, seconds: float) -> list[Row]:
     scales = asyncio.run(watch())
     return [
         {
-            "measure": f"{name} time scale, asked for 1, rung {_RUNG}",
+            "measure": f"{name} time scale, asked for 1, coarse level {_LEVEL}",
             "sessions": len(bodies),
             "viewers": 1,
             "value": significant(value),

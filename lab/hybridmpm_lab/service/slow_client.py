@@ -62,26 +62,26 @@ class SlowClient:
 
     async def _watch(self) -> None:
         while True:
-            with socket.socket() as carrier:
+            with socket.socket() as upsampler:
                 # Before it connects, since the size is agreed upon then.
-                carrier.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-                carrier.setblocking(False)  # noqa: FBT003 - the only form it has
+                upsampler.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+                upsampler.setblocking(False)  # noqa: FBT003 - the only form it has
                 with contextlib.suppress(ConnectionError, TimeoutError):
                     async with asyncio.timeout(_STAY_SECONDS):
-                        await self._take(carrier)
+                        await self._take(upsampler)
             self.port = 0
             await asyncio.sleep(_SECONDS)
 
-    async def _take(self, carrier: socket.socket) -> None:
+    async def _take(self, upsampler: socket.socket) -> None:
         loop = asyncio.get_running_loop()
         host, _, port = self._address.partition(":")
-        await loop.sock_connect(carrier, (host, int(port)))
-        self.port = carrier.getsockname()[1]
+        await loop.sock_connect(upsampler, (host, int(port)))
+        self.port = upsampler.getsockname()[1]
         request = _HANDSHAKE.format(path=self._path, address=self._address)
-        await loop.sock_sendall(carrier, request.encode("ascii"))
-        answer = await loop.sock_recv(carrier, _BYTES)
+        await loop.sock_sendall(upsampler, request.encode("ascii"))
+        answer = await loop.sock_recv(upsampler, _BYTES)
         if answer and not answer.startswith(_ACCEPTED):
             raise SimulationError(f"the service answers a slow client {answer.splitlines()[0].decode()}")
-        while taken := await loop.sock_recv(carrier, _BYTES):
+        while taken := await loop.sock_recv(upsampler, _BYTES):
             self.received += len(taken)
             await asyncio.sleep(_SECONDS)

@@ -14,7 +14,7 @@ COLOURS = {"survived": "#dbe9f1", "refused": "#9aa5ad", "degraded": "#e3a857", "
 """Colours of the outcomes; a grey print keeps their order, but for what is refused, which has a sign, too."""
 METHODS = {
     "mpm": "MPM",
-    "carried": "MPM, 1/16 of the particles\ncarry all",
+    "coarse": "MPM, 1/16 of the particles\ncarry all",
     "neural": "network",
     "hybrid": "hybrid",
 }

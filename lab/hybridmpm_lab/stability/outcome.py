@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling.splines import Stencils
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 

@@ -22,8 +22,8 @@ from hybridmpm_lab.stability.stresses.trial import MODELS, Method, Trial
 
 EVERY = 4
 """Frames between two looks."""
-RUNG = "1/16"
-"""Rung of few particles that carry all others."""
+LEVEL = "1/16"
+"""CoarseLevel of few particles that carry all others."""
 _SAFE_CFL = 0.25
 """CFL number of the truth where the ground truth's own substeps do not hold."""
 
@@ -87,9 +87,9 @@ def _made(trial: Trial, method: Method) -> Simulator:
     settings: dict[str, Any] = dict(trial.mpm)
     if method == "mpm":
         return MpmSolver(trial.scene, **settings)
-    if method == "carried":
+    if method == "coarse":
         by_step = {"cfl", "substeps"} & set(settings)
-        settings |= {"r_p": 1 / 16, "carry": True} if by_step else {"rung": RUNG}
+        settings |= {"r_p": 1 / 16, "show_all": True} if by_step else {"coarse": LEVEL}
         return MpmSolver(trial.scene, **settings)
     network = as_stepper(MODELS[trial.scene.dim], trial.scene)
     if method == "neural":

@@ -1,4 +1,4 @@
-"""The solver compared with data of others and with closed forms; `python -m hybridmpm_lab validate` runs all cases.
+"""The solver compared with experiments and closed forms.
 
 Each module has one case: its data with their source, `run`, which returns curves and error figures as a
 frozen dataclass, and `draw`, which draws them.

@@ -37,13 +37,14 @@ def markdown(results: Sequence[tuple[Case, CaseResult]]) -> str:
         if check.verdict == "FAIL"
     ]
     misses = f"; these do not: {'; '.join(failed)}" if failed else ""
-    intro = (
-        "# Validation\n\n"
-        "The solver against experiments and closed forms that nobody here made. `python -m hybridmpm_lab validate` writes\n"
-        "this page and its charts; the tests run the same functions, some shorter, with the same\n"
-        "tolerances.\n\n"
-        f"{summary}{misses}.\n"
-    )
+    intro = f"""\
+# Validation
+
+The solver compared with experiments and closed forms from the literature. `python -m hybridmpm_lab validate`
+writes this page and its charts. The tests run the same functions, some of them shorter, with the same tolerances.
+
+{summary}{misses}.
+"""
     return intro + "".join(_section(case, result) for case, result in results)
 
 

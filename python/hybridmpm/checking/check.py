@@ -10,7 +10,7 @@ from hybridmpm.checking.matter import of_matter
 from hybridmpm.checking.openings import of_openings
 from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
-from hybridmpm.errors import ConfigError, RungWarning, SimulationError
+from hybridmpm.errors import CoarseWarning, ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -89,7 +89,7 @@ def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
     scene : Scene
     make : callable
         Makes the simulator of this scene. Where it raises a `SimulationError`, that is an error among the
-        findings; what a rung warns of is a warning among them.
+        findings; what a coarse level warns of is a warning among them.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -101,7 +101,7 @@ def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
     told = [
         Finding(severity="warning", field="", problem=str(one.message), advice="")
         for one in caught
-        if issubclass(one.category, RungWarning)
+        if issubclass(one.category, CoarseWarning)
     ]
     found = check(scene, simulator)
     return replace(found, findings=_gravest_first([*told, *found.findings]))

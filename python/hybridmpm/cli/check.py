@@ -8,7 +8,7 @@ import click
 from hybridmpm import checking, scenarios
 from hybridmpm.checking import SceneCheck
 from hybridmpm.cli.options import completing, seed_option, substeps_option, threads_option
-from hybridmpm.downsampling import rung_table
+from hybridmpm.coarse import coarse_table
 from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene
@@ -19,10 +19,10 @@ from hybridmpm.scene import Scene
 @seed_option
 @substeps_option("cfl")
 @click.option(
-    "--rung",
+    "--coarse",
     metavar="NAME",
-    shell_complete=completing(lambda: rung_table().ratios),
-    help="Fitted rung, such as 1/16, whose cost is asked about.",
+    shell_complete=completing(lambda: coarse_table().ratios),
+    help="Coarse level, such as 1/16, whose cost is asked about.",
 )
 @threads_option
 @click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
@@ -33,7 +33,7 @@ def check(
     scene: str,
     seed: int,
     substeps: Substeps,
-    rung: str | None,
+    coarse: str | None,
     threads: int,
     as_json: bool,
 ) -> None:
@@ -47,16 +47,18 @@ def check(
     except SceneError as error:
         _refused(scene, error, as_json=as_json)
         ctx.exit(1)
-    found = _asked(made, substeps=substeps, rung=rung, threads=threads)
+    found = _asked(made, substeps=substeps, coarse=coarse, threads=threads)
     click.echo(json.dumps(found.to_dict(), indent=2) if as_json else str(found))
     ctx.exit(0 if found.ok else 1)
 
 
-def _asked(scene: Scene, *, substeps: Substeps, rung: str | None, threads: int) -> SceneCheck:
+def _asked(scene: Scene, *, substeps: Substeps, coarse: str | None, threads: int) -> SceneCheck:
     """Check a scene with the settings that were asked about."""
-    if substeps == "cfl" and rung is None and threads == 1:
+    if substeps == "cfl" and coarse is None and threads == 1:
         return checking.check(scene)
-    return checking.check_with(scene, lambda: MpmSolver(scene, substeps=substeps, rung=rung, threads=threads))
+    return checking.check_with(
+        scene, lambda: MpmSolver(scene, substeps=substeps, coarse=coarse, threads=threads)
+    )
 
 
 def _file(name: str) -> Path:

@@ -1,4 +1,4 @@
-"""`hybridmpm plan`: which rung simulates a scene within an error or a time."""
+"""`hybridmpm plan`: which coarse level simulates a scene within an error or a time."""
 
 import json
 from pathlib import Path
@@ -16,9 +16,13 @@ from hybridmpm.scene import Scene
 @click.command()
 @click.argument("scene_name", metavar="SCENE", shell_complete=completing(lambda: scenarios.NAMES))
 @seed_option
-@click.option("--max-error", type=float, help="Largest mean error: answer the quickest rung within it.")
 @click.option(
-    "--budget-ms", type=float, help="Longest time of a frame [ms]: answer the most accurate rung within it."
+    "--max-error", type=float, help="Largest mean error: answer the quickest coarse level within it."
+)
+@click.option(
+    "--budget-ms",
+    type=float,
+    help="Longest time of a frame [ms]: answer the most accurate coarse level within it.",
 )
 @click.option(
     "--measure",
@@ -44,9 +48,9 @@ def plan(
     calibration: Path | None,
     as_json: bool,
 ) -> None:
-    """Choose the rung for SCENE, a scenario or a scene file (.json, .yaml).
+    """Choose the coarse level for SCENE, a scenario or a scene file (.json, .yaml).
 
-    Give --max-error or --budget-ms. The answer tells the rung with its settings, what it is expected to err
+    Give --max-error or --budget-ms. The answer tells the coarse level with its settings, what it is expected to err
     and to take, which one comes next, and why.
     """
     found = planned(
@@ -63,7 +67,7 @@ def plan(
     moduli = ", ".join(f"{factor:.3g}" for factor in found.moduli)
     click.echo(
         f"simulator {found.simulator}{f', model {found.model}' if found.model else ''}; r_p {found.r_p:.4g}, "
-        f"about {found.particles} particles{', carrying all others' if found.carry else ''}"
+        f"about {found.particles} particles{', carrying all others' if found.show_all else ''}"
     )
     click.echo(f"grid {found.resolution} cells/m, about {found.substeps} substeps, moduli times {moduli}")
     for note in found.notes:

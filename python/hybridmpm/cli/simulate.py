@@ -22,7 +22,7 @@ from hybridmpm.cli.options import (
     width_option,
 )
 from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.downsampling import rung_table
+from hybridmpm.coarse import coarse_table
 from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
@@ -56,16 +56,16 @@ from hybridmpm.simulator import Kind, Simulator
 )
 @substeps_option("cfl")
 @click.option(
-    "--rung",
+    "--coarse",
     metavar="NAME",
-    shell_complete=completing(lambda: rung_table().ratios),
-    help="Fitted rung, such as 1/16: so large a part of the particles simulates and carries all others, for "
+    shell_complete=completing(lambda: coarse_table().ratios),
+    help="Coarse level, such as 1/16: so large a part of the particles simulates and carries all others, for "
     "mpm.",
 )
 @click.option(
     "--budget-ms",
     type=float,
-    help="Keep frames within this time [ms] by changing the rung, for mpm; see `hybridmpm plan`.",
+    help="Keep frames within this time [ms] by changing the coarse level, for mpm; see `hybridmpm plan`.",
 )
 @solver_option
 @model_option
@@ -106,7 +106,7 @@ def simulate(
     resume_file: Path | None,
     frames: int | None,
     substeps: Substeps,
-    rung: str | None,
+    coarse: str | None,
     budget_ms: float | None,
     kind: Kind,
     model: str | None,
@@ -142,7 +142,7 @@ def simulate(
         scene = _scene(scenario, scene_file, seed)
         settings = {
             "substeps": substeps,
-            "rung": rung,
+            "coarse": coarse,
             "model": model,
             "r_c": r_c,
             "safeguard": safeguard,
@@ -196,18 +196,28 @@ def _refuse_of_others(ctx: click.Context, kind: Kind) -> None:
 
 def _refuse_beside_resume(ctx: click.Context) -> None:
     """Refuse options for scene and settings, which the snapshot already has."""
-    settings = ("scenario", "scene_file", "seed", "kind", "substeps", "rung", "budget_ms", "r_c", "safeguard")
+    settings = (
+        "scenario",
+        "scene_file",
+        "seed",
+        "kind",
+        "substeps",
+        "coarse",
+        "budget_ms",
+        "r_c",
+        "safeguard",
+    )
     if given := _given(ctx, settings):
         raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
 
 
 def _refuse_beside_budget(ctx: click.Context) -> None:
-    """Refuse settings that a budget chooses, and files of a solver whose rung depends on a clock."""
-    if given := _given(ctx, ("kind", "substeps", "rung", "model", "r_c", "safeguard")):
-        raise click.UsageError(f"--budget-ms chooses the rung itself; drop {given[0]}.")
+    """Refuse settings that a budget chooses, and files of a solver whose coarse level depends on a clock."""
+    if given := _given(ctx, ("kind", "substeps", "coarse", "model", "r_c", "safeguard")):
+        raise click.UsageError(f"--budget-ms chooses the coarse level itself; drop {given[0]}.")
     if given := _given(ctx, ("save_file",)):
         raise click.UsageError(
-            f"{given[0]} is not for --budget-ms, whose rung depends on a clock; keep the states by --out."
+            f"{given[0]} is not for --budget-ms, whose coarse level depends on a clock; keep the states by --out."
         )
 
 
@@ -238,8 +248,8 @@ def _summary(solver: Simulator, frames: int, seconds: float) -> str:
     if isinstance(solver, MpmSolver) and solver.redone_frames:
         line += f", {len(solver.redone_frames)} frames done again at the safe step"
     if isinstance(solver, AutoSolver):
-        rungs = [solver.plan.name, *(f"{one.after} from frame {one.frame}" for one in solver.changes)]
-        line += f"; rung {', '.join(rungs)}"
+        levels = [solver.plan.name, *(f"{one.after} from frame {one.frame}" for one in solver.changes)]
+        line += f"; coarse level {', '.join(levels)}"
     if solver.log:
         line += f", {100 * solver.mpm_share:.0f} % of the frames by MPM"
     mass = solver.mass.sum(dtype=np.float64)

@@ -94,7 +94,7 @@ class AsyncClient:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[PlanSettings],
     ) -> Json:
-        """Return the rung that simulates a scene within an error or a time; see `Client.plan`."""
+        """Return the coarse level that simulates a scene within an error or a time; see `Client.plan`."""
         return await self.run(calls.plan(scenario, seed, scene, settings))
 
     async def create(
@@ -117,7 +117,7 @@ class AsyncClient:
         log : mapping, optional
             What `Session.log` returned, to compute it again.
         **settings
-            Who simulates: solver, rung, model, r_c, safeguard; see docs/http-api.md.
+            Who simulates: solver, level, model, r_c, safeguard; see docs/http-api.md.
 
         Raises
         ------

@@ -78,7 +78,7 @@ class SimulatorSettings(TypedDict, total=False):
     """Who simulates a new session; what is absent takes the service's default."""
 
     solver: Literal["mpm", "hybrid", "neural"]
-    rung: str
+    coarse: str
     """From "1/64" to "1/4": the part of the particles that MPM simulates, carrying the others."""
     model: str
     """Name of a network."""
@@ -88,7 +88,7 @@ class SimulatorSettings(TypedDict, total=False):
 
 
 class PlanSettings(TypedDict, total=False):
-    """What a rung has to keep within: give `max_error` or `budget_ms`."""
+    """What a coarse level has to keep within: give `max_error` or `budget_ms`."""
 
     max_error: float
     """Largest mean error."""
@@ -136,7 +136,7 @@ def plan(
     scene: Scene | Mapping[str, Any] | None,
     settings: PlanSettings,
 ) -> Call[Json]:
-    """Return the call that chooses a rung.
+    """Return the call that chooses a level.
 
     Raises
     ------

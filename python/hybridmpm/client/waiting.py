@@ -96,7 +96,7 @@ class Client:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[PlanSettings],
     ) -> Json:
-        """Return the rung that simulates a scene within an error or a time, and why.
+        """Return the coarse level that simulates a scene within an error or a time, and why.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class Client:
             A scene of your own.
         **settings
             max_error or budget_ms, and measure; see docs/http-api.md. `answer["session"]` are the settings of
-            `create` that choose this rung.
+            `create` that choose this level.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Client:
         log : mapping, optional
             What `Session.log` returned, to compute it again.
         **settings
-            Who simulates: solver, rung, model, r_c, safeguard; see docs/http-api.md.
+            Who simulates: solver, level, model, r_c, safeguard; see docs/http-api.md.
 
         Raises
         ------

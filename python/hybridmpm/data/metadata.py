@@ -8,9 +8,9 @@ from typing import Any
 
 from hybridmpm._native import __version__
 from hybridmpm._support.files import replacing
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
-from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS

@@ -31,9 +31,9 @@ class Engine(Switch):
         guards: tuple[Guard, ...],
         settings: SwitchSettings,
         *,
-        carry: bool,
+        show_all: bool,
     ) -> None:
-        super().__init__(mpm, stepper, guards, settings, carry=carry)
+        super().__init__(mpm, stepper, guards, settings, show_all=show_all)
         self.script: list[Decision] | None = None
         """Decisions of a log that is replayed, to follow in place of the guards'."""
 

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm.coarse import CoarseSimulator, Upsampler
+from hybridmpm.coarse.merging import checked_ratio
 from hybridmpm.decisions import Answered, Decision, Mode, without_undone
-from hybridmpm.downsampling import Carrier, CarryingSimulator
-from hybridmpm.downsampling.merging import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.force import Force, checked_force
 from hybridmpm.hybrid import saved_guards
@@ -43,7 +43,7 @@ _MAGIC, _VERSION = b"HMPMHYBR", 3
 _Floats = npt.NDArray[np.float32]
 
 
-class HybridSimulator(CarryingSimulator):
+class HybridSimulator(CoarseSimulator):
     """A network simulates while its guards see no trouble, and MPM otherwise, on the same particles.
 
     MPM simulates the first 5 `r_t` frames, from which the network gets its history, every frame with an
@@ -82,9 +82,9 @@ class HybridSimulator(CarryingSimulator):
         Which mean of the cosines; see `hybrid.Cosine`.
     handoff : "warm", "shadow" or "cold"
         What MPM takes over from the network besides positions and velocities; see docs/hybrid.md.
-    carry : bool
+    show_all : bool
         Where the network moves fewer particles than the scene has, carry all of them along
-        (`downsampling.Carrier`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those that are simulated.
     threads : int in [1, 1024]
         Threads of MPM and of a network that is loaded here; the result does not depend on them.
@@ -126,7 +126,7 @@ class HybridSimulator(CarryingSimulator):
         guards: Sequence[str | Guard] = DEFAULT,
         safeguard: Safeguard = "ours",
         handoff: Handoff = "warm",
-        carry: bool = True,
+        show_all: bool = True,
         threads: int = 1,
     ) -> None:
         _check_scene(checked_scene(scene))
@@ -147,10 +147,10 @@ class HybridSimulator(CarryingSimulator):
             safeguard=safeguard,
             handoff=handoff,
         )
-        self._carry = flag("carry", carry)
+        self._show_all = flag("show_all", show_all)
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
         self._engine = Engine(
-            mpm, self._model, self._guards, self._settings, carry=self._carry and mpm.r_p < 1
+            mpm, self._model, self._guards, self._settings, show_all=self._show_all and mpm.r_p < 1
         )
 
     def _traits(self) -> list[str]:
@@ -167,8 +167,8 @@ class HybridSimulator(CarryingSimulator):
         return self._engine
 
     @property
-    def _carrier(self) -> Carrier | None:
-        return self._engine.state.carrier
+    def _upsampler(self) -> Upsampler | None:
+        return self._engine.state.upsampler
 
     @property
     def _mpm(self) -> MpmSolver:
@@ -323,13 +323,13 @@ class HybridSimulator(CarryingSimulator):
             "guards": saved_guards.described(self._guards),
             "r_c": self.r_c,
             "hysteresis": self._cosine.hysteresis,
-            "carry": self._carry,
+            "show_all": self._show_all,
             **dataclasses.asdict(self._settings),
         }
 
     @classmethod
     def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
-        """Return an `AutoSolver` of the scene: hybrids and MPM that keep a time, changing rung.
+        """Return an `AutoSolver` of the scene: hybrids and MPM that keep a time, changing level.
 
         A network takes part where no MPM is both quicker and more accurate by the calibration.
 

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.coarse import Upsampler
+from hybridmpm.coarse.upsampler import Few
+from hybridmpm.coarse.upsampler import recalled as recalled_upsampler
 from hybridmpm.decisions import Answered, Answerer, Decision, Mode
-from hybridmpm.downsampling import Carrier
-from hybridmpm.downsampling.carrier import Few
-from hybridmpm.downsampling.carrier import recalled as recalled_carrier
 from hybridmpm.errors import SnapshotError
 from hybridmpm.hybrid.guard import Guard
 from hybridmpm.mpm import MpmSolver
@@ -153,7 +153,7 @@ class Checkpoint:
     mpm: bytes
     """Snapshot of MPM."""
     carried: bytes | None
-    """Snapshot of the carrier; None without one."""
+    """Snapshot of the upsampler; None without one."""
 
     def remember(self) -> dict[str, Any]:
         """Return the state as a tree for a snapshot."""
@@ -168,7 +168,7 @@ class HybridState:
     """MPM at the present state, or during a step of the network at the step's beginning."""
     moment: Moment
     backoff: Backoff
-    carrier: Carrier | None
+    upsampler: Upsampler | None
     """Who carries all particles of the scene along; None where those simulated are shown."""
     mode: Mode = "mpm"
     """Who simulates the next frame."""
@@ -186,7 +186,7 @@ class HybridState:
             mpm=self.mpm.copy(),
             moment=self.moment.copy(),
             backoff=copy.copy(self.backoff),
-            carrier=None if self.carrier is None else self.carrier.copy(few),
+            upsampler=None if self.upsampler is None else self.upsampler.copy(few),
             log=list(self.log),
             checkpoints=list(self.checkpoints),
             entries=list(self.entries),
@@ -227,10 +227,10 @@ class HybridState:
         """Go back to a state. Log, backoff and other checkpoints stay."""
         self.mpm.restore(checkpoint.mpm)
         self.moment = checkpoint.moment.copy()
-        self.carrier = recalled_carrier(self.carrier, checkpoint.carried)
+        self.upsampler = recalled_upsampler(self.upsampler, checkpoint.carried)
 
     def _carried(self) -> bytes | None:
-        return None if self.carrier is None else self.carrier.snapshot()
+        return None if self.upsampler is None else self.upsampler.snapshot()
 
     def remember(self) -> dict[str, Any]:
         """Return the state as a tree for a snapshot."""
@@ -260,7 +260,7 @@ class HybridState:
         return dataclasses.replace(
             self,
             mpm=mpm,
-            carrier=recalled_carrier(self.carrier, memory["carried"]),
+            upsampler=recalled_upsampler(self.upsampler, memory["coarse"]),
             moment=self.moment.recalled(memory["moment"]),
             backoff=Backoff(**memory["backoff"]),
             mode=memory["mode"],
@@ -271,5 +271,5 @@ class HybridState:
 
     def _recalled(self, trees: list[dict[str, Any]]) -> list[Checkpoint]:
         return [
-            Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["carried"]) for kept in trees
+            Checkpoint(self.moment.recalled(kept["moment"]), kept["mpm"], kept["coarse"]) for kept in trees
         ]

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import handoff
 from hybridmpm.hybrid.asking import Asker
@@ -61,7 +61,7 @@ class Switch:
     guards : tuple of Guard
         Guards that watch the network, in the order of their stages.
     settings : SwitchSettings
-    carry : bool
+    show_all : bool
         Carry all particles of the scene along.
     """
 
@@ -72,10 +72,10 @@ class Switch:
         guards: tuple[Guard, ...],
         settings: SwitchSettings,
         *,
-        carry: bool,
+        show_all: bool,
     ) -> None:
         self._stepper, self._fresh_guards, self._settings = stepper, guards, settings
-        self._carry = carry
+        self._show_all = show_all
         self._asker = Asker(settings.patience)
         self._shortcuts = Shortcuts(spacing_at(mpm.scene, mpm.r_p)) if settings.shortcuts else None
         self._fresh = mpm.snapshot()
@@ -95,8 +95,8 @@ class Switch:
         track.observe(x)
         history.push(x)
         moment = Moment(track, history, tuple(guard.copy() for guard in self._fresh_guards))
-        carrier = mpm.carrier_for(self) if self._carry else None
-        return HybridState(mpm, moment, Backoff(self._settings.wait), carrier)
+        upsampler = mpm.upsampler_for(self) if self._show_all else None
+        return HybridState(mpm, moment, Backoff(self._settings.wait), upsampler)
 
     def reset(self) -> None:
         """Go back to frame 0."""
@@ -214,9 +214,9 @@ class Switch:
             ):
                 state.checkpoints.pop()
             state.go_back()
-            if state.carrier is not None:
-                # Checkpoints are taken before the carrier has followed to their frame.
-                state.carrier.follow()
+            if state.upsampler is not None:
+                # Checkpoints are taken before the upsampler has followed to their frame.
+                state.upsampler.follow()
             try:
                 self._hand_over()
             except SimulationError:
@@ -234,8 +234,8 @@ class Switch:
             while self._now.frame < until:
                 self.state.mpm.advance(1)
                 self._after_mpm(is_forced=False)
-                if self.state.carrier is not None:
-                    self.state.carrier.follow()
+                if self.state.upsampler is not None:
+                    self.state.upsampler.follow()
         except SimulationError:
             if not self.state.can_go_back:
                 raise

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from hybridmpm.downsampling import merge
+from hybridmpm.coarse import merge
 from hybridmpm.recording import Recording
 from hybridmpm.scene import Particles, Scene
 

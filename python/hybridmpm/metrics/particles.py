@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import float32, whole
-from hybridmpm.downsampling.splines import Stencils
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 

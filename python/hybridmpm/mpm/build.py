@@ -3,8 +3,8 @@
 import math
 
 from hybridmpm import _native
-from hybridmpm.downsampling import Carrier, Rung, merge
-from hybridmpm.downsampling.carrier import Few
+from hybridmpm.coarse import CoarseLevel, Upsampler, merge
+from hybridmpm.coarse.upsampler import Few
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm.emission import native_emitters
 from hybridmpm.mpm.sleep import Sleep
@@ -18,17 +18,17 @@ def native_solver(
     cfl: float | None,
     allow_unstable: bool,
     sleep: Sleep | None,
-    rung: Rung,
+    level: CoarseLevel,
     threads: int,
 ) -> _native.Solver:
-    """Build the solver of a scene's particles, merged as a rung says; see `MpmSolver` for the settings."""
-    particles = merge(scene.sample(), rung.r_p)
+    """Build the solver of a scene's particles, merged as a coarse level says; see `MpmSolver` for the settings."""
+    particles = merge(scene.sample(), level.r_p)
     materials = [
         material.softened(factor, scene.potential_drop) if factor < 1 else material
-        for material, factor in zip(scene.materials, rung.moduli, strict=True)
+        for material, factor in zip(scene.materials, level.moduli, strict=True)
     ]
     return _native.Solver(
-        resolution=rung.resolution,
+        resolution=level.resolution,
         frame_dt=scene.frame_dt,
         gravity=scene.gravity,
         wall_lower=scene.walls.lower,
@@ -37,10 +37,10 @@ def native_solver(
         wall_friction=[friction for _, friction in scene.walls.surfaces],
         materials=[material.to_native(scene.potential_drop) for material in materials],
         obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
-        emitters=native_emitters(scene, rung.r_p),
+        emitters=native_emitters(scene, level.r_p),
         sinks=[sink.to_native() for sink in scene.sinks],
         # A part of them must not leave room for more material than all of them.
-        max_particles=max(math.ceil(rung.r_p * scene.max_particles), len(particles.x)),
+        max_particles=max(math.ceil(level.r_p * scene.max_particles), len(particles.x)),
         x=particles.x,
         v=particles.v,
         material=particles.material,
@@ -55,7 +55,7 @@ def native_solver(
     )
 
 
-def carrier_of(scene: Scene, few: Few, solver: _native.Solver, rung: Rung) -> Carrier:
+def upsampler_of(scene: Scene, few: Few, solver: _native.Solver, level: CoarseLevel) -> Upsampler:
     """Return who carries all particles of a scene along with few that start as a solver's.
 
     Raises
@@ -63,16 +63,16 @@ def carrier_of(scene: Scene, few: Few, solver: _native.Solver, rung: Rung) -> Ca
     ConfigError
         There is nothing to carry.
     """
-    if rung.r_p == 1:
+    if level.r_p == 1:
         raise ConfigError(
-            "carry=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
+            "show_all=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
             "the scene itself, so there is nothing to carry"
         )
-    return Carrier(
+    return Upsampler(
         scene,
         few,
         solver,
         native_emitters(scene),
-        affine_share=rung.affine_share,
-        relaxation=rung.relaxation,
+        affine_share=level.affine_share,
+        relaxation=level.relaxation,
     )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hybridmpm import _native
-from hybridmpm.downsampling.merging import spacing_at
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.errors import SceneError
 from hybridmpm.scene import Emitter, Scene
 from hybridmpm.scene.sampling import JITTER

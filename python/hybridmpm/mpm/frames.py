@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.downsampling import Carrier
+from hybridmpm.coarse import Upsampler
 from hybridmpm.errors import FrameCancelledError, SimulationError
 from hybridmpm.mpm import joint_state
 
@@ -21,7 +21,7 @@ class Frames:
     Parameters
     ----------
     solver : _native.Solver
-    carrier : Carrier or None
+    upsampler : Upsampler or None
         Who carries along what the solver moves.
     safe : callable, optional
         Makes a solver of the same scene at frame 0 that takes shorter substeps. A frame that fails is then
@@ -33,11 +33,11 @@ class Frames:
     def __init__(
         self,
         solver: _native.Solver,
-        carrier: Carrier | None,
+        upsampler: Upsampler | None,
         safe: Callable[[], _native.Solver] | None = None,
         fastest: float = math.inf,
     ) -> None:
-        self.solver, self.carrier = solver, carrier
+        self.solver, self.upsampler = solver, upsampler
         self._make_safe = safe
         self._safe: _native.Solver | None = None
         self._cancel: _native.CancelFlag | None = None
@@ -58,13 +58,13 @@ class Frames:
 
     def advance(self, frames: int, force: _Floats | None) -> None:
         """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
-        if self.carrier is None:
+        if self.upsampler is None:
             self._advance_few(frames, force)
             return
         last = self.solver.frame + frames
         while self.solver.frame < last:
-            self._advance_few(min(self.carrier.frames_to_carry(), last - self.solver.frame), force)
-            self.carrier.follow()
+            self._advance_few(min(self.upsampler.frames_to_update(), last - self.solver.frame), force)
+            self.upsampler.follow()
 
     def _advance_few(self, frames: int, force: _Floats | None) -> None:
         last = self.solver.frame + frames
@@ -106,18 +106,18 @@ class Frames:
 
     def snapshot(self) -> bytes:
         """Return the complete state."""
-        return joint_state.encode(self.solver, self.carrier)
+        return joint_state.encode(self.solver, self.upsampler)
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene, or change nothing and raise `SnapshotError`."""
-        joint_state.restore(self.solver, self.carrier, data)
+        joint_state.restore(self.solver, self.upsampler, data)
         self._redone = {frame: report for frame, report in self._redone.items() if frame <= self.solver.frame}
 
     def copy(self) -> Self:
         """Return independent frames in the same state."""
         solver = self.solver.copy()
-        carrier = None if self.carrier is None else self.carrier.copy(solver)
-        twin = type(self)(solver, carrier, self._make_safe, self._fastest)
+        upsampler = None if self.upsampler is None else self.upsampler.copy(solver)
+        twin = type(self)(solver, upsampler, self._make_safe, self._fastest)
         # The compiled copy obeys the same flag.
         twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
         twin.too_fast = self.too_fast

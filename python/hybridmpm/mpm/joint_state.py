@@ -3,8 +3,8 @@
 import struct
 
 from hybridmpm import _native
-from hybridmpm.downsampling import Carrier
-from hybridmpm.downsampling.carrier import refuse_other_carry
+from hybridmpm.coarse import Upsampler
+from hybridmpm.coarse.upsampler import refuse_other_upsampler
 from hybridmpm.errors import SnapshotError
 
 _PREFIX = struct.Struct("<8sQ")
@@ -12,27 +12,27 @@ _PREFIX = struct.Struct("<8sQ")
 _MAGIC = b"HMPMBOTH"
 
 
-def encode(few: _native.Solver, carrier: Carrier | None) -> bytes:
+def encode(few: _native.Solver, upsampler: Upsampler | None) -> bytes:
     """Return the state of the few, joined by that of the many if there are any; each has its own checksum."""
     state = few.snapshot()
-    return state if carrier is None else _PREFIX.pack(_MAGIC, len(state)) + state + carrier.snapshot()
+    return state if upsampler is None else _PREFIX.pack(_MAGIC, len(state)) + state + upsampler.snapshot()
 
 
-def restore(few: _native.Solver, carrier: Carrier | None, data: bytes) -> None:
+def restore(few: _native.Solver, upsampler: Upsampler | None, data: bytes) -> None:
     """Take a state that `encode` made.
 
     Raises
     ------
     SnapshotError
-        The bytes are damaged, of another scene, or of a solver that differs in `carry`; nothing has changed.
+        The bytes are damaged, of another scene, or of a solver that differs in `show_all`; nothing has changed.
     """
     state, carried = _parted(data)
-    refuse_other_carry(saved=carried is not None, here=carrier is not None)
+    refuse_other_upsampler(saved=carried is not None, here=upsampler is not None)
     before = few.snapshot()
     few.restore(state)
-    if carrier is not None and carried is not None:
+    if upsampler is not None and carried is not None:
         try:
-            carrier.restore(carried)
+            upsampler.restore(carried)
         except SnapshotError:
             few.restore(before)
             raise

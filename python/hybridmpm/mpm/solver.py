@@ -13,18 +13,18 @@ import numpy.typing as npt
 
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, float32, whole
-from hybridmpm.downsampling import Carrier, Rung, rung_for
-from hybridmpm.downsampling.carrier import Few
+from hybridmpm.coarse import CoarseLevel, Upsampler, coarse_level
+from hybridmpm.coarse.upsampler import Few
 from hybridmpm.errors import (
+    CoarseWarning,
     ConfigError,
     CostlyMaterialWarning,
     FullBoxWarning,
-    RungWarning,
     SoftMaterialWarning,
     ThinObstacleWarning,
 )
 from hybridmpm.force import CheckedForce
-from hybridmpm.mpm.build import carrier_of, native_solver
+from hybridmpm.mpm.build import native_solver, upsampler_of
 from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.mpm.fullness import full_box
@@ -63,13 +63,13 @@ class MpmSolver(MpmState):
         coarsened until a cell holds two (`downsampling.coarse_resolution`).
     carry : bool
         With `r_p` below 1: carry all particles of the scene along with the few that are simulated
-        (`downsampling.Carrier`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        (`downsampling.Upsampler`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those of the few.
-    rung : str or Rung, optional
-        Name of a fitted rung, such as "1/16" (`downsampling.rung_table` lists them): so large a part of the
-        particles simulates, on the grid, with the moduli and at the step that `python -m hybridmpm_lab fit rungs` found,
+    coarse level : str or CoarseLevel, optional
+        Name of a fitted level, such as "1/16" (`coarse.coarse_table` lists them): so large a part of the
+        particles simulates, on the grid, with the moduli and at the step that `python -m hybridmpm_lab fit coarse levels` found,
         and carries all others. Or the settings themselves. Not together with `substeps`, `cfl` or `r_p`. A
-        frame that fails at the rung's step is done again at the safe one (`redone_frames`).
+        frame that fails at the coarse level's step is done again at the safe one (`redone_frames`).
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -90,8 +90,8 @@ class MpmSolver(MpmState):
         Bodies fill the box between the walls.
     SoftMaterialWarning
         A material is compressed by its own weight by a tenth or more.
-    RungWarning
-        The scene is or becomes faster than those that the rung was fitted to, an obstacle or the layer of all
+    CoarseWarning
+        The scene is or becomes faster than those that the coarse level was fitted to, an obstacle or the layer of all
         matter at rest is thinner than a cell of its grid, or a frame had to be done again.
 
     Notes
@@ -114,8 +114,8 @@ class MpmSolver(MpmState):
         allow_unstable: bool = False,
         sleep: Sleep | None = None,
         r_p: float = 1.0,
-        carry: bool = False,
-        rung: str | Rung | None = None,
+        show_all: bool = False,
+        coarse: str | CoarseLevel | None = None,
         threads: int = 1,
     ) -> None:
         self._scene = checked_scene(scene)
@@ -127,12 +127,14 @@ class MpmSolver(MpmState):
             raise ConfigError(f"sleep must be Sleep(...), or None where nothing may sleep, got {sleep!r}")
         self._sleep = sleep
         self._allow_unstable = allow_unstable
-        if rung is None:
-            self._rung = Rung.unfitted(scene, r_p)
+        if coarse is None:
+            self._level = CoarseLevel.unfitted(scene, r_p)
         else:
-            _refuse_beside_rung(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
-            self._rung = _checked(rung, scene) if isinstance(rung, Rung) else rung_for(scene, rung)
-            carry = True
+            _refuse_beside_coarse(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
+            self._level = (
+                _checked(coarse, scene) if isinstance(coarse, CoarseLevel) else coarse_level(scene, coarse)
+            )
+            show_all = True
         self._limit_told = self._redone_told = self._speed_told = False
         build = partial(
             native_solver,
@@ -140,15 +142,15 @@ class MpmSolver(MpmState):
             substeps=self._substeps,
             allow_unstable=allow_unstable,
             sleep=sleep,
-            rung=self._rung,
+            level=self._level,
             threads=whole("threads", threads, 1, 1024),
         )
-        solver = build(cfl=cfl if rung is None else self._rung.cfl)
+        solver = build(cfl=cfl if coarse is None else self._level.cfl)
         self._frames = Frames(
             solver,
-            carrier_of(scene, solver, solver, self._rung) if flag("carry", carry) else None,
-            safe=None if self._rung.cfl is None else partial(build, cfl=None),
-            fastest=math.inf if self._rung.fastest is None else self._rung.fastest,
+            upsampler_of(scene, solver, solver, self._level) if flag("show_all", show_all) else None,
+            safe=None if self._level.cfl is None else partial(build, cfl=None),
+            fastest=math.inf if self._level.fastest is None else self._level.fastest,
         )
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
@@ -162,11 +164,11 @@ class MpmSolver(MpmState):
         self._start = self.snapshot()
 
     def _traits(self) -> list[str]:
-        if self.rung is not None:
-            return [f"rung {self.rung.name!r}"]
+        if self.coarse is not None:
+            return [f"coarse level {self.coarse.name!r}"]
         if self.r_p == 1:
             return []
-        return [f"r_p = {self.r_p:.4g}, all carried along" if self._carrier else f"r_p = {self.r_p:.4g}"]
+        return [f"r_p = {self.r_p:.4g}, all carried along" if self._upsampler else f"r_p = {self.r_p:.4g}"]
 
     @property
     def _solver(self) -> _native.Solver:
@@ -174,7 +176,7 @@ class MpmSolver(MpmState):
         return self._frames.solver
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
-        carrying = self._carrier is not None
+        carrying = self._upsampler is not None
         by_particle = force.array is not None and force.array.ndim > 1
         if force.by_frame or (carrying and (by_particle or path is not None)):
             super()._advance(frames, force, path)
@@ -225,11 +227,11 @@ class MpmSolver(MpmState):
         NonFiniteError, DomainError, InvertedError
             Naming the particle. The state is then the one before.
         ConfigError
-            Wrong shapes, or the solver has emitters, sinks, `sleep` or `carry`.
+            Wrong shapes, or the solver has emitters, sinks, `sleep` or `show_all`.
         """
-        if self._carrier is not None:
+        if self._upsampler is not None:
             raise ConfigError(
-                "prescribe is for solvers without carry=True: nothing tells how the particles that are "
+                "prescribe is for solvers without show_all=True: nothing tells how the particles that are "
                 "carried would have moved meanwhile"
             )
         return self._solver.prescribe(
@@ -240,7 +242,7 @@ class MpmSolver(MpmState):
             deform=deform,
         )
 
-    def carrier_for(self, few: Few) -> Carrier:
+    def upsampler_for(self, few: Few) -> Upsampler:
         """Return who carries all particles of the scene along with few that somebody else moves.
 
         Parameters
@@ -253,7 +255,7 @@ class MpmSolver(MpmState):
         ConfigError
             At `r_p` = 1 there is nothing to carry.
         """
-        return carrier_of(self._scene, few, self._solver, self._rung)
+        return upsampler_of(self._scene, few, self._solver, self._level)
 
     def _tell_limit(self, stacklevel: int) -> None:
         """Warn, once, where an emitter has stopped because of `max_particles`."""
@@ -270,23 +272,23 @@ class MpmSolver(MpmState):
         if not self._redone_told and self.redone_frames:
             self._redone_told = True
             warnings.warn(
-                f"frame {self.redone_frames[0]} failed at the step of rung {self._rung.name!r} and was done "
+                f"frame {self.redone_frames[0]} failed at the step of coarse level {self._level.name!r} and was done "
                 "again at the safe step; `redone_frames` lists such frames. If there are many, the scene is "
-                "outside of what the rung was fitted to: take a rung of more particles",
-                RungWarning,
+                "outside of what the coarse level was fitted to: take a coarse level of more particles",
+                CoarseWarning,
                 stacklevel=stacklevel,
             )
 
     def _tell_speed(self, stacklevel: int) -> None:
-        """Warn, once, where all matter together moves faster than the rung was fitted to."""
+        """Warn, once, where all matter together moves faster than the coarse level was fitted to."""
         speed = self._frames.too_fast
         if not self._speed_told and speed is not None:
             self._speed_told = True
             warnings.warn(
-                f"matter moves at {speed:.2g} m/s, but rung {self._rung.name!r} was fitted up to "
-                f"{self._rung.fastest:.2g} m/s: its error may be larger than the table says; take a rung of "
+                f"matter moves at {speed:.2g} m/s, but coarse level {self._level.name!r} was fitted up to "
+                f"{self._level.fastest:.2g} m/s: its error may be larger than the table says; take a coarse level of "
                 "more particles",
-                RungWarning,
+                CoarseWarning,
                 stacklevel=stacklevel,
             )
 
@@ -311,15 +313,15 @@ class MpmSolver(MpmState):
             "allow_unstable": self._allow_unstable,
             "sleep": None if self._sleep is None else self._sleep.model_dump(),
             **(
-                {"r_p": self.r_p, "carry": self._carrier is not None}
-                if self.rung is None
-                else {"rung": self.rung.to_dict()}
+                {"r_p": self.r_p, "show_all": self._upsampler is not None}
+                if self.coarse is None
+                else {"coarse": self.coarse.to_dict()}
             ),
         }
 
     @classmethod
     def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
-        """Return an `AutoSolver` of the scene: MPM that keeps a time, changing its rung.
+        """Return an `AutoSolver` of the scene: MPM that keeps a time, changing its level.
 
         Parameters
         ----------
@@ -360,9 +362,9 @@ class MpmSolver(MpmState):
 
         def make(saved: SavedState) -> Any:
             settings = dict(saved.settings)
-            sleep, rung = settings.pop("sleep"), settings.pop("rung", None)
+            sleep, level = settings.pop("sleep"), settings.pop("coarse", None)
             settings["sleep"] = None if sleep is None else Sleep.model_validate(sleep)
-            settings["rung"] = None if rung is None else Rung.from_dict(rung)
+            settings["coarse"] = None if level is None else CoarseLevel.from_dict(level)
             return cls(saved.scene, **settings, threads=threads)
 
         return cls._restored(path, make)
@@ -378,20 +380,22 @@ class MpmSolver(MpmState):
         self.restore(self._start)
 
 
-def _refuse_beside_rung(**given: bool) -> None:
-    """Refuse settings that a rung chooses."""
+def _refuse_beside_coarse(**given: bool) -> None:
+    """Refuse settings that a coarse level chooses."""
     for name, is_given in given.items():
         if is_given:
-            raise ConfigError(f"{name} is chosen by the rung: drop {name}, or give no rung")
+            raise ConfigError(f"{name} is chosen by the level: drop {name}, or give no coarse level")
 
 
-def _checked(rung: Rung, scene: Scene) -> Rung:
-    """Return a rung that somebody made for a scene, or raise `ConfigError`."""
-    if rung.name is None:
-        raise ConfigError("a rung needs a name, by which messages and files call it: use rung.named(...)")
-    if len(rung.moduli) != len(scene.materials):
+def _checked(level: CoarseLevel, scene: Scene) -> CoarseLevel:
+    """Return a coarse level that somebody made for a scene, or raise `ConfigError`."""
+    if level.name is None:
         raise ConfigError(
-            f"the rung {rung.name!r} has {len(rung.moduli)} moduli, but the scene has {len(scene.materials)} "
+            "a coarse level needs a name, by which messages and files call it: use level.named(...)"
+        )
+    if len(level.moduli) != len(scene.materials):
+        raise ConfigError(
+            f"the coarse level {level.name!r} has {len(level.moduli)} moduli, but the scene has {len(scene.materials)} "
             f"material{'s' * (len(scene.materials) > 1)}: give one factor for each"
         )
-    return rung
+    return level

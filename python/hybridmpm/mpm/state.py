@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
+from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling import Carrier, CarryingSimulator, Rung
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scene import Scene
@@ -15,13 +15,13 @@ from hybridmpm.scene.openings import EmitterStatus
 from hybridmpm.simulator import Kind
 
 
-class MpmState(CarryingSimulator):
+class MpmState(CoarseSimulator):
     """The part of `MpmSolver` that reads: N particles are shown, n simulated, D is the dimension."""
 
     kind: ClassVar[Kind] = "mpm"
 
     _scene: Scene
-    _rung: Rung
+    _level: CoarseLevel
     _frames: Frames
 
     @property
@@ -29,8 +29,8 @@ class MpmState(CarryingSimulator):
         return self._frames.solver
 
     @property
-    def _carrier(self) -> Carrier | None:
-        return self._frames.carrier
+    def _upsampler(self) -> Upsampler | None:
+        return self._frames.upsampler
 
     @property
     def scene(self) -> Scene:
@@ -39,7 +39,7 @@ class MpmState(CarryingSimulator):
 
     @property
     def resolution(self) -> int:
-        """Grid cells per metre; fewer than the scene's where `r_p` or `rung` asks for a coarser grid."""
+        """Grid cells per metre; fewer than the scene's where `r_p` or `coarse` asks for a coarser grid."""
         return self._frames.solver.resolution
 
     @property
@@ -50,16 +50,16 @@ class MpmState(CarryingSimulator):
     @property
     def r_p(self) -> float:
         """Ratio of the particles to those of the scene, in (0, 1]."""
-        return self._rung.r_p
+        return self._level.r_p
 
     @property
-    def rung(self) -> Rung | None:
-        """Settings of the fitted rung that few particles simulate at; None without `rung`."""
-        return None if self._rung.name is None else self._rung
+    def coarse(self) -> CoarseLevel | None:
+        """Settings of the fitted coarse level that few particles simulate at; None without `coarse`."""
+        return None if self._level.name is None else self._level
 
     @property
     def redone_frames(self) -> tuple[int, ...]:
-        """Numbers of the frames that failed at the long step of a rung and were done again at the safe one.
+        """Numbers of the frames that failed at the long step of a coarse level and were done again at the safe one.
 
         Counted are those since this solver was made or loaded, up to the present frame.
         """
@@ -83,7 +83,7 @@ class MpmState(CarryingSimulator):
     @property
     def emitters(self) -> tuple[EmitterStatus, ...]:
         """What each emitter did in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
-        return cast("tuple[EmitterStatus, ...]", tuple((self._carrier or self._few).emitters))
+        return cast("tuple[EmitterStatus, ...]", tuple((self._upsampler or self._few).emitters))
 
     @property
     def material(self) -> npt.NDArray[np.uint8]:

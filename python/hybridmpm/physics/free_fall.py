@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from hybridmpm._native import radius_graph
 from hybridmpm._support.arguments import whole
-from hybridmpm.downsampling.merging import checked_ratio
+from hybridmpm.coarse.merging import checked_ratio
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import MAX_STRIDE, NetworkSpec

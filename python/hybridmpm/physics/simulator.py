@@ -10,9 +10,9 @@ import numpy.typing as npt
 from hybridmpm import _native
 from hybridmpm._support.arguments import flag, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm.coarse import CoarseSimulator, Upsampler
+from hybridmpm.coarse.upsampler import recalled as recalled_upsampler
 from hybridmpm.decisions import Decision, Mode
-from hybridmpm.downsampling import Carrier, CarryingSimulator
-from hybridmpm.downsampling.carrier import recalled as recalled_carrier
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.frames import NetworkFrames
 from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
@@ -28,7 +28,7 @@ _MAGIC, _VERSION = b"HMPMNEUR", 2
 _Floats = npt.NDArray[np.float32]
 
 
-class NeuralPhysics(CarryingSimulator):
+class NeuralPhysics(CoarseSimulator):
     """A learned simulator on a scene.
 
     MPM makes the first 5 r_t frames, which the network looks back on. From then on the network steps r_t
@@ -41,9 +41,9 @@ class NeuralPhysics(CarryingSimulator):
     model : str, Path or Stepper
         The network: name of a model of the library, an .onnx file, or anything that steps like a
         `NeuralModel`. "zero" is free fall.
-    carry : bool
+    show_all : bool
         Where the network moves fewer particles than the scene has, carry all of them along
-        (`downsampling.Carrier`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those that the network moves.
     threads : int in [1, 1024]
         Threads of the first frames, and of a network that is loaded here.
@@ -68,16 +68,16 @@ class NeuralPhysics(CarryingSimulator):
 
     kind: ClassVar[Kind] = "neural"
 
-    def __init__(self, scene: Scene, model: Model, *, carry: bool = True, threads: int = 1) -> None:
+    def __init__(self, scene: Scene, model: Model, *, show_all: bool = True, threads: int = 1) -> None:
         self._model = as_stepper(model, checked_scene(scene), threads=threads)
         self._model.check(scene)
-        self._carry = flag("carry", carry)
+        self._show_all = flag("show_all", show_all)
         self._start(MpmSolver(scene, r_p=self._model.r_p, threads=threads))
 
     def _start(self, solver: MpmSolver) -> None:
         self._frames = NetworkFrames(solver, self._model)
-        carrying = self._carry and solver.r_p < 1
-        self._carried_by = solver.carrier_for(self._frames) if carrying else None
+        carrying = self._show_all and solver.r_p < 1
+        self._shown_by = solver.upsampler_for(self._frames) if carrying else None
 
     def _traits(self) -> list[str]:
         return [f"model {name_of(self._model)}"]
@@ -87,8 +87,8 @@ class NeuralPhysics(CarryingSimulator):
         return self._frames
 
     @property
-    def _carrier(self) -> Carrier | None:
-        return self._carried_by
+    def _upsampler(self) -> Upsampler | None:
+        return self._shown_by
 
     @property
     def _solver(self) -> MpmSolver:
@@ -166,13 +166,13 @@ class NeuralPhysics(CarryingSimulator):
         """Return an independent simulator in the same state; the two share the network."""
         twin = copy.copy(self)
         twin._frames = self._frames.copy()  # noqa: SLF001 - of this very class
-        if self._carried_by is not None:
-            twin._carried_by = self._carried_by.copy(twin._frames)  # noqa: SLF001 - of this very class
+        if self._shown_by is not None:
+            twin._shown_by = self._shown_by.copy(twin._frames)  # noqa: SLF001 - of this very class
         return twin
 
     def snapshot(self) -> bytes:
         """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
-        carried = None if self._carrier is None else self._carrier.snapshot()
+        carried = None if self._upsampler is None else self._upsampler.snapshot()
         state = {"frames": self._frames.remember(), "carried": carried}
         return pack(_MAGIC, _VERSION, state)
 
@@ -186,12 +186,12 @@ class NeuralPhysics(CarryingSimulator):
         """
         with unfitting("snapshot"):
             state = unpack(_MAGIC, _VERSION, data)
-            carrier = recalled_carrier(self._carried_by, state["carried"])
+            upsampler = recalled_upsampler(self._shown_by, state["coarse"])
             self._frames.recall(state["frames"])
-        self._carried_by = carrier
+        self._shown_by = upsampler
 
     def _settings_to_save(self) -> dict[str, Any]:
-        return {"model": described(self._model), "carry": self._carry}
+        return {"model": described(self._model), "show_all": self._show_all}
 
     @classmethod
     def load(cls, path: str | Path, *, model: Model | None = None, threads: int = 1) -> Self:
@@ -217,6 +217,6 @@ class NeuralPhysics(CarryingSimulator):
 
         def make(saved: SavedState) -> Any:
             stepper = recalled(saved.settings["model"], model, saved.scene, threads=threads)
-            return cls(saved.scene, stepper, carry=saved.settings["carry"], threads=threads)
+            return cls(saved.scene, stepper, show_all=saved.settings["show_all"], threads=threads)
 
         return cls._restored(path, make)

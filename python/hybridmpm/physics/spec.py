@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
-from hybridmpm.downsampling.merging import spacing_at
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 

@@ -1,4 +1,4 @@
-"""Plans: which rung of all ladders simulates a scene within an error, or within a time.
+"""Plans: which coarse level of all ladders simulates a scene within an error, or within a time.
 
 `plan(scene, max_error=...)` answers the cheapest, `plan(scene, budget_ms=...)` the most accurate; the `Plan`
 makes the simulator. Errors were measured once for all, times are those of the machine: `hybridmpm bench

@@ -1,4 +1,4 @@
-"""`AutoSolver`: a simulator that keeps a time budget by changing its rung."""
+"""`AutoSolver`: a simulator that keeps a time budget by changing its level."""
 
 import time
 import warnings
@@ -30,28 +30,28 @@ _Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A change of rung."""
+    """A change of level."""
 
     frame: int
-    """Frame after which the other rung goes on."""
+    """Frame after which the other coarse level goes on."""
     before: str
-    """Name of the rung until then."""
+    """Name of the coarse level until then."""
     after: str
-    """Name of the rung from then on."""
+    """Name of the coarse level from then on."""
     ms_per_frame: float
     """What frames took before [ms]."""
 
 
 class AutoSolver(Simulator):
-    """The most accurate rung whose frames keep within a time.
+    """The most accurate coarse level whose frames keep within a time.
 
-    It begins at the rung of `plan(scene, budget_ms=...)`, takes the time of each frame, and changes to a
-    cheaper or to a more accurate rung when frames leave the budget or leave much of it. All particles of the
+    It begins at the coarse level of `plan(scene, budget_ms=...)`, takes the time of each frame, and changes to a
+    cheaper or to a more accurate coarse level when frames leave the budget or leave much of it. All particles of the
     scene are shown throughout, and a change moves none of them: those that are simulated from then on are
     merged anew from those shown, at their velocities. What the material remembers beyond (J, F) begins anew.
     A change itself takes some 20 to 60 ms at 4000 particles.
 
-    Which rung simulates depends on a clock, so two runs need not have the same bits; `changes` tells what
+    Which coarse level simulates depends on a clock, so two runs need not have the same bits; `changes` tells what
     happened.
 
     Parameters
@@ -63,9 +63,9 @@ class AutoSolver(Simulator):
     threads : int in [1, 1024]
         Threads of the solver; plans count with one.
     measure : str
-        Error by which rungs are ranked; see `plan`.
+        Error by which coarse levels are ranked; see `plan`.
     learned : bool
-        Whether hybrids and networks that carry all particles are rungs, too, where no MPM is both quicker and
+        Whether hybrids and networks that carry all particles are levels, too, where no MPM is both quicker and
         more accurate. Each begins with some frames of MPM, which it looks back on.
     calibration : str or Path, optional
         As for `plan`.
@@ -96,12 +96,12 @@ class AutoSolver(Simulator):
         self._plan = plan(scene, budget_ms=budget_ms, measure=measure, calibration=calibration)
         if scene.is_open or any(obstacle.motion is not None for obstacle in scene.obstacles):
             raise ConfigError(
-                "a solver that changes rung begins anew at each change, so its scene must have no emitters, "
-                "sinks and moving obstacles; choose one rung by plan(scene, budget_ms=...)"
+                "a solver that changes coarse level begins anew at each change, so its scene must have no emitters, "
+                "sinks and moving obstacles; choose one coarse level by plan(scene, budget_ms=...)"
             )
         self._scene, self._threads, self._clock = scene, threads, clock
         found = prospective(scene, measure=measure, calibration=calibration)
-        self._rungs, expected = _front(found, learned=flag("learned", learned))
+        self._levels, expected = _front(found, learned=flag("learned", learned))
         first = max((i for i, ms in enumerate(expected) if ms <= budget_ms), default=0)
         self._controller = Controller(expected, float(budget_ms), first)
         self._begin = self._controller
@@ -112,11 +112,11 @@ class AutoSolver(Simulator):
         self.reset()
 
     def _made(self) -> None:
-        """Make the solver of the present rung, of the scene as it is."""
+        """Make the solver of the present level, of the scene as it is."""
         with warnings.catch_warnings():
             if self._changes:
                 warnings.simplefilter("ignore")  # they have been told
-            self._inner = self._rungs[self._controller.rung].make(self._started, self._threads)
+            self._inner = self._levels[self._controller.index].make(self._started, self._threads)
 
     @property
     def plan(self) -> Plan:
@@ -124,18 +124,18 @@ class AutoSolver(Simulator):
         return self._plan
 
     @property
-    def rung_name(self) -> str:
-        """Name of the rung that simulates the next frame."""
-        return self._rungs[self._controller.rung].name
+    def level_name(self) -> str:
+        """Name of the coarse level that simulates the next frame."""
+        return self._levels[self._controller.index].name
 
     @property
-    def rung_names(self) -> tuple[str, ...]:
-        """Names of the rungs among which it changes, the cheapest first."""
-        return tuple(one.name for one in self._rungs)
+    def level_names(self) -> tuple[str, ...]:
+        """Names of the coarse levels among which it changes, the cheapest first."""
+        return tuple(one.name for one in self._levels)
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes of rung so far."""
+        """All changes of coarse level so far."""
         return tuple(self._changes)
 
     def _advance_frame(self, force: _Floats | None) -> None:
@@ -143,12 +143,12 @@ class AutoSolver(Simulator):
         self._inner.advance(1, force)
         _ = self._inner.positions
         took = 1e3 * (self._clock() - began)
-        before, level = self._controller.rung, self._controller.level
+        before, level = self._controller.index, self._controller.level
         if self._controller.enter(took) != before:
             self._change(before, took if level is None else level)
 
     def _change(self, before: int, ms: float) -> None:
-        names = [self._rungs[rung].name for rung in (before, self._controller.rung)]
+        names = [self._levels[level].name for level in (before, self._controller.index)]
         self._changes.append(Change(frame=self.frame, before=names[0], after=names[1], ms_per_frame=ms))
         self._started = Ongoing.of(self._scene, self._inner.positions, self._inner.velocities)
         self._earlier, self._offset = self.log, self.frame
@@ -166,7 +166,7 @@ class AutoSolver(Simulator):
 
     @property
     def r_t(self) -> int:
-        """Frames that the present rung computes at once: 1 of MPM."""
+        """Frames that the present coarse level computes at once: 1 of MPM."""
         return self._inner.r_t
 
     @property
@@ -225,7 +225,7 @@ class AutoSolver(Simulator):
 
     @property
     def last_frame(self) -> _native.FrameReport | None:
-        """How the latest frame was cut into substeps; None before the first of a rung."""
+        """How the latest frame was cut into substeps; None before the first of a level."""
         return self._inner.last_frame
 
     def diagnostics(self) -> _native.Diagnostics:
@@ -238,7 +238,7 @@ class AutoSolver(Simulator):
         self._inner.cancel_by(flag)
 
     def reset(self) -> None:
-        """Go back to frame 0, at the rung of the plan."""
+        """Go back to frame 0, at the coarse level of the plan."""
         self._controller = deepcopy(self._begin)
         self._offset, self._changes, self._earlier, self._started = 0, [], (), self._scene
         self._inner = self._first_inner.copy()
@@ -252,13 +252,13 @@ class AutoSolver(Simulator):
         return twin
 
     def snapshot(self) -> bytes:
-        """Return state and rung, versioned and checksummed; the times of the latest frames are not kept."""
+        """Return state and level, versioned and checksummed; the times of the latest frames are not kept."""
         start = self._started.sample()
         return pack(
             _MAGIC,
             _VERSION,
             {
-                "rung": self._controller.rung,
+                "coarse": self._controller.index,
                 "offset": self._offset,
                 "x": start.x,
                 "v": start.v,
@@ -280,7 +280,7 @@ class AutoSolver(Simulator):
         with unfitting("snapshot"):
             state = unpack(_MAGIC, _VERSION, data)
             twin._controller = deepcopy(self._begin)  # noqa: SLF001 - of this very class
-            twin._controller.rung = int(state["rung"])  # noqa: SLF001
+            twin._controller.index = int(state["coarse"])  # noqa: SLF001
             twin._changes = [Change(**change) for change in state["changes"]]  # noqa: SLF001
             twin._earlier = tuple(Decision(**one) for one in state["earlier"])  # noqa: SLF001
             twin._offset = int(state["offset"])  # noqa: SLF001
@@ -292,23 +292,23 @@ class AutoSolver(Simulator):
 
     def _settings_to_save(self) -> dict[str, Any]:
         raise ConfigError(
-            "a solver that changes rung is not written to files: its rung depends on a clock; record its "
-            "states, or choose one rung by plan(scene, budget_ms=...) and save the solver that it makes"
+            "a solver that changes coarse level is not written to files: its coarse level depends on a clock; record its "
+            "states, or choose one coarse level by plan(scene, budget_ms=...) and save the solver that it makes"
         )
 
 
 def _front(found: list[tuple[Prospect, Candidate]], *, learned: bool) -> tuple[list[Candidate], list[float]]:
-    """Return the rungs that show all particles and that no other beats, with their times [ms], ascending."""
+    """Return the coarse levels that show all particles and that no other beats, with their times [ms], ascending."""
     whole = [
-        (expected, rung)
-        for expected, rung in found
-        if (learned or rung.model is None) and rung.softer == 1 and (rung.carry or rung.r_p == 1)
+        (expected, level)
+        for expected, level in found
+        if (learned or level.model is None) and level.softer == 1 and (level.show_all or level.r_p == 1)
     ]
     whole.sort(key=lambda one: (one[0].ms_per_frame, one[0].error))
-    rungs, times, least = [], [], float("inf")
-    for expected, rung in whole:
+    levels, times, least = [], [], float("inf")
+    for expected, level in whole:
         if expected.error < least:
-            rungs.append(rung)
+            levels.append(level)
             times.append(expected.ms_per_frame)
             least = expected.error
-    return rungs, times
+    return levels, times

@@ -38,8 +38,8 @@ class MaterialTimes(Record):
 
     A frame of n particles that fill c cells of the grid, with k obstacles, takes in s substeps
     s (substep + obstacle_substep k + particle_substep n + obstacle_particle_substep k n + cell_substep c)
-    + frame + particle n. Carrying N particles along adds carry + carry_few n + carry_shown N
-    + carry_obstacle k N, each frame looked at.
+    + frame + particle n. Carrying N particles along adds upsample + upsample_coarse n + upsample_shown N
+    + upsample_obstacle k N, each frame looked at.
     """
 
     material: Literal["water", "sand"]
@@ -51,10 +51,10 @@ class MaterialTimes(Record):
     obstacle_particle_substep: _Figure = Field(description="[us]")
     frame: _Figure = Field(description="[us]")
     particle: _Figure = Field(description="[us]")
-    carry: _Figure = Field(description="[us]")
-    carry_few: _Figure = Field(description="[us]")
-    carry_shown: _Figure = Field(description="[us]")
-    carry_obstacle: _Figure = Field(description="[us]")
+    upsample: _Figure = Field(description="[us]")
+    upsample_coarse: _Figure = Field(description="[us]")
+    upsample_shown: _Figure = Field(description="[us]")
+    upsample_obstacle: _Figure = Field(description="[us]")
     speed: Annotated[float, Range(0, 100, open_low=True)] = Field(
         description="Largest speed of particles in mid-splash over that of matter that falls onto the floor."
     )

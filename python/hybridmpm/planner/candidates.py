@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, Literal
 
-from hybridmpm.downsampling import CarryingSimulator, rung_table
+from hybridmpm.coarse import CoarseSimulator, coarse_table
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.mpm import MpmSolver, Sleep
 from hybridmpm.physics.manifest import models
@@ -13,7 +13,7 @@ from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.scene import Scene
 
-Method = Literal["mpm", "carried", "neural", "hybrid"]
+Method = Literal["mpm", "coarse", "neural", "hybrid"]
 
 RATIOS = {
     "1": 1.0,
@@ -27,8 +27,8 @@ RATIOS = {
 """r_p by label."""
 SOFTER = {"1/4": 1 / 4, "1/16": 1 / 16}
 """Factors on the elastic moduli by label, for all particles at full resolution."""
-SLEEPING_RUNG = "1/16"
-"""Fitted rung that may sleep, too."""
+SLEEPING_LEVEL = "1/16"
+"""Fitted coarse level that may sleep, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,14 +59,14 @@ class Candidate:
         return f"{self.method} {self.label}"
 
     @property
-    def carry(self) -> bool:
+    def show_all(self) -> bool:
         """Whether all particles of the scene are carried along with fewer."""
-        return self.method == "carried" or bool(self.settings.get("carry", self.method == "hybrid"))
+        return self.method == "coarse" or bool(self.settings.get("show_all", self.method == "hybrid"))
 
-    def make(self, scene: Scene, threads: int = 1) -> CarryingSimulator:
+    def make(self, scene: Scene, threads: int = 1) -> CoarseSimulator:
         """Return a simulator of a scene at frame 0; raises as its class does."""
         if self.model is not None:
-            kind: Callable[..., CarryingSimulator] = (
+            kind: Callable[..., CoarseSimulator] = (
                 NeuralPhysics if self.method == "neural" else HybridSimulator
             )
             return kind(scene, loaded(self.model, threads), threads=threads, **self.settings)
@@ -105,18 +105,20 @@ def _solvers() -> Iterator[Candidate]:
     for label, factor in SOFTER.items():
         yield full(label=f"softer {label}", variant="softer", softer=factor)
     yield full(label="sleeping", variant="sleeping", settings={"sleep": Sleep()})
-    carried = partial(Candidate, method="carried")
+    coarse = partial(Candidate, method="coarse")
     for label, r_p in RATIOS.items():
         if r_p < 1:
-            yield carried(label=label, variant="plain", r_p=r_p, settings={"r_p": r_p, "carry": True})
-    ratios = dict(sorted(rung_table().ratios.items(), key=lambda item: -item[1]))
+            yield coarse(
+                label=f"unfitted {label}", variant="plain", r_p=r_p, settings={"r_p": r_p, "show_all": True}
+            )
+    ratios = dict(sorted(coarse_table().ratios.items(), key=lambda item: -item[1]))
     for label, r_p in ratios.items():
-        yield carried(label=f"fitted {label}", variant="fitted", r_p=r_p, settings={"rung": label})
-    yield carried(
-        label=f"fitted {SLEEPING_RUNG} sleeping",
+        yield coarse(label=label, variant="fitted", r_p=r_p, settings={"coarse": label})
+    yield coarse(
+        label=f"{SLEEPING_LEVEL} sleeping",
         variant="sleeping",
-        r_p=ratios[SLEEPING_RUNG],
-        settings={"rung": SLEEPING_RUNG, "sleep": Sleep()},
+        r_p=ratios[SLEEPING_LEVEL],
+        settings={"coarse": SLEEPING_LEVEL, "sleep": Sleep()},
     )
 
 
@@ -125,9 +127,9 @@ def _learned(scenario: str) -> Iterator[Candidate]:
     for name, entry in models().items():
         if scenario in entry.scenarios:
             learned = partial(Candidate, model=name, r_p=entry.r_p, r_t=entry.r_t)
-            yield learned(method="neural", label=name, variant="alone", settings={"carry": False})
+            yield learned(method="neural", label=name, variant="alone", settings={"show_all": False})
             yield learned(
-                method="neural", label=f"{name} carried", variant="carried", settings={"carry": True}
+                method="neural", label=f"{name} all shown", variant="all shown", settings={"show_all": True}
             )
             yield learned(method="hybrid", label=name, variant="default guards")
 

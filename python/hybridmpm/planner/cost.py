@@ -6,10 +6,9 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hybridmpm.downsampling import Rung, rung_for, rung_table
-from hybridmpm.downsampling.rungs import choice
-from hybridmpm.downsampling.rungs.bounds import fastest_impact
-from hybridmpm.errors import RungWarning
+from hybridmpm.coarse import CoarseLevel, choice, coarse_level, coarse_table
+from hybridmpm.coarse.bounds import fastest_impact
+from hybridmpm.errors import CoarseWarning
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.planner.calibration import Calibration, MaterialTimes
 from hybridmpm.planner.candidates import Candidate, softened, solvers
@@ -57,26 +56,26 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
         Its grid would be too coarse for the scene.
     """
     scene = softened(scene, candidate.softer)
-    rung = _rung(candidate, scene)
+    level = _level(candidate, scene)
     count = particle_count(scene)
-    few = max(round(rung.r_p * count), len(scene.bodies), 1)
+    few = max(round(level.r_p * count), len(scene.bodies), 1)
     fastest = speed * fastest_impact(scene)
     steps = [scene.frame_dt]
-    for material, factor in zip(scene.materials, rung.moduli, strict=True):
+    for material, factor in zip(scene.materials, level.moduli, strict=True):
         softer = material.softened(factor, scene.potential_drop) if factor < 1 else material
         native = softer.to_native(scene.potential_drop)
-        cfl = native.default_cfl if rung.cfl is None else rung.cfl
-        steps.append(cfl / (rung.resolution * native.signal_speed(scene.dim)))
+        cfl = native.default_cfl if level.cfl is None else level.cfl
+        steps.append(cfl / (level.resolution * native.signal_speed(scene.dim)))
     if fastest > 0:
-        steps.append((_SPEED_CFL if rung.cfl is None else rung.cfl) / (rung.resolution * fastest))
+        steps.append((_SPEED_CFL if level.cfl is None else level.cfl) / (level.resolution * fastest))
     return Work(
         particles=few,
-        shown=count if candidate.carry else few,
-        resolution=rung.resolution,
-        cells=filled_cells(scene, count, rung.resolution),
+        shown=count if candidate.show_all else few,
+        resolution=level.resolution,
+        cells=filled_cells(scene, count, level.resolution),
         obstacles=len(scene.obstacles),
         substeps=math.ceil(scene.frame_dt / min(steps) - 1e-6),
-        moduli=tuple(candidate.softer * factor for factor in rung.moduli),
+        moduli=tuple(candidate.softer * factor for factor in level.moduli),
     )
 
 
@@ -97,23 +96,23 @@ def particle_count(scene: Scene) -> int:
 
 
 def warned_of(candidate: Candidate, scene: Scene) -> list[str]:
-    """Return what the simulator of a candidate will warn of about its rung."""
-    name = candidate.settings.get("rung")
+    """Return what the simulator of a candidate will warn of about its level."""
+    name = candidate.settings.get("coarse")
     if name is None:
         return []
     with _CATCHING, warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", RungWarning)
-        rung_for(scene, name)
+        warnings.simplefilter("always", CoarseWarning)
+        coarse_level(scene, name)
     return [str(one.message) for one in told]
 
 
-def _rung(candidate: Candidate, scene: Scene) -> Rung:
+def _level(candidate: Candidate, scene: Scene) -> CoarseLevel:
     """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
-    name = candidate.settings.get("rung")
+    name = candidate.settings.get("coarse")
     if name is not None:
-        # `rung_for` warns of each; `warned_of` tells of the one that is chosen.
-        return choice._settings(scene, name, rung_table())  # noqa: SLF001
-    return Rung.unfitted(scene, candidate.r_p)
+        # `coarse_level` warns of each; `warned_of` tells of the one that is chosen.
+        return choice._settings(scene, name, coarse_table())  # noqa: SLF001
+    return CoarseLevel.unfitted(scene, candidate.r_p)
 
 
 def milliseconds(candidate: Candidate, scene: Scene, calibration: Calibration) -> float | None:
@@ -160,9 +159,9 @@ def _of_material(
     todo = work(candidate, scene, times.speed)
     n = todo.particles
     spent = 0.0
-    if candidate.carry:
-        each = times.carry_shown + times.carry_obstacle * todo.obstacles
-        spent = times.carry + times.carry_few * n + each * todo.shown
+    if candidate.show_all:
+        each = times.upsample_shown + times.upsample_obstacle * todo.obstacles
+        spent = times.upsample + times.upsample_coarse * n + each * todo.shown
     if candidate.method == "hybrid":
         return None  # known by its ratio alone
     if candidate.method == "neural":

@@ -1,4 +1,4 @@
-"""`plan`: the cheapest rung of all ladders within an error, or the most accurate within a time."""
+"""`plan`: the cheapest coarse level of all ladders within an error, or the most accurate within a time."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hybridmpm._support.suggestions import did_you_mean
-from hybridmpm.downsampling import CarryingSimulator
+from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.calibration import MEASURES, Calibration, MethodErrors
 from hybridmpm.planner.candidates import Candidate, candidates
@@ -20,10 +20,10 @@ from hybridmpm.scene import Scene
 
 @dataclass(frozen=True, kw_only=True)
 class Prospect:
-    """What is expected of a rung in a scene."""
+    """What is expected of a level in a scene."""
 
     name: str
-    """Name of the rung, such as "carried fitted 1/16"; that of its points in docs/results/tradeoff.svg."""
+    """Name of the level, such as "coarse 1/16"; that of its points in docs/results/tradeoff.svg."""
     error: float
     """Mean error over 200 frames from the first impact on, by the measure that was asked for."""
     error_se: float | None
@@ -34,12 +34,12 @@ class Prospect:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan(Prospect):
-    """A rung that was chosen for a scene, with all its settings; `make` builds its simulator."""
+    """A coarse level that was chosen for a scene, with all its settings; `make` builds its simulator."""
 
     measure: str
     """Measure of the error."""
     feasible: bool
-    """Whether the rung meets what was asked for; else it is the nearest that there is."""
+    """Whether the coarse level meets what was asked for; else it is the nearest that there is."""
     simulator: str
     """Kind of the simulator: "mpm", "neural" or "hybrid"."""
     settings: dict[str, Any]
@@ -50,7 +50,7 @@ class Plan(Prospect):
     """Share of the particles that are simulated."""
     r_c: float | None
     """Threshold of the cosine guard; None without it."""
-    carry: bool
+    show_all: bool
     """Whether all particles of the scene are carried along with fewer."""
     sleep: bool
     """Whether regions at rest may sleep."""
@@ -65,20 +65,20 @@ class Plan(Prospect):
     runner_up: Prospect | None
     """The next that would have been chosen; None where there is none."""
     reason: str
-    """Why this rung, in a sentence, and what an impossible demand would take."""
+    """Why this level, in a sentence, and what an impossible demand would take."""
     notes: tuple[str, ...]
     """What the figures rest on, and where the scene differs from those that they were measured in."""
     candidate: Candidate
-    """The rung itself."""
+    """The coarse level itself."""
     scene: Scene
     """The scene that the plan is for."""
 
-    def make(self, threads: int = 1) -> CarryingSimulator:
+    def make(self, threads: int = 1) -> CoarseSimulator:
         """Return the simulator at frame 0; raises and warns as its class does."""
         return self.candidate.make(self.scene, threads)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data for JSON, without scene and rung."""
+        """Return the plan as plain data for JSON, without scene and level."""
         plain = {name: getattr(self, name) for name in self.__dataclass_fields__ if name not in _OBJECTS}
         sleep = self.settings.get("sleep")
         told = {**self.settings, **({} if sleep is None else {"sleep": sleep.model_dump()})}
@@ -98,7 +98,7 @@ def plan(
     measure: str = "grid_rmse",
     calibration: str | Path | None = None,
 ) -> Plan:
-    """Choose the rung for a scene: the cheapest within an error, or the most accurate within a time.
+    """Choose the coarse level for a scene: the cheapest within an error, or the most accurate within a time.
 
     Candidates are MPM with all and with fewer particles, alone, carrying all others, fitted, softer and
     sleeping, each network of the library, and the hybrid with it. What they err was measured against the
@@ -122,7 +122,7 @@ def plan(
     Returns
     -------
     Plan
-        Where nothing meets the demand, the nearest rung, `feasible` is False and `reason` tells what it would
+        Where nothing meets the demand, the nearest level, `feasible` is False and `reason` tells what it would
         take.
 
     Raises
@@ -165,12 +165,12 @@ def plan(
         **asdict(best),
         measure=measure,
         feasible=feasible,
-        simulator="mpm" if candidate.method == "carried" else candidate.method,
+        simulator="mpm" if candidate.method == "coarse" else candidate.method,
         settings=dict(candidate.settings),
         model=candidate.model,
         r_p=candidate.r_p,
         r_c=candidate.settings.get("r_c"),
-        carry=candidate.carry,
+        show_all=candidate.show_all,
         sleep="sleep" in candidate.settings,
         particles=todo.particles,
         resolution=todo.resolution,
@@ -262,7 +262,7 @@ def _for_error(told: str, runner_up: Prospect, max_error: float, *, feasible: bo
     if feasible:
         return f"the quickest with an error of at most {max_error:g}: {told}; next comes {_brief(runner_up)}"
     return (
-        f"no rung errs as little as {max_error:g}; the nearest: {told}. Without error is only the truth "
+        f"no coarse level errs as little as {max_error:g}; the nearest: {told}. Without error is only the truth "
         'itself, MpmSolver(scene, substeps="reference")'
     )
 
@@ -270,7 +270,7 @@ def _for_error(told: str, runner_up: Prospect, max_error: float, *, feasible: bo
 def _for_time(told: str, runner_up: Prospect, budget_ms: float, *, feasible: bool) -> str:
     if feasible:
         return f"the most accurate within {budget_ms:g} ms: {told}; next comes {_brief(runner_up)}"
-    return f"no rung takes as little as {budget_ms:g} ms on this machine; the quickest: {told}"
+    return f"no coarse level takes as little as {budget_ms:g} ms on this machine; the quickest: {told}"
 
 
 def _brief(one: Prospect) -> str:

@@ -129,9 +129,9 @@ def _own_rows(rows: Sequence[Mapping[str, Any]], spec: NetworkSpec, name: str | 
     for row in rows:
         method = row.get("method")
         other = method == "neural" and name is not None and row.get("label") != name
-        rung = method in {"mpm", "merged"} and abs(row.get("r_p", 0.0) - spec.r_p) > 1e-3
+        level = method in {"mpm", "merged"} and abs(row.get("r_p", 0.0) - spec.r_p) > 1e-3
         later = row.get("warm_up", warm_up) != warm_up
-        if row.get("scenario") in spec.scenarios and not other and not rung and not later:
+        if row.get("scenario") in spec.scenarios and not other and not level and not later:
             kept.append({key: "" if row.get(key) is None else row[key] for key in _KEPT})
     return kept
 

@@ -77,7 +77,7 @@ class SessionBody(BaseModel):
                     "speed": 0.25,
                     "centroid": [0.41, 0.52],
                     "solver": "hybrid",
-                    "rung": None,
+                    "coarse": None,
                     "model": "fluids_2d",
                     "r_p": 0.25,
                     "mode": "mpm",
@@ -133,8 +133,8 @@ class SessionBody(BaseModel):
         description="Centre of mass, D numbers [m]; null where there is no particle."
     )
     solver: Kind = Field(description="Simulator of the session.")
-    rung: str | None = Field(
-        description="Rung that few particles simulate at, carrying all others; null where none was chosen."
+    coarse: str | None = Field(
+        description="CoarseLevel that few particles simulate at, carrying all others; null where none was chosen."
     )
     model: str | None = Field(description="Name of the network; null where MPM simulates alone.")
     r_p: float = Field(
@@ -184,7 +184,7 @@ class SessionBody(BaseModel):
             speed=session.speed,
             centroid=None if view.centroid is None else list(view.centroid),
             solver=session.origin.choice.solver,
-            rung=session.origin.choice.rung,
+            coarse=session.origin.choice.coarse,
             model=session.origin.choice.model,
             r_p=session.simulation.r_p,
             mode=view.mode,

@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
 from hybridmpm import Scene, UnknownScenarioError, scenarios
-from hybridmpm.downsampling import rung_table
+from hybridmpm.coarse import coarse_table
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.logs import LogBody
@@ -14,7 +14,7 @@ from hybridmpm_service.http.requests import Request
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
 
 _NOT_BESIDE_A_LOG: JsonDict = {
-    name: {"type": "null"} for name in ("scenario", "seed", "scene", "rung", "model", "r_c", "safeguard")
+    name: {"type": "null"} for name in ("scenario", "seed", "scene", "coarse", "model", "r_c", "safeguard")
 }
 
 
@@ -38,11 +38,11 @@ class _Asked(Request):
         description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
         "or a network alone (neural).",
     )
-    rung: str | None = Field(
+    coarse: str | None = Field(
         default=None,
         max_length=100,
         description="Part of the particles that MPM simulates at constants fitted to scenes, carrying all "
-        f"others along: one of {', '.join(rung_table().ratios)}. Only with mpm; all particles are simulated "
+        f"others along: one of {', '.join(coarse_table().ratios)}. Only with mpm; all particles are simulated "
         "if absent.",
     )
     model: str | None = Field(
@@ -71,11 +71,11 @@ class _Asked(Request):
         Raises
         ------
         FieldError
-            An option belongs to another kind of simulator, or there is no such rung.
+            An option belongs to another kind of simulator, or there is no such level.
         """
         return SolverChoice(
             solver=self.solver,
-            rung=self.rung,
+            coarse=self.coarse,
             model=self.model,
             r_c=self.r_c,
             safeguard=self.safeguard,
@@ -183,7 +183,7 @@ class CheckScene(_Asked):
                     },
                 },
             ],
-            "examples": [{"scenario": "water_2d", "seed": 0, "rung": "1/16"}],
+            "examples": [{"scenario": "water_2d", "seed": 0, "coarse": "1/16"}],
         }
     )
 

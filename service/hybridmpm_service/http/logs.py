@@ -115,7 +115,7 @@ class LogBody(Request):
                         ],
                     },
                     "solver": "mpm",
-                    "rung": None,
+                    "coarse": None,
                     "model": None,
                     "r_c": None,
                     "safeguard": None,
@@ -142,7 +142,7 @@ class LogBody(Request):
     seed: int | None = Field(ge=0, lt=2**53, strict=True, description="Seed of the scenario.")
     scene: dict[str, Any] = Field(description="Scene, as `hybridmpm schema` describes it.")
     solver: Kind = Field(description="Simulator.")
-    rung: str | None = Field(max_length=100, description="Rung; null where none was chosen.")
+    coarse: str | None = Field(max_length=100, description="Coarse level; null where none was chosen.")
     model: str | None = Field(max_length=100, description="Name of the network; null without one.")
     r_c: float | None = Field(ge=-1, le=1, description="Value below which the safeguard alarms.")
     safeguard: SafeguardKind | None = Field(description="Particles that the safeguard's mean is taken over.")
@@ -202,7 +202,7 @@ class LogBody(Request):
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
         choice = SolverChoice(
-            solver=self.solver, rung=self.rung, model=self.model, r_c=self.r_c, safeguard=self.safeguard
+            solver=self.solver, coarse=self.coarse, model=self.model, r_c=self.r_c, safeguard=self.safeguard
         )
         origin = Origin(
             scene=Scene.parse(self.scene),

@@ -9,7 +9,7 @@ import * as controls from "./panels/controls.js";
 import * as livePanel from "./panels/live-panel.js";
 import * as messages from "./panels/messages.js";
 import { bindScene, chooseScene, showFindings, showOwnScene, showScenarios } from "./panels/scene-panel.js";
-import { asRung, chosenRung, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackFrame } from "./panels/simulator-panel.js";
+import { asCoarse, chosenCoarse, chosenSolver, clearTracks, setModels, showChoice, showWho, solverFor, trackFrame } from "./panels/simulator-panel.js";
 import { showSteering } from "./panels/steering-panel.js";
 import { bindToolPanel, handCap, showFrameLength, sketchSettings, toggleForces } from "./panels/tool-panel.js";
 import { PIPELINE, Presenter, WELCOME } from "./presets.js";
@@ -29,7 +29,7 @@ let chosen = {
   scenario: query.get("scenario") ?? "water_2d",
   seed: isSeed(query.get("seed") ?? "") ? Number(query.get("seed")) : 0,
   solver: asSolver(query.get("solver")),
-  rung: asRung(query.get("rung")),
+  coarse: asCoarse(query.get("coarse")),
 };
 
 let scene = null; // the scene of the hello message
@@ -165,11 +165,11 @@ function showSession(hello) {
   showFindings(hello.session.findings);
   if (!hello.session.scenario) {
     showOwnScene(scene.name || "Your scene");
-    showChoice({ scenario: "", solver: hello.session.solver, rung: hello.session.rung });
+    showChoice({ scenario: "", solver: hello.session.solver, coarse: hello.session.coarse });
     return;
   }
-  const { scenario, seed, solver, rung } = hello.session;
-  chosen = { scenario, seed, solver, rung };
+  const { scenario, seed, solver, coarse } = hello.session;
+  chosen = { scenario, seed, solver, coarse };
   chooseScene(chosen);
   showChoice(chosen);
 }
@@ -247,12 +247,12 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
     return;
   }
   const solver = solverFor(wanted.scenario, wanted.solver ?? chosenSolver());
-  const rung = wanted.rung === undefined ? chosenRung() : wanted.rung;
-  chosen = { ...wanted, solver, rung: solver === "mpm" ? rung : null };
+  const coarse = wanted.coarse === undefined ? chosenCoarse() : wanted.coarse;
+  chosen = { ...wanted, solver, coarse: solver === "mpm" ? coarse : null };
   showChoice(chosen);
   const address = new URL(window.location.href);
   address.hash = "";
-  for (const name of ["rung", "session", "watch", "preset"]) address.searchParams.delete(name);
+  for (const name of ["coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
   for (const [name, value] of Object.entries(chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
   }
@@ -276,7 +276,7 @@ function setWatching(value) {
 /** Leave the session for a scene or a run that somebody has brought. */
 function openOwn(body, hash = "") {
   const address = new URL(window.location.href);
-  for (const name of ["scenario", "seed", "solver", "rung", "session", "watch", "preset"]) address.searchParams.delete(name);
+  for (const name of ["scenario", "seed", "solver", "coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
   address.hash = hash;
   window.history.replaceState(null, "", address);
   presenter.set(null);
@@ -344,13 +344,13 @@ bindScene(async (wanted) => {
   }
   // A scene of one's own stays; what changes is who simulates it.
   const log = await session.log();
-  const rung = chosenRung();
-  openOwn({ scene: log.scene, ...(rung === null ? {} : { rung }) });
+  const coarse = chosenCoarse();
+  openOwn({ scene: log.scene, ...(coarse === null ? {} : { coarse }) });
 });
 // What few visitors ask for is loaded when it is asked for.
 const planned = {
   scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),
-  start: (rung) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...rung }),
+  start: (coarse) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...coarse }),
 };
 document.getElementById("planner-open").addEventListener("click", async () => {
   const { openPlanner } = await import("./plan/panel.js");
@@ -419,7 +419,7 @@ function begin() {
     session.attach(query.get("watch"), { watches: true });
   } else if (query.has("session")) {
     session.attach(query.get("session"));
-  } else if (!asksFor("scenario", "seed", "solver", "rung")) {
+  } else if (!asksFor("scenario", "seed", "solver", "coarse")) {
     startScene(WELCOME.scene, { itsPreset: plays ? WELCOME : null, plays });
   } else if (chosen.solver === "mpm") {
     startScene(chosen, { plays });

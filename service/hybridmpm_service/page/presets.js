@@ -19,7 +19,7 @@ export const PIPELINE = {
 };
 
 export const WELCOME = {
-  scene: { scenario: "water_2d", seed: 0, solver: "mpm", rung: null },
+  scene: { scenario: "water_2d", seed: 0, solver: "mpm", coarse: null },
   frame: 110,
   sketch: { kind: "ellipse", points: ovalBetween([0.34, 0.5], [0.66, 0.76]) },
   settings: { hold: 40 },

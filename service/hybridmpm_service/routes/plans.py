@@ -1,4 +1,4 @@
-"""Route of plans: which rung simulates a scene within an error or a time."""
+"""Route of plans: which coarse level simulates a scene within an error or a time."""
 
 from fastapi import APIRouter
 
@@ -14,7 +14,7 @@ router = APIRouter(prefix="/v1/plans", tags=["plans"])
 
 @router.post("", responses=problems(400, 422))
 def make_plan(body: PlanRequest) -> PlanBody:
-    """Choose the cheapest rung within an error, or the most accurate within a time; nothing is simulated."""
+    """Choose the cheapest coarse level within an error, or the most accurate within a time; nothing is simulated."""
     scene = _scene(body)
     found = plan(scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
     return PlanBody.of(found, [one for one, _ in prospective(scene, measure=body.measure)])

@@ -147,7 +147,7 @@ def unrefused(scene: Scene, choice: SolverChoice) -> tuple[Finding, ...]:
     """
     found = findings(scene)
     errors = [one for one in found if one.severity == "error"]
-    if errors and choice.solver == "mpm" and choice.rung is None:
+    if errors and choice.solver == "mpm" and choice.coarse is None:
         raise SceneError.of([(one.field, f"{one.problem}; {one.advice}") for one in errors])
     # Fewer particles take a coarser grid and longer steps, of which the scene alone tells nothing.
     return tuple(one for one in found if one not in errors)

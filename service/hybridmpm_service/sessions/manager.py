@@ -112,7 +112,7 @@ class SessionManager:
         UnavailableError
             The server is shutting down.
         ConfigError, FieldError, ModelDamagedError
-            The scene, the rung or the model is refused.
+            The scene, the coarse level or the model is refused.
         """
 
         def make() -> Revived:
@@ -138,7 +138,7 @@ class SessionManager:
         SceneError
             The scene is not valid, or beyond a limit of this server.
         ConfigError, FieldError, ModelDamagedError
-            The rung or the model is refused.
+            The coarse level or the model is refused.
         """
         if self.draining.is_set():
             raise UnavailableError("the server is shutting down")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal, TypeAlias, TypeVar
 
 from hybridmpm import Scene, SceneError, simulators
+from hybridmpm.coarse import coarse_table
 from hybridmpm.decisions import Mode
-from hybridmpm.downsampling import rung_table
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.hybrid import Cosine
 from hybridmpm.physics import NeuralModel, default_model, models
@@ -50,25 +50,25 @@ class SolverChoice:
     Raises
     ------
     FieldError
-        An option belongs to another kind of simulator, or there is no such rung.
+        An option belongs to another kind of simulator, or there is no such level.
     """
 
     solver: Kind = "mpm"
-    rung: str | None = None
+    coarse: str | None = None
     model: str | None = None
     r_c: float | None = None
     safeguard: SafeguardKind | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rung", "model", "r_c", "safeguard"):
+        for name in ("coarse", "model", "r_c", "safeguard"):
             if getattr(self, name) is not None and name not in simulators.settings_of(self.solver):
                 takers = [kind for kind in simulators.SIMULATORS if name in simulators.settings_of(kind)]
                 solvers = " and ".join(f'"{kind}"' for kind in takers)
                 raise FieldError(f"body.{name}", f'belongs to the solver {solvers}, got "{self.solver}"')
-        rungs = rung_table().ratios
-        if self.rung is not None and self.rung not in rungs:
-            known = ", ".join(f'"{name}"' for name in rungs)
-            raise FieldError("body.rung", f'must be one of {known}, got "{self.rung}"')
+        levels = coarse_table().ratios
+        if self.coarse is not None and self.coarse not in levels:
+            known = ", ".join(f'"{name}"' for name in levels)
+            raise FieldError("body.coarse", f'must be one of {known}, got "{self.coarse}"')
 
     def safeguard_settings(self) -> SafeguardSettings | None:
         """Return the settings of the safeguard, defaults included; None for a simulator without one."""
@@ -86,8 +86,8 @@ class ChosenSolver:
     """Name of the network; None without one."""
     safeguard: SafeguardSettings | None = None
     """Settings of the safeguard that watches the network; None without one."""
-    rung: str | None = None
-    """Name of the rung that few particles simulate at; None where no rung was chosen."""
+    coarse: str | None = None
+    """Name of the coarse level that few particles simulate at; None where no coarse level was chosen."""
     model_sha256: str | None = None
     """SHA-256 of the network's file; None without one."""
 
@@ -134,7 +134,7 @@ class SolverFactory:
         SceneError
             The scene cannot be filled with particles.
         FieldError
-            There is no such model, or it or the rung was not made for such a scene.
+            There is no such model, or it or the coarse level was not made for such a scene.
         ModelDamagedError
             The model's file is not the one that the manifest names.
         """
@@ -144,11 +144,11 @@ class SolverFactory:
             name = choice.model or _for_option("model", lambda: self._default(scenario))
             model = self._model(name)
         simulator = _for_option(
-            "model" if choice.rung is None else "rung",
+            "model" if choice.coarse is None else "coarse",
             lambda: simulators.make(
                 choice.solver,
                 scene,
-                rung=choice.rung,
+                coarse=choice.coarse,
                 model=model,
                 r_c=choice.r_c,
                 safeguard=choice.safeguard,
@@ -160,7 +160,7 @@ class SolverFactory:
             model=name,
             model_sha256=None if model is None else model.sha256,
             safeguard=choice.safeguard_settings(),
-            rung=choice.rung,
+            coarse=choice.coarse,
         )
 
     def _default(self, scenario: str | None) -> str:

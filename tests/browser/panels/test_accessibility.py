@@ -11,7 +11,7 @@ pytestmark = pytest.mark.browser
 
 AXE = Path(__file__).parents[1] / "axe" / "axe.min.js"
 """axe-core 4.14.1 by Deque Systems, under the Mozilla Public License 2.0, which lies beside it."""
-SCENE = "renderer=canvas2d&scenario=water_ramps_2d&seed=2&rung=1%2F16"
+SCENE = "renderer=canvas2d&scenario=water_ramps_2d&seed=2&coarse=1%2F16"
 
 
 def _violations(visit: Visit) -> list[str]:

@@ -21,7 +21,7 @@ NAMES = sorted(file.stem for file in FOLDER.glob("*.json"))
 def test_a_scene_runs_and_has_a_picture(name: str) -> None:
     scene = Scene.load(FOLDER / f"{name}.json")
     assert not [one for one in scene.check().findings if one.severity != "note"]
-    solver = MpmSolver(scene) if scene.dim == 2 else MpmSolver(scene, rung="1/16")
+    solver = MpmSolver(scene) if scene.dim == 2 else MpmSolver(scene, coarse="1/16")
     solver.advance(8)
     assert 1000 < solver.particle_count < (15_000 if scene.dim == 2 else 50_000)
     with Image.open(FOLDER / f"{name}.png") as picture:
@@ -47,15 +47,15 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
     assert made["scenario"] is None
     assert service.get(f"/v1/sessions/{visit.session}/log")["scene"]["name"] == "hourglass"
     assert "scenario=" not in visit.page.url
-    # The panel says what is shown; another rung keeps the scene, a scenario leaves it.
+    # The panel says what is shown; another coarse level keeps the scene, a scenario leaves it.
     scenario = visit.page.locator("#scenario")
     expect(scenario.locator("option:checked")).to_have_text("Hourglass")
     expect(visit.page.get_by_role("radio", name="Hybrid")).to_be_disabled()
     second = visit.session
-    visit.page.locator("#rung").select_option("1/8")
+    visit.page.locator("#coarse level").select_option("1/8")
     visit.wait_for(f"body.state === 'live' && body.session !== '{second}'")
     again = service.get(f"/v1/sessions/{visit.session}")
-    assert (again["scenario"], again["rung"]) == (None, "1/8")
+    assert (again["scenario"], again["coarse"]) == (None, "1/8")
     scenario.select_option("sand_2d")
     visit.wait_for(f"body.state === 'live' && body.session !== '{again['id']}'")
     assert service.get(f"/v1/sessions/{visit.session}")["scenario"] == "sand_2d"

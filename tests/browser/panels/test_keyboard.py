@@ -67,7 +67,7 @@ def test_a_stroke_is_dropped_where_the_picture_is_left(open_page: Open, service:
 
 
 def test_a_scene_in_space_is_turned(open_page: Open, service: LiveService) -> None:
-    visit = _on_stage(open_page, "renderer=canvas2d&scenario=sand_3d&seed=1&rung=1%2F16")
+    visit = _on_stage(open_page, "renderer=canvas2d&scenario=sand_3d&seed=1&coarse=1%2F16")
     visit.page.keyboard.press("Space")
     visit.wait_for("body.playing === 'false'")
 

@@ -36,7 +36,8 @@ def test_particles_are_coloured_by_what_is_chosen(
     open_page: Open, service: LiveService, scenario: str, width: int
 ) -> None:
     visit = open_page(
-        f"renderer=canvas2d&scenario={scenario}&seed=3&rung=1%2F16", viewport={"width": width, "height": 844}
+        f"renderer=canvas2d&scenario={scenario}&seed=3&coarse=1%2F16",
+        viewport={"width": width, "height": 844},
     )
     visit.pause_at(30)
     visit.press_until("r", "body.frame === '0'")
@@ -66,7 +67,7 @@ def test_particles_are_coloured_by_what_is_chosen(
 
 @pytest.mark.parametrize("scenario", ["water_2d", "water_3d"])
 def test_webgl_has_the_same_scale(open_page: Open, service: LiveService, scenario: str) -> None:
-    visit = open_page(f"renderer=webgl2&scenario={scenario}&seed=3&rung=1%2F16&colour=speed")
+    visit = open_page(f"renderer=webgl2&scenario={scenario}&seed=3&coarse=1%2F16&colour=speed")
     visit.wait_for("body.state === 'live' && body.renderer === 'webgl2'")
     visit.pause_at(30)
     visit.press_until("r", "body.frame === '0'")
@@ -84,7 +85,7 @@ def test_webgl_has_the_same_scale(open_page: Open, service: LiveService, scenari
 
 
 def test_the_latest_frames_are_charted(open_page: Open, service: LiveService) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3&rung=1%2F16")
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3&coarse=1%2F16")
     visit.pause_at(60)
     count = """(canvas) => {
       const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
@@ -97,7 +98,7 @@ def test_the_latest_frames_are_charted(open_page: Open, service: LiveService) ->
 
 
 def test_density_and_volume_of_a_regular_body(open_page: Open, service: LiveService) -> None:
-    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3&rung=1%2F16")
+    visit = open_page("renderer=canvas2d&scenario=water_2d&seed=3&coarse=1%2F16")
     found = visit.page.evaluate(
         """async () => {
             const { densityOf } = await import('/stage/quantities.js');

@@ -40,9 +40,9 @@ def test_it_answers_within_a_time_and_simulates_so(open_page: Open, service: Liv
     dialog.get_by_role("button", name="Simulate so").click()
     expect(dialog).to_be_hidden()
     visit.wait_for(f"{LIVE} && body.session !== '{before}'")
-    rung = visit.page.locator("#rung").input_value()
-    assert rung in {"1/4", "1/8", "1/16", "1/32", "1/64"}
-    assert f"rung={rung.replace('/', '%2F')}" in visit.page.url
+    level = visit.page.locator("#coarse level").input_value()
+    assert level in {"1/4", "1/8", "1/16", "1/32", "1/64"}
+    assert f"coarse={level.replace('/', '%2F')}" in visit.page.url
 
 
 def test_it_answers_within_an_error_and_tells_what_cannot_be(open_page: Open, service: LiveService) -> None:
@@ -56,7 +56,7 @@ def test_it_answers_within_an_error_and_tells_what_cannot_be(open_page: Open, se
     dialog.get_by_role("radio", name="time at most").check()
     dialog.get_by_label("Time of a frame in milliseconds").fill("0.001")
     dialog.get_by_role("button", name="Ask").click()
-    expect(dialog.locator("#plan-reason")).to_contain_text("No rung takes as little as 0.001 ms")
+    expect(dialog.locator("#plan-reason")).to_contain_text("No coarse level takes as little as 0.001 ms")
     # By the keyboard it is left as any dialog.
     visit.page.keyboard.press("Escape")
     expect(dialog).to_be_hidden()

@@ -1,4 +1,4 @@
-"""`python -m hybridmpm_lab service`: a small twin of it, and what it says when the service does not play along."""
+"""A small twin of the load test, and its messages where the service fails."""
 
 import asyncio
 import json
@@ -58,7 +58,7 @@ def test_the_other_parts_of_the_benchmark(tmp_path: Path) -> None:
     parts = [word for name in ("slow-client", "real-time", "sketch", "restart") for word in ("--part", name)]
     figures: Any = run(tmp_path / "service.json", *parts, "--kept", "2", "--seconds", "1", "--repeats", "3")
     # A player makes up for at most a tenth of a second at once.
-    assert 0 < figures["least time scale, asked for 1, rung 1/16", 8, 1] < 1.2
+    assert 0 < figures["least time scale, asked for 1, coarse level 1/16", 8, 1] < 1.2
     assert figures["sketch to the first steered frame, first sketch", 1, 1] > 0
     sketch = [figures[f"sketch to the first steered frame, {which}", 1, 1] for which in ("p50", "worst")]
     assert 0 < sketch[0] <= sketch[1]

@@ -94,7 +94,7 @@ def test_a_moving_obstacle_is_paid_for() -> None:
 SURVIVED: tuple[Cell, ...] = (
     Cell("mpm", "sand", 2, "resumed", 1),
     Cell("mpm", "water", 2, "one particle", 3),
-    Cell("carried", "water", 2, "corner", 3),
+    Cell("coarse", "water", 2, "corner", 3),
     Cell("hybrid", "water", 2, "broken network", 3),
 )
 

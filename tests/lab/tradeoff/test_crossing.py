@@ -42,9 +42,9 @@ def test_networks_keep_the_spacing_that_they_know() -> None:
     finest = Case(scenario="water_2d", resolution=512)
     found = entrants(finest, SETTINGS, particles=170_000)
     assert found["neural fluids_2d"].r_p == pytest.approx(1 / 8 / 16)
-    # Of so many only plain MPM simulates all, and rungs go on to as few as at the scenario's resolution.
+    # Of so many only plain MPM simulates all, and coarse levels go on to as few as at the scenario's resolution.
     assert {name for name, one in found.items() if one.r_p > 0.5} == {"mpm 1"}
-    assert {"carried 1/1024", "carried 1/2048"} < set(found)
+    assert {"coarse unfitted 1/1024", "coarse unfitted 1/2048"} < set(found)
     fewer = entrants(Case(scenario="water_2d", resolution=64), SETTINGS, particles=700)
     assert fewer["hybrid fluids_2d"].r_p == pytest.approx(1 / 2)
     assert MANY == 100_000
@@ -69,7 +69,7 @@ def test_an_enlarged_network_has_the_neighbours_of_its_training() -> None:
 @pytest.mark.needs("ot", "metrics")
 def test_runs_gather_and_networks_are_held_against_equal_errors(tmp_path: Path) -> None:
     runs, file, chart = tmp_path / "runs.jsonl", tmp_path / "rows.json", tmp_path / "chart.svg"
-    names = ("mpm 1", "carried fitted 1/16", "carried fitted 1/32", "neural *")
+    names = ("mpm 1", "coarse 1/16", "coarse 1/32", "neural *")
     options = [
         "--scenario",
         "water_2d",
@@ -108,11 +108,11 @@ def test_runs_gather_and_networks_are_held_against_equal_errors(tmp_path: Path) 
     ]
     for row in learned:
         others = [one for one in rows if all(one[key] == row[key] for key in ("resolution", "compression"))]
-        rung = next(one for one in others if f"{one['method']} {one['label']}" == row["as_good"])
-        assert row["as_good_ms"] == rung["ms_per_frame"]
+        level = next(one for one in others if f"{one['method']} {one['label']}" == row["as_good"])
+        assert row["as_good_ms"] == level["ms_per_frame"]
         assert row["times_slower"] == pytest.approx(row["ms_per_frame"] / row["as_good_ms"], rel=1e-3)
         bar = learned[2]["error"] if row["variant"] else row["error"]
-        assert rung["error"] <= bar
+        assert level["error"] <= bar
 
 
 def test_cases_that_do_not_exist_are_named() -> None:

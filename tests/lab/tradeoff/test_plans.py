@@ -13,7 +13,7 @@ def test_a_calibration_of_rows() -> None:
         head | fields | {"method": "jitter", "label": None, "error_se": None},
         head | fields | {"method": "mpm", "label": "truth"},
         head | fields | {"method": "hybrid", "label": "fluids_2d r_c 0.8"},
-        head | fields | {"method": "carried", "label": "1/8", "error": None},
+        head | fields | {"method": "coarse", "label": "1/8", "error": None},
     ]
     made = calibration_of(rows, store.shipped().times)
     # Plans take neither the truth itself, nor what nobody would choose, nor what failed.

@@ -19,7 +19,7 @@ from hybridmpm_lab.compare.tradeoff.settings import warm_up
 from hybridmpm_lab.compare.tradeoff.table import on_front
 from hybridmpm_lab.compare.tradeoff.times import PIECE, by_turns
 
-NAMES = ("mpm 1", "mpm 1/16", "carried fitted 1/16", "neural fluids_2d carried", "hybrid fluids_2d r_c 0.8")
+NAMES = ("mpm 1", "mpm 1/16", "coarse 1/16", "neural fluids_2d carried", "hybrid fluids_2d r_c 0.8")
 
 
 @pytest.mark.needs("ot", "metrics")
@@ -57,16 +57,16 @@ def test_runs_gather_and_become_a_table(tmp_path: Path, monkeypatch: pytest.Monk
             assert not measure.endswith(("_100", "_200")) or row[measure] is None
             assert row[measure] is None or row[measure] >= row[f"{measure}_se"] >= 0
     mean = {name: row["error"] for name, row in rows.items()}
-    assert mean["mpm 1"] < mean["jitter"] < mean["carried fitted 1/16"] < mean["still"]
+    assert mean["mpm 1"] < mean["jitter"] < mean["coarse 1/16"] < mean["still"]
     assert mean["merged 1/16"] < mean["mpm 1/16"]
     assert rows["neural fluids_2d carried"]["mpm_share"] == 0
     assert rows["mpm 1"]["mpm_share"] == 1
     # The most accurate is on the front; the network is slower than what errs less.
     assert all(rows["mpm 1"]["on_front" if one == "error" else f"on_front_{one}"] for one in FRONTS)
-    assert rows["neural fluids_2d carried"]["dominated_by"] == "carried fitted 1/16"
-    assert rows["neural fluids_2d carried"]["as_good_ms"] == rows["carried fitted 1/16"]["ms_per_frame"]
+    assert rows["neural fluids_2d carried"]["dominated_by"] == "coarse 1/16"
+    assert rows["neural fluids_2d carried"]["as_good_ms"] == rows["coarse 1/16"]["ms_per_frame"]
     apart = rows["neural fluids_2d carried"]["minus_as_good"]
-    assert apart == pytest.approx(mean["neural fluids_2d carried"] - mean["carried fitted 1/16"], abs=1e-3)
+    assert apart == pytest.approx(mean["neural fluids_2d carried"] - mean["coarse 1/16"], abs=1e-3)
 
     pytest.importorskip("matplotlib")
     run("--only", "table", "--chart", str(chart), "--sheet", str(tmp_path / "sheet.png"))
@@ -81,14 +81,14 @@ def test_a_table_needs_runs() -> None:
     assert "--runs" in result.output
     result = CliRunner().invoke(cli, ["tradeoff", "--entrant", "mpm 1/3", "--only", "errors"])
     assert result.exit_code == 2
-    assert "carried fitted 1/16" in result.output
+    assert "coarse 1/16" in result.output
 
 
 def test_all_that_the_chart_promises_enters() -> None:
     for scenario in scenarios.NAMES:
         served = [name for name, entry in models().items() if scenario in entry.scenarios]
         found = entrants(scenario)
-        assert {"mpm 1", "mpm 1/1.75", "mpm softer 1/4", "mpm sleeping", "carried fitted 1/64"} < set(found)
+        assert {"mpm 1", "mpm 1/1.75", "mpm softer 1/4", "mpm sleeping", "coarse 1/64"} < set(found)
         assert {f"neural {name}" for name in served} | {f"hybrid {name}" for name in served} < set(found)
         assert [one.settings["r_c"] for one in found.values() if one.variant == "cosine"][0::5] == [0.0, 0.9]
         assert warm_up(scenario) == max(5 * models()[name].r_t for name in served)

@@ -1,4 +1,4 @@
-"""The solver against experiments and closed forms, as `python -m hybridmpm_lab validate` runs them, with its tolerances."""
+"""The solver against experiments and closed forms, with the tolerances of the page."""
 
 from collections.abc import Callable
 from functools import cache

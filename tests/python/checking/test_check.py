@@ -197,7 +197,7 @@ def test_the_command_prints_lines_or_json(tmp_path: Path) -> None:
     answer = json.loads(CliRunner().invoke(cli, ["check", str(file), "--json"]).stdout)
     assert answer["ok"] is True
     assert answer["findings"][0]["field"] == "obstacles[0]"
-    assert CliRunner().invoke(cli, ["check", str(file), "--rung", "1/16"]).exit_code == 0
+    assert CliRunner().invoke(cli, ["check", str(file), "--coarse", "1/16"]).exit_code == 0
 
 
 def test_the_command_lists_all_faults_of_a_scene_that_is_none(tmp_path: Path) -> None:

@@ -94,7 +94,6 @@ def test_substep_rules(scene_file: Path, rule: str) -> None:
         (["simulate", "--speed", "0"], "--speed"),
         (["simulate", "--frmes", "3"], "--frmes"),
         (["simulat"], "No such command 'simulat'"),
-        (["mpm", "--particles", "3"], "--particles"),
         (["serve", "--port", "65536"], "--port"),
     ],
 )
@@ -224,7 +223,7 @@ def test_all_subcommands_are_listed_completed_and_guessed() -> None:
         "sand_ramps_2d",
         "sand_3d",
     ]
-    assert [found.value for found in complete(["simulate", "--rung"], "1/1")] == ["1/16"]
+    assert [found.value for found in complete(["simulate", "--coarse"], "1/1")] == ["1/16"]
     assert "fluids_2d" in {found.value for found in complete(["simulate", "--model"], "f")}
     assert_fails(run("simulat"), 2, "No such command 'simulat'. Did you mean 'simulate'?")
 
@@ -297,11 +296,6 @@ def test_serve_names_a_library_that_the_service_lacks(monkeypatch: pytest.Monkey
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     assert_fails(run("serve"), 1, "uvicorn is missing; install it with: pip install hybridmpm-service")
-
-
-def test_a_benchmark_that_could_not_be_written_is_not_begun(tmp_path: Path) -> None:
-    result = run("mpm", "--json", tmp_path / "nowhere" / "a.json")
-    assert_fails(result, 2, f"--json: the folder {tmp_path / 'nowhere'} does not exist")
 
 
 def test_a_run_in_two_parts_is_the_run_in_one(tmp_path: Path, scene_file: Path) -> None:

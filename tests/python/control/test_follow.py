@@ -220,7 +220,7 @@ def test_auto_says_why() -> None:
     assert prepare(solver, OVAL, budget=0.1).method == "analytic"
 
 
-def test_the_search_is_never_worse_than_guidance_on_its_own_rung() -> None:
+def test_the_search_is_never_worse_than_guidance_on_its_own_level() -> None:
     from hybridmpm.control.methods.cma_es import minimise
 
     def valley(x: Any) -> float:

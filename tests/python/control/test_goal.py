@@ -80,9 +80,9 @@ def test_an_oval_smaller_than_the_fluid_is_grown_in_the_same_shape() -> None:
     assert drawn.mean() == pytest.approx(needs.scale**-2, abs=0.02)
 
 
-@pytest.mark.parametrize("carry", [False, True])
-def test_few_particles_stand_for_the_volume_of_all(carry: bool) -> None:  # noqa: FBT001 - a parameter
-    few = MpmSolver(_solver().scene, r_p=1 / 8, carry=carry)
+@pytest.mark.parametrize("show_all", [False, True])
+def test_few_particles_stand_for_the_volume_of_all(show_all: bool) -> None:  # noqa: FBT001 - a parameter
+    few = MpmSolver(_solver().scene, r_p=1 / 8, show_all=show_all)
     assert prepare(few, _oval(0.6, 0.6)).goal.cloud.volume == pytest.approx(0.15**2, rel=0.05)
 
 

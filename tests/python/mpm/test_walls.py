@@ -143,7 +143,7 @@ def test_naming_each_wall_alike_changes_no_bit() -> None:
 
 
 def test_those_who_are_carried_meet_the_same_walls() -> None:
-    few = splash(MIXED, r_p=0.25, carry=True)
+    few = splash(MIXED, r_p=0.25, show_all=True)
     few.advance(80)
     lower, upper = np.float32(0.1), np.float32(0.9)
     assert ((few.positions >= lower) & (few.positions <= upper)).all()

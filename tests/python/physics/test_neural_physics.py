@@ -41,9 +41,9 @@ class Stand:
         """Take any scene."""
 
 
-def falling(r_t: int = 4, *, carry: bool = True) -> NeuralPhysics:
+def falling(r_t: int = 4, *, show_all: bool = True) -> NeuralPhysics:
     """Return the drop under the zero network."""
-    return NeuralPhysics(FALL, FreeFall(FALL.frame_dt, r_p=1 / 8, r_t=r_t), carry=carry)
+    return NeuralPhysics(FALL, FreeFall(FALL.frame_dt, r_p=1 / 8, r_t=r_t), show_all=show_all)
 
 
 @pytest.mark.parametrize("r_t", [1, 4, 16])
@@ -79,7 +79,7 @@ def test_frames_within_a_step_are_those_of_free_fall() -> None:
 
 
 def test_first_frames_are_the_solvers() -> None:
-    physics, solver = falling(carry=False), MpmSolver(FALL, r_p=1 / 8)
+    physics, solver = falling(show_all=False), MpmSolver(FALL, r_p=1 / 8)
     assert warmup_frames(4) == 20
     for frame in range(21):
         assert physics.frame == frame
@@ -116,7 +116,7 @@ def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: py
         return found
 
     simulator.network.forward = answer
-    physics = NeuralPhysics(scene, torch_stepper(simulator), carry=False)
+    physics = NeuralPhysics(scene, torch_stepper(simulator), show_all=False)
     path = physics.rollout((5 + steps) * r_t)[::r_t]
     # Rounding to float32 at each step, 6e-8, adds up twice over 30 steps.
     np.testing.assert_allclose(path, truth, atol=2e-5)
@@ -180,7 +180,7 @@ def test_a_force_within_a_step_gives_its_impulse() -> None:
     """A force of a few frames changes the velocity by its time integral, wherever in a step it begins."""
     gain = np.array([8.0, 0.0], np.float32)
     for first in range(20, 25):
-        pushed, plain = falling(carry=False), falling(carry=False)
+        pushed, plain = falling(show_all=False), falling(show_all=False)
         force = np.zeros((20, pushed.particle_count, 2), np.float32)
         force[first - 20 : first - 17] = gain
         pushed.advance(20)
@@ -258,7 +258,7 @@ def test_obstacles_take_part_as_particles() -> None:
         return fall(history, types, *rest)
 
     scene = scenarios.water_ramps_2d(3)
-    physics = NeuralPhysics(scene, Stand(step), carry=False)
+    physics = NeuralPhysics(scene, Stand(step), show_all=False)
     physics.advance(21)
     history, types = seen[0]
     n = physics.particle_count

@@ -1,4 +1,4 @@
-"""A solver that changes rung keeps a budget, moves nothing by it, and goes on from snapshots."""
+"""A solver that changes coarse level keeps a budget, moves nothing by it, and goes on from snapshots."""
 
 import itertools
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import AutoSolver, BoxSink, HybridSimulator, MpmSolver, RungWarning, Scene, scenarios
+from hybridmpm import AutoSolver, BoxSink, CoarseWarning, HybridSimulator, MpmSolver, Scene, scenarios
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.planner import auto
 from hybridmpm.planner.candidates import Candidate, candidates
@@ -17,15 +17,15 @@ EXPECTED = (0.1, 0.2, 0.4, 0.8)
 
 
 def run(controller: Controller, factor: float, frames: int) -> list[int]:
-    """Let frames take `factor` times what is expected of them; return the rung after each."""
-    return [controller.enter(factor * EXPECTED[controller.rung]) for _ in range(frames)]
+    """Let frames take `factor` times what is expected of them; return the coarse level after each."""
+    return [controller.enter(factor * EXPECTED[controller.coarse]) for _ in range(frames)]
 
 
-def test_frames_within_the_budget_keep_the_rung() -> None:
+def test_frames_within_the_budget_keep_the_level() -> None:
     assert set(run(Controller(EXPECTED, 0.5, 2), 1.0, 20 * WINDOW)) == {2}
 
 
-def test_a_slow_machine_gets_the_best_rung_that_keeps_within() -> None:
+def test_a_slow_machine_gets_the_best_level_that_keeps_within() -> None:
     controller = Controller(EXPECTED, 0.5, 3)
     assert run(controller, 2.0, WINDOW)[-2:] == [3, 1]
     assert run(Controller(EXPECTED, 0.5, 2), 100.0, WINDOW)[-1] == 0
@@ -33,17 +33,17 @@ def test_a_slow_machine_gets_the_best_rung_that_keeps_within() -> None:
 
 
 def test_a_quick_machine_climbs_step_by_step() -> None:
-    rungs = run(Controller(EXPECTED, 0.5, 0), 0.25, 12 * WINDOW)
-    assert rungs == sorted(rungs)
-    assert rungs[-1] == 3
-    assert set(rungs) == {0, 1, 2, 3}
+    levels = run(Controller(EXPECTED, 0.5, 0), 0.25, 12 * WINDOW)
+    assert levels == sorted(levels)
+    assert levels[-1] == 3
+    assert set(levels) == {0, 1, 2, 3}
 
 
 def test_an_attempt_that_fails_is_repeated_ever_more_rarely() -> None:
     controller, tried = Controller(EXPECTED, 0.5, 1), []
     for frame in range(3000):
-        # The next rung is expected to fit, and does not.
-        before = controller.rung
+        # The next coarse level is expected to fit, and does not.
+        before = controller.coarse
         if controller.enter(0.2 if before == 1 else 0.6) > before:
             tried.append(frame)
     assert len(tried) >= 4
@@ -80,16 +80,16 @@ def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
 def test_a_change_moves_no_particle_far(scenario: str, clock: Clock) -> None:
     scene = scenarios.get(scenario, 2_000_000)
     solver = AutoSolver(scene, budget_ms=0.4, clock=clock)
-    rungs, states = [solver.rung_name], [solver.positions]
-    assert solver.plan.name == rungs[0]
+    levels, states = [solver.level_name], [solver.positions]
+    assert solver.plan.name == levels[0]
     for frame in range(150):
         clock.frame_seconds = 2e-3 if 40 <= frame < 60 else 1e-5
         solver.advance(1)
-        rungs.append(solver.rung_name)
+        levels.append(solver.level_name)
         states.append(solver.positions)
     assert solver.frame == 150
     assert solver.particle_count == len(scene.sample().x)
-    order = [solver.rung_names.index(name) for name in rungs]
+    order = [solver.level_names.index(name) for name in levels]
     down = min(order[40:80])
     assert down < order[40]
     assert down < order[-1]  # and up again
@@ -99,11 +99,11 @@ def test_a_change_moves_no_particle_far(scenario: str, clock: Clock) -> None:
     for frame in changed:
         assert steps[frame] <= steps[frame - 1] + scene.dx
     for change in solver.changes:
-        assert rungs[change.frame - 1] == change.before
-        assert rungs[change.frame] == change.after
+        assert levels[change.frame - 1] == change.before
+        assert levels[change.frame] == change.after
 
 
-def test_state_and_rung_go_on(clock: Clock) -> None:
+def test_state_and_level_go_on(clock: Clock) -> None:
     solver = AutoSolver(scenarios.water_2d(2_000_000), budget_ms=0.4, clock=clock)
     clock.frame_seconds = 1e-3
     solver.advance(40)
@@ -120,7 +120,7 @@ def test_state_and_rung_go_on(clock: Clock) -> None:
     np.testing.assert_array_equal(other.positions, solver.positions)
     assert other.diagnostics().mass == pytest.approx(float(solver.mass.sum()), rel=1e-4)
     solver.reset()
-    assert (solver.frame, solver.changes, solver.rung_name) == (0, (), solver.plan.name)
+    assert (solver.frame, solver.changes, solver.level_name) == (0, (), solver.plan.name)
     with pytest.raises(SnapshotError):
         solver.restore(b"nothing")
     with pytest.raises(ConfigError, match="depends on a clock"):
@@ -134,9 +134,9 @@ def test_particles_must_neither_come_nor_go(clock: Clock) -> None:
         AutoSolver(scene.model_copy(update={"sinks": (sink,)}), budget_ms=1.0, clock=clock)
 
 
-def test_a_warning_of_a_rung_is_told_once(clock: Clock) -> None:
+def test_a_warning_of_a_level_is_told_once(clock: Clock) -> None:
     scene: Scene = scenarios.water_ramps_2d(2_000_000)
-    with pytest.warns(RungWarning, match="thick"):
+    with pytest.warns(CoarseWarning, match="thick"):
         solver = AutoSolver(scene, budget_ms=0.05, clock=clock)
     clock.frame_seconds = 1e-5
     solver.advance(70)  # here any warning is an error
@@ -144,7 +144,7 @@ def test_a_warning_of_a_rung_is_told_once(clock: Clock) -> None:
 
 
 def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, few = scenarios.water_2d(2_000_000), "carried fitted 1/64"
+    scene, few = scenarios.water_2d(2_000_000), "coarse 1/64"
     expected = {few: (0.9, 0.1), "hybrid fluids_2d": (0.5, 0.3), "neural fluids_2d carried": (0.6, 0.35)}
     known = candidates("water_2d")
 
@@ -156,22 +156,22 @@ def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(auto, "prospective", prospects)
     clock.frame_seconds = 3e-4
-    assert MpmSolver.auto(scene, budget_ms=0.4).rung_names == (few,)
-    assert HybridSimulator.auto(scene, budget_ms=0.4).rung_names == (few, "hybrid fluids_2d")
+    assert MpmSolver.auto(scene, budget_ms=0.4).level_names == (few,)
+    assert HybridSimulator.auto(scene, budget_ms=0.4).level_names == (few, "hybrid fluids_2d")
     solver = AutoSolver(scene, budget_ms=0.4, learned=True, clock=clock)
-    assert solver.rung_name == "hybrid fluids_2d"
+    assert solver.level_name == "hybrid fluids_2d"
     solver.advance(30)
     first = solver.log
     assert first
     clock.frame_seconds = 2e-3
     solver.advance(30)
-    assert (solver.rung_name, solver.mode, solver.r_t) == (few, "mpm", 1)
+    assert (solver.level_name, solver.mode, solver.r_t) == (few, "mpm", 1)
     assert solver.log[: len(first)] == first
     clock.frame_seconds = 1e-5
     solver.advance(90)
-    assert solver.rung_name == "hybrid fluids_2d"
+    assert solver.level_name == "hybrid fluids_2d"
     # Decisions are told by frames since the start, not since the change.
-    back = next(change.frame for change in solver.changes if change.after == solver.rung_name)
+    back = next(change.frame for change in solver.changes if change.after == solver.level_name)
     assert solver.log[-1].noticed >= back
     twin = AutoSolver(scene, budget_ms=0.4, learned=True, clock=clock)
     twin.restore(solver.snapshot())

@@ -30,24 +30,26 @@ def took(work: dict[str, float], one: Sample) -> float:
     each = work["particle_substep"] + work["obstacle_particle_substep"] * k
     whole = work["substep"] + work["obstacle_substep"] * k + work["cell_substep"] * one.cells
     spent = one.substeps * (whole + each * n)
-    shown = work["carry_shown"] + work["carry_obstacle"] * k
-    carried = work["carry"] + work["carry_few"] * n + shown * one.shown
+    shown = work["upsample_shown"] + work["upsample_obstacle"] * k
+    carried = work["upsample"] + work["upsample_coarse"] * n + shown * one.shown
     return spent + work["frame"] + work["particle"] * one.particles + one.carry * carried
 
 
-def sample(particles: int, shown: int, substeps: int, *, carry: bool) -> Sample:
+def sample(particles: int, shown: int, substeps: int, *, show_all: bool) -> Sample:
     """Return a sample that takes what `TRUE` says."""
     cells = particles / (2 if particles < 500 else 4)
     one = Sample(
         name="one", particles=particles, shown=shown, substeps=substeps, cells=cells,
-        obstacles=3 * (substeps % 2), carry=carry, microseconds=0.0,
+        obstacles=3 * (substeps % 2), show_all=show_all, microseconds=0.0,
     )  # fmt: skip
     return dataclasses.replace(one, microseconds=took(TRUE, one))
 
 
 def test_the_work_is_found_again() -> None:
-    few = [sample(n, n, s, carry=False) for n in (50, 500, 4000) for s in (2, 6, 17)]
-    all_shown = [sample(n, shown, s, carry=True) for n in (50, 400) for shown in (1000, 4000) for s in (1, 5)]
+    few = [sample(n, n, s, show_all=False) for n in (50, 500, 4000) for s in (2, 6, 17)]
+    all_shown = [
+        sample(n, shown, s, show_all=True) for n in (50, 400) for shown in (1000, 4000) for s in (1, 5)
+    ]
     found = fitted_work([*few, *all_shown])
     for one in (*few, *all_shown):
         assert took(found, one) == pytest.approx(one.microseconds, rel=0.02)
@@ -89,7 +91,7 @@ def test_times_of_this_machine_are_written_where_plans_look(
     assert times.materials[0].particle_substep > 0
     assert {one.model for one in times.networks} == {"fluids_2d"}
     ratios = {one.name: one.ratio for one in times.ratios}
-    assert set(ratios) == {"mpm sleeping", "carried fitted 1/16 sleeping", "hybrid fluids_2d"}
+    assert set(ratios) == {"mpm sleeping", "coarse 1/16 sleeping", "hybrid fluids_2d"}
     assert all(ratio > 0 for ratio in ratios.values())
     with pytest.raises(DataError, match="incomplete: it lacks sand in 2D, water in 3D, sand in 3D"):
         store.read_times(file)

@@ -1,4 +1,4 @@
-"""Plans: the right rung for an error or a time, honest refusals, and calibrations that are checked."""
+"""Plans: the right coarse level for an error or a time, honest refusals, and calibrations that are checked."""
 
 import json
 import math
@@ -12,9 +12,9 @@ from hybridmpm import (
     Ball,
     Box,
     CalibrationWarning,
+    CoarseWarning,
     MpmSolver,
     RectangularEmitter,
-    RungWarning,
     Scene,
     plan,
     scenarios,
@@ -40,7 +40,7 @@ def test_the_cheapest_within_an_error_and_the_most_accurate_within_a_time() -> N
     found = plan(scene, max_error=0.5)
     assert found.feasible
     assert found.error <= 0.5
-    # Asked for its own time, or its own error, the same rung comes out.
+    # Asked for its own time, or its own error, the same coarse level comes out.
     same = plan(scene, budget_ms=found.ms_per_frame)
     assert same.ms_per_frame <= found.ms_per_frame
     assert same.error <= found.error
@@ -70,7 +70,7 @@ def test_what_cannot_be_had_gets_the_nearest_and_what_it_takes() -> None:
     scene = scenarios.water_2d(SEED)
     best, quickest = plan(scene, max_error=1e-6), plan(scene, budget_ms=1e-6)
     assert (best.name, best.feasible, quickest.feasible) == ("mpm 1", False, False)
-    assert "no rung errs as little as 1e-06" in best.reason
+    assert "no coarse level errs as little as 1e-06" in best.reason
     assert 'substeps="reference"' in best.reason
     assert any("jittered otherwise" in note for note in best.notes)
     assert f"{quickest.ms_per_frame:.3g} ms" in quickest.reason
@@ -103,8 +103,8 @@ def test_a_plan_is_for_a_scene() -> None:
 def test_a_plan_makes_its_simulator() -> None:
     scene = scenarios.water_ramps_2d(SEED)
     found = plan(scene, max_error=0.7)
-    # Its ramps are thinner than a cell of the rung: the plan tells of it, and so does the simulator.
-    with pytest.warns(RungWarning, match="thick") as told:
+    # Its ramps are thinner than a cell of the level: the plan tells of it, and so does the simulator.
+    with pytest.warns(CoarseWarning, match="thick") as told:
         simulator = found.make()
     assert str(told[0].message) in found.notes
     simulator.advance(2)
@@ -117,7 +117,7 @@ def test_a_plan_makes_its_simulator() -> None:
     assert "scene" not in plain
 
 
-@pytest.mark.parametrize("name", ["mpm 1", "mpm 1/16", "mpm softer 1/4", "carried 1/8", "carried fitted 1/8"])
+@pytest.mark.parametrize("name", ["mpm 1", "mpm 1/16", "mpm softer 1/4", "coarse unfitted 1/8", "coarse 1/8"])
 @pytest.mark.parametrize("scenario", ["sand_2d", "water_3d"])
 def test_the_work_told_is_the_work_done(name: str, scenario: str) -> None:
     scene = scenarios.get(scenario, SEED)
@@ -222,12 +222,12 @@ def test_the_command() -> None:
     assert CliRunner().invoke(cli, ["plan", "nowhere", "--max-error", "1"]).exit_code == 2
 
 
-def test_simulate_keeps_a_budget_and_tells_its_rungs() -> None:
+def test_simulate_keeps_a_budget_and_tells_its_level() -> None:
     command = ["simulate", "water_2d", "--frames", "4", "--budget-ms", "0.2"]
     result = CliRunner().invoke(cli, command)
     assert result.exit_code == 0, result.output
-    assert f"; rung {plan(scenarios.water_2d(0), budget_ms=0.2).name}" in result.output
-    for more, said in ((["--rung", "1/16"], "drop '--rung'"), (["--save", "a.hmpm"], "--out")):
+    assert f"; coarse level {plan(scenarios.water_2d(0), budget_ms=0.2).name}" in result.output
+    for more, said in ((["--coarse", "1/16"], "drop '--coarse'"), (["--save", "a.hmpm"], "--out")):
         result = CliRunner().invoke(cli, [*command, *more])
         assert result.exit_code == 2
         assert said in result.output

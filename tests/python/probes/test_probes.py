@@ -187,7 +187,7 @@ def simulators() -> dict[str, Simulator]:
     return {
         "mpm": MpmSolver(scene),
         "few": MpmSolver(scene, r_p=0.25),
-        "carried": MpmSolver(scene, rung="1/16"),
+        "carried": MpmSolver(scene, coarse="1/16"),
         "network": NeuralPhysics(scene, "fluids_2d"),
         "hybrid": HybridSimulator(scene, "fluids_2d"),
     }

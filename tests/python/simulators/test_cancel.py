@@ -62,8 +62,8 @@ def test_copies_obey_the_flag_until_they_get_their_own(make: Callable[[], Simula
     np.testing.assert_array_equal(copy.positions, simulator.positions)
 
 
-def test_a_cancelled_frame_of_a_rung_is_not_done_again_at_the_safe_step() -> None:
-    solver, flag = MpmSolver(scenarios.water_2d(0), rung="1/16"), CancelFlag()
+def test_a_cancelled_frame_of_a_level_is_not_done_again_at_the_safe_step() -> None:
+    solver, flag = MpmSolver(scenarios.water_2d(0), coarse="1/16"), CancelFlag()
     solver.cancel_by(flag)
     solver.advance(6)
     before = solver.snapshot()

@@ -43,8 +43,8 @@ def test_a_repr_says_what_it_is_and_how_far() -> None:
     solver.advance(2)
     count = solver.particle_count
     assert repr(solver) == f"MpmSolver(water_2d seed 7, {count} particles, frame 2)"
-    rung = MpmSolver(WATER, rung="1/16")
-    assert repr(rung) == f"MpmSolver(water_2d seed 7, rung '1/16', {count} particles, frame 0)"
+    level = MpmSolver(WATER, coarse="1/16")
+    assert repr(level) == f"MpmSolver(water_2d seed 7, coarse level '1/16', {count} particles, frame 0)"
     few = MpmSolver(WATER, r_p=0.25)
     assert repr(few) == f"MpmSolver(water_2d seed 7, r_p = 0.25, {few.particle_count} particles, frame 0)"
     neural = NeuralPhysics(WATER, "fluids_2d")
@@ -204,15 +204,15 @@ def test_what_would_be_lost_cannot_be_written(make: Callable[[], Simulator], fra
 
 
 def test_carried_particles_and_those_of_the_core_cannot_be_written_either() -> None:
-    solver = MpmSolver(WATER, rung="1/16")
+    solver = MpmSolver(WATER, coarse="1/16")
     solver.advance(3)
     _assert_read_only(solver, (*SHOWN, "material", "affine", "volume_ratio", "asleep"))
     core = solver._solver
     _assert_read_only(
         core, ("positions", "velocities", "ids", "material", "mass", "affine", "volume_ratio", "asleep")
     )
-    assert solver._carrier is not None
-    _assert_read_only(solver._carrier._native, ("ids", "material", "mass"))
+    assert solver._upsampler is not None
+    _assert_read_only(solver._upsampler._native, ("ids", "material", "mass"))
 
 
 def test_a_wrong_type_is_told_what_to_write_instead() -> None:
@@ -249,7 +249,7 @@ def test_a_name_that_is_nearly_right_is_suggested() -> None:
         (lambda: scenarios.get("water2d"), r"; did you mean 'water_2d'\?$"),
         (lambda: scenarios.get("lava"), "got 'lava'$"),
         (lambda: NeuralPhysics(WATER, "fluid_2d"), r"; did you mean 'fluids_2d'\?$"),
-        (lambda: MpmSolver(WATER, rung="1/15"), r"; did you mean '1/16'\?$"),
+        (lambda: MpmSolver(WATER, coarse="1/15"), r"; did you mean '1/16'\?$"),
         (lambda: HybridSimulator(WATER, "zero", guards=["cosin"]), r"; did you mean 'cosine'\?$"),
         (
             lambda: control.prepare(

@@ -28,7 +28,7 @@ def test_a_check_answers_figures_and_findings(service: Any) -> None:
 def test_a_check_is_made_for_the_simulator_that_is_asked_for(service: Any) -> None:
     plain, coarse, network = (
         service.http.post("/v1/checks", json={"scenario": "water_2d", "seed": 7, **who}).json()
-        for who in ({}, {"rung": "1/16"}, {"solver": "neural"})
+        for who in ({}, {"coarse": "1/16"}, {"solver": "neural"})
     )
     assert plain["particles"] == coarse["particles"] == len(scenarios.water_2d(7).sample().x)
     assert coarse["substeps"] < plain["substeps"]
@@ -95,7 +95,7 @@ def test_bad_requests_are_problems(service: Any, problem: Any) -> None:
         ({"scenario": "water_2d", "scene": scene()}, "give one of"),
         ({"scene": scene(), "seed": 1}, "belongs to a scenario"),
         ({"scenario": "lava"}, "lava"),
-        ({"scenario": "water_2d", "rung": "1/3"}, "rung"),
+        ({"scenario": "water_2d", "coarse": "1/3"}, "coarse"),
         ({"scenario": "water_2d", "log": {}}, "log"),
     ):
         assert words in problem(service.http.post("/v1/checks", json=sent), 422)["detail"]

@@ -225,12 +225,12 @@ def test_a_stream_shows_frames_and_takes_commands(client: Client) -> None:
 def test_the_same_with_asyncio(service: Any) -> None:
     async def use() -> list[int]:
         async with AsyncClient(f"http://{service.address}") as client:
-            session = await client.create("water_2d", 7, rung="1/16")
+            session = await client.create("water_2d", 7, coarse="1/16")
             await session.advance(2)
             particles, fork = await asyncio.gather(session.particles(), session.fork())
             assert particles.positions.shape == (session.info["particles"], 2)
             async with fork.stream() as stream:
-                assert stream.hello["session"]["rung"] == "1/16"
+                assert stream.hello["session"]["coarse"] == "1/16"
                 await stream.step(2)
                 seen: list[int] = []
                 async for frame in stream.frames():

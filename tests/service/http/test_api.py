@@ -125,7 +125,7 @@ def test_particles_as_point_clouds(service: Any, path: str) -> None:
 
 def test_the_pressure_grows_with_depth(service: Any) -> None:
     pool = {"shape": "box", "material": "water", "lower": [0.1, 0.1], "upper": [0.9, 0.3]}
-    body = {"scene": {"dim": 2, "resolution": 128, "bodies": [pool]}, "rung": "1/16"}
+    body = {"scene": {"dim": 2, "resolution": 128, "bodies": [pool]}, "coarse": "1/16"}
     path = service.http.post("/v1/sessions", json=body).json()["links"]["self"]
     assert service.http.get(f"{path}/pressure").json()["frame"] == 0
     for _ in range(2):
@@ -278,14 +278,14 @@ def test_a_fork_goes_on_by_itself_with_the_same_bits(service: Any, path: str) ->
     service.http.delete(fork["links"]["self"])
 
 
-def test_a_session_at_a_rung_shows_all_particles(service: Any, problem: Any) -> None:
-    made = service.http.post("/v1/sessions", json={"scenario": "water_2d", "seed": 3, "rung": "1/16"})
+def test_a_session_at_a_level_shows_all_particles(service: Any, problem: Any) -> None:
+    made = service.http.post("/v1/sessions", json={"scenario": "water_2d", "seed": 3, "coarse": "1/16"})
     scene = scenarios.get("water_2d", 3)
-    solver = MpmSolver(scene, rung="1/16")
-    assert (made.json()["rung"], made.json()["r_p"]) == ("1/16", 1 / 16)
+    solver = MpmSolver(scene, coarse="1/16")
+    assert (made.json()["coarse"], made.json()["r_p"]) == ("1/16", 1 / 16)
     path = made.json()["links"]["self"]
     fork = service.http.post(f"{path}/fork").json()
-    assert fork["rung"] == "1/16"
+    assert fork["coarse"] == "1/16"
     solver.advance(6)
     for each in (path, fork["links"]["self"]):
         answer = service.http.post(f"{each}/advance", json={"frames": 6}, headers=NPZ)
@@ -293,10 +293,10 @@ def test_a_session_at_a_rung_shows_all_particles(service: Any, problem: Any) -> 
         service.http.delete(each)
     assert solver.particle_count == MpmSolver(scene).particle_count
     for body, message in (
-        ({"rung": "1/3"}, "must be one of"),
-        ({"solver": "hybrid", "rung": "1/16"}, "belongs"),
+        ({"coarse": "1/3"}, "must be one of"),
+        ({"solver": "hybrid", "coarse": "1/16"}, "belongs"),
     ):
         refused = service.http.post("/v1/sessions", json={"scenario": "water_2d"} | body)
         (error,) = problem(refused, 422)["errors"]
-        assert error["field"] == "body.rung"
+        assert error["field"] == "body.coarse"
         assert message in error["message"]

@@ -12,7 +12,7 @@ import pytest
 from tests.service.conftest import SMALL_SCENE, Service
 
 from hybridmpm import HybridSimulator, MpmSolver, NeuralPhysics, scenarios
-from hybridmpm.downsampling import rung_table
+from hybridmpm.coarse import coarse_table
 from hybridmpm.hybrid import Decision
 from hybridmpm.physics import NeuralModel
 from hybridmpm_service.sessions.safeguard_record import Safeguard
@@ -84,14 +84,14 @@ def test_a_network_tells_no_pressure(learned: Service, create: Callable[..., str
         assert "MPM alone" in body["detail"]
 
 
-def test_a_session_at_a_rung_shows_all_particles_of_the_scene(
+def test_a_session_at_a_level_shows_all_particles_of_the_scene(
     learned: Service, create: Callable[..., str]
 ) -> None:
-    path = create(rung="1/16")
+    path = create(coarse="1/16")
     body = learned.http.get(path).json()
     scene = scenarios.water_2d(body["seed"])
-    own = MpmSolver(scene, rung="1/16")
-    assert [body[key] for key in ("solver", "rung", "model", "r_p")] == ["mpm", "1/16", None, 1 / 16]
+    own = MpmSolver(scene, coarse="1/16")
+    assert [body[key] for key in ("solver", "coarse", "model", "r_p")] == ["mpm", "1/16", None, 1 / 16]
     assert body["particles"] == len(scene.sample().x) == own.particle_count
     learned.http.post(f"{path}/advance", json={"frames": 6}).raise_for_status()
     own.advance(6)
@@ -99,9 +99,9 @@ def test_a_session_at_a_rung_shows_all_particles_of_the_scene(
     assert np.array_equal(np.array(shown, dtype=np.float32), own.positions)
 
 
-def test_the_page_offers_the_rungs_that_there_are(learned: Service) -> None:
+def test_the_page_offers_the_levels_that_there_are(learned: Service) -> None:
     offered = re.findall(r'<option value="(1/[0-9]+)">', learned.http.get("/").text)
-    assert offered == list(reversed(rung_table().ratios))
+    assert offered == list(reversed(coarse_table().ratios))
 
 
 def test_a_hybrid_session_computes_what_the_library_computes(
@@ -238,9 +238,9 @@ def test_a_hybrid_session_survives_the_same_network(learned: Service, create: Ca
         (WATER | {"solver": "magic"}, "body.solver", "'mpm', 'neural' or 'hybrid'"),
         (WATER | {"solver": "hybrid", "model": "fast"}, "body.model", "known are falling, broken"),
         (WATER | {"model": "falling"}, "body.model", '"neural" and "hybrid"'),
-        (WATER | {"rung": "1/15"}, "body.rung", '"1/32", "1/16", "1/8", "1/4", got "1/15"'),
-        (WATER | {"rung": "1/16", "solver": "hybrid"}, "body.rung", 'solver "mpm", got "hybrid"'),
-        ({"scene": SMALL_SCENE, "rung": "1/64"}, "body.rung", "r_p must be at least"),
+        (WATER | {"coarse": "1/15"}, "body.coarse", '"1/32", "1/16", "1/8", "1/4", got "1/15"'),
+        (WATER | {"coarse": "1/16", "solver": "hybrid"}, "body.coarse", 'solver "mpm", got "hybrid"'),
+        ({"scene": SMALL_SCENE, "coarse": "1/64"}, "body.coarse", "r_p must be at least"),
         (WATER | {"r_c": 0.5}, "body.r_c", 'belongs to the solver "hybrid", got "mpm"'),
         (WATER | {"solver": "neural", "safeguard": "ours"}, "body.safeguard", 'the solver "hybrid"'),
         (WATER | {"solver": "hybrid", "r_c": 1.5}, "body.r_c", "less than or equal to 1"),

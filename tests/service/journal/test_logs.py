@@ -90,7 +90,7 @@ def _with(log: dict[str, Any], *keys: Any, value: Any) -> dict[str, Any]:
             "must have 2 numbers, got 3",
         ),
         (("solver",), "neural", "body.model: is required with a scene of your own"),
-        (("rung",), "1/3", "body.rung: must be one of"),
+        (("coarse",), "1/3", "body.coarse: must be one of"),
         (("digest",), "", "body.log.digest"),
         (("scene", "dim"), 4, "dim"),
         (("format",), 2, "body.log.format"),

@@ -36,7 +36,7 @@ OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 CASES = {
     "mpm": (SCENE, None),
     "open": (OPEN_SCENE, None),
-    "rung": (SCENE, SolverChoice(rung="1/4")),
+    "coarse": (SCENE, SolverChoice(coarse="1/4")),
     "hybrid": (FINE_SCENE, SolverChoice(solver="hybrid", model="fluids_2d")),
 }
 

@@ -1,4 +1,4 @@
-"""Plans over HTTP: what the library answers, and a session that has the rung."""
+"""Plans over HTTP: what the library answers, and a session that has the level."""
 
 from typing import Any
 
@@ -30,9 +30,9 @@ def test_a_plan_is_the_librarys_and_a_session_can_have_it(service: Any) -> None:
         for one in (one for one in answers if one["session"] is not None):
             session = client.create("water_2d", 7, **one["session"])
             assert session.info["r_p"] == pytest.approx(one["r_p"])
-            assert session.info["rung"] is None or session.info["rung"] in one["name"]
+            assert session.info["coarse"] is None or session.info["coarse"] in one["name"]
             session.delete()
-        assert any(one["session"] and "rung" in one["session"] for one in answers)
+        assert any(one["session"] and "coarse" in one["session"] for one in answers)
         # No session has a part of the particles alone.
         assert client.plan(scene=scenarios.water_2d(7), budget_ms=1e-6)["session"] is None
 

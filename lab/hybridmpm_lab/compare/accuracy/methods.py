@@ -58,7 +58,7 @@ def neural(label: str, stepper: Stepper, *, threads: int, parameters: int) -> Me
     """Return a learned simulator."""
 
     def make(scene: Scene) -> NeuralPhysics:
-        return NeuralPhysics(scene, stepper, carry=False, threads=threads)
+        return NeuralPhysics(scene, stepper, show_all=False, threads=threads)
 
     return Method(
         kind="neural", label=label, r_p=stepper.r_p, r_t=stepper.r_t, make=make, parameters=parameters
@@ -69,7 +69,9 @@ def zero(r_p: float, r_t: int, *, threads: int) -> Method:
     """Return free fall between walls, with the particles and the warm-up of a network."""
 
     def make(scene: Scene) -> NeuralPhysics:
-        return NeuralPhysics(scene, FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t), carry=False, threads=threads)
+        return NeuralPhysics(
+            scene, FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t), show_all=False, threads=threads
+        )
 
     label = f"r_p {ratio_label(r_p)}, r_t {r_t}"
     return Method(kind="zero", label=label, r_p=r_p, r_t=r_t, make=make, parameters=0)
@@ -81,7 +83,7 @@ def relaxed(spec: NetworkSpec, *, threads: int) -> Method:
     label = f"r_p {ratio_label(spec.r_p)}, r_t {spec.r_t}, R {spec.radius:.3g}, {spec.relaxations} rounds"
 
     def make(scene: Scene) -> NeuralPhysics:
-        return NeuralPhysics(scene, stepper, carry=False, threads=threads)
+        return NeuralPhysics(scene, stepper, show_all=False, threads=threads)
 
     return Method(kind="relaxed", label=label, r_p=spec.r_p, r_t=spec.r_t, make=make, parameters=0)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridmpm import metrics, scenarios
-from hybridmpm.downsampling import rung_table
+from hybridmpm.coarse import coarse_table
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
@@ -53,7 +53,7 @@ def measure(settings: DownsamplingSettings, on_progress: Progress) -> Iterator[R
 
     The truth is MPM with all particles and the ground truth's substeps. The methods are `mpm`, merged
     particles on a coarse grid at CFL substeps; `carried`, which carries all particles of the scene along;
-    `fitted`, which does so at a rung of the table. Bounds stand beside them: `merged`, the truth merged state
+    `fitted`, which does so at a coarse level of the table. Bounds stand beside them: `merged`, the truth merged state
     by state, the floor of whoever shows so few particles; `jitter`, the truth with other jitter, the floor of
     all; `still`, the state of the first impact held, the ceiling.
 
@@ -105,8 +105,8 @@ class _Maker:
 
     def __call__(self, scene: Scene) -> MpmSolver:
         if self._kind == "fitted":
-            return MpmSolver(scene, rung=self._label)
-        return MpmSolver(scene, r_p=RATIOS[self._label], carry=self._kind == "carried")
+            return MpmSolver(scene, coarse=self._label)
+        return MpmSolver(scene, r_p=RATIOS[self._label], show_all=self._kind == "carried")
 
 
 def _is_bound(name: str) -> bool:
@@ -124,7 +124,7 @@ def _names() -> Iterator[str]:
         yield f"mpm {label}"
         if r_p < 1:
             yield f"carried {label}"
-        if label in rung_table().ratios:
+        if label in coarse_table().ratios:
             yield f"fitted {label}"
 
 

@@ -1,4 +1,4 @@
-"""Who competes in a crossing: the rungs of MPM, and networks, also on scenes that they refuse."""
+"""Who competes in a crossing: the coarse levels of MPM, and networks, also on scenes that they refuse."""
 
 import fnmatch
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling import CarryingSimulator
+from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import ConfigError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics.manifest import models
@@ -19,7 +19,7 @@ from hybridmpm.scene import Scene
 from hybridmpm_lab.compare.crossing.cases import MANY, Case, CrossingSettings
 
 _FEWEST = 60
-"""Particles that a further rung simulates at least."""
+"""Particles that a further coarse level simulates at least."""
 _STIFFEST = 64
 """Largest factor by which material may be softened where it is stiffer than the scenario's."""
 
@@ -29,7 +29,7 @@ class Entrant(Protocol):
 
     @property
     def method(self) -> str:
-        """Kind: "mpm", "carried", "neural" or "hybrid"."""
+        """Kind: "mpm", "coarse", "neural" or "hybrid"."""
 
     @property
     def label(self) -> str:
@@ -43,7 +43,7 @@ class Entrant(Protocol):
     def r_p(self) -> float:
         """Share of the particles that it simulates."""
 
-    def make(self, scene: Scene, threads: int = 1) -> CarryingSimulator:
+    def make(self, scene: Scene, threads: int = 1) -> CoarseSimulator:
         """Return a simulator at frame 0; raises as its class does."""
 
 
@@ -129,7 +129,7 @@ class Learned:
         """Kind and label."""
         return f"{self.method} {self.label}"
 
-    def make(self, scene: Scene, threads: int = 1) -> CarryingSimulator:
+    def make(self, scene: Scene, threads: int = 1) -> CoarseSimulator:
         """Return a simulator at frame 0; raises as its class does."""
         stepper = Unrefused(loaded(self.label, threads), self.r_p)
         kind = NeuralPhysics if self.method == "neural" else HybridSimulator
@@ -152,7 +152,7 @@ def entrants(case: Case, settings: CrossingSettings, particles: int) -> dict[str
     ConfigError
         No name matches one of the patterns.
     """
-    found: dict[str, Entrant] = {one.name: one for one in _rungs(case, particles)}
+    found: dict[str, Entrant] = {one.name: one for one in _levels(case, particles)}
     found |= {one.name: one for one in _learned(case)}
     chosen = {
         name: one
@@ -169,7 +169,7 @@ def networks(case: Case) -> list[str]:
     return [name for name, entry in models().items() if case.scenario in entry.scenarios]
 
 
-def _rungs(case: Case, particles: int) -> Iterator[Candidate]:
+def _levels(case: Case, particles: int) -> Iterator[Candidate]:
     for one in solvers().values():
         if particles <= MANY or one.name == "mpm 1" or one.r_p <= 0.5:
             yield one
@@ -179,9 +179,9 @@ def _rungs(case: Case, particles: int) -> Iterator[Candidate]:
         )
     fewer = 128
     while particles / fewer >= _FEWEST and case.finer > 1:
-        settings = {"r_p": 1 / fewer, "carry": True}
+        settings = {"r_p": 1 / fewer, "show_all": True}
         yield Candidate(
-            method="carried", label=f"1/{fewer}", variant="plain", r_p=1 / fewer, settings=settings
+            method="coarse", label=f"1/{fewer}", variant="plain", r_p=1 / fewer, settings=settings
         )
         fewer *= 2
 

@@ -30,7 +30,7 @@ def table(settings: CrossingSettings, runs: Gathered) -> list[Row]:
     Of learned methods `refused` tells whether the library refuses the case. `as_good` is the cheapest MPM,
     carrying or not, that errs no more, `as_good_ms` its time: below it the method would pay. `times_slower`
     is the method's time over that. A network of the variant "latency alone" simulates the share of the
-    particles that it was trained with, so it would have to be trained anew; it is held against the rung that
+    particles that it was trained with, so it would have to be trained anew; it is held against the coarse level that
     errs no more than the same network does on its own scenes, and `error` is None.
     """
     return [row for case in cases(settings) for row in _of_case(case, settings, runs)]
@@ -44,17 +44,17 @@ def _of_case(case: Case, settings: CrossingSettings, runs: Gathered) -> Iterator
         if (row := _row(one, case, particles, settings, runs)) is not None
     ]
     alone = [_alone(case, particles, name, runs) for name in networks(case) if case.finer != 1]
-    rungs = [row for row in rows if row["method"] not in LEARNED]
+    levels = [row for row in rows if row["method"] not in LEARNED]
     own = Case(scenario=case.scenario, resolution=round(case.resolution / case.finer))
     for row in [*rows, *(one for one in alone if one is not None)]:
         bar = row
         if row["variant"] == LATENCY_ALONE:
             mine = _samples(own, f"neural {row['label']}", settings, runs)
             bar = row | {"error": _mean(mine, "error")}
-        rung = cheapest_as_good(bar, rungs) if row["method"] in LEARNED else None
-        pays_below = rung and rung["ms_per_frame"]
-        slower = row["ms_per_frame"] / pays_below if rung and row["ms_per_frame"] else None
-        name = rung and f"{rung['method']} {rung['label']}"
+        level = cheapest_as_good(bar, levels) if row["method"] in LEARNED else None
+        pays_below = level and level["ms_per_frame"]
+        slower = row["ms_per_frame"] / pays_below if level and row["ms_per_frame"] else None
+        name = level and f"{level['method']} {level['label']}"
         yield row | {"as_good": name, "as_good_ms": pays_below, "times_slower": significant(slower)}
 
 

@@ -10,7 +10,7 @@ from hybridmpm_lab.harness.rows import Row, significant
 HYBRID, FREE_FALL, MPM = "hybrid", "free-fall", "mpm"
 """Methods that others are compared with: the hybrid, the same with free fall in the network's place, and MPM
 with as few particles."""
-KEY = ("scenario", "seed", "method", "carry")
+KEY = ("scenario", "seed", "method", "show_all")
 """Fields that tell runs apart."""
 PROMISED = 0.9
 """Share of the scenes that a promise is about."""
@@ -18,7 +18,7 @@ _MEANS = ("network", "free_fall", "rest", "mpm", "contact", "ms_per_frame", "err
 
 
 def means(rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield a row for each scenario, and one for all, of each method and `carry`.
+    """Yield a row for each scenario, and one for all, of each method and `show_all`.
 
     `ratio` is the mean of the error over that of MPM on the same scene, `ratio_se` its standard error,
     `worst` the largest. `to_free_fall` is the mean of the error over that of the hybrid with free fall in the
@@ -29,11 +29,11 @@ def means(rows: Sequence[Row]) -> Iterator[Row]:
     runs = {tuple(row[name] for name in KEY): row for row in rows}
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row["method"], row["carry"]), []).append(row)
+        groups.setdefault((row["method"], row["show_all"]), []).append(row)
     for (method, carry), mine in groups.items():
         for scenario in (*dict.fromkeys(row["scenario"] for row in mine), "all"):
             chosen = [row for row in mine if scenario in (row["scenario"], "all")]
-            yield {"part": "mean", "scenario": scenario, "method": method, "carry": carry} | _mean(
+            yield {"part": "mean", "scenario": scenario, "method": method, "show_all": carry} | _mean(
                 chosen, runs
             )
 
@@ -65,7 +65,7 @@ def _standard_error(values: Sequence[float]) -> float | None:
 def _over(chosen: Sequence[Row], runs: dict[tuple[object, ...], Row], other: str, field: str) -> list[float]:
     """Return the values of a field over those of another method on the same scenes, where both are known."""
     pairs = (
-        (row[field], runs.get((row["scenario"], row["seed"], other, row["carry"]), {}).get(field))
+        (row[field], runs.get((row["scenario"], row["seed"], other, row["show_all"]), {}).get(field))
         for row in chosen
     )
     return [one / two for one, two in pairs if one is not None and two is not None]
@@ -83,7 +83,7 @@ def promises(rows: Sequence[Row]) -> Iterator[Row]:
     hybrids = [row for row in rows if row["method"] == HYBRID]
     groups: dict[tuple[str, bool], list[Row]] = {}
     for row in hybrids:
-        groups.setdefault((_material(row["scenario"]), row["carry"]), []).append(row)
+        groups.setdefault((_material(row["scenario"]), row["show_all"]), []).append(row)
     for (material, carry), mine in groups.items():
         for after in AT:
             halves = [[row for row in mine if row["seed"] % 2 == half] for half in (0, 1)]
@@ -94,7 +94,7 @@ def promises(rows: Sequence[Row]) -> Iterator[Row]:
             yield {
                 "part": "promise",
                 "scenario": material,
-                "carry": carry,
+                "show_all": carry,
                 "after": after,
                 "bound": significant(bound),
                 "held": significant(held),

@@ -153,7 +153,7 @@ def measure(
                 truth = _Truth.of(scene, settings.frames)
                 network = as_stepper(model_for(settings.model, scenario), scene)
                 for key in missing:
-                    made = _run(scene, truth, network, key[2], carry=key[3], frames=settings.frames)
+                    made = _run(scene, truth, network, key[2], show_all=key[3], frames=settings.frames)
                     runs.add(key, origin.stamped({"part": "run", **dict(zip(KEY, key, strict=True)), **made}))
             on_progress(len(mine))
     rows = [runs.row(key) for key in runs_asked_for]
@@ -163,8 +163,8 @@ def measure(
         yield origin.stamped(row)
 
 
-def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, carry: bool, frames: int) -> Row:
-    simulator = _simulator(scene, network, method, carry=carry)
+def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, show_all: bool, frames: int) -> Row:
+    simulator = _simulator(scene, network, method, show_all=show_all)
     errors, normalised, answered, seconds = [], [], [], list[float]()
     for row in range(1, frames // EVERY + 1):
         try:
@@ -216,17 +216,17 @@ def _at(errors: Sequence[float], frame: int) -> float | None:
     return significant(errors[row]) if row < len(errors) else None
 
 
-def _simulator(scene: Scene, network: Stepper, method: str, *, carry: bool) -> Simulator:
+def _simulator(scene: Scene, network: Stepper, method: str, *, show_all: bool) -> Simulator:
     if method in (MPM, JITTER):
         other = metrics.other_jitter(scene) if method == JITTER else scene
-        return MpmSolver(other, r_p=network.r_p, carry=carry)
+        return MpmSolver(other, r_p=network.r_p, show_all=show_all)
     if method == NETWORK:
-        return NeuralPhysics(scene, network, carry=carry)
+        return NeuralPhysics(scene, network, show_all=show_all)
     if method == FREE_FALL:
         network = FreeFall(scene.frame_dt, r_p=network.r_p, r_t=network.r_t)
     elif method in THRESHOLDS:
         sound = ("non-finite", "outside")
-        return HybridSimulator(scene, network, r_c=THRESHOLDS[method], guards=sound, carry=carry)
+        return HybridSimulator(scene, network, r_c=THRESHOLDS[method], guards=sound, show_all=show_all)
     elif method != HYBRID:
         network = Corrupted(network, CORRUPTIONS[method], scene)
-    return HybridSimulator(scene, network, carry=carry)
+    return HybridSimulator(scene, network, show_all=show_all)

@@ -21,7 +21,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
 
     The chart is written as SVG and PNG. It is about runs in which all particles are carried along.
     """
-    mine = [row for row in rows if row.get("carry")]
+    mine = [row for row in rows if row.get("show_all")]
     means = [row for row in mine if row["part"] == "mean" and row["method"] == HYBRID]
     names = [row["scenario"] for row in means]
     figure, axes = charts.panels(2, 1, width=5.6, height=4.0)

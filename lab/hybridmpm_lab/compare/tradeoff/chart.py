@@ -16,11 +16,11 @@ _MARKS = {
     ("mpm", "plain"): ("o", "MPM, the few alone"),
     ("mpm", "softer"): ("v", "MPM, softer material"),
     ("mpm", "sleeping"): ("h", "MPM, sleeping"),
-    ("carried", "plain"): ("s", "MPM carrying all"),
-    ("carried", "fitted"): ("D", "carrying, fitted"),
-    ("carried", "sleeping"): ("p", "carrying, fitted, sleeping"),
+    ("coarse", "plain"): ("s", "coarse, unfitted"),
+    ("coarse", "fitted"): ("D", "coarse"),
+    ("coarse", "sleeping"): ("p", "coarse, sleeping"),
     ("neural", "alone"): ("^", "network"),
-    ("neural", "carried"): (">", "network carrying all"),
+    ("neural", "all shown"): (">", "network, all shown"),
     ("hybrid", "default guards"): ("X", "hybrid"),
     ("hybrid", "cosine"): ("P", "hybrid by the cosine alone, at $r_c$"),
     ("peer", None): ("*", "peer, ground truth's substeps"),
@@ -151,7 +151,7 @@ def _share(row: Row) -> float:
 
 
 def _short(row: Row) -> str:
-    return str(row["label"]).replace("fitted ", "").replace(" carried", "")
+    return str(row["label"]).replace("unfitted ", "").replace(" all shown", "")
 
 
 def _explain(legend: Any, panels: Sequence[Any], figure: Any, shades: Any) -> None:

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
 from hybridmpm import metrics, scenarios
-from hybridmpm.downsampling import CarryingSimulator
+from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import SimulationError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -137,7 +137,7 @@ def _run(entrant: Candidate, scene: Scene, start: int, true: Recording, settings
     }
 
 
-def _by_network(simulator: CarryingSimulator) -> int:
+def _by_network(simulator: CoarseSimulator) -> int:
     """Return the number of frames so far that MPM did not simulate."""
     if isinstance(simulator, HybridSimulator):
         answered = simulator.answered

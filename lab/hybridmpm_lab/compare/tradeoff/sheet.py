@@ -66,7 +66,7 @@ def _column(scenario: str, threads: int) -> list[_Picture]:
     known = entrants(scenario)
     truth = MpmSolver(scene, substeps="reference", threads=threads)
     frame = first_impact(MpmSolver(scene), LONGEST_FALL) + AFTER
-    makers = [known[name].make for name in (f"neural {model} carried", "mpm 1/1.75", f"hybrid {model}")]
+    makers = [known[name].make for name in (f"neural {model} all shown", "mpm 1/1.75", f"hybrid {model}")]
     simulators: list[Simulator] = [truth, *(make(scene, threads) for make in makers)]
     pictures = [_drawn(scene, truth)]
     for simulator in simulators:

@@ -16,7 +16,7 @@ from hybridmpm_lab.harness.rows import Row, significant
 
 BOUNDS = (errors.JITTER, errors.STILL, errors.MERGED)
 """Methods that are floors and ceilings: nobody can run them."""
-_RIVALS = ("mpm", "carried")
+_RIVALS = ("mpm", "coarse")
 """Methods that a learned one has to beat."""
 _ORIGIN = ("machine", "date", "commit", "command")
 
@@ -139,12 +139,12 @@ def _compared(rows: list[Row], by_scene: metrics.ErrorTable) -> list[Row]:
             field = "on_front" if measure == "error" else f"on_front_{measure}"
             row[field] = runs_at_all and on_front(row, real, measure)
         better = dominating(row, real) if runs_at_all else None
-        rung = cheapest_as_good(row, rivals) if runs_at_all else None
+        level = cheapest_as_good(row, rivals) if runs_at_all else None
         row["dominated_by"] = better and _name(better)
         row.update(_apart(by_scene, row, better, "minus_dominator"))
-        row["as_good"] = rung and _name(rung)
-        row["as_good_ms"] = rung and rung["ms_per_frame"]
-        row.update(_apart(by_scene, row, rung, "minus_as_good"))
+        row["as_good"] = level and _name(level)
+        row["as_good_ms"] = level and level["ms_per_frame"]
+        row.update(_apart(by_scene, row, level, "minus_as_good"))
     return rows
 
 

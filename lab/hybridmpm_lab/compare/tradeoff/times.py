@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling import CarryingSimulator
+from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.impact import first_frame
@@ -55,11 +55,11 @@ class OwnTiming:
 
     Parameters
     ----------
-    simulator : CarryingSimulator
+    simulator : CoarseSimulator
         At the frame from which it is timed.
     """
 
-    def __init__(self, simulator: CarryingSimulator) -> None:
+    def __init__(self, simulator: CoarseSimulator) -> None:
         self._simulator, self._start = simulator, simulator.snapshot()
 
     def restore(self) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import metrics
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.goal import Goal
-from hybridmpm.downsampling.splines import Stencils
 from hybridmpm.scene import Scene
 from hybridmpm_lab.harness.rows import Row
 

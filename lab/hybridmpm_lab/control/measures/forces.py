@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import EARTH, Floats
 from hybridmpm.control.goal.goal import Goal
-from hybridmpm.downsampling.splines import Stencils
 from hybridmpm_lab.harness.rows import Row
 
 FINE_CELLS = 32

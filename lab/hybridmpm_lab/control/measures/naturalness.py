@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _native
-from hybridmpm.downsampling.splines import Stencils
+from hybridmpm.coarse.splines import Stencils
 
 FEATURES = (
     *(f"fill_{percent}" for percent in (5, 25, 50, 75, 95)),

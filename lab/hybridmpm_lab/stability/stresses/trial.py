@@ -11,9 +11,9 @@ from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scene import Box, Elastic, Sand, Scene, Walls, Water
 from hybridmpm.simulator import Simulator
 
-Method = Literal["mpm", "carried", "neural", "hybrid"]
-METHODS: tuple[Method, ...] = ("mpm", "carried", "neural", "hybrid")
-"""MPM with all particles, MPM at rung 1/16 with all others carried along, the shipped network, the hybrid."""
+Method = Literal["mpm", "coarse", "neural", "hybrid"]
+METHODS: tuple[Method, ...] = ("mpm", "coarse", "neural", "hybrid")
+"""MPM with all particles, MPM at coarse level 1/16 with all others carried along, the shipped network, the hybrid."""
 MODELS = {2: "fluids_2d", 3: "fluids_3d"}
 """Networks of the map by dimension; both move an eighth of the particles and carry the others."""
 
@@ -47,7 +47,7 @@ class Trial:
     force: Callable[[Simulator], npt.ArrayLike | None] | None = None
     """External acceleration [m/s^2] of the frame to come, as in `Simulator.advance`."""
     mpm: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of MPM; they take the place of the rung where few particles carry all."""
+    """Settings of MPM; they take the place of the coarse level where few particles carry all."""
     safe: Scene | None = None
     """Scene of the truth where it is not this one: the same at a stiffness that is safe."""
     passed: Callable[[_Floats], npt.NDArray[np.bool_]] | None = None

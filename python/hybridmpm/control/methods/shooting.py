@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 
+from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.goal import Goal, goal_of
 from hybridmpm.control.goal.ways import Ways
@@ -12,7 +13,6 @@ from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.analytic import arrival
 from hybridmpm.control.methods.cma_es import minimise
 from hybridmpm.control.methods.method import Task
-from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.simulator import Simulator
@@ -55,19 +55,19 @@ class Shooting:
                 "shooting needs a scene without emitters and sinks: use the method analytic for this one"
             )
         end = time.perf_counter() + (_BUDGET if task.budget is None else task.budget)
-        rung = _Rung(simulator, task)
+        level = _Level(simulator, task)
         dim = simulator.dim
         scale = np.append(np.full(2 * dim, _SCALE), _TIMING)
-        best = minimise(rung.miss, scale, go_on=lambda _: time.perf_counter() < end, seed=task.seed).x
+        best = minimise(level.miss, scale, go_on=lambda _: time.perf_counter() < end, seed=task.seed).x
         laws = [
-            _planned(task, task.goal.ways, numbers, rung.arrival) for numbers in (np.zeros_like(best), best)
+            _planned(task, task.goal.ways, numbers, level.arrival) for numbers in (np.zeros_like(best), best)
         ]
-        # The rung is not the simulator: both plans are tried on that, and as it is deterministic, the result
+        # The coarse level is not the simulator: both plans are tried on that, and as it is deterministic, the result
         # is never worse than the analytic plan.
         return min(laws, key=lambda law: _miss(simulator, task, law))
 
 
-class _Rung:
+class _Level:
     """A coarse simulation of the present state, on which plans are tried."""
 
     def __init__(self, simulator: Simulator, task: Task) -> None:

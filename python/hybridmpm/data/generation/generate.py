@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data import metadata, splits
 from hybridmpm.data.generation import assemble
 from hybridmpm.data.generation.executors import Executor
@@ -14,7 +15,6 @@ from hybridmpm.data.generation.shards import Shards
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.splits import Seeds
 from hybridmpm.data.statistics import Statistics
-from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene.kinematic import kinematic_particles
 

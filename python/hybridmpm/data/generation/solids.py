@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.control import Control
 from hybridmpm.data.trajectory import Place, Trajectory
-from hybridmpm.downsampling.merging import spacing_at
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 from hybridmpm.scene.kinematic import kinematic_particles

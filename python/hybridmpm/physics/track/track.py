@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm._support.arguments import whole
-from hybridmpm.downsampling.merging import spacing_at
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.physics.stepper import Stepper

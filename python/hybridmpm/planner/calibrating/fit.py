@@ -26,7 +26,7 @@ class Sample:
     """Cells that the material fills at rest."""
     obstacles: int
     """Number of obstacles."""
-    carry: bool
+    show_all: bool
     """Whether those shown are carried along."""
     microseconds: float
     """Median time of a frame [us]."""
@@ -34,7 +34,7 @@ class Sample:
 
 FIELDS = (
     "substep", "particle_substep", "cell_substep", "obstacle_substep", "obstacle_particle_substep",
-    "frame", "particle", "carry", "carry_few", "carry_shown", "carry_obstacle",
+    "frame", "particle", "upsample", "upsample_coarse", "upsample_shown", "upsample_obstacle",
 )  # fmt: skip
 """Kinds of work; see `planner.calibration.MaterialTimes`."""
 
@@ -57,10 +57,10 @@ def fitted_work(samples: Sequence[Sample]) -> dict[str, float]:
                 one.substeps * one.particles * one.obstacles,
                 1.0,
                 one.particles,
-                float(one.carry),
-                one.carry * one.particles,
-                one.carry * one.shown,
-                one.carry * one.shown * one.obstacles,
+                float(one.show_all),
+                one.show_all * one.particles,
+                one.show_all * one.shown,
+                one.show_all * one.shown * one.obstacles,
             ]
             for one in samples
         ]

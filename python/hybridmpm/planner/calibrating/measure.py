@@ -9,8 +9,8 @@ import numpy as np
 
 from hybridmpm import _native, scenarios
 from hybridmpm._support.machine import cpu_model
-from hybridmpm.downsampling import CarryingSimulator
-from hybridmpm.downsampling.rungs.bounds import fastest_impact
+from hybridmpm.coarse import CoarseSimulator
+from hybridmpm.coarse.bounds import fastest_impact
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.fit import Sample, fitted_line, fitted_work
 from hybridmpm.planner.calibrating.impact import first_frame
@@ -29,13 +29,13 @@ CLASSES: tuple[tuple[Literal["water", "sand"], Literal[2, 3]], ...] = (
 _SEEDS = range(40)
 """Training seeds, of which the scenes with most and with fewest particles are timed."""
 _MEASURED = (
-    "mpm 1", "mpm 1/4", "mpm 1/16", "mpm 1/64", "carried 1/4", "carried 1/8", "carried 1/64",
-    "carried fitted 1/4", "carried fitted 1/8", "carried fitted 1/16", "carried fitted 1/32",
-    "carried fitted 1/64",
+    "mpm 1", "mpm 1/4", "mpm 1/16", "mpm 1/64", "coarse unfitted 1/4", "coarse unfitted 1/8", "coarse unfitted 1/64",
+    "coarse 1/4", "coarse 1/8", "coarse 1/16", "coarse 1/32",
+    "coarse 1/64",
 )  # fmt: skip
-_RATIOS = {"mpm sleeping": "mpm 1", "carried fitted 1/16 sleeping": "carried fitted 1/16"}
+_RATIOS = {"mpm sleeping": "mpm 1", "coarse 1/16 sleeping": "coarse 1/16"}
 """Candidates that are known by their time over that of another one."""
-_HYBRID_BASE = "carried 1/8"
+_HYBRID_BASE = "coarse unfitted 1/8"
 """What a hybrid with a shipped network is compared with: MPM with as few particles, carrying."""
 _PIECE = 8
 """Frames of a piece: two upsamplings, and one or two steps of each shipped network."""
@@ -125,7 +125,7 @@ def _timed(scene: Scene, chosen: Sequence[Candidate]) -> Iterator[Sample]:
     seconds: list[list[list[float]]] = [[] for _ in chosen]
     substeps: list[list[int]] = [[] for _ in chosen]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # rungs and obstacles are none of the user's here
+        warnings.simplefilter("ignore")  # coarse levels and obstacles are none of the user's here
         simulators = [one.make(scene) for one in chosen]
         for simulator in simulators:
             simulator.advance(max(start, 5 * 8))
@@ -141,7 +141,7 @@ def _timed(scene: Scene, chosen: Sequence[Candidate]) -> Iterator[Sample]:
         yield _sample(candidate, simulator, mine, cuts)
 
 
-def _frames(simulator: CarryingSimulator, substeps: list[int]) -> list[float]:
+def _frames(simulator: CoarseSimulator, substeps: list[int]) -> list[float]:
     spent = []
     for _ in range(_TURN):
         began = time.process_time()  # others who use the machine then add less
@@ -154,7 +154,7 @@ def _frames(simulator: CarryingSimulator, substeps: list[int]) -> list[float]:
 
 
 def _sample(
-    candidate: Candidate, simulator: CarryingSimulator, seconds: list[list[float]], substeps: list[int]
+    candidate: Candidate, simulator: CoarseSimulator, seconds: list[list[float]], substeps: list[int]
 ) -> Sample:
     scene = simulator.scene
     resolution = simulator.resolution if isinstance(simulator, MpmSolver) else scene.resolution
@@ -166,14 +166,14 @@ def _sample(
         substeps=float(np.median(substeps)),
         cells=filled_cells(scene, len(scene.sample().x), resolution),
         obstacles=len(scene.obstacles),
-        carry=candidate.carry,
+        show_all=candidate.show_all,
         microseconds=1e6 * float(np.median(frames.reshape(-1, _PIECE).mean(axis=1))),
     )
 
 
 def _speed(scene: Scene) -> float:
     """Return the largest speed of particles in mid-splash over that of matter that falls onto the floor."""
-    known = solvers()["carried fitted 1/16"]
+    known = solvers()["coarse 1/16"]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         simulator = known.make(scene)

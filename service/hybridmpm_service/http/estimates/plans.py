@@ -35,12 +35,12 @@ class PlanRequest(Request):
         default=None, description="Scene of your own, in the place of a scenario."
     )
     max_error: float | None = Field(
-        default=None, gt=0, description="Largest mean error: the quickest rung within it is answered."
+        default=None, gt=0, description="Largest mean error: the quickest coarse level within it is answered."
     )
     budget_ms: float | None = Field(
         default=None,
         gt=0,
-        description="Longest time of a frame [ms]: the most accurate rung within it is answered.",
+        description="Longest time of a frame [ms]: the most accurate coarse level within it is answered.",
     )
     measure: Measure = Field(default="grid_rmse", description="Measure of the error.")
 
@@ -56,9 +56,9 @@ class PlanRequest(Request):
 
 
 class ProspectBody(BaseModel):
-    """What is expected of a rung in the scene."""
+    """What is expected of a level in the scene."""
 
-    name: str = Field(description="Name of the rung.", examples=["carried fitted 1/16"])
+    name: str = Field(description="Name of the level.", examples=["coarse 1/16"])
     error: float = Field(description="Mean error by the measure.", examples=[0.44])
     error_se: float | None = Field(description="Its standard error over the scenes of the calibration.")
     ms_per_frame: float = Field(
@@ -67,22 +67,22 @@ class ProspectBody(BaseModel):
 
 
 class PlanBody(ProspectBody):
-    """The rung that was chosen."""
+    """The coarse level that was chosen."""
 
     measure: Measure = Field(description="Measure of the error.")
-    feasible: bool = Field(description="Whether it meets the demand; else it is the nearest rung.")
+    feasible: bool = Field(description="Whether it meets the demand; else it is the nearest level.")
     r_p: float = Field(description="Share of the particles that are simulated.")
     particles: int = Field(description="About how many particles are simulated.")
     resolution: int = Field(description="Cells per metre of their grid.")
     substeps: int = Field(description="About how many substeps a frame has in mid-splash.")
-    carry: bool = Field(description="Whether all particles are carried along with fewer.")
+    show_all: bool = Field(description="Whether all particles are carried along with fewer.")
     session: dict[str, Any] | None = Field(
-        description="Fields of `POST /v1/sessions` that choose this rung; null where no session can have it.",
-        examples=[{"solver": "mpm", "rung": "1/16"}],
+        description="Fields of `POST /v1/sessions` that choose this coarse level; null where no session can have it.",
+        examples=[{"solver": "mpm", "coarse": "1/16"}],
     )
     candidates: list[ProspectBody] = Field(description="All that were compared, the quickest first.")
     runner_up: ProspectBody | None = Field(description="The next that would have been chosen.")
-    reason: str = Field(description="Why this rung; what an impossible demand would take.")
+    reason: str = Field(description="Why this coarse level; what an impossible demand would take.")
     notes: list[str] = Field(description="What the figures rest on.")
 
     @classmethod
@@ -95,10 +95,10 @@ class PlanBody(ProspectBody):
 
 
 def _session(plan: Plan) -> dict[str, Any] | None:
-    """Return the fields of a session at the plan's rung; None where sessions have no such settings."""
+    """Return the fields of a session at the plan's coarse level; None where sessions have no such settings."""
     if plan.model is not None:
-        shows_all = plan.carry and set(plan.settings) <= {"carry"}
+        shows_all = plan.show_all and set(plan.settings) <= {"show_all"}
         return {"solver": plan.simulator, "model": plan.model} if shows_all else None
-    if plan.candidate.softer == 1 and set(plan.settings) <= {"rung"}:
+    if plan.candidate.softer == 1 and set(plan.settings) <= {"coarse"}:
         return {"solver": "mpm", **plan.settings}
     return None

@@ -10,7 +10,7 @@ const SHAPES = { arrow: ["along an arrow", ARROW], oval: ["into an oval", OVAL] 
 const demoOf = (material, dim, shape) => ({
   title: `${MATERIALS[material]} ${SHAPES[shape][0]}${dim === 3 ? ", in space" : ""}`,
   preset: {
-    scene: { scenario: `${material}_${dim}d`, seed: 0, solver: "mpm", rung: null },
+    scene: { scenario: `${material}_${dim}d`, seed: 0, solver: "mpm", coarse: null },
     frame: 60,
     sketch: SHAPES[shape][1],
     settings: { hold: 40 },

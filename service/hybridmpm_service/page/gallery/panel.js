@@ -14,7 +14,7 @@ const SCENES = {
   letters: "Letters",
   "dam-in-space": "Dam in space",
 };
-const RUNGS = { "dam-in-space": "1/16" }; // where so many particles need few that carry them
+const LEVELS = { "dam-in-space": "1/16" }; // where so many particles need few that carry them
 
 let parts = null; // {open, show, toast}, from openGallery
 
@@ -22,7 +22,7 @@ async function choose(name) {
   byId("gallery").close();
   try {
     const scene = await request("GET", `gallery/${name}.json`);
-    parts.open(name in RUNGS ? { scene, rung: RUNGS[name] } : { scene });
+    parts.open(name in LEVELS ? { scene, coarse: LEVELS[name] } : { scene });
   } catch (problem) {
     parts.toast(problem);
   }

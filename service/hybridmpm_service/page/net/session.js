@@ -30,7 +30,7 @@ export class SessionClient {
     return this.#state;
   }
 
-  /** Leave the present session and create another one, of {scenario, seed, solver, rung}, {scene} or {log}. */
+  /** Leave the present session and create another one, of {scenario, seed, solver, coarse}, {scene} or {log}. */
   async start(body) {
     const generation = this.#leave();
     this.#enter("connecting");

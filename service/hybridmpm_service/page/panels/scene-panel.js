@@ -80,7 +80,7 @@ export function bindScene(newScene) {
     start();
   });
   byId("solvers").addEventListener("change", start);
-  byId("rung").addEventListener("change", start);
+  byId("coarse").addEventListener("change", start);
   byId("dice").addEventListener("click", () => {
     byId("seed").value = String(Math.floor(Math.random() * 1_000_000));
     start();

@@ -42,23 +42,23 @@ export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined
 
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
 
-/** The rung of this name; null, for all particles, where there is none. */
-export const asRung = (name) => [...byId("rung").options].find(({ value }) => value !== "" && value === name)?.value ?? null;
+/** The coarse of this name; null, for all particles, where there is none. */
+export const asCoarse = (name) => [...byId("coarse").options].find(({ value }) => value !== "" && value === name)?.value ?? null;
 
-export const chosenRung = () => asRung(byId("rung").value);
+export const chosenCoarse = () => asCoarse(byId("coarse").value);
 
-export function showChoice({ scenario, solver, rung }) {
+export function showChoice({ scenario, solver, coarse }) {
   const model = modelFor(scenario);
   for (const input of document.querySelectorAll('input[name="solver"]')) {
     input.checked = input.value === solver;
     input.disabled = input.value !== "mpm" && model === undefined;
   }
-  byId("rung").value = rung ?? "";
-  byId("rung-field").hidden = solver !== "mpm";
-  setText("solver-text", choiceText(solver, model, rung));
+  byId("coarse").value = coarse ?? "";
+  byId("coarse-field").hidden = solver !== "mpm";
+  setText("solver-text", choiceText(solver, model, coarse));
 }
 
-function choiceText(solver, model, rung) {
+function choiceText(solver, model, coarse) {
   const share = model && `${Number((100 * model.r_p).toFixed(1))} % of the particles`;
   switch (solver) {
     case "hybrid":
@@ -66,7 +66,7 @@ function choiceText(solver, model, rung) {
     case "neural":
       return `A network alone simulates ${share}. No guard watches it.`;
     default: {
-      const who = rung === null ? "simulates all particles" : `simulates ${rung} of the particles, which carry all others along`;
+      const who = coarse === null ? "simulates all particles" : `simulates ${coarse} of the particles, which carry all others along`;
       const text = `The material point method (MPM) ${who}.`;
       return model === undefined ? `${text} There is no network for this scenario.` : text;
     }

@@ -1,11 +1,11 @@
-// All that a plan chose among: error against time, the demand, and the rung that was chosen.
+// All that a plan chose among: error against time, the demand, and the coarse level that was chosen.
 
 const SPACE = "http://www.w3.org/2000/svg";
 const WIDTH = 360;
 const HEIGHT = 190;
 const LEFT = 34;
 const BOTTOM = 34;
-const KINDS = ["mpm", "carried", "hybrid", "neural"];
+const KINDS = ["mpm", "coarse", "hybrid", "neural"];
 
 function drawn(name, attributes, text) {
   const element = document.createElementNS(SPACE, name);
@@ -29,7 +29,7 @@ function ticks(low, high) {
  * @param svg     the element
  * @param plan    the answer of the server
  * @param demand  {budget_ms} or {max_error}
- * @param titleOf turns the name of a rung into a title
+ * @param titleOf turns the name of a coarse level into a title
  */
 export function drawPlans(svg, plan, demand, titleOf) {
   const points = plan.candidates;

@@ -4,12 +4,12 @@ import { request } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
 import { drawPlans } from "./chart.js";
 
-const METHODS = { mpm: "MPM", carried: "MPM carrying all particles", neural: "Network", hybrid: "Hybrid" };
+const METHODS = { mpm: "MPM", coarse: "MPM, coarse mode", neural: "Network", hybrid: "Hybrid" };
 
 let parts = null; // from openPlanner
 let plan = null; // the newest answer; null before the first, and after one that failed
 
-/** "carried fitted 1/16" -> "MPM carrying all particles, fitted 1/16". */
+/** "coarse 1/16" -> "MPM carrying all particles, fitted 1/16". */
 function titleOf(name) {
   const [method, ...label] = name.split(" ");
   return `${METHODS[method] ?? method}, ${label.join(" ")}`;
@@ -64,7 +64,7 @@ function bind() {
   });
   byId("plan-start").addEventListener("click", () => {
     byId("planner").close();
-    parts.start({ solver: plan.session.solver, rung: plan.session.rung ?? null });
+    parts.start({ solver: plan.session.solver, coarse: plan.session.coarse ?? null });
   });
   byId("planner-close").addEventListener("click", () => byId("planner").close());
 }
@@ -72,7 +72,7 @@ function bind() {
 /**
  * Open the dialog, and ask at once.
  *
- * @param given {scene() -> {scenario, seed} of the scene that is asked about, start({solver, rung}) at the rung chosen}
+ * @param given {scene() -> {scenario, seed} of the scene that is asked about, start({solver, coarse}) at the coarse level chosen}
  */
 export function openPlanner(given) {
   if (parts === null) {

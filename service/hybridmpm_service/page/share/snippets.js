@@ -2,14 +2,14 @@
 
 const quoted = (text) => JSON.stringify(text);
 
-function simulatorOf({ solver, rung, model }) {
+function simulatorOf({ solver, coarse, model }) {
   switch (solver) {
     case "hybrid":
       return { name: "HybridSimulator", call: `HybridSimulator(scene, ${quoted(model)})` };
     case "neural":
       return { name: "NeuralPhysics", call: `NeuralPhysics(scene, ${quoted(model)})` };
     default:
-      return { name: "MpmSolver", call: rung ? `MpmSolver(scene, rung=${quoted(rung)})` : "MpmSolver(scene)" };
+      return { name: "MpmSolver", call: coarse ? `MpmSolver(scene, coarse=${quoted(coarse)})` : "MpmSolver(scene)" };
   }
 }
 
@@ -28,9 +28,9 @@ export function asPython(log) {
 }
 
 /** What the service needs to start the session of a log, without its inputs. */
-export function bodyOf({ scenario, seed, scene, solver, rung, model }) {
+export function bodyOf({ scenario, seed, scene, solver, coarse, model }) {
   const what = scenario ? { scenario, seed } : { scene };
-  const who = solver === "mpm" ? { solver, ...(rung ? { rung } : {}) } : { solver, model };
+  const who = solver === "mpm" ? { solver, ...(coarse ? { coarse } : {}) } : { solver, model };
   return { ...what, ...who };
 }
 

@@ -39,7 +39,7 @@ class Origin:
         guard = chosen.safeguard
         choice = SolverChoice(
             solver=chosen.simulator.kind,
-            rung=chosen.rung,
+            coarse=chosen.coarse,
             model=chosen.model,
             r_c=None if guard is None else guard.r_c,
             safeguard=None if guard is None else guard.kind,
@@ -73,7 +73,7 @@ class Origin:
             scenario=record["scenario"],
             seed=record["seed"],
             choice=SolverChoice(
-                **{name: record[name] for name in ("solver", "rung", "model", "r_c", "safeguard")}
+                **{name: record[name] for name in ("solver", "coarse", "model", "r_c", "safeguard")}
             ),
             versions=Versions(**record["versions"]),
         )

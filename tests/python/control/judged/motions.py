@@ -16,11 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control import ReversedCase, follow, reversed_from_seed
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
-from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.simulator import Simulator
 
 Floats = npt.NDArray[np.float64]

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.methods.method import Task
-from hybridmpm.downsampling.splines import Stencils
 
 _OUTSIDE_LENGTH = 0.02
 """Distance from the walls up to which a place outside counts as inside [m]; it is moved to the wall."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
-from hybridmpm.downsampling.splines import Stencils
 
 _CELLS = (1, 3, 6)
 """Cells of the grids over the box between the walls whose noises are added."""

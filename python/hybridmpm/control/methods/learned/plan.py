@@ -6,6 +6,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted
@@ -16,7 +17,6 @@ from hybridmpm.control.methods.learned.features import Aim, State
 from hybridmpm.control.methods.learned.guard import objection
 from hybridmpm.control.methods.learned.network import WEIGHTS, TransportNetwork
 from hybridmpm.control.methods.method import HandOver, Task
-from hybridmpm.downsampling.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND

@@ -1,4 +1,4 @@
-"""`fit_rungs`: searches constants of rungs, judges them, and puts them into a table."""
+"""`fit_levels`: searches constants of levels, judges them, and puts them into a table."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -7,8 +7,7 @@ from pathlib import Path
 
 from hybridmpm._native import SOLVER_VERSION
 from hybridmpm._support.files import replacing
-from hybridmpm.downsampling import RungTable, rung_table
-from hybridmpm.downsampling.rungs import RungEntry
+from hybridmpm.coarse import CoarseTable, FittedLevel, coarse_table
 from hybridmpm.errors import ConfigError
 from hybridmpm_lab.fitting.cases import Case
 from hybridmpm_lab.fitting.judge import fastest, judge, scenarios_of
@@ -24,11 +23,11 @@ class FitSettings:
     """Length of the searches."""
 
     trials: int = 80
-    """Number of points that the search of each rung tries; with 0 the rungs of the table are judged anew."""
+    """Number of points that the search of each coarse level tries; with 0 the coarse levels of the table are judged anew."""
     scenes: int = 10
     """Number of training scenes, from seed 0 on."""
     held_out: int = 10
-    """Number of scenes that a rung is judged on, half as many of each other scenario with its material."""
+    """Number of scenes that a coarse level is judged on, half as many of each other scenario with its material."""
 
     def steps(self, targets: Sequence[Target]) -> int:
         """Return how often progress is told."""
@@ -40,17 +39,17 @@ class FitSettings:
         return {name: self.held_out if name == target.scenario else others for name in scenarios_of(target)}
 
 
-def fit_rungs(
+def fit_levels(
     targets: Sequence[Target],
     settings: FitSettings,
     *,
     folder: Path,
     file: Path,
     on_step: Callable[[], object],
-) -> RungTable:
-    """Search the constants of rungs, and write them into a table with what held-out scenes say of them.
+) -> CoarseTable:
+    """Search the constants of levels, and write them into a table with what held-out scenes say of them.
 
-    The file keeps its rungs of the same solver that are not among the targets, and the constants of a target
+    The file keeps its coarse levels of the same solver that are not among the targets, and the constants of a target
     that no trial beats on the training scenes. After an interruption the
     same call goes on with the trial at which it stopped.
 
@@ -63,7 +62,7 @@ def fit_rungs(
     file : Path
         File of the table, JSON.
     on_step : callable
-        Called after each trial and after each scene that a rung was judged on.
+        Called after each trial and after each scene that a coarse level was judged on.
 
     Raises
     ------
@@ -77,11 +76,11 @@ def fit_rungs(
     truths = folder / "truths"
     truths.mkdir(parents=True, exist_ok=True)
     cases: dict[str, list[Case]] = {}
-    older = rung_table(file).entries if file.exists() else ()
+    older = coarse_table(file).entries if file.exists() else ()
     entries = {Target(one.material, one.dim, one.name): one for one in older}
     missing = [target.key for target in targets if target not in entries]
     if settings.trials == 0 and missing:
-        raise ConfigError(f"{file} has no rung {missing[0]} to judge; fit it with at least one trial")
+        raise ConfigError(f"{file} has no coarse level {missing[0]} to judge; fit it with at least one trial")
     for target in sorted(targets if settings.trials else (), key=lambda one: one.scenario):
         scenario = target.scenario
         if scenario not in cases:
@@ -109,13 +108,13 @@ def _searched(
     folder: Path,
     on_step: Callable[[], object],
     *,
-    known: RungEntry | None,
-) -> RungEntry:
+    known: FittedLevel | None,
+) -> FittedLevel:
     journal = folder / f"{target.key}.jsonl"
     older = None if known is None else Constants.of(known)
     found = search(target, cases, settings.trials, journal, on_step, known=older)
     best = found.constants
-    return RungEntry(
+    return FittedLevel(
         material=target.material,
         dim=target.dim,
         name=target.name,
@@ -132,8 +131,8 @@ def _searched(
     )
 
 
-def _table(entries: Mapping[Target, RungEntry]) -> RungTable:
-    return RungTable(
+def _table(entries: Mapping[Target, FittedLevel]) -> CoarseTable:
+    return CoarseTable(
         solver_version=SOLVER_VERSION,
         price=PRICE,
         largest_compression=LARGEST_COMPRESSION,

@@ -1,4 +1,4 @@
-"""`Carrier`: all particles of a scene, carried along by the few that somebody simulates."""
+"""`Upsampler`: all particles of a scene, carried along by the few that somebody simulates."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, Self
@@ -41,7 +41,7 @@ class Few(Protocol):
         """Masses (n,) [kg]."""
 
 
-class Carrier:
+class Upsampler:
     """All N particles of a scene, moved along by few.
 
     At every `every`-th frame the displacements of the few since the last such frame, with a part of their
@@ -58,7 +58,7 @@ class Carrier:
     scene : Scene
         Its own particles, at frame 0, are those that are carried.
     few : Few
-        At frame 0 as well; the carrier reads it whenever it is asked for something.
+        At frame 0 as well; the upsampler reads it whenever it is asked for something.
     solver : _native.Solver
         Any solver of the scene with the grid of the few; its walls, obstacles, sinks and threads are taken.
     emitters : sequence of _native.Emitter
@@ -141,7 +141,7 @@ class Carrier:
         """Velocities (N, D) [m/s] at the frame of the few, from theirs; a copy."""
         return self._native.velocities(self._few.frame, v=self._few.velocities, **self._state())
 
-    def frames_to_carry(self) -> int:
+    def frames_to_update(self) -> int:
         """Return how many frames, at least 1, the few may advance before `follow` has to be called."""
         return self.every - self._few.frame % self.every
 
@@ -171,7 +171,7 @@ class Carrier:
         self._native.restore(data)
 
     def copy(self, few: Few | None = None) -> Self:
-        """Return an independent carrier in the same state, for a copy of the few or else for the same few."""
+        """Return an independent upsampler in the same state, for a copy of the few or else for the same few."""
         twin = object.__new__(type(self))
         twin._few, twin._native = few or self._few, self._native.copy()
         return twin
@@ -181,25 +181,25 @@ class Carrier:
         return {"ids": few.ids, "x": few.positions, "affine": few.affine, "mass": few.mass}
 
 
-def refuse_other_carry(*, saved: bool, here: bool) -> None:
-    """Refuse a snapshot that was taken with `carry` by a simulator without, or the other way round."""
+def refuse_other_upsampler(*, saved: bool, here: bool) -> None:
+    """Refuse a snapshot that was taken with `show_all` by a simulator without, or the other way round."""
     if saved != here:
         raise SnapshotError(
-            f"snapshot refused: it was taken with carry={saved}, and this simulator has carry={here}"
+            f"snapshot refused: it was taken with show_all={saved}, and this simulator has show_all={here}"
         )
 
 
-def recalled(carrier: Carrier | None, data: bytes | None) -> Carrier | None:
-    """Return a copy of a carrier in the state of a snapshot; None where neither is.
+def recalled(upsampler: Upsampler | None, data: bytes | None) -> Upsampler | None:
+    """Return a copy of an upsampler in the state of a snapshot; None where neither is.
 
     Raises
     ------
     SnapshotError
-        The snapshot is damaged, of another scene, or only one of carrier and snapshot is there.
+        The snapshot is damaged, of another scene, or only one of upsampler and snapshot is there.
     """
-    refuse_other_carry(saved=data is not None, here=carrier is not None)
-    if carrier is None or data is None:
+    refuse_other_upsampler(saved=data is not None, here=upsampler is not None)
+    if upsampler is None or data is None:
         return None
-    twin = carrier.copy()
+    twin = upsampler.copy()
     twin.restore(data)
     return twin

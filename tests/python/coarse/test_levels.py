@@ -1,4 +1,4 @@
-"""Rungs: the table that ships with the library, and what becomes of it in a scene."""
+"""Coarse levels: the table that ships with the library, and what becomes of it in a scene."""
 
 import warnings
 from pathlib import Path
@@ -12,13 +12,13 @@ from hybridmpm import (
     SOLVER_VERSION,
     Box,
     BoxObstacle,
+    CoarseWarning,
     ConfigError,
     DataError,
     Elastic,
     InvertedError,
     MpmSolver,
     RectangularEmitter,
-    RungWarning,
     Sand,
     Scene,
     SnapshotError,
@@ -26,8 +26,8 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.cli import cli
-from hybridmpm.downsampling import Rung, coarse_resolution, rung_for, rung_table
-from hybridmpm.downsampling.rungs.bounds import fastest_impact, settled_potential
+from hybridmpm.coarse import CoarseLevel, coarse_level, coarse_resolution, coarse_table
+from hybridmpm.coarse.bounds import fastest_impact, settled_potential
 from hybridmpm.mpm.frames import Frames
 from hybridmpm.simulators import make
 from hybridmpm.snapshots import read_state, write_state
@@ -45,7 +45,7 @@ def pool(depth: float, **water: object) -> Scene:
 
 
 def test_the_table_is_whole() -> None:
-    table = rung_table()
+    table = coarse_table()
     # Version 5 differs where boxes end on walls; scenarios have no boxes.
     assert table.solver_version in (4, SOLVER_VERSION)
     assert list(table.ratios) == NAMES
@@ -68,7 +68,7 @@ def test_the_table_is_whole() -> None:
 @pytest.mark.parametrize("material", ["water", "sand"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_more_particles_err_less(material: str, dim: int) -> None:
-    entries = [rung_table().find(material, dim, name) for name in NAMES]
+    entries = [coarse_table().find(material, dim, name) for name in NAMES]
     errors = [entry.held_out[0].error for entry in entries if entry is not None]
     assert errors == sorted(errors, reverse=True)
 
@@ -78,66 +78,66 @@ def test_scenarios_are_within_the_bounds(scenario: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for seed in range(1_100_000, 1_100_040):
-            rung_for(scenarios.get(scenario, seed), "1/16")
+            coarse_level(scenarios.get(scenario, seed), "1/16")
 
 
 def test_constants_are_those_of_the_table() -> None:
-    scene, entry = scenarios.sand_2d(0), rung_table().find("sand", 2, "1/8")
+    scene, entry = scenarios.sand_2d(0), coarse_table().find("sand", 2, "1/8")
     assert entry is not None
-    rung = rung_for(scene, "1/8")
-    assert (rung.r_p, rung.moduli, rung.cfl) == (1 / 8, (entry.modulus,), entry.cfl)
-    assert (rung.affine_share, rung.relaxation) == (entry.affine_share, entry.relaxation)
-    assert rung.resolution == coarse_resolution(scene, 1 / 8, entry.particles_per_cell)
-    solver = MpmSolver(scene, rung="1/8")
-    assert solver.rung == rung
-    assert (solver.r_p, solver.resolution) == (1 / 8, rung.resolution)
+    level = coarse_level(scene, "1/8")
+    assert (level.r_p, level.moduli, level.cfl) == (1 / 8, (entry.modulus,), entry.cfl)
+    assert (level.affine_share, level.relaxation) == (entry.affine_share, entry.relaxation)
+    assert level.resolution == coarse_resolution(scene, 1 / 8, entry.particles_per_cell)
+    solver = MpmSolver(scene, coarse="1/8")
+    assert solver.coarse == level
+    assert (solver.r_p, solver.resolution) == (1 / 8, level.resolution)
     assert solver.particle_count == len(scene.sample().x)
     assert len(solver.coarse_positions) == round(solver.particle_count / 8)
-    assert MpmSolver(scene).rung is None
+    assert MpmSolver(scene).coarse is None
 
 
 def test_mixed_materials_take_the_more_careful_constants() -> None:
     scene = scenarios.water_sand_2d(0)
-    entries = [rung_table().find(one.kind, 2, "1/16") for one in scene.materials]
-    rung = rung_for(scene, "1/16")
-    assert rung.cfl == min(one.cfl for one in entries if one)
-    assert rung.affine_share == min(one.affine_share for one in entries if one)
-    assert rung.relaxation == max(one.relaxation for one in entries if one)
-    assert rung.moduli == tuple(one.modulus for one in entries if one)
+    entries = [coarse_table().find(one.kind, 2, "1/16") for one in scene.materials]
+    level = coarse_level(scene, "1/16")
+    assert level.cfl == min(one.cfl for one in entries if one)
+    assert level.affine_share == min(one.affine_share for one in entries if one)
+    assert level.relaxation == max(one.relaxation for one in entries if one)
+    assert level.moduli == tuple(one.modulus for one in entries if one)
     per_cell = max(one.particles_per_cell for one in entries if one)
-    assert rung.resolution == coarse_resolution(scene, 1 / 16, per_cell)
+    assert level.resolution == coarse_resolution(scene, 1 / 16, per_cell)
 
 
 def test_an_elastic_solid_keeps_its_stiffness() -> None:
     jelly = block(Elastic(), (0.4, 0.5), (0.6, 0.7))
     alone = Scene(dim=2, bodies=(jelly,))
-    rung = rung_for(alone, "1/16")
-    assert rung == Rung.unfitted(alone, 1 / 16).named("1/16")
+    level = coarse_level(alone, "1/16")
+    assert level == CoarseLevel.unfitted(alone, 1 / 16).named("1/16")
     both = Scene(dim=2, bodies=(jelly, block(Water(), (0.2, 0.1), (0.8, 0.2))))
-    rung = rung_for(both, "1/16")
-    assert rung.moduli[0] == 1.0
-    assert rung.moduli[1] < 1.0
-    assert rung.cfl == pytest.approx(0.28)
-    solver = MpmSolver(both, rung="1/16")
+    level = coarse_level(both, "1/16")
+    assert level.moduli[0] == 1.0
+    assert level.moduli[1] < 1.0
+    assert level.cfl == pytest.approx(0.28)
+    solver = MpmSolver(both, coarse="1/16")
     solver.advance(20)
     assert np.isfinite(solver.positions).all()
 
 
-def test_deep_water_gets_a_stiffer_rung() -> None:
-    entry = rung_table().find("water", 2, "1/16")
+def test_deep_water_gets_a_stiffer_level() -> None:
+    entry = coarse_table().find("water", 2, "1/16")
     assert entry is not None
-    assert rung_for(pool(0.05), "1/16").moduli == (entry.modulus,)
+    assert coarse_level(pool(0.05), "1/16").moduli == (entry.modulus,)
     deep = pool(0.4)
-    (modulus,) = rung_for(deep, "1/16").moduli
+    (modulus,) = coarse_level(deep, "1/16").moduli
     stiffness = modulus * Water().stiffness(deep.potential_drop)
-    assert 1000 * 9.81 * 0.4 / stiffness == pytest.approx(rung_table().largest_compression, rel=1e-4)
+    assert 1000 * 9.81 * 0.4 / stiffness == pytest.approx(coarse_table().largest_compression, rel=1e-4)
     assert settled_potential(deep) == pytest.approx(9.81 * 0.4)
     # Nothing is made stiffer than the scene says.
-    assert rung_for(pool(0.6, max_compression=0.05), "1/16").moduli == (1.0,)
+    assert coarse_level(pool(0.6, max_compression=0.05), "1/16").moduli == (1.0,)
 
 
 def test_deep_water_keeps_its_depth() -> None:
-    solver = MpmSolver(pool(0.4), rung="1/16")
+    solver = MpmSolver(pool(0.4), coarse="1/16")
     solver.advance(240)
     depth = 2 * (np.mean(solver.positions[:, 1], dtype=np.float64) - 0.1)
     assert depth == pytest.approx(0.4, rel=0.03)
@@ -150,7 +150,7 @@ def test_what_emitters_bring_counts_as_depth() -> None:
     scene = Scene(dim=2, resolution=64, bodies=(), emitters=(jet,), frames=400)
     assert settled_potential(scene) == pytest.approx(9.81 * 0.2 * 0.5 / 0.8, rel=0.05)
     assert fastest_impact(scene) == pytest.approx((1 + 2 * 9.81 * 0.7) ** 0.5)
-    solver = MpmSolver(scene, rung="1/16")
+    solver = MpmSolver(scene, coarse="1/16")
     solver.advance(60)
     assert solver.particle_count > len(solver.coarse_positions) > 0
 
@@ -158,7 +158,7 @@ def test_what_emitters_bring_counts_as_depth() -> None:
 def test_an_obstacle_is_respected() -> None:
     ramp = BoxObstacle(lower=(0.4, 0.1), upper=(0.6, 0.3))
     body = block("sand", (0.3, 0.4), (0.7, 0.6))
-    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=(body,), obstacles=(ramp,)), rung="1/16")
+    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=(body,), obstacles=(ramp,)), coarse="1/16")
     solver.advance(120)
     inside = ((solver.positions > (0.401, 0.1)) & (solver.positions < (0.599, 0.299))).all(axis=1)
     assert not inside.any()
@@ -168,42 +168,42 @@ def test_an_obstacle_is_respected() -> None:
     ("name", "meant"),
     [("1/15", "1/16"), ("1/6", "1/64"), (1 / 16, "1/16"), (0.1, "1/8"), ("quick", None), (True, None)],
 )
-def test_an_unknown_rung_lists_those_there_are(name: object, meant: str | None) -> None:
+def test_an_unknown_level_lists_those_there_are(name: object, meant: str | None) -> None:
     with pytest.raises(ConfigError) as refused:
-        MpmSolver(scenarios.water_2d(0), rung=name)  # type: ignore[arg-type]
+        MpmSolver(scenarios.water_2d(0), coarse=name)  # type: ignore[arg-type]
     text = str(refused.value)
     assert all(repr(one) in text for one in NAMES)
     assert text.endswith(f"did you mean {meant!r}?") == (meant is not None)
 
 
 @pytest.mark.parametrize("setting", [{"cfl": 0.3}, {"substeps": 20}, {"r_p": 1 / 8}])
-def test_what_a_rung_chooses_is_refused_beside_it(setting: dict[str, float]) -> None:
+def test_what_a_level_chooses_is_refused_beside_it(setting: dict[str, float]) -> None:
     (name,) = setting
-    with pytest.raises(ConfigError, match=f"{name} is chosen by the rung: drop {name}"):
-        MpmSolver(scenarios.water_2d(0), rung="1/16", **setting)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=f"{name} is chosen by the level: drop {name}"):
+        MpmSolver(scenarios.water_2d(0), coarse="1/16", **setting)  # type: ignore[arg-type]
 
 
 def test_constants_out_of_range_are_refused() -> None:
     scene = scenarios.water_2d(0)
     plain = {"name": "mine", "r_p": 1 / 16, "resolution": 45, "moduli": (1.0,)}
     with pytest.raises(ConfigError, match=r"factors in \(0, 1\], got 2.0"):
-        Rung(**plain | {"moduli": (2.0,)})  # type: ignore[arg-type]
+        CoarseLevel(**plain | {"moduli": (2.0,)})  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=r"affine_share must be in \[0, 1\]"):
-        MpmSolver(scene, rung=Rung(**plain, affine_share=1.5))  # type: ignore[arg-type]
+        MpmSolver(scene, coarse=CoarseLevel(**plain, affine_share=1.5))  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=r"relaxation must be in \[0, 8\]"):
-        MpmSolver(scene, rung=Rung(**plain, relaxation=9.0))  # type: ignore[arg-type]
+        MpmSolver(scene, coarse=CoarseLevel(**plain, relaxation=9.0))  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="2 moduli, but the scene has 1 material"):
-        MpmSolver(scene, rung=Rung(**plain | {"moduli": (1.0, 1.0)}))  # type: ignore[arg-type]
+        MpmSolver(scene, coarse=CoarseLevel(**plain | {"moduli": (1.0, 1.0)}))  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="needs a name"):
-        MpmSolver(scene, rung=Rung(**plain | {"name": None}))  # type: ignore[arg-type]
+        MpmSolver(scene, coarse=CoarseLevel(**plain | {"name": None}))  # type: ignore[arg-type]
 
 
 def test_a_scene_too_fast_is_told() -> None:
     body = block("sand", (0.4, 0.4), (0.6, 0.6), velocity=(20.0, 0.0))
     with pytest.warns(
-        RungWarning, match=r"may land at 20 m/s in this scene, but rung '1/16' was fitted up"
+        CoarseWarning, match=r"may land at 20 m/s in this scene, but coarse level '1/16' was fitted up"
     ) as told:
-        MpmSolver(Scene(dim=2, resolution=64, bodies=(body,)), rung="1/16")
+        MpmSolver(Scene(dim=2, resolution=64, bodies=(body,)), coarse="1/16")
     assert told[0].filename == __file__
 
 
@@ -214,10 +214,10 @@ def test_obstacles_thinner_than_a_cell_are_told(resolution: int) -> None:
     thick = Scene(dim=2, resolution=resolution, bodies=(body,), obstacles=tuple(plates[1:]))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cells = {name: 1 / rung_for(thick, name).resolution for name in NAMES[2:]}
+        cells = {name: 1 / coarse_level(thick, name).resolution for name in NAMES[2:]}
     scene = thick.model_copy(update={"obstacles": tuple(plates)})
-    with pytest.warns(RungWarning) as told:
-        rung_for(scene, "1/16")
+    with pytest.warns(CoarseWarning) as told:
+        coarse_level(scene, "1/16")
     (warning,) = told
     head, advice = str(warning.message).split(", so material may pass through it: make it at least ")
     assert head.startswith("obstacles[0] (box) is 0.014 m thick, less than a cell of ")
@@ -225,7 +225,7 @@ def test_obstacles_thinner_than_a_cell_are_told(resolution: int) -> None:
     fits = [name for name, cell in cells.items() if cell <= 0.0139]
     assert bool(fits) == (resolution == 128)
     if resolution == 128:
-        assert advice.endswith(f" m thick, or take rung {fits[0]!r}")
+        assert advice.endswith(f" m thick, or take coarse level {fits[0]!r}")
     elif resolution == 72:
         assert advice.endswith(" m thick, or take MpmSolver(scene), which simulates all particles")
     else:  # Thinner than a cell of the scene's own grid.
@@ -249,11 +249,11 @@ class FailsAtFrame:
 
 
 def test_a_frame_that_fails_is_done_again_at_the_safe_step() -> None:
-    solver = MpmSolver(scenarios.water_2d(0), rung="1/16")
+    solver = MpmSolver(scenarios.water_2d(0), coarse="1/16")
     untroubled = solver.copy()
     frames = solver._frames
     frames.solver = FailsAtFrame(frames.solver, 6)  # type: ignore[assignment]
-    with pytest.warns(RungWarning, match=r"frame 6 failed at the step of rung '1/16'"):
+    with pytest.warns(CoarseWarning, match=r"frame 6 failed at the step of coarse level '1/16'"):
         solver.advance(10, force=(0.5, 0.0))
     untroubled.advance(10, force=(0.5, 0.0))
     assert solver.redone_frames == (6,)
@@ -267,7 +267,7 @@ def test_a_frame_that_fails_is_done_again_at_the_safe_step() -> None:
 
 
 def test_a_frame_that_fails_again_is_an_error() -> None:
-    solver = MpmSolver(scenarios.water_2d(0), rung="1/16")
+    solver = MpmSolver(scenarios.water_2d(0), coarse="1/16")
     inner = solver._frames.solver
 
     def safe() -> object:
@@ -279,24 +279,24 @@ def test_a_frame_that_fails_again_is_an_error() -> None:
     assert (frames.solver.frame, frames.redone) == (2, ())
 
 
-def test_snapshots_hold_the_settings_of_the_rung(tmp_path: Path) -> None:
-    solver = MpmSolver(scenarios.water_2d(0), rung="1/32")
+def test_snapshots_hold_the_settings_of_the_level(tmp_path: Path) -> None:
+    solver = MpmSolver(scenarios.water_2d(0), coarse="1/32")
     solver.advance(71)
     file = tmp_path / "state.hmpm"
     solver.save(file)
     saved = read_state(file)
-    assert saved.settings["rung"]["name"] == "1/32"
+    assert saved.settings["coarse"]["name"] == "1/32"
     loaded = hybridmpm.load(file)
     assert isinstance(loaded, MpmSolver)
-    assert loaded.rung == solver.rung
+    assert loaded.coarse == solver.coarse
     for one in (loaded, solver):
         one.advance(30)
     assert loaded.positions.tobytes() == solver.positions.tobytes()
-    saved.settings["rung"]["resolution"] += 1
+    saved.settings["coarse"]["resolution"] += 1
     write_state(file, saved)
     with pytest.raises(SnapshotError, match="cannot be restored"):
         hybridmpm.load(file)
-    del saved.settings["rung"]["moduli"]
+    del saved.settings["coarse"]["moduli"]
     write_state(file, saved)
     with pytest.raises(SnapshotError, match="moduli"):
         hybridmpm.load(file)
@@ -308,30 +308,30 @@ def test_softened_materials() -> None:
     assert Elastic().softened(0.5, 0.0).youngs_modulus == 1.5e5
 
 
-def test_simulators_and_the_command_line_know_rungs(tmp_path: Path) -> None:
-    solver = make("mpm", scenarios.water_2d(0), rung="1/16")
+def test_simulators_and_the_command_line_know_level(tmp_path: Path) -> None:
+    solver = make("mpm", scenarios.water_2d(0), coarse="1/16")
     assert isinstance(solver, MpmSolver)
-    assert solver.rung is not None
-    with pytest.raises(ConfigError, match="rung belongs to 'mpm', not to 'neural'"):
-        make("neural", scenarios.water_2d(0), rung="1/16", model="zero")
+    assert solver.coarse is not None
+    with pytest.raises(ConfigError, match="coarse level belongs to 'mpm', not to 'neural'"):
+        make("neural", scenarios.water_2d(0), coarse="1/16", model="zero")
     file = tmp_path / "state.hmpm"
     run = CliRunner().invoke
-    done = run(cli, ["simulate", "water_2d", "--rung", "1/16", "--frames", "8", "--save", str(file)])
+    done = run(cli, ["simulate", "water_2d", "--coarse", "1/16", "--frames", "8", "--save", str(file)])
     assert done.exit_code == 0, done.output
     assert "3686 particles" in done.output
     assert hybridmpm.load(file).r_p == 1 / 16
-    refused = run(cli, ["simulate", "water_2d", "--rung", "1/15", "--frames", "8"])
+    refused = run(cli, ["simulate", "water_2d", "--coarse", "1/15", "--frames", "8"])
     assert refused.exit_code == 2
     assert "did you mean '1/16'?" in refused.output
-    refused = run(cli, ["simulate", "--resume", str(file), "--rung", "1/16"])
+    refused = run(cli, ["simulate", "--resume", str(file), "--coarse", "1/16"])
     assert refused.exit_code == 2
-    assert "--rung" in refused.output
+    assert "--coarse" in refused.output
 
 
 def test_a_damaged_table_is_told(tmp_path: Path) -> None:
-    file = tmp_path / "rungs.json"
-    with pytest.raises(DataError, match=r"rungs.json is missing or damaged"):
-        rung_table(file)
+    file = tmp_path / "levels.json"
+    with pytest.raises(DataError, match=r"levels.json is missing or damaged"):
+        coarse_table(file)
     file.write_text('{"solver_version": 4}')
-    with pytest.raises(DataError, match=r"rungs.json is missing or damaged.*entries"):
-        rung_table(file)
+    with pytest.raises(DataError, match=r"levels.json is missing or damaged.*entries"):
+        coarse_table(file)

@@ -1,4 +1,4 @@
-"""What bounds the use of a rung: how deep matter settles, and how fast it lands."""
+"""What bounds the use of a level: how deep matter settles, and how fast it lands."""
 
 import math
 

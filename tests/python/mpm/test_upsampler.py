@@ -18,15 +18,15 @@ from hybridmpm import (
     metrics,
     scenarios,
 )
-from hybridmpm.downsampling import Carrier
-from hybridmpm.downsampling.splines import Stencils
+from hybridmpm.coarse import Upsampler
+from hybridmpm.coarse.splines import Stencils
 from hybridmpm.recording import record
 from hybridmpm.scene import BallObstacle, BoxObstacle, Motion
 from hybridmpm.snapshots import read_state, write_state
 
 
 def carried(scene: Scene, r_p: float = 1 / 16, threads: int = 1) -> MpmSolver:
-    return MpmSolver(scene, r_p=r_p, carry=True, threads=threads)
+    return MpmSolver(scene, r_p=r_p, show_all=True, threads=threads)
 
 
 def bits(array: np.ndarray) -> bytes:
@@ -179,7 +179,7 @@ def test_files_that_know_nothing_of_carrying_are_read(tmp_path: Path) -> None:
     file = tmp_path / "state.hmpm"
     solver.save(file)
     saved = read_state(file)
-    settings = {name: value for name, value in saved.settings.items() if name != "carry"}
+    settings = {name: value for name, value in saved.settings.items() if name != "show_all"}
     write_state(file, dataclasses.replace(saved, settings=settings))
     again = MpmSolver.load(file)
     np.testing.assert_array_equal(again.positions, solver.positions)
@@ -189,9 +189,9 @@ def test_foreign_and_damaged_states_are_refused_and_change_nothing() -> None:
     solver, plain = carried(falling(2), 1 / 8), MpmSolver(falling(2), r_p=1 / 8)
     solver.advance(10)
     state, before = solver.snapshot(), solver.positions
-    with pytest.raises(SnapshotError, match="taken with carry=False"):
+    with pytest.raises(SnapshotError, match="taken with show_all=False"):
         solver.restore(plain.snapshot())
-    with pytest.raises(SnapshotError, match="taken with carry=True"):
+    with pytest.raises(SnapshotError, match="taken with show_all=True"):
         plain.restore(state)
     other = falling(2).model_copy(update={"resolution": 48})
     damaged = bytearray(state)
@@ -267,10 +267,10 @@ def test_particles_come_and_go_in_each_frame(dim: int) -> None:
 
 
 def test_what_cannot_be_carried_is_refused() -> None:
-    with pytest.raises(ConfigError, match="carry=True needs r_p below 1"):
-        MpmSolver(falling(2), carry=True)
+    with pytest.raises(ConfigError, match="show_all=True needs r_p below 1"):
+        MpmSolver(falling(2), show_all=True)
     with pytest.raises(ConfigError, match="carry must be True or False"):
-        MpmSolver(falling(2), r_p=0.5, carry=1)  # type: ignore[arg-type]
+        MpmSolver(falling(2), r_p=0.5, show_all=1)  # type: ignore[arg-type]
     solver = carried(falling(2), 1 / 8)
     with pytest.raises(ConfigError, match="prescribe is for solvers without carry"):
         solver.prescribe(solver.positions, solver.velocities, 3)
@@ -290,21 +290,21 @@ def test_any_simulator_of_few_particles_can_carry() -> None:
     scene = falling(2)
     solver = MpmSolver(scene, r_p=1 / 8)
     few = Mover(solver)
-    carrier = Carrier(scene, few, solver._solver)
-    start = carrier.positions
+    upsampler = Upsampler(scene, few, solver._solver)
+    start = upsampler.positions
     for _ in range(6):
         few.frame += 1
         few.positions = few.positions + np.float32([0.002, 0.001])
         few.velocities = np.full_like(few.positions, 0.7)
-        carrier.follow()
-    moved = np.median(carrier.positions - start, axis=0)
+        upsampler.follow()
+    moved = np.median(upsampler.positions - start, axis=0)
     np.testing.assert_allclose(moved, [0.012, 0.006], atol=2e-5)
-    np.testing.assert_allclose(carrier.velocities, 0.7, rtol=1e-5)
+    np.testing.assert_allclose(upsampler.velocities, 0.7, rtol=1e-5)
 
 
 def test_what_is_carried_does_not_stray_from_what_carries() -> None:
     body = Box(material="water", lower=(0.4, 0.2), upper=(0.6, 0.4))
-    solver = MpmSolver(Scene(dim=2, bodies=(body,)), rung="1/16")
+    solver = MpmSolver(Scene(dim=2, bodies=(body,)), coarse="1/16")
     solver.advance(1600)
     few, many = (x[:, 1].mean() - 0.1 for x in (solver.coarse_positions, solver.positions))
     # The water is 5 cm deep, so both lie at about 2.5 cm. Not led back, the many end 6.8 mm above the few.

@@ -1,24 +1,24 @@
-"""`Rung`: how coarse MPM simulates one scene."""
+"""`CoarseLevel`: how coarse MPM simulates one scene."""
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from hybridmpm.downsampling.merging import checked_ratio, coarse_resolution
+from hybridmpm.coarse.merging import checked_ratio, coarse_resolution
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rung:
+class CoarseLevel:
     """Settings of coarse MPM for one scene, and of the particles that it carries.
 
     The core checks the ranges of `resolution`, `cfl`, `affine_share` and `relaxation`.
     """
 
     name: str | None
-    """Name in the table of fitted rungs, such as "1/16"; None where nothing was fitted."""
+    """Name in the table of fitted levels, such as "1/16"; None where nothing was fitted."""
     r_p: float
     """Ratio of the particles that are simulated to those of the scene, in (0, 1]."""
     resolution: int
@@ -38,11 +38,11 @@ class Rung:
         checked_ratio(self.r_p)
         for factor in self.moduli:
             if not 0 < factor <= 1:
-                raise ConfigError(f"the moduli of a rung are factors in (0, 1], got {factor!r}")
+                raise ConfigError(f"the moduli of a coarse level are factors in (0, 1], got {factor!r}")
 
     @classmethod
     def unfitted(cls, scene: Scene, r_p: float) -> Self:
-        """Return the rung that keeps a scene's materials and takes the grid that fits the particles."""
+        """Return the coarse level that keeps a scene's materials and takes the grid that fits the particles."""
         return cls(
             name=None,
             r_p=checked_ratio(r_p),

@@ -25,10 +25,10 @@ from hybridmpm.recording import record
 Maker = Callable[..., Any]
 R_P = 1 / 8
 MAKERS: dict[str, Maker] = {
-    "mpm": lambda scene, carry=True: MpmSolver(scene, r_p=R_P, carry=carry),
-    "neural": lambda scene, carry=True: NeuralPhysics(scene, network(scene), carry=carry),
-    "hybrid": lambda scene, carry=True: HybridSimulator(
-        scene, network(scene), window=2, guards=["cosine"], carry=carry
+    "mpm": lambda scene, show_all=True: MpmSolver(scene, r_p=R_P, show_all=show_all),
+    "neural": lambda scene, show_all=True: NeuralPhysics(scene, network(scene), show_all=show_all),
+    "hybrid": lambda scene, show_all=True: HybridSimulator(
+        scene, network(scene), window=2, guards=["cosine"], show_all=show_all
     ),
 }
 
@@ -73,7 +73,7 @@ def test_all_particles_of_the_scene_are_shown(scene: Scene, make: Maker) -> None
     assert simulator.materials.tolist() == [5] * n
     assert simulator.particle_spacing == scene.spacing
     assert simulator.mass.sum() == pytest.approx(simulator.diagnostics().mass, rel=1e-6)
-    few = make(scene, carry=False)
+    few = make(scene, show_all=False)
     few.advance(26)
     assert len(few.positions) == round(R_P * n)
     # Whom they carry changes nothing of the few.
@@ -154,11 +154,13 @@ def test_what_is_undone_is_undone_for_all(scene: Scene) -> None:
 
 
 def test_a_snapshot_of_the_few_alone_is_refused(scene: Scene, make: Maker) -> None:
-    simulator, few = make(scene), make(scene, carry=False)
+    simulator, few = make(scene), make(scene, show_all=False)
     for one, other, saved in ((simulator, few, False), (few, simulator, True)):
         one.advance(3)
         before = one.snapshot()
-        with pytest.raises(SnapshotError, match=f"taken with carry={saved}, and this simulator has carry="):
+        with pytest.raises(
+            SnapshotError, match=f"taken with show_all={saved}, and this simulator has show_all="
+        ):
             one.restore(other.snapshot())
         assert one.snapshot() == before
 
@@ -170,4 +172,4 @@ def test_with_all_particles_there_is_nothing_to_carry(scene: Scene) -> None:
         simulator.advance(2)
     for cls in (NeuralPhysics, HybridSimulator):
         with pytest.raises(ConfigError, match="carry must be True or False, got 1"):
-            cls(scene, every, carry=1)  # type: ignore[arg-type]
+            cls(scene, every, show_all=1)  # type: ignore[arg-type]

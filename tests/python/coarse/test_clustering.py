@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hybridmpm import ConfigError
-from hybridmpm.downsampling import clustering
-from hybridmpm.downsampling.clustering import balanced_clusters
+from hybridmpm.coarse import clustering
+from hybridmpm.coarse.clustering import balanced_clusters
 
 
 def squared_radius(x: np.ndarray, labels: np.ndarray) -> float:

@@ -15,7 +15,7 @@ def test_rows_and_chart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(ladders, "RATIOS", ratios)
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
     arguments = ["--scenario", "water_2d", "--scenes", "2", "--frames", "40", "--repeats", "1"]
-    result = CliRunner().invoke(cli, ["downsampling", *arguments, "--json", str(file), "--chart", str(chart)])
+    result = CliRunner().invoke(cli, ["coarse", *arguments, "--json", str(file), "--chart", str(chart)])
     assert result.exit_code == 0, result.output
     rows = {(row["method"], row["label"]): row for row in json.loads(file.read_text())}
     assert set(rows) == {("jitter", None), ("still", None), ("mpm", "1")} | {

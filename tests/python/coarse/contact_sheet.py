@@ -1,6 +1,6 @@
-"""Draws docs/images/rungs.png: the seven scenarios in full and by the rung 1/16, at three moments each.
+"""Draws docs/images/levels.png: the seven scenarios in full and by the coarse level 1/16, at three moments each.
 
-`python -m tests.python.downsampling.contact_sheet docs/images/rungs.png` writes it, always the same.
+`python -m tests.python.downsampling.contact_sheet docs/images/levels.png` writes it, always the same.
 """
 
 import sys
@@ -16,7 +16,7 @@ from hybridmpm.planner.calibrating.impact import LONGEST_FALL, first_impact
 from hybridmpm.render import view_of
 
 SEED = 1_100_003
-RUNG = "1/16"
+LEVEL = "1/16"
 AFTER = (40, 100, 200)
 """Frames after the first impact."""
 _SIZE, _GAP, _HEAD, _SIDE = 200, 4, 16, 100
@@ -36,11 +36,11 @@ def pictures(solver: MpmSolver, impact: int) -> list[Picture]:
 
 
 def line(scenario: str) -> list[Picture]:
-    """Return the pictures of a scenario: at each moment in full, then by the rung."""
+    """Return the pictures of a scenario: at each moment in full, then by the level."""
     scene = scenarios.get(scenario, SEED)
     full = MpmSolver(scene, substeps="reference")
     impact = first_impact(full, LONGEST_FALL)
-    rows = zip(pictures(full, impact), pictures(MpmSolver(scene, rung=RUNG), impact), strict=True)
+    rows = zip(pictures(full, impact), pictures(MpmSolver(scene, coarse=LEVEL), impact), strict=True)
     return [picture for pair in rows for picture in pair]
 
 
@@ -58,7 +58,7 @@ def sheet() -> Image.Image:
             image.paste(Image.fromarray(picture[:, :, :3]).resize((_SIZE, _SIZE)), (left, top))
             if row == 0:
                 title = f"{AFTER[column // 2]} frames: " + (
-                    "all simulated" if column % 2 == 0 else f"rung {RUNG}"
+                    "all simulated" if column % 2 == 0 else f"coarse level {LEVEL}"
                 )
                 draw.text((left + 4, 2), title, fill=_INK)
     return image

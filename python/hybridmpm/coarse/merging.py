@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling.clustering import balanced_clusters
+from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Particles, Scene
 from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS

@@ -1,4 +1,4 @@
-"""The table of fitted rungs that comes with the library; `python -m hybridmpm_lab fit rungs` writes it."""
+"""The table of fitted coarse levels that comes with the library; `python -m hybridmpm_lab fit coarse levels` writes it."""
 
 from functools import cache
 from pathlib import Path
@@ -9,20 +9,20 @@ from pydantic import Field, ValidationError
 from hybridmpm.errors import DataError
 from hybridmpm.scene.fields import Range, Record
 
-FILE = Path(__file__).with_name("rungs.json")
+FILE = Path(__file__).with_name("levels.json")
 
 _Positive = Annotated[float, Range(0, 1e9, open_low=True)]
 
 
 class HeldOut(Record):
-    """Errors of a rung on scenes that it was not fitted to; means with their standard errors."""
+    """Errors of a coarse level on scenes that it was not fitted to; means with their standard errors."""
 
     scenario: str
     first_seed: int = Field(description="Seed of the first scene; the others follow.")
     scenes: int = Field(description="Number of scenes.")
     error: float = Field(description="grid_rmse, mean of 20 states in the 200 frames after the first impact.")
     error_se: float
-    unfitted: float = Field(description="The same error with the constants of MpmSolver(r_p, carry=True).")
+    unfitted: float = Field(description="The same error with the constants of MpmSolver(r_p, show_all=True).")
     fitted_minus_unfitted_se: float = Field(description="Standard error of the paired difference.")
     transport: float = Field(description="Sliced Wasserstein distance [m], mean of frames 100 and 200.")
     transport_few: float = Field(description="The same of the few of MpmSolver(r_p), without carrying.")
@@ -34,12 +34,12 @@ class HeldOut(Record):
     redone: int = Field(description="Frames that had to be done again at the safe step.")
 
 
-class RungEntry(Record):
-    """Constants of one rung for one material in one dimension, and how they were found and judged."""
+class FittedLevel(Record):
+    """Constants of one coarse level for one material in one dimension, and how they were found and judged."""
 
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
-    name: str = Field(description="Name of the rung, its r_p as a fraction.")
+    name: str = Field(description="Name of the level, its r_p as a fraction.")
     r_p: Annotated[float, Range(0, 1, open_low=True)]
     particles_per_cell: _Positive = Field(description="Merged particles in a cell of the coarse grid.")
     modulus: Annotated[float, Range(0, 1, open_low=True)] = Field(
@@ -54,34 +54,34 @@ class RungEntry(Record):
     held_out: tuple[HeldOut, ...]
 
 
-class RungTable(Record):
-    """All fitted rungs, with the solver that they were fitted to."""
+class CoarseTable(Record):
+    """All fitted levels, with the solver that they were fitted to."""
 
     solver_version: int
     price: _Positive = Field(
-        description="Exponent p of the objective, error * time^p: what a rung may lose in error by halving "
+        description="Exponent p of the objective, error * time^p: what a coarse level may lose in error by halving "
         "its time is a factor of 2^p."
     )
     largest_compression: Annotated[float, Range(0, 1, open_low=True)] = Field(
         description="Compression of matter at rest [-] up to which moduli are lowered."
     )
-    entries: tuple[RungEntry, ...]
+    entries: tuple[FittedLevel, ...]
 
-    def find(self, material: str, dim: int, name: str) -> RungEntry | None:
+    def find(self, material: str, dim: int, name: str) -> FittedLevel | None:
         """Return the entry of a material in a dimension; None where nobody fitted it."""
         of_name = (one for one in self.entries if one.name == name)
         return next((one for one in of_name if (one.material, one.dim) == (material, dim)), None)
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Ratios r_p of the rungs by name, from few particles to many."""
+        """Ratios r_p of the coarse levels by name, from few particles to many."""
         found = {one.name: one.r_p for one in self.entries}
         return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
 @cache
-def rung_table(path: Path = FILE) -> RungTable:
-    """Read the table of fitted rungs.
+def coarse_table(path: Path = FILE) -> CoarseTable:
+    """Read the table of fitted levels.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def rung_table(path: Path = FILE) -> RungTable:
         The file is missing or damaged; the message names it.
     """
     try:
-        return RungTable.model_validate_json(path.read_text(encoding="utf-8"))
+        return CoarseTable.model_validate_json(path.read_text(encoding="utf-8"))
     except (OSError, ValidationError) as error:
         text = " ".join(str(error).split())
         raise DataError(f"{path} is missing or damaged: {text}; install the library anew") from None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import metrics
-from hybridmpm.downsampling.splines import Stencils
+from hybridmpm.coarse.splines import Stencils
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -1,4 +1,4 @@
-"""`CarryingSimulator`: a simulator that may carry all particles of its scene along with few."""
+"""`CoarseSimulator`: a simulator that may carry all particles of its scene along with few."""
 
 from abc import abstractmethod
 from typing import Any, Protocol
@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.downsampling.carrier import Carrier, Few
+from hybridmpm.coarse.upsampler import Few, Upsampler
 from hybridmpm.simulator import Simulator
 
 _Floats = npt.NDArray[np.float32]
@@ -24,7 +24,7 @@ class Simulated(Few, Protocol):
         """Indices (n,) into the scene's materials."""
 
 
-class CarryingSimulator(Simulator):
+class CoarseSimulator(Simulator):
     """A simulator whose particles may carry all those of the scene along.
 
     N particles are shown, n are simulated, D is the dimension; without carrying both are the same.
@@ -37,18 +37,18 @@ class CarryingSimulator(Simulator):
 
     @property
     @abstractmethod
-    def _carrier(self) -> Carrier | None:
+    def _upsampler(self) -> Upsampler | None:
         """Who carries all particles of the scene along; None where those simulated are shown."""
 
     @property
-    def _shown(self) -> Simulated | Carrier:
+    def _shown(self) -> Simulated | Upsampler:
         """Who knows the particles that are shown."""
-        return self._few if self._carrier is None else self._carrier
+        return self._few if self._upsampler is None else self._upsampler
 
     @property
     def particle_spacing(self) -> float:
         """Distance of the particles of `positions` at rest [m]: above the scene's where they are merged."""
-        return super().particle_spacing if self._carrier is None else self.scene.spacing
+        return super().particle_spacing if self._upsampler is None else self.scene.spacing
 
     @property
     def particle_count(self) -> int:
@@ -72,7 +72,7 @@ class CarryingSimulator(Simulator):
 
     @property
     def coarse_positions(self) -> _Floats:
-        """Positions (n, D) [m] of those that are simulated: without `carry` all; a snapshot, read-only."""
+        """Positions (n, D) [m] of those that are simulated: without `show_all` all; a snapshot, read-only."""
         return _read_only(self._few.positions)
 
     @property
@@ -87,12 +87,12 @@ class CarryingSimulator(Simulator):
         return _read_only(self._shown.mass)
 
     def _advance_frame(self, force: _Floats | None) -> None:
-        if self._carrier is not None and force is not None and force.ndim == 2:
-            force = self._carrier.gather_force(force)
+        if self._upsampler is not None and force is not None and force.ndim == 2:
+            force = self._upsampler.gather_force(force)
         self._advance_few(force)
         # Not the one from before: a simulator may have gone back to an earlier state within the frame.
-        if self._carrier is not None:
-            self._carrier.follow()
+        if self._upsampler is not None:
+            self._upsampler.follow()
 
     @abstractmethod
     def _advance_few(self, force: _Floats | None) -> None:
