@@ -1,6 +1,6 @@
 """A training run in a folder, with checkpoints, logs and validation; it can be interrupted and resumed."""
 
-import csv
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.training import checkpoint
 
 CHECKPOINT = "checkpoint.pt"
-LOSSES = "losses.csv"
-VALIDATION = "validation.csv"
+LOSSES = "losses.jsonl"
+VALIDATION = "validation.jsonl"
 
 _LOGGED_STEPS = 100
 """Number of steps whose mean loss is a row of the log."""
@@ -63,7 +63,7 @@ def train(
     ----------
     trainer : Trainee
     folder : Path
-        Folder for `checkpoint.pt` and `losses.csv`.
+        Folder for `checkpoint.pt` and `losses.jsonl`.
     step : callable
         Takes one training step of the trainer, and returns the loss before it. It raises FloatingPointError
         where the loss is not finite.
@@ -117,15 +117,10 @@ def train(
 
 
 def log_row(path: Path, row: Mapping[str, object]) -> None:
-    """Add a row to a CSV file, which begins with the names of the columns."""
-    fresh = not path.exists()
-    with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(row))
-        if fresh:
-            writer.writeheader()
-        writer.writerow(
-            {key: f"{item:.6g}" if isinstance(item, float) else item for key, item in row.items()}
-        )
+    """Add a row to a file of JSON lines, with six digits of each number."""
+    plain = {key: float(f"{item:.6g}") if isinstance(item, float) else item for key, item in row.items()}
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(plain) + "\n")
 
 
 def _log_losses(folder: Path, trainer: Trainee, losses: Sequence[float]) -> None:

@@ -120,8 +120,12 @@ def test_a_run_writes_its_checkpoint_logs_and_picture(trajectories: Trajectories
         on_step=lambda loss: seen.append((trainer.step_count, loss)),
     )
     assert [step for step, _ in seen] == list(range(1, 101))
-    assert (tmp_path / "losses.csv").read_text().startswith("step,seconds,loss,learning_rate,unroll\n100,")
-    assert (tmp_path / "rollouts.csv").read_text().startswith("trained_steps,scene,step_10,step_25")
+    losses, rollouts = (
+        json.loads((tmp_path / f"{name}.jsonl").read_text()) for name in ("losses", "rollouts")
+    )
+    assert list(losses) == ["step", "seconds", "loss", "learning_rate", "unroll"]
+    assert losses["step"] == 100
+    assert list(rollouts)[:4] == ["trained_steps", "scene", "step_10", "step_25"]
     assert (tmp_path / "rollout.png").stat().st_size > 5000
     state = checkpoint.read(tmp_path / run.CHECKPOINT)
     assert state["about"] == {"command": "a test"}

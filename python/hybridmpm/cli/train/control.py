@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "names",
     type=click.Choice(scenarios.NAMES),
     multiple=True,
-    help="Scenario to train on, in 2D without obstacles; may be repeated for a network that serves several.",
+    help="Scenario to train on, without obstacles; may be repeated for a network that serves several.",
 )
 @out_option
 @click.option(
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     type=click.IntRange(4, 256),
     default=24,
     show_default=True,
-    help="Channels of the network on its finest grid, a multiple of 4.",
+    help="Channels of the network on its finest cells, a multiple of 4.",
 )
 @click.option(
     "--steps",
@@ -84,7 +84,19 @@ if TYPE_CHECKING:
     type=click.IntRange(1, 4096),
     default=256,
     show_default=True,
-    help="Number of particles of a sample whose end is asked for.",
+    help="Number of particles of a sample whose ends are predicted.",
+)
+@click.option(
+    "--flow",
+    type=click.FloatRange(0, 1),
+    default=0.7,
+    show_default=True,
+    help="Share of the samples on the way from noise to data; 0 trains for one evaluation alone.",
+)
+@click.option(
+    "--bfloat16/--float32",
+    default=False,
+    help="Compute with numbers of 16 bits, which is quicker on processors that have such instructions.",
 )
 @learning_rate_option(1.5e-3)
 @final_rate_option
@@ -98,13 +110,15 @@ def control(
 ) -> None:
     """Train the network of the control method "learned".
 
-    It learns from forward runs where the particles of a fluid came from, given what a sketch tells of that.
-    After an interruption the same command goes on from the last checkpoint in the folder --out, and gives the
-    weights of an uninterrupted run. The folder also gets the losses, and errors on held-out scenes.
+    It learns from forward runs where the particles of a fluid came from, given what a sketch says of that.
+    Samples are made by a process of their own, so training takes a second core. After an interruption the
+    same command goes on from the last checkpoint in the folder --out, and gives the weights of an
+    uninterrupted run. The folder also gets the losses, and errors on held-out scenes.
     """
     torch = require_torch()
     from hybridmpm.training import run  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.control.transport.supply import Source, Supply  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.validation import held_out, log_unexplained  # noqa: PLC0415 - needs torch
 
@@ -120,27 +134,26 @@ def control(
         about = told_before(file)
     else:
         trainer = _new(_spec(names, options), options, device)
-        kinds = ", ".join(trainer.spec.scenarios)
-        about = {
-            **origin(of_checkpoint(options["finetune"])),
-            "data": f"{options['scenes']} scenes of each of {kinds}, seeds from 0",
-            "machine": machine_of(device),
-        }
+        about = {**origin(of_checkpoint(options["finetune"])), "machine": machine_of(device)}
+    # A later run may have more scenes.
+    kinds = ", ".join(trainer.spec.scenarios)
+    about["data"] = f"{options['scenes']} scenes of each of {kinds}, seeds from 0"
     training = range(options["scenes"])
     validation = range(FIRST_VALID, FIRST_VALID + options["valid"])
     make_missing(options["root"], trainer.spec.scenarios, (training, validation), pasts.prepare)
-    found = [past for name in trainer.spec.scenarios for past in pasts.read(options["root"], name, training)]
     groups = {name: pasts.read(options["root"], name, validation) for name in trainer.spec.scenarios}
     weights = sum(weight.numel() for weight in trainer.network.parameters())
-    click.echo(f"{weights} parameters, {len(found)} scenes, on {device}", err=True)
-    run_shown(
-        trainer,
-        out,
-        step=partial(trainer.step, found),
-        validate=partial(log_unexplained, trainer, out, held_out(groups, trainer.spec)),
-        about=about,
-        until=options["until"],
-    )
+    click.echo(f"{weights} parameters, {about['data']}, on {device}", err=True)
+    source = Source(options["root"], training, trainer.spec, trainer.settings)
+    with Supply(source, trainer.step_count) as supply:
+        run_shown(
+            trainer,
+            out,
+            step=lambda: trainer.step(*supply.take()),
+            validate=partial(log_unexplained, trainer, out, held_out(groups, trainer.spec)),
+            about=about,
+            until=options["until"],
+        )
     click.echo(f"wrote {file}, and losses and errors on held-out scenes beside it")
 
 

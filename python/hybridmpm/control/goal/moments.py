@@ -33,3 +33,14 @@ def fitted(x: Floats, weight: Floats, mean: Floats, covariance: Floats | None) -
     root = root_of(covariance)
     inner = root_of(root @ own_covariance @ root)
     return np.asarray(mean + (x - own_mean) @ (root @ np.linalg.pinv(inner) @ root))
+
+
+def fitted_in_view(x: Floats, weight: Floats, mean: Floats, covariance: Floats | None) -> Floats:
+    """Move points (N, D) so that they have a mean (D,), and in the front view the covariance (2, 2).
+
+    The view is that of the first two axes. No sketch says how far a fluid extends in depth, so along that
+    axis the points keep their distances. The covariance is left alone where None is given.
+    """
+    moved = x + (mean - weight @ x)
+    moved[:, :2] = fitted(x[:, :2], weight, mean[:2], covariance)
+    return moved

@@ -70,7 +70,7 @@ class Past:
         return np.asarray(self.x[index] / _STEPS)
 
     def state(self, index: int) -> State:
-        """Return a state as a transport network is told of it."""
+        """Return a state, for the features of a transport network."""
         mass = self.mass.astype(np.float64)
         walls = self.scene.walls
         return State(

@@ -19,14 +19,14 @@ from hybridmpm.training.physics.trainer import Trainer
 from hybridmpm.training.physics.windows import edges_of, known_acceleration
 from hybridmpm.training.run import log_row
 
-ROLLOUTS, PICTURE = "rollouts.csv", "rollout.png"
+ROLLOUTS, PICTURE = "rollouts.jsonl", "rollout.png"
 
 _PICTURES = 5
 _WIDTH = 240
 
 
 def log_rollouts(trainer: Trainer, folder: Path, held_out: Sequence[Trajectory]) -> None:
-    """Roll out on held-out trajectories; add their errors to `rollouts.csv`, and draw `rollout.png`.
+    """Roll out on held-out trajectories; add their errors to `rollouts.jsonl`, and draw `rollout.png`.
 
     Raises
     ------

@@ -52,6 +52,20 @@ def test_the_plan_has_what_the_sketch_tells(solver: MpmSolver, network_file: Net
     np.testing.assert_allclose(axes, OVAL.axes, rtol=0.05)
 
 
+def test_a_plan_in_3d_fits_the_front_view_and_keeps_its_depth(network_file: NetworkFile) -> None:
+    solver = MpmSolver(scenarios.get("water_3d", 3))
+    solver.advance(80)
+    guidance = planned(solver, network_file(scenario="water_3d"))
+    assert guidance.method == "learned", guidance.reason
+    cloud = guidance.goal.cloud
+    mean, covariance = moments(ends(guidance), cloud.weight)
+    np.testing.assert_allclose(mean[:2], OVAL.center, atol=2e-3)
+    assert mean[2] == pytest.approx(cloud.centroid[2], abs=2e-3)
+    axes = 2 * np.sqrt(np.linalg.eigvalsh(covariance[:2, :2]))[::-1]
+    np.testing.assert_allclose(axes, OVAL.axes, rtol=0.05)
+    assert covariance[2, 2] == pytest.approx(moments(cloud.x, cloud.weight)[1][2, 2], rel=0.02)
+
+
 def test_an_arrow_moves_the_mean_and_leaves_the_shape_to_the_network(
     solver: MpmSolver, network_file: NetworkFile
 ) -> None:
@@ -121,6 +135,12 @@ def test_other_scenes_are_handed_over(scene: Scene, why: str, network_file: Netw
     guidance = planned(MpmSolver(scene), network_file(), ARROW)
     assert guidance.method == "analytic"
     assert why in guidance.reason
+
+
+def test_a_network_in_3d_is_not_for_2d(solver: MpmSolver, network_file: NetworkFile) -> None:
+    guidance = planned(solver, network_file(scenario="water_3d"), ARROW)
+    assert guidance.method == "analytic"
+    assert "cannot serve this scene: it is trained in 3D only" in guidance.reason
 
 
 def test_absent_weights_are_handed_over(solver: MpmSolver, tmp_path: Path) -> None:

@@ -340,7 +340,7 @@ def test_the_command_trains_and_the_export_is_published(tmp_path: Path) -> None:
     command = ["train", "controlnet", "--scenario", "water_2d", "--out", str(out), "--data", str(data)]
     done = CliRunner().invoke(cli, [*command, *options, "--steps", "2"], prog_name="hybridmpm")
     assert done.exit_code == 0, done.output
-    assert (out / "losses.csv").exists() or (out / "validation.csv").exists()
+    assert (out / "validation.jsonl").exists()
     other = CliRunner().invoke(cli, [*command, *options, "--steps", "3"], prog_name="hybridmpm")
     assert other.exit_code == 2
     assert "has --steps 2, not 3" in other.output

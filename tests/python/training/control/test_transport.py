@@ -1,5 +1,6 @@
 """Training of the transport network: that it learns, goes on after an interruption, and is exported."""
 
+from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +17,20 @@ from hybridmpm.training import checkpoint
 from hybridmpm.training.control import pasts, scene_files
 from hybridmpm.training.control.published import Exported
 from hybridmpm.training.control.transport.export import export_transport
+from hybridmpm.training.control.transport.supply import Source, Supply, batch_at
 from hybridmpm.training.control.transport.trainer import TransportSettings, TransportTrainer
 from hybridmpm.training.control.transport.windows import batch_of, drawn
 
 CPU = torch.device("cpu")
-SPEC = TransportSpec(scenarios=("water_2d",), width=4)
+SPECS = {dim: TransportSpec(scenarios=(f"water_{dim}d",), width=4) for dim in (2, 3)}
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the pasts of six scenes."""
+    """Return a folder with the pasts of six scenes in 2D and of four in 3D."""
     folder = tmp_path_factory.mktemp("pasts")
     pasts.prepare(folder, "water_2d", range(6))
+    pasts.prepare(folder, "water_3d", range(4))
     return folder
 
 
@@ -37,9 +40,19 @@ def six(root: Path) -> list[pasts.Past]:
     return pasts.read(root, "water_2d", range(6))
 
 
-def trainer(steps: int = 40, rate: float = 1.5e-3) -> TransportTrainer:
+@pytest.fixture(scope="module")
+def four(root: Path) -> list[pasts.Past]:
+    """Return the four pasts in 3D."""
+    return pasts.read(root, "water_3d", range(4))
+
+
+def trainer(dim: int, steps: int = 40, rate: float = 1.5e-3) -> TransportTrainer:
     settings = TransportSettings(steps=steps, batch=4, particles=32, learning_rate=rate)
-    return TransportTrainer(SPEC, settings, CPU)
+    return TransportTrainer(SPECS[dim], settings, CPU)
+
+
+def take_steps(one: TransportTrainer, found: list[pasts.Past], count: int) -> list[float]:
+    return [one.step(*batch_at(one.step_count, found, one.spec, one.settings)) for _ in range(count)]
 
 
 def test_pasts_are_kept_and_made_anew_where_missing(root: Path, six: list[pasts.Past]) -> None:
@@ -57,63 +70,103 @@ def test_a_damaged_past_is_named(tmp_path: Path) -> None:
         pasts.read(tmp_path, "water_2d", range(1))
 
 
-def test_samples_lead_back_to_the_past(six: list[pasts.Past]) -> None:
-    """A sample's end is a state of the same run, some strides earlier, mirrored or not."""
+@pytest.mark.parametrize("dim", [2, 3])
+def test_samples_lead_back_to_the_past(six: list[pasts.Past], four: list[pasts.Past], dim: int) -> None:
+    """A sample's end is a state of the same run, some strides earlier, both mirrored and turned alike."""
     rng = np.random.default_rng(0)
-    for _ in range(20):
-        sample = drawn(rng, six, shortest=0.1, longest=0.4)
-        strides = round(sample.aim.seconds / six[0].seconds)
+    mine = six if dim == 2 else four
+    states = [past.positions(index) for past in mine for index in range(pasts.STATES)]
+    turns = [[0, 1]] if dim == 2 else [list(order) for order in permutations(range(3)) if order[1] == 1]
+    seen = set()
+    for _ in range(30):
+        sample = drawn(rng, mine, shortest=0.1, longest=0.4)
+        strides = round(sample.aim.seconds / mine[0].seconds)
         assert 4 <= strides <= 16
-        states = [past.positions(index) for past in six for index in range(pasts.STATES)]
-        both = sample.state.lower[0] + sample.state.upper[0]
-        mirrored = [np.column_stack([both - x[:, 0], x[:, 1]]) for x in states]
-        found = [
-            index
-            for index, x in enumerate([*states, *mirrored])
-            if x.shape == sample.end.shape and np.allclose(x, sample.end)
-        ]
-        later = [*states, *mirrored][found[0] + strides]
-        np.testing.assert_allclose(later, sample.state.x, atol=1e-9)
+        both = sample.state.lower + sample.state.upper
+        found = []
+        for order, signs in product(turns, product(*[(1, -1)] * (dim - 1))):
+            sign = np.ones(dim)
+            sign[::2] = signs
+            for index, x in enumerate(states):
+                moved = np.where(sign < 0, both, 0) + sign * x[:, order]
+                if moved.shape == sample.end.shape and np.allclose(moved, sample.end):
+                    later = np.where(sign < 0, both, 0) + sign * states[index + strides][:, order]
+                    np.testing.assert_allclose(later, sample.state.x, atol=1e-9)
+                    found.append((tuple(order), signs))
+        assert len(found) == 1
+        seen.add(found[0])
         np.testing.assert_allclose(sample.aim.mean, sample.end.mean(axis=0), atol=1e-9)
+    assert len(seen) == (2 if dim == 2 else 8)
 
 
-def test_training_lowers_the_error(six: list[pasts.Past]) -> None:
+def test_a_sample_in_3d_has_the_covariance_of_the_view(four: list[pasts.Past]) -> None:
+    rng = np.random.default_rng(0)
+    samples = [drawn(rng, four, shortest=0.1, longest=0.4) for _ in range(8)]
+    for sample in (one for one in samples if not one.is_arrow):
+        root = sample.aim.root
+        assert root is not None
+        np.testing.assert_allclose(root @ root, np.cov(sample.end[:, :2].T, bias=True), atol=1e-9)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_training_lowers_the_error(six: list[pasts.Past], four: list[pasts.Past], dim: int) -> None:
     """Before training all are sent to the middle of the aim; after some steps less is unexplained."""
-    one = trainer(60, rate=0.02)
+    mine = six if dim == 2 else four
+    one = trainer(dim, 60, rate=0.02)
     rng = np.random.default_rng(1)
-    samples = [drawn(rng, six, shortest=0.1, longest=0.4) for _ in range(16)]
+    samples = [drawn(rng, mine, shortest=0.1, longest=0.4) for _ in range(16)]
     np.testing.assert_allclose(one.unexplained(samples), 1.0, atol=1e-5)
-    for _ in range(60):
-        one.step(six)
+    take_steps(one, mine, 60)
     assert one.unexplained(samples).mean() < 0.8
 
 
-def test_an_interrupted_training_gives_the_same_weights(six: list[pasts.Past], tmp_path: Path) -> None:
-    whole, half = trainer(), trainer()
-    for _ in range(6):
-        whole.step(six)
-    for _ in range(3):
-        half.step(six)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_interrupted_training_gives_the_same_weights(
+    six: list[pasts.Past], four: list[pasts.Past], tmp_path: Path, dim: int
+) -> None:
+    mine = six if dim == 2 else four
+    whole, half = trainer(dim), trainer(dim)
+    losses = take_steps(whole, mine, 6)
+    first = take_steps(half, mine, 3)
     checkpoint.save(tmp_path / "checkpoint.pt", half, {})
     rest = TransportTrainer.load(tmp_path / "checkpoint.pt", CPU)
-    for _ in range(3):
-        rest.step(six)
+    assert losses == first + take_steps(rest, mine, 3)
     for name, weights in whole.average.state_dict().items():
         torch.testing.assert_close(weights, rest.average.state_dict()[name], rtol=0, atol=0)
 
 
+def test_another_process_makes_the_same_batches(root: Path, four: list[pasts.Past]) -> None:
+    settings = TransportSettings(steps=9, batch=2, particles=16, seed=3)
+    with Supply(Source(root, range(4), SPECS[3], settings), 5) as supply:
+        for step in (5, 6):
+            wanted, got = batch_at(step, four, SPECS[3], settings), supply.take()
+            assert torch.equal(wanted[1], got[1])
+            for name, tensor in vars(wanted[0]).items():
+                assert torch.equal(tensor, getattr(got[0], name)), name
+
+
+def test_what_another_process_cannot_read_is_told(root: Path) -> None:
+    settings = TransportSettings(steps=9, batch=2, particles=16)
+    with (
+        Supply(Source(root / "none", range(4), SPECS[2], settings), 0) as supply,
+        pytest.raises(DataError, match="damaged"),
+    ):
+        supply.take()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
 def test_the_command_trains_and_the_export_answers_alike(
-    root: Path, six: list[pasts.Past], tmp_path: Path
+    root: Path, six: list[pasts.Past], four: list[pasts.Past], tmp_path: Path, dim: int
 ) -> None:
     """The exported network gives the ends that torch gives, for any number of particles."""
-    out = tmp_path / "run"
+    out, mine = tmp_path / "run", six if dim == 2 else four
 
     def invoke(*arguments: object) -> Result:
-        data = ["--data", root, "--scenes", 6, "--valid", 1, "--device", "cpu"]
-        mine = ["train", "control", *data, "--out", out, *arguments]
-        return CliRunner().invoke(cli, [*map(str, mine)], prog_name="hybridmpm")
+        data = ["--data", root, "--scenes", len(mine), "--valid", 1, "--device", "cpu"]
+        every = ["train", "control", *data, "--out", out, *arguments]
+        return CliRunner().invoke(cli, [*map(str, every)], prog_name="hybridmpm")
 
-    first = invoke("--scenario", "water_2d", "--width", 4, "--steps", 8, "--batch", 2, "--until", 4)
+    first = invoke("--scenario", f"water_{dim}d", "--width", 4, "--steps", 8, "--batch", 2, "--until", 4)
     assert first.exit_code == 0, first.output
     other = invoke("--steps", 9)
     assert other.exit_code == 2
@@ -125,10 +178,10 @@ def test_the_command_trains_and_the_export_answers_alike(
     served, torch_one = ServedNetwork(data, where="test"), TransportTrainer.load(out / "checkpoint.pt", CPU)
     rng = np.random.default_rng(2)
     for count in (1, 57, 400):
-        sample = drawn(rng, six, shortest=0.1, longest=0.4)
+        sample = drawn(rng, mine, shortest=0.1, longest=0.4)
         batch = batch_of(rng, [sample], count)
         with torch.no_grad():
-            wanted = torch_one.average(*batch.told, batch.noise, torch.tensor([0.25])).numpy()
+            wanted = torch_one.average(*batch.inputs, batch.noise, torch.tensor([0.25])).numpy()
         names = ("grid", "numbers", "particles", "places")
         feed = {name: getattr(batch, name).numpy() for name in names}
         feed |= {"noisy": batch.noise.numpy(), "time": np.array([0.25], np.float32)}

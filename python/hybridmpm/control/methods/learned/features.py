@@ -1,4 +1,7 @@
-"""What a transport network is told of a state and of a sketch, in training and in use."""
+"""Features of a state and of a sketch for a transport network, computed alike in training and in use.
+
+A state in 3D is seen on three planes, a state in 2D on its own. One network reads all planes.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,62 +13,104 @@ from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import moments
 from hybridmpm.control.methods.learned.spec import CELLS
 
-CHANNELS, NUMBERS, OF_PARTICLE = 10, 16, 13
-"""Channels of the grid, numbers of the whole, and numbers of each particle."""
+PLANES: dict[int, tuple[tuple[int, int], ...]] = {2: ((0, 1),), 3: ((0, 1), (2, 1), (0, 2))}
+"""Planes by dimension, each by its horizontal and its vertical axis. The first is the front view."""
 SCALE = 0.2
 """Length by which places are divided [m]."""
 _SECONDS = 0.25
 """Time by which times are divided [s], the paper's horizon."""
 _ARROW_SCALE = 0.12
 """Length of a unit in the frame of an arrow's goal [m]: spread of a typical fluid."""
+_THICK = {2: 1.0, 3: 8.0}
+"""Factor on the fill of a cell, by dimension: in 3D fluid takes a small part of a column."""
+_MUCH = {2: 8.0, 3: 30.0}
+"""Factor on the volume of the fluid, by dimension [1/m^D]."""
+_FARTHEST = {2: np.inf, 3: 4.0}
+"""Largest coordinate of a particle in the aim's frame, by dimension: beside a thin oval all is far away."""
 
 Floats32 = npt.NDArray[np.float32]
 
 
+def channels(dim: int) -> int:
+    """Return the number of channels of a plane."""
+    return 10 if dim == 2 else 13
+
+
+def numbers(dim: int) -> int:
+    """Return how many numbers describe the whole."""
+    return 16 if dim == 2 else 22
+
+
+def of_particle(dim: int) -> int:
+    """Return how many numbers describe a particle."""
+    return 6 * dim + 1
+
+
 @dataclass(frozen=True, eq=False)
 class State:
-    """N particles in 2D when control starts, all of one volume."""
+    """N particles in D dimensions when control starts, all of one volume."""
 
     x: Floats
-    """Positions (N, 2) [m]."""
+    """Positions (N, D) [m]."""
     v: Floats
-    """Velocities (N, 2) [m/s]."""
+    """Velocities (N, D) [m/s]."""
     sand: npt.NDArray[np.bool_]
     """Which particles are sand (N,)."""
     weight: Floats
     """Mass of each particle over that of all (N,) [-]."""
     particle_volume: float
-    """Area of a particle at rest [m^2]."""
+    """Volume of a particle at rest, in 2D its area [m^D]."""
     lower: Floats
-    """Lower corner of the walls (2,) [m]."""
+    """Lower corner of the walls (D,) [m]."""
     upper: Floats
-    """Upper corner of the walls (2,) [m]."""
+    """Upper corner of the walls (D,) [m]."""
     gravity: Floats
-    """(2,) [m/s^2]."""
+    """(D,) [m/s^2]."""
+
+    @property
+    def dim(self) -> int:
+        """Dimension D."""
+        return self.x.shape[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a sketch tells of the end."""
+    """What a sketch says of the end, in D dimensions."""
 
     mean: Floats
-    """Where the centre of mass is to be (2,) [m]."""
+    """Where the centre of mass is to be (D,) [m]."""
     root: Floats | None
-    """Symmetric root (2, 2) of the covariance of the particles [m]; None where an arrow leaves it open."""
+    """Symmetric root (2, 2) of the covariance of the particles in the front view [m], which an arrow leaves
+    open: None. No sketch says how far the fluid extends in depth."""
     seconds: float
     """Time until then [s]."""
 
     @property
     def frame(self) -> Floats:
-        """Matrix (2, 2) from the aim's own coordinates, whose origin is `mean`, to metres."""
-        return _ARROW_SCALE * np.eye(2) if self.root is None else self.root
+        """Matrix (D, D) from the aim's own coordinates, whose origin is `mean`, to metres.
+
+        A unit in depth is the geometric mean of those in the front view: a scale, not a wish.
+        """
+        dim = len(self.mean)
+        if self.root is None:
+            return _ARROW_SCALE * np.eye(dim)
+        frame = np.sqrt(max(float(np.linalg.det(self.root)), 1e-12)) * np.eye(dim)
+        frame[:2, :2] = self.root
+        return frame
+
+    def on_plane(self, plane: tuple[int, int]) -> Floats:
+        """Return the matrix (2, 2) from own coordinates to metres on a plane."""
+        axes = list(plane)
+        if max(axes) < 2:
+            return np.asarray(self.frame[np.ix_(axes, axes)])
+        return np.diag(np.linalg.norm(self.frame[axes], axis=1))
 
     def to_own(self, x: Floats) -> Floats:
-        """Return points (..., 2) [m] in the aim's own coordinates [-]."""
+        """Return points (..., D) [m] in the aim's own coordinates [-]."""
         return np.asarray((x - self.mean) @ np.linalg.inv(self.frame).T)
 
     def to_metres(self, own: Floats) -> Floats:
-        """Return points (..., 2) in the aim's own coordinates in metres."""
+        """Return points (..., D) in the aim's own coordinates in metres."""
         return np.asarray(self.mean + own @ self.frame.T)
 
 
@@ -74,67 +119,55 @@ class Inputs:
     """Inputs of a transport network for B states with P particles each; float32."""
 
     grid: Floats32
-    """(B, `CHANNELS`, `CELLS`, `CELLS`), rows along y."""
+    """(B, K * C, `CELLS`, `CELLS`): C `channels` of each of the K planes, rows along its vertical axis."""
     numbers: Floats32
-    """(B, `NUMBERS`)."""
+    """(B, `numbers`)."""
     particles: Floats32
-    """(B, P, `OF_PARTICLE`)."""
+    """(B, P, `of_particle`)."""
     places: Floats32
-    """Positions (B, P, 2) between the walls, from -1 to 1."""
+    """Positions (B, P, D) between the walls, from -1 to 1."""
 
 
 def inputs(
     states: Sequence[State], aims: Sequence[Aim], chosen: Sequence[npt.NDArray[np.int64] | None]
 ) -> Inputs:
-    """Return the inputs for some states, one aim each.
+    """Return the inputs for some states of one dimension, one aim each.
 
     Parameters
     ----------
     states : sequence of State, of length B
     aims : sequence of Aim, of length B
     chosen : sequence of int64 (P,) or None, of length B
-        Which particles are asked for; None for all. P must be the same for all states.
+        Particles whose ends are wanted; None for all. P must be the same for all states.
     """
-    told = [_told(*one) for one in zip(states, aims, chosen, strict=True)]
-    return Inputs(*(np.stack(column).astype(np.float32) for column in zip(*told, strict=True)))
+    each = [_inputs(*one) for one in zip(states, aims, chosen, strict=True)]
+    return Inputs(*(np.stack(column).astype(np.float32) for column in zip(*each, strict=True)))
 
 
 def unit_places(x: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Return points (N, 2) [m] as places between the walls, from -1 to 1."""
+    """Return points (N, D) [m] as places between the walls, from -1 to 1."""
     return np.asarray((x - lower) / (upper - lower) * 2 - 1)
 
 
-def _told(
+def _inputs(
     state: State, aim: Aim, chosen: npt.NDArray[np.int64] | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    extent = state.upper - state.lower
-    cells = (np.arange(CELLS) + 0.5) / CELLS
-    at = np.stack(np.meshgrid(cells, cells), axis=-1)
-    own = aim.to_own(state.lower + at * extent)
-    level = np.zeros((CELLS, CELLS)) if aim.root is None else np.exp(-(own**2).sum(axis=-1) / 4)
-    fill, velocity, deviation, sand = rasters(state)
+    dim = state.dim
+    seen = [raster(state, plane) for plane in PLANES[dim]]
     grid = np.concatenate(
-        [
-            fill[None],
-            velocity / 2,
-            deviation[None],
-            sand[None],
-            (at - 0.5).transpose(2, 0, 1),
-            level[None],
-            np.clip(own / 4, -2, 2).transpose(2, 0, 1),
-        ]
+        [_plane(state, aim, plane, one) for plane, one in zip(PLANES[dim], seen, strict=True)]
     )
     mean, covariance = moments(state.x, state.weight)
     middle = (state.lower + state.upper) / 2
     root = np.zeros((2, 2)) if aim.root is None else aim.root
-    numbers = np.concatenate(
+    whole = np.concatenate(
         [
             [aim.root is None, state.weight @ state.sand, aim.seconds / _SECONDS - 1],
             (aim.mean - mean) / SCALE,
-            root[[0, 0, 1], [0, 1, 1]] / SCALE,
+            root[np.triu_indices(2)] / SCALE,
             (mean - middle) / SCALE,
-            4 * covariance[[0, 0, 1], [0, 1, 1]] / SCALE**2,
-            [8 * len(state.x) * state.particle_volume],
+            4 * covariance[np.triu_indices(dim)] / SCALE**2,
+            [_MUCH[dim] * len(state.x) * state.particle_volume],
             (aim.mean - middle) / SCALE,
         ]
     )
@@ -146,53 +179,90 @@ def _told(
     flight = np.clip(flight, state.lower - SCALE, state.upper + 2 * SCALE)
     particles = np.concatenate(
         [
-            aim.to_own(x) / 2,
+            np.clip(aim.to_own(x) / 2, -_FARTHEST[dim], _FARTHEST[dim]),
             np.clip(aim.to_own(flight) / 4, -2, 2),
             v / 2,
-            v - _sampled(velocity, places),
+            # The axes of the front view are those of space, in the same order.
+            v - _sampled(seen[0].velocity, places[:, :2]),
             (x - middle) / (2 * SCALE),
             (x - mean) / SCALE,
             state.sand[every, None],
         ],
         axis=1,
     )
-    return grid, numbers, particles, places
+    return grid, whole, particles, places
 
 
-def rasters(state: State) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return a state on the network's grid, rows along y.
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A state on the C x C cells of a plane, rows along its vertical axis."""
 
-    Returns
-    -------
-    fill : (C, C)
-        Area of the particles over that of the cell [-].
-    velocity : (2, C, C)
-        Mean velocity [m/s], 0 where there is nothing.
-    deviation : (C, C)
-        Root mean square distance of the particles' velocities from the mean [m/s].
-    sand : (C, C)
-        Area of the sand over that of the cell [-].
-    """
-    nodes, weights = _corners(unit_places(state.x, state.lower, state.upper))
+    fill: Floats
+    """Volume of the particles over that of the cell's column, times 8 in 3D (C, C) [-]."""
+    velocity: Floats
+    """Mean velocity (D, C, C) [m/s], 0 where there is nothing: along the plane's axes, then in depth."""
+    deviation: Floats
+    """Root mean square distance of the particles' velocities from the mean (C, C) [m/s]."""
+    depth: Floats
+    """Mean and standard deviation of the depth (2, C, C) [m], 0 where there is nothing; (0, C, C) in 2D."""
+    sand: Floats
+    """The part of `fill` that is sand (C, C) [-]."""
+
+
+def raster(state: State, plane: tuple[int, int]) -> Raster:
+    """Return a state as it is seen on a plane."""
+    dim, axes = state.dim, list(plane)
+    places = unit_places(state.x, state.lower, state.upper)
+    nodes, weights = _corners(places[:, axes])
+    shape = (CELLS, CELLS)
 
     def summed(values: Floats) -> Floats:
         found = np.bincount(nodes.ravel(), (weights * values[:, None]).ravel(), CELLS**2)
-        return found.astype(np.float64)
+        return found.astype(np.float64).reshape(shape)
 
     mass = summed(np.ones(len(state.x)))
-    share = state.particle_volume / (np.prod(state.upper - state.lower) / CELLS**2)
+    share = _THICK[dim] * state.particle_volume / (np.prod(state.upper - state.lower) / CELLS**2)
     there = mass > 1e-3
     divisor = np.where(there, mass, 1.0)
-    velocity = np.stack([summed(column) for column in state.v.T]) / divisor * there
-    square = summed((state.v**2).sum(axis=1)) / divisor * there
-    deviation = np.sqrt(np.maximum(square - (velocity**2).sum(axis=0), 0.0))
-    sand = summed(state.sand.astype(np.float64))
-    shape = (CELLS, CELLS)
-    return (
-        (mass * share).reshape(shape),
-        velocity.reshape(2, *shape),
-        deviation.reshape(shape),
-        (sand * share).reshape(shape),
+
+    def mean(values: Floats) -> Floats:
+        return summed(values) / divisor * there
+
+    across = [axis for axis in range(dim) if axis not in plane]
+    velocity = np.stack([mean(state.v[:, axis]) for axis in (*axes, *across)])
+    square = mean((state.v**2).sum(axis=1))
+    away = state.x - (state.lower + state.upper) / 2
+    depth = [(mean(away[:, axis]), mean(away[:, axis] ** 2)) for axis in across]
+    return Raster(
+        fill=mass * share,
+        velocity=velocity,
+        deviation=np.sqrt(np.maximum(square - (velocity**2).sum(axis=0), 0.0)),
+        depth=np.array([(one, np.sqrt(np.maximum(two - one**2, 0.0))) for one, two in depth]).reshape(
+            -1, *shape
+        ),
+        sand=summed(state.sand.astype(np.float64)) * share,
+    )
+
+
+def _plane(state: State, aim: Aim, plane: tuple[int, int], seen: Raster) -> Floats:
+    """Return the channels (C, `CELLS`, `CELLS`) of a plane: the state, and the aim as it is seen there."""
+    axes = list(plane)
+    cells = (np.arange(CELLS) + 0.5) / CELLS
+    at = np.stack(np.meshgrid(cells, cells), axis=-1)
+    x = state.lower[axes] + at * (state.upper - state.lower)[axes]
+    own = (x - aim.mean[axes]) @ np.linalg.inv(aim.on_plane(plane)).T
+    level = np.zeros((CELLS, CELLS)) if aim.root is None else np.exp(-(own**2).sum(axis=-1) / 4)
+    return np.concatenate(
+        [
+            seen.fill[None],
+            seen.velocity / 2,
+            seen.deviation[None],
+            seen.depth,
+            seen.sand[None],
+            (at - 0.5).transpose(2, 0, 1),
+            level[None],
+            np.clip(own / 4, -2, 2).transpose(2, 0, 1),
+        ]
     )
 
 

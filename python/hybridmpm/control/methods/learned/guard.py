@@ -1,9 +1,12 @@
 """Whether a learned plan can be trusted: what is looked at before it may move anything."""
 
 import numpy as np
+import numpy.typing as npt
 
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.region import Region
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.methods.method import Task
 
@@ -39,12 +42,13 @@ def objection(places: Floats, ways: Ways, task: Task) -> str | None:
     outside = float(weight @ (beyond > _OUTSIDE_LENGTH))
     if outside > _OUTSIDE:
         return f"the plan leads {100 * outside:.0f} % of the fluid out of the box"
-    inside, analytic = goal.inside(ways.places), goal.inside(goal.ways.places)
     # The disc at the tip of an arrow is a makeshift for a shape that does not fit there.
-    if goal.drawn is not None and inside is not None and analytic is not None:
-        missing = float(weight @ analytic) - float(weight @ inside)
-        if missing > _MISSING:
-            return f"the plan leaves {100 * missing:.0f} % of the fluid out of the goal"
+    if goal.drawn is not None and goal.region is not None:
+        inside, analytic = (
+            weight @ _in_view(goal.drawn, goal.region, one.places) for one in (ways, goal.ways)
+        )
+        if analytic - inside > _MISSING:
+            return f"the plan leaves {100 * (analytic - inside):.0f} % of the fluid out of the goal"
     dense = _too_dense(ways.places, task) - _too_dense(goal.ways.places, task)
     if dense > _TOO_DENSE:
         return f"the plan packs {100 * dense:.0f} % of the fluid too densely"
@@ -53,6 +57,15 @@ def objection(places: Floats, ways: Ways, task: Task) -> str | None:
     if need > max(task.cap, least):
         return f"the plan takes {need:.1f} g, and {task.cap:g} g are allowed"
     return None
+
+
+def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool_]:
+    """Tell which places (N, D) lie in the region of an oval, in 3D as the front view shows it; (N,)."""
+    scale = max(1.0, region.scale)
+    if places.shape[1] == 2:
+        return region.reaches(places, scale)
+    view = Oval(drawn.center[:2], drawn.axes[:2], drawn.directions[:2, :2])
+    return view.level(places[:, :2]) <= scale
 
 
 def _too_dense(places: Floats, task: Task) -> float:

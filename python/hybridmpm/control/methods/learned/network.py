@@ -67,7 +67,7 @@ class TransportNetwork:
         return cls(data, where=str(path), threads=threads)
 
     def ends(self, state: State, aim: Aim, *, seed: int, evaluations: int) -> Floats:
-        """Return where the particles may have come from: places (N, 2) for the end of control [m].
+        """Return where the particles may have come from: places (N, D) for the end of control [m].
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ _CELLS = (1, 3, 6)
 
 
 def smooth_noise(rng: np.random.Generator, places: Floats) -> Floats:
-    """Return normal numbers (P, 2) at places (P, 2) between the walls, from -1 to 1.
+    """Return normal numbers (P, D) at places (P, D) between the walls, from -1 to 1.
 
     Each has mean 0 and variance 1. Those of neighbouring places are nearly the same, as are the ways of
     neighbouring particles: noise of each particle by itself would tear the fluid apart.
@@ -21,7 +21,7 @@ def smooth_noise(rng: np.random.Generator, places: Floats) -> Floats:
 
 def _on_grid(rng: np.random.Generator, x: Floats, cells: int) -> Floats:
     stencils = Stencils.at(np.clip(x, 0.0, 1.0), cells)
-    grids = rng.standard_normal((2, *stencils.shape))
+    grids = rng.standard_normal((x.shape[1], *stencils.shape))
     # A clamped node counts twice, so the weights of equal nodes are added before they are squared.
     same = stencils.nodes[:, :, None] == stencils.nodes[:, None, :]
     variance = np.einsum("ni,nij,nj->n", stencils.weights, same, stencils.weights)

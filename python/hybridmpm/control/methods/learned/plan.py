@@ -9,7 +9,8 @@ import numpy.typing as npt
 from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
-from hybridmpm.control.goal.moments import fitted
+from hybridmpm.control.goal.moments import fitted_in_view
+from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.manifest import networks
@@ -36,10 +37,10 @@ larger."""
 class Learned:
     """Leads each particle to where, by what a network has learned, it may have come from.
 
-    For an oval the places get the mean and the covariance that it stands for, for an arrow the mean. Where
-    the plan cannot be trusted, analytic control takes over: in scenes of another kind than the network was
-    trained on, and where the plan leaves the room, misses the goal, is too dense, or takes more force than is
-    allowed.
+    For an oval the places get the mean and the covariance that it stands for, which in 3D is that in the
+    front view, for an arrow the mean. Where the plan cannot be trusted, analytic control takes over: in
+    scenes of another kind than the network was trained on, and where the plan leaves the room, misses the
+    goal, is too dense, or takes more force than is allowed.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ class Learned:
         if not np.isfinite(found).all():
             raise HandOver("the network's answer is not finite")
         covariance = None if aim.root is None else aim.root @ aim.root
-        places = fitted(found, goal.cloud.weight, aim.mean, covariance)
+        places = fitted_in_view(found, goal.cloud.weight, aim.mean, covariance)
         group = _groups(goal)
         room = goal.room
         inside = np.clip(places, room.lower, room.upper)
@@ -117,12 +118,20 @@ def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
 
 
 def _aim(goal: Goal, seconds: float) -> Aim:
-    """Return what a goal's sketch tells of the end: of an oval two standard deviations, as it was drawn."""
+    """Return what a goal's sketch says of the end: of an oval two standard deviations, as it was drawn."""
     if goal.drawn is None or goal.region is None:
         return Aim(np.asarray(goal.path[-1]), None, seconds)
-    deviations = max(1.0, goal.region.scale) * goal.drawn.axes / 2
-    turn = goal.drawn.directions
+    deviations = _growth(goal.drawn, goal.region.scale, goal) * goal.drawn.axes[:2] / 2
+    turn = goal.drawn.directions[:2, :2]
     return Aim(goal.drawn.center, turn.T @ np.diag(deviations) @ turn, seconds)
+
+
+def _growth(drawn: Oval, scale: float, goal: Goal) -> float:
+    """Return the factor on an oval that has room for the fluid: in 3D with all of the depth behind it."""
+    if goal.cloud.dim == 2:
+        return max(1.0, scale)
+    depth = goal.room.upper[2] - goal.room.lower[2]
+    return max(1.0, float(np.sqrt(goal.cloud.volume / (np.pi * drawn.axes[0] * drawn.axes[1] * depth))))
 
 
 def _state(simulator: Simulator, cloud: Cloud) -> State:

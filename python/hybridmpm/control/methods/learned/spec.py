@@ -14,7 +14,7 @@ from hybridmpm.scene import Scene
 FEATURES_VERSION = 1
 """Raised when the same inputs give other features; checkpoints and models of another version are refused."""
 CELLS = 32
-"""Cells of the network's grid along each axis, between the walls."""
+"""Cells of each plane of the network along both axes, between the walls."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,14 +24,14 @@ class TransportSpec:
     Raises
     ------
     ConfigError
-        A number is out of range, a scenario is unknown or no 2D scenario, or the scenarios differ in their
+        A number is out of range, a scenario is unknown or has obstacles, or the scenarios differ in their
         box.
     """
 
     scenarios: tuple[str, ...]
     """Whose scenes it is trained on."""
     width: int = 24
-    """Channels on the finest grid, in [4, 256]; a multiple of 4."""
+    """Channels on the finest cells, in [4, 256]; a multiple of 4."""
     shortest: float = 0.1
     """Shortest time in which a goal is to be reached, of those that it is trained on [s]."""
     longest: float = 0.4
@@ -50,13 +50,17 @@ class TransportSpec:
         if not self.scenarios:
             raise ConfigError("a transport network needs at least one scenario")
         scenes = [scenarios.get(name, 0) for name in self.scenarios]
-        if any(scene.dim != 2 or scene.obstacles for scene in scenes):
+        if any(scene.obstacles for scene in scenes):
             raise ConfigError(
-                "transport networks are for scenarios in 2D without obstacles, got "
-                + ", ".join(self.scenarios)
+                "transport networks are for scenarios without obstacles, got " + ", ".join(self.scenarios)
             )
         if len({scene.walls for scene in scenes}) > 1:
-            raise ConfigError("the scenarios of one network must share their walls")
+            raise ConfigError("the scenarios of one network must share their walls, and so their dimension")
+
+    @property
+    def dim(self) -> int:
+        """Dimension D."""
+        return scenarios.get(self.scenarios[0], 0).dim
 
     def clipped(self, seconds: float) -> float:
         """Return the time nearest to `seconds` among those that the network is trained on [s]."""

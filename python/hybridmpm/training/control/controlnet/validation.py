@@ -11,7 +11,7 @@ from hybridmpm.training.run import VALIDATION, log_row
 def log_unexplained(
     trainer: ControlNetTrainer, folder: Path, groups: Mapping[str, Sequence[NodeCase]]
 ) -> None:
-    """Add to `validation.csv` `ControlNetTrainer.unexplained` for arrows and ovals of each scenario.
+    """Add to `validation.jsonl` `ControlNetTrainer.unexplained` for arrows and ovals of each scenario.
 
     Raises
     ------

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import torch
 
-from hybridmpm.control.methods.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
+from hybridmpm.control.methods.learned.features import PLANES, channels, numbers, of_particle
 from hybridmpm.control.methods.learned.network import INPUTS, OUTPUT, WEIGHTS, properties_of
 from hybridmpm.control.methods.learned.spec import CELLS
 from hybridmpm.training.control.published import Exported, told
@@ -26,7 +26,7 @@ def export_transport(path: Path) -> Exported:
     trainer = TransportTrainer.load(path, torch.device("cpu"))
     training = told(path, trainer.average)
     return Exported(
-        data=to_onnx(trainer.average, properties_of(trainer.spec, training)),
+        data=to_onnx(trainer.average, trainer.spec.dim, properties_of(trainer.spec, training)),
         training=training,
         folder=WEIGHTS,
         answers="where each particle of a fluid may have come from, given an oval or an arrow",
@@ -34,15 +34,15 @@ def export_transport(path: Path) -> Exported:
     )
 
 
-def to_onnx(network: TransportNetwork, properties: dict[str, str]) -> bytes:
-    """Return a transport network as an ONNX model; the number of particles is free."""
+def to_onnx(network: TransportNetwork, dim: int, properties: dict[str, str]) -> bytes:
+    """Return a transport network of a dimension as an ONNX model; the number of particles is free."""
     batch, count = 1, 3
     example = (
-        torch.zeros(batch, CHANNELS, CELLS, CELLS),
-        torch.zeros(batch, NUMBERS),
-        torch.zeros(batch, count, OF_PARTICLE),
-        torch.zeros(batch, count, 2),
-        torch.zeros(batch, count, 2),
+        torch.zeros(batch, len(PLANES[dim]) * channels(dim), CELLS, CELLS),
+        torch.zeros(batch, numbers(dim)),
+        torch.zeros(batch, count, of_particle(dim)),
+        torch.zeros(batch, count, dim),
+        torch.zeros(batch, count, dim),
         torch.zeros(batch),
     )
     free = torch.export.Dim.DYNAMIC

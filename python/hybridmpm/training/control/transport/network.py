@@ -1,22 +1,25 @@
-"""The transport network: a U-Net over the state, and a perceptron that answers for each particle."""
+"""The transport network: a U-Net over the planes of a state, and a perceptron for each particle."""
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from hybridmpm.control.methods.learned.features import CHANNELS, NUMBERS, OF_PARTICLE
+from hybridmpm.control.methods.learned.features import PLANES, channels, numbers, of_particle
 from hybridmpm.control.methods.learned.spec import CELLS, TransportSpec
 
 _EMBEDDING = 64
 """Numbers that stand for the whole: state, sketch and time of the flow."""
 _HIDDEN = 96
-"""Width of the perceptron that answers for a particle."""
+"""Width of the perceptron of a particle; its first layer is half as wide again in 3D."""
 _GROUPS = 4
-_DIM = 2
 
 
 class TransportNetwork(nn.Module):
     """From a state, a sketch and places that are noise to some degree, to the places at the end.
+
+    One U-Net of two dimensions reads each plane of the state; an embedding says which of them it is. What the
+    U-Net finds on the coarsest cells of all planes is joined and given back to each. A particle reads its
+    place on all planes.
 
     It is trained to flow from noise to data: see `TransportTrainer`. At time 0 the places are noise alone.
 
@@ -27,60 +30,79 @@ class TransportNetwork(nn.Module):
 
     def __init__(self, spec: TransportSpec) -> None:
         super().__init__()
+        dim = spec.dim
+        self.planes = PLANES[dim]
         fine, middle, coarse = spec.width, 2 * spec.width, 4 * spec.width
         levels = (fine, middle, coarse, coarse)
         smallest = CELLS // 2 ** (len(levels) - 1)
         self.whole = nn.Sequential(
-            nn.Linear(NUMBERS + 2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING), nn.SiLU()
+            nn.Linear(numbers(dim) + 2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING), nn.SiLU()
         )
-        self.first = nn.Conv2d(CHANNELS + _DIM, fine, 3, padding=1)
+        self.plane = nn.Parameter(torch.randn(len(self.planes), _EMBEDDING) / 2)
+        self.first = nn.Conv2d(channels(dim) + dim, fine, 3, padding=1)
         inward = zip((fine, *levels), levels, strict=False)
         self.down = nn.ModuleList(_Block(before, after) for before, after in inward)
         self.middle = nn.Sequential(
-            nn.Linear(coarse * smallest**2, 2 * _EMBEDDING), nn.SiLU(), nn.Linear(2 * _EMBEDDING, _EMBEDDING)
+            nn.Linear(coarse * smallest**2, _EMBEDDING), nn.SiLU(), nn.Linear(_EMBEDDING, _EMBEDDING)
         )
         outward = zip(levels[::-1], levels[-2::-1], strict=False)
         self.up = nn.ModuleList(_Block(below + beside, beside) for below, beside in outward)
+        seen = len(self.planes) * (fine + coarse)
+        hidden = _HIDDEN * dim // 2
         self.answer = nn.Sequential(
-            nn.Linear(fine + coarse + OF_PARTICLE + _DIM + _EMBEDDING, _HIDDEN),
+            nn.Linear(seen + of_particle(dim) + dim + _EMBEDDING, hidden),
             nn.SiLU(),
-            nn.Linear(_HIDDEN, _HIDDEN),
+            nn.Linear(hidden, _HIDDEN),
             nn.SiLU(),
-            nn.Linear(_HIDDEN, _DIM),
+            nn.Linear(_HIDDEN, dim),
         )
-        for weights in self.answer[-1].parameters():
-            nn.init.zeros_(weights)
+        with torch.no_grad():
+            for weights in self.answer[-1].parameters():
+                weights.zero_()
+            # Noise says nothing where it is all there is, so training begins without it.
+            self.first.weight[:, channels(dim) :] = 0.0
+            self.answer[0].weight[:, seen + of_particle(dim) :][:, :dim] = 0.0
 
     def forward(  # noqa: PLR0917 - the exporter names inputs by their place
         self, grid: Tensor, numbers: Tensor, particles: Tensor, places: Tensor, noisy: Tensor, time: Tensor
     ) -> Tensor:
-        """Return the places (B, P, 2) at the end, in the aim's own coordinates.
+        """Return the places (B, P, D) at the end, in the aim's own coordinates.
 
         Parameters
         ----------
         grid, numbers, particles, places
             As in `hybridmpm.control.methods.learned.features.Inputs`.
-        noisy : (B, P, 2)
+        noisy : (B, P, D)
             The places at a time of the flow, in the aim's own coordinates.
         time : (B,)
             Time of the flow, in [0, 1].
         """
+        batch, count = particles.shape[:2]
+        planes = len(self.planes)
         numbers = torch.cat([numbers, time[:, None], torch.sin(2 * torch.pi * time)[:, None]], dim=-1)
         whole = self.whole(numbers)
-        x = self.first(torch.cat([grid, _on_grid(noisy, places)], dim=1))
+        noise = torch.stack([_on_cells(noisy, places[..., axes]) for axes in self.planes], dim=1)
+        x = torch.cat([grid.reshape(batch, planes, -1, CELLS, CELLS), noise], dim=2).flatten(0, 1)
+        x = self.first(x)
+        embedded = (whole[:, None] + self.plane).flatten(0, 1)
         beside = []
         for level, block in enumerate(self.down):
-            x = block(functional.avg_pool2d(x, 2) if level else x, whole)
+            x = block(functional.avg_pool2d(x, 2) if level else x, embedded)
             beside.append(x)
-        whole = whole + self.middle(x.flatten(1))
+        found = self.middle(x.flatten(1)).reshape(batch, planes, -1).mean(dim=1)
+        whole = whole + found
+        embedded = (whole[:, None] + self.plane).flatten(0, 1)
         fields = []
         for block, other in zip(self.up, beside[-2::-1], strict=True):
-            x = block(torch.cat([functional.interpolate(x, scale_factor=2.0), other], dim=1), whole)
+            x = block(torch.cat([functional.interpolate(x, scale_factor=2.0), other], dim=1), embedded)
             fields.append(x)
-        told = [_at(fields[-1], places), _at(fields[0], places), particles, noisy]
-        count = particles.shape[1]
-        told.append(whole[:, None].expand(-1, count, -1))
-        return self.answer(torch.cat(told, dim=-1))  # type: ignore[no-any-return]
+        read = [
+            _at(field.unflatten(0, (batch, planes))[:, plane], places[..., axes])
+            for field in (fields[-1], fields[0])
+            for plane, axes in enumerate(self.planes)
+        ]
+        around = whole[:, None].expand(-1, count, -1)
+        return self.answer(torch.cat([*read, particles, noisy, around], dim=-1))  # type: ignore[no-any-return]
 
 
 class _Block(nn.Module):
@@ -109,16 +131,16 @@ def _at(field: Tensor, places: Tensor) -> Tensor:
     return found[..., 0].transpose(1, 2)
 
 
-def _on_grid(values: Tensor, places: Tensor) -> Tensor:
-    """Return the mean of the particles' values (B, P, 2) on cells, (B, 2, `CELLS`, `CELLS`).
+def _on_cells(values: Tensor, places: Tensor) -> Tensor:
+    """Return the mean of the values (B, P, D) of particles on the cells of a plane, (B, D, `CELLS`, `CELLS`).
 
-    The cells of the mean are twice as large as those of the grid, so that most of them hold a particle.
+    The cells of the mean are twice as large as those of the plane, so that most of them contain a particle.
     """
-    batch, half = len(values), CELLS // 2
+    batch, half, dim = len(values), CELLS // 2, values.shape[2]
     at = ((places + 1) / 2 * half).long().clamp(0, half - 1)
-    cell = (at[..., 1] * half + at[..., 0])[..., None].expand(-1, -1, _DIM + 1)
+    cell = (at[..., 1] * half + at[..., 0])[..., None].expand(-1, -1, dim + 1)
     ones = torch.ones_like(values[..., :1])
-    sums = torch.zeros(batch, half * half, _DIM + 1, dtype=values.dtype, device=values.device)
+    sums = torch.zeros(batch, half * half, dim + 1, dtype=values.dtype, device=values.device)
     sums = sums.scatter_add(1, cell, torch.cat([values, ones], dim=-1))
-    mean = sums[..., :_DIM] / sums[..., _DIM:].clamp_min(1.0)
-    return functional.interpolate(mean.transpose(1, 2).reshape(batch, _DIM, half, half), scale_factor=2.0)
+    mean = sums[..., :dim] / sums[..., dim:].clamp_min(1.0)
+    return functional.interpolate(mean.transpose(1, 2).reshape(batch, dim, half, half), scale_factor=2.0)

@@ -15,13 +15,11 @@ from torch.nn import functional
 from hybridmpm._support.arguments import whole
 from hybridmpm.control.methods.learned.features import SCALE
 from hybridmpm.control.methods.learned.spec import TransportSpec
+from hybridmpm.errors import ConfigError
 from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
-from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport.network import TransportNetwork
-from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of, drawn
+from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of
 
-_AT_NOISE = 0.3
-"""Share of the samples at time 0 of the flow. One evaluation of the network answers from there."""
 _CHUNK = 64
 """Validation samples that are evaluated at once."""
 
@@ -37,11 +35,18 @@ class TransportSettings(Schedule):
     """
 
     particles: int = 256
-    """Number of particles of a sample whose end is asked for."""
+    """Number of particles of a sample whose ends are predicted."""
+    flow: float = 0.7
+    """Share of the samples on the way from noise to data, in [0, 1]; the others are at the noise, from where
+    one evaluation predicts the ends."""
+    bfloat16: bool = False
+    """Whether products are computed with numbers of 16 bits."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         whole("particles", self.particles, 1, 4096)
+        if not 0.0 <= self.flow <= 1.0:
+            raise ConfigError(f"flow must be in [0, 1], got {self.flow}")
 
 
 class TransportTrainer(AveragedTrainer[TransportNetwork]):
@@ -68,36 +73,30 @@ class TransportTrainer(AveragedTrainer[TransportNetwork]):
         self.spec, self.settings, self.device = spec, settings, device
         super().__init__(_new(spec, device), _new(spec, device), settings)
 
-    def step(self, pasts: Sequence[Past]) -> float:
-        """Take one training step on samples of some pasts, and return the loss before it.
+    def step(self, batch: Batch, time: Tensor) -> float:
+        """Take one training step on samples at times (B,) of the flow, and return the loss before it.
 
         Raises
         ------
         FloatingPointError
             The loss is not finite; the weights have not changed.
         """
-        spec, settings = self.spec, self.settings
-        samples = [
-            drawn(self._rng, pasts, shortest=spec.shortest, longest=spec.longest)
-            for _ in range(settings.batch)
-        ]
-        batch = batch_of(self._rng, samples, settings.particles).to(self.device)
-        time = self._rng.random(settings.batch) * (self._rng.random(settings.batch) >= _AT_NOISE)
-        return self._descend(self.loss(batch, torch.from_numpy(time.astype(np.float32)).to(self.device)))
+        return self._descend(self.loss(batch.to(self.device), time.to(self.device)))
 
     def loss(self, batch: Batch, time: Tensor) -> Tensor:
         """Return the mean Huber loss of the distances between predicted and true ends, over `SCALE`."""
         at = time[:, None, None]
         noisy = (1 - at) * batch.noise + at * batch.target
-        found = self.network(*batch.told, noisy, time)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
+            found = self.network(*batch.inputs, noisy, time).float()
         away = torch.einsum("bij,bpj->bpi", batch.frame, found - batch.target) / SCALE
         return functional.huber_loss(away, torch.zeros_like(away), delta=0.6)
 
     def unexplained(self, samples: Sequence[Sample]) -> npt.NDArray[np.float32]:
         """Return for each sample the share of the ends' variance that one evaluation leaves unexplained.
 
-        The variance is that about the aim's mean. 256 particles of each sample are asked for, always the
-        same ones.
+        The variance is that about the aim's mean. It is that of 256 particles of each sample, always the same
+        ones.
         """
         rng = np.random.default_rng(0)
         found = []
@@ -105,7 +104,7 @@ class TransportTrainer(AveragedTrainer[TransportNetwork]):
             batch = batch_of(rng, samples[first : first + _CHUNK], 256).to(self.device)
             time = torch.zeros(len(batch.grid), device=self.device)
             with torch.no_grad():
-                answer = self.average(*batch.told, batch.noise, time)
+                answer = self.average(*batch.inputs, batch.noise, time)
             miss, spread = (
                 torch.einsum("bij,bpj->bpi", batch.frame, one).square().sum(dim=-1).mean(dim=1)
                 for one in (answer - batch.target, batch.target)

@@ -36,7 +36,7 @@ def held_out(groups: Mapping[str, Sequence[Past]], spec: TransportSpec) -> dict[
 
 
 def log_unexplained(trainer: TransportTrainer, folder: Path, groups: Mapping[str, Sequence[Sample]]) -> None:
-    """Add to `validation.csv` the mean of `TransportTrainer.unexplained` for each group of samples.
+    """Add to `validation.jsonl` the mean of `TransportTrainer.unexplained` for each group of samples.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Training samples of the transport network: reversed pasts with sketches, drawn and mirrored at random."""
+"""Training samples of the transport network: reversed pasts with sketches, drawn and turned at random."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,34 +31,34 @@ class Batch:
     particles: Tensor
     places: Tensor
     noise: Tensor
-    """Smooth noise (B, P, 2) at the places."""
+    """Smooth noise (B, P, D) at the places."""
     target: Tensor
-    """Places at the end (B, P, 2), in the aim's own coordinates."""
+    """Places at the end (B, P, D), in the aim's own coordinates."""
     frame: Tensor
-    """Matrices (B, 2, 2) from these to metres."""
+    """Matrices (B, D, D) from these to metres."""
 
     def to(self, device: torch.device) -> "Batch":
         """Return the batch on a device."""
         return Batch(**{name: tensor.to(device) for name, tensor in vars(self).items()})
 
     @property
-    def told(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def inputs(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """The network's inputs, but for noise and time."""
         return self.grid, self.numbers, self.particles, self.places
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One reversed past: where fluid is, where it came from, and what a sketch tells of that."""
+    """One reversed past: where fluid is, where it came from, and what a sketch says of that."""
 
     state: State
     aim: Aim
     end: Floats
-    """Places (N, 2) at the end [m]."""
+    """Places (N, D) at the end [m]."""
 
     @property
     def is_arrow(self) -> bool:
-        """Whether the sketch is an arrow, which tells the centre of mass alone."""
+        """Whether the sketch is an arrow, which says the centre of mass alone."""
         return self.aim.root is None
 
 
@@ -76,12 +76,11 @@ def drawn(rng: np.random.Generator, pasts: Sequence[Past], *, shortest: float, l
         strides = _USUAL if rng.random() < 0.5 else int(rng.integers(low, high, endpoint=True))
         start = int(rng.integers(strides, STATES))
         state, end = past.state(start), past.positions(start - strides)
-        if rng.random() < 0.5:
-            state, end = _mirrored(state, end)
+        state, end = _turned(rng, state, end)
         mean, covariance = moments(end, state.weight)
         arrow = rng.random() < 0.5
         if np.linalg.norm(mean - state.weight @ state.x) >= _NEAREST:
-            aim = Aim(mean, None if arrow else root_of(covariance), strides * past.seconds)
+            aim = Aim(mean, None if arrow else root_of(covariance[:2, :2]), strides * past.seconds)
             return Sample(state, aim, end)
     raise DataError("the fluid's centre of mass hardly moves in these scenes: use others")
 
@@ -89,12 +88,12 @@ def drawn(rng: np.random.Generator, pasts: Sequence[Past], *, shortest: float, l
 def batch_of(rng: np.random.Generator, samples: Sequence[Sample], particles: int) -> Batch:
     """Return samples as a batch, each with as many of its particles, drawn at random."""
     chosen = [_some(rng, len(sample.end), particles) for sample in samples]
-    told = inputs([sample.state for sample in samples], [sample.aim for sample in samples], chosen)
-    noise = np.stack([smooth_noise(rng, places) for places in told.places.astype(np.float64)])
+    seen = inputs([sample.state for sample in samples], [sample.aim for sample in samples], chosen)
+    noise = np.stack([smooth_noise(rng, places) for places in seen.places.astype(np.float64)])
     pairs = list(zip(samples, chosen, strict=True))
     target = np.stack([sample.aim.to_own(sample.end[rows]) for sample, rows in pairs])
     frame = np.stack([sample.aim.frame for sample in samples])
-    arrays = {**vars(told), "noise": noise, "target": target, "frame": frame}
+    arrays = {**vars(seen), "noise": noise, "target": target, "frame": frame}
     return Batch(**{name: torch.from_numpy(array.astype(np.float32)) for name, array in arrays.items()})
 
 
@@ -102,8 +101,14 @@ def _some(rng: np.random.Generator, count: int, particles: int) -> npt.NDArray[n
     return rng.choice(count, particles, replace=count < particles)
 
 
-def _mirrored(state: State, end: Floats) -> tuple[State, Floats]:
-    """Mirror left and right, which physics does not tell apart."""
-    both, sign = state.lower[0] + state.upper[0], np.array([-1.0, 1.0])
-    shift = np.array([both, 0.0])
-    return replace(state, x=shift + sign * state.x, v=sign * state.v), shift + sign * end
+def _turned(rng: np.random.Generator, state: State, end: Floats) -> tuple[State, Floats]:
+    """Mirror the horizontal axes, and exchange two of them between equal walls: physics is the same."""
+    order, level = np.arange(state.dim), np.flatnonzero(state.gravity == 0)
+    walls = np.stack([state.lower, state.upper])[:, level]
+    if (walls == walls[:, ::-1]).all():
+        order[level] = rng.permutation(level)
+    sign = np.ones(state.dim)
+    sign[level] = rng.choice([-1.0, 1.0], len(level))
+    shift = np.where(sign < 0, state.lower + state.upper, 0.0)
+    x, v = state.x[:, order], state.v[:, order]
+    return replace(state, x=shift + sign * x, v=sign * v), shift + sign * end[:, order]

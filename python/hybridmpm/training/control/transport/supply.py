@@ -1,0 +1,139 @@
+"""Batches for the training of a transport network, made ahead of it by another process."""
+
+import multiprocessing
+import queue
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from hybridmpm.control.methods.learned.spec import TransportSpec
+from hybridmpm.errors import DataError, SimulationError
+from hybridmpm.training.control import pasts
+from hybridmpm.training.control.pasts import Past
+from hybridmpm.training.control.transport.trainer import TransportSettings
+from hybridmpm.training.control.transport.windows import Batch, batch_of, drawn
+
+_AHEAD = 8
+"""Batches that wait at most."""
+_PATIENCE = 5.0
+"""Time after which the training looks whether the other process is still there [s]."""
+
+Arrays = dict[str, npt.NDArray[np.float32]]
+
+
+def batch_at(
+    step: int, found: Sequence[Past], spec: TransportSpec, settings: TransportSettings
+) -> tuple[Batch, Tensor]:
+    """Return the batch of a training step, and the times (B,) of its samples in the flow.
+
+    They depend on seed, step and pasts alone, so a training may be interrupted anywhere.
+    """
+    rng = np.random.default_rng([settings.seed, step])
+    samples = [drawn(rng, found, shortest=spec.shortest, longest=spec.longest) for _ in range(settings.batch)]
+    batch = batch_of(rng, samples, settings.particles)
+    time = rng.random(settings.batch) * (rng.random(settings.batch) < settings.flow)
+    return batch, torch.from_numpy(time.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Source:
+    """Forward runs in a folder, from which batches are drawn."""
+
+    root: Path
+    seeds: range
+    spec: TransportSpec
+    settings: TransportSettings
+
+    def read(self) -> list[Past]:
+        """Return the pasts of all scenarios.
+
+        Raises
+        ------
+        DataError
+            A file is damaged, or a scenario has none.
+        """
+        return [past for name in self.spec.scenarios for past in pasts.read(self.root, name, self.seeds)]
+
+
+class Supply:
+    """Batches of successive steps, made by a process of their own while the training uses those before.
+
+    Parameters
+    ----------
+    source : Source
+    first : int
+        Step of the first batch.
+    """
+
+    def __init__(self, source: Source, first: int) -> None:
+        # A forked process would inherit the locks of torch's threads.
+        context = multiprocessing.get_context("spawn")
+        self._queue: Any = context.Queue(_AHEAD)
+        self._process = context.Process(target=_make, args=(source, first, self._queue), daemon=True)
+
+    def __enter__(self) -> Self:
+        self._process.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.terminate()
+        self._process.join()
+
+    def take(self) -> tuple[Batch, Tensor]:
+        """Return the next batch, and the times (B,) of its samples in the flow.
+
+        Raises
+        ------
+        DataError
+            The runs cannot be read, or the process that makes batches has ended.
+        """
+        while True:
+            try:
+                made = self._queue.get(timeout=_PATIENCE)
+            except queue.Empty:
+                if self._process.is_alive():
+                    continue
+                code = self._process.exitcode
+                raise DataError(
+                    f"the process that makes batches ended with {code}: run the command again"
+                ) from None
+            if isinstance(made, str):
+                raise DataError(made)
+            tensors = {name: torch.from_numpy(array) for name, array in made.items()}
+            time = tensors.pop("time")
+            return Batch(**tensors), time
+
+
+def _make(source: Source, first: int, batches: Any) -> None:
+    try:
+        found = source.read()
+        step = first
+        while True:
+            batch, time = batch_at(step, found, source.spec, source.settings)
+            arrays: Arrays = {name: tensor.numpy() for name, tensor in vars(batch).items()}
+            _put(batches, arrays | {"time": time.numpy()})
+            step += 1
+    except SimulationError as error:
+        _put(batches, str(error))
+    except KeyboardInterrupt:
+        pass  # the training is interrupted too
+
+
+def _put(batches: Any, made: Arrays | str) -> None:
+    """Wait until there is room for a batch, unless the training has ended."""
+    while True:
+        try:
+            return batches.put(made, timeout=_PATIENCE)
+        except queue.Full:
+            training = multiprocessing.parent_process()
+            if training is None or not training.is_alive():
+                raise SystemExit from None
