@@ -70,7 +70,7 @@ class State:
     @property
     def dim(self) -> int:
         """Dimension D."""
-        return self.x.shape[1]
+        return len(self.gravity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +96,14 @@ class Aim:
             return _ARROW_SCALE * np.eye(dim)
         frame = np.sqrt(max(float(np.linalg.det(self.root)), 1e-12)) * np.eye(dim)
         frame[:2, :2] = self.root
-        return frame
+        return np.asarray(frame)
 
     def on_plane(self, plane: tuple[int, int]) -> Floats:
         """Return the matrix (2, 2) from own coordinates to metres on a plane."""
         axes = list(plane)
         if max(axes) < 2:
             return np.asarray(self.frame[np.ix_(axes, axes)])
-        return np.diag(np.linalg.norm(self.frame[axes], axis=1))
+        return np.asarray(np.diag(np.linalg.norm(self.frame[axes], axis=1)))
 
     def to_own(self, x: Floats) -> Floats:
         """Return points (..., D) [m] in the aim's own coordinates [-]."""

@@ -49,8 +49,9 @@ class TransportNetwork(nn.Module):
         self.up = nn.ModuleList(_Block(below + beside, beside) for below, beside in outward)
         seen = len(self.planes) * (fine + coarse)
         hidden = _HIDDEN * dim // 2
+        reading = nn.Linear(seen + of_particle(dim) + dim + _EMBEDDING, hidden)
         self.answer = nn.Sequential(
-            nn.Linear(seen + of_particle(dim) + dim + _EMBEDDING, hidden),
+            reading,
             nn.SiLU(),
             nn.Linear(hidden, _HIDDEN),
             nn.SiLU(),
@@ -61,7 +62,7 @@ class TransportNetwork(nn.Module):
                 weights.zero_()
             # Noise says nothing where it is all there is, so training begins without it.
             self.first.weight[:, channels(dim) :] = 0.0
-            self.answer[0].weight[:, seen + of_particle(dim) :][:, :dim] = 0.0
+            reading.weight[:, seen + of_particle(dim) :][:, :dim] = 0.0
 
     def forward(  # noqa: PLR0917 - the exporter names inputs by their place
         self, grid: Tensor, numbers: Tensor, particles: Tensor, places: Tensor, noisy: Tensor, time: Tensor

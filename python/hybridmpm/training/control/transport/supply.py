@@ -130,9 +130,11 @@ def _make(source: Source, first: int, batches: Any) -> None:
 
 def _put(batches: Any, made: Arrays | str) -> None:
     """Wait until there is room for a batch, unless the training has ended."""
-    while True:
+    waiting = True
+    while waiting:
         try:
-            return batches.put(made, timeout=_PATIENCE)
+            batches.put(made, timeout=_PATIENCE)
+            waiting = False
         except queue.Full:
             training = multiprocessing.parent_process()
             if training is None or not training.is_alive():
