@@ -20,10 +20,17 @@ def smooth_noise(rng: np.random.Generator, places: Floats) -> Floats:
 
 
 def _on_grid(rng: np.random.Generator, x: Floats, cells: int) -> Floats:
-    stencils = Stencils.at(np.clip(x, 0.0, 1.0), cells)
+    x = np.clip(x, 0.0, 1.0)
+    stencils = Stencils.at(x, cells)
     grids = rng.standard_normal((x.shape[1], *stencils.shape))
+    values = np.stack([stencils.gather(grid) for grid in grids], axis=1)
+    # Weights are products over axes, and so are sums of their squares.
+    variance = np.prod([_variance(Stencils.at(along[:, None], cells)) for along in x.T], axis=0)
+    return np.asarray(values / np.sqrt(variance)[:, None])
+
+
+def _variance(stencils: Stencils) -> Floats:
+    """Return the sum of the squared weights of each point (N,) along an axis."""
     # A clamped node counts twice, so the weights of equal nodes are added before they are squared.
     same = stencils.nodes[:, :, None] == stencils.nodes[:, None, :]
-    variance = np.einsum("ni,nij,nj->n", stencils.weights, same, stencils.weights)
-    values = np.stack([stencils.gather(grid) for grid in grids], axis=1)
-    return np.asarray(values / np.sqrt(variance)[:, None])
+    return np.asarray(np.einsum("ni,nij,nj->n", stencils.weights, same, stencils.weights))
