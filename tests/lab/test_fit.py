@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -15,6 +16,7 @@ from hybridmpm.cli import cli
 from hybridmpm.coarse import coarse_level, coarse_table
 from hybridmpm_lab.fitting import judge, search
 from hybridmpm_lab.fitting.cases import Case
+from hybridmpm_lab.fitting.cma_es import minimise
 from hybridmpm_lab.fitting.levels import FitSettings, fit_levels
 from hybridmpm_lab.fitting.outcome import measure
 from hybridmpm_lab.fitting.space import SCALE, TARGETS, Constants, Target
@@ -149,3 +151,15 @@ def test_the_command_says_what_it_found(folder: Path, tmp_path: Path) -> None:
     refused = run(cli, ["fit", "coarse levels", str(tmp_path), "--table", str(tmp_path / "none" / "t.json")])
     assert refused.exit_code == 2
     assert "does not exist" in refused.output
+
+
+def test_cma_es_finds_a_minimum_and_repeats_by_seed() -> None:
+    def valley(x: Any) -> float:
+        return float((x[0] - 0.3) ** 2 + 100 * (x[1] + 0.2 - x[0] ** 2) ** 2)
+
+    best = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
+    assert best.value < 1e-6
+    again = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
+    assert np.array_equal(best.x, again.x)
+    none = minimise(lambda x: float(x @ x), np.ones(3), go_on=lambda _: False, seed=1)
+    assert (none.trials, none.value) == (1, 0.0)

@@ -24,7 +24,7 @@ from hybridmpm_lab.control.report.means import means
 from hybridmpm_lab.control.report.page import check_page, fill_page
 from hybridmpm_lab.control.report.sheets import sheets, write_sheets
 from hybridmpm_lab.control.results import Runs
-from hybridmpm_lab.control.runner import BUDGET, ControlSettings, count_missing, measure
+from hybridmpm_lab.control.runner import ControlSettings, count_missing, measure
 from hybridmpm_lab.control.suite.cases import FAMILIES, cases
 from hybridmpm_lab.harness.rows import Row
 
@@ -68,13 +68,6 @@ _PAPER_COLUMNS = (
     help="A method of the library, or MODULE:ATTRIBUTE for one of your own. May be given several times. The "
     "constant force always takes part, because the others are held against it.",
 )
-@click.option(
-    "--budget",
-    type=click.FloatRange(0.05, 600),
-    default=BUDGET,
-    show_default=True,
-    help="Time that shooting, or a method of your own, may search for each sketch, in seconds.",
-)
 @runs_option
 @json_option
 @chart_option
@@ -99,7 +92,6 @@ def control(
     names: tuple[str, ...],
     seeds: int | None,
     methods: tuple[str, ...],
-    budget: float,
     runs_file: Path | None,
     json_file: Path | None,
     chart_file: Path | None,
@@ -124,14 +116,13 @@ def control(
     entrants = [
         entrant(name) for name in dict.fromkeys(methods if CONSTANT in methods else (CONSTANT, *methods))
     ]
-    settings = ControlSettings(cases=some, entrants=entrants, budget=budget)
+    settings = ControlSettings(cases=some, entrants=entrants)
     origin = source(
         "control",
         family=families if families != FAMILIES else (),
         scenario=names if names != scenarios.NAMES else (),
         seeds=(seeds,),
         method=methods if methods != NAMES else (),
-        budget=(f"{budget:g}",),
     )
     runs = Runs(settings.shared(), runs_file)
     with progress("Measuring", count_missing(settings, runs)) as bar:
@@ -149,7 +140,7 @@ def control(
     if sheets_folder is not None:
         lines = sheets(some, runs.rows(some, [one.name for one in entrants]))
         with progress("Drawing", sum(map(len, lines.values()))) as bar:
-            write_sheets(sheets_folder, lines, entrants, budget=budget, on_progress=bar.update)
+            write_sheets(sheets_folder, lines, entrants, on_progress=bar.update)
     print_origin(origin)
 
 

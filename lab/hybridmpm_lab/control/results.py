@@ -26,7 +26,7 @@ class Runs:
     Parameters
     ----------
     settings : dict
-        What runs must share to be compared: digest of the suite, cap, budget, hold.
+        What runs must share to be compared: digest of the suite, cap, hold.
     file : Path, optional
         File to go on with, or to begin; without it runs are kept in memory.
 

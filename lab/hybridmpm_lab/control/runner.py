@@ -14,9 +14,6 @@ from hybridmpm_lab.harness.calibration import Calibration
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, significant
 
-BUDGET = 2.0
-"""Time that a search may take [s], if none is given."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ControlSettings:
@@ -24,12 +21,10 @@ class ControlSettings:
 
     cases: Sequence[Case]
     entrants: Sequence[Entrant]
-    budget: float = BUDGET
-    """Time that `shooting`, and methods of others, may search [s]."""
 
     def shared(self) -> dict[str, Any]:
         """Return what runs must share to stand in one table."""
-        return {"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD, "budget": self.budget}
+        return {"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD}
 
     def judged(self) -> list[str]:
         """Return the scenarios of which naturalness is judged: those with enough reversed cases."""
@@ -70,7 +65,7 @@ def measure(settings: ControlSettings, runs: Runs, origin: Provenance, on_progre
             ready = problem(case)
             before = calibration.slowdown()
             for entrant in missing:
-                trial = run(ready, entrant, budget=settings.budget)
+                trial = run(ready, entrant)
                 after = calibration.slowdown()
                 row = trial.row | {"slowdown": significant(max(before, after), 3)}
                 runs.add(origin.stamped(row), trial.looks)

@@ -45,15 +45,13 @@ class Trial:
     """What the sketch asked for."""
 
 
-def run(problem: Problem, entrant: Entrant, *, budget: float) -> Trial:
+def run(problem: Problem, entrant: Entrant) -> Trial:
     """Let an entrant follow the sketch of a case, and measure what came of it.
 
     Parameters
     ----------
     problem : Problem
     entrant : Entrant
-    budget : float
-        Time that `shooting`, and methods of others, may search [s].
 
     Raises
     ------
@@ -62,7 +60,7 @@ def run(problem: Problem, entrant: Entrant, *, budget: float) -> Trial:
     """
     if entrant.name == FILLED:
         return _filled(problem)
-    return _followed(problem, entrant, budget)
+    return _followed(problem, entrant)
 
 
 def look_at(simulator: Simulator) -> list[float]:
@@ -81,7 +79,7 @@ def _filled(problem: Problem) -> Trial:
     return Trial(_row(problem, FILLED, figures), [], places, goal)
 
 
-def _followed(problem: Problem, entrant: Entrant, budget: float) -> Trial:
+def _followed(problem: Problem, entrant: Entrant) -> Trial:
     method = problem.oracle if entrant.method is None else entrant.method
     if method is None:
         raise ConfigError(f"{entrant.name} takes no part in the family {problem.case.family}")
@@ -96,7 +94,6 @@ def _followed(problem: Problem, entrant: Entrant, budget: float) -> Trial:
             frames=problem.frames,
             cap=ORACLE_CAP if entrant.name == ORACLE else CAP,
             hold=HOLD,
-            budget=budget,
             seed=problem.case.seed,
         )
         spent, looks = _run(following, began)

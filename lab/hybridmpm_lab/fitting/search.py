@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from hybridmpm._native import SOLVER_VERSION
-from hybridmpm.control.methods.cma_es import minimise
 from hybridmpm.errors import CoarseWarning, DataError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm_lab.fitting.cases import Case
+from hybridmpm_lab.fitting.cma_es import minimise
 from hybridmpm_lab.fitting.outcome import Outcome, measure
 from hybridmpm_lab.fitting.space import SCALE, Constants, Floats, Target, milliseconds
 
 PRICE = 0.25
 """Exponent of the time in the objective, error * time^PRICE.
 
-Along the ladder of carried coarse levels halving the time costs 18 to 24 % in error, a factor of 2^0.24 to 2^0.31. So
-the lowest objective lies where the front touches a line of about its own slope.
+Along the ladder of coarse levels halving the time costs 18 to 24 % in error, a factor of 2^0.24 to 2^0.31. So the
+lowest objective lies where the front touches a line of about its own slope.
 """
 DENSEST = 1.3
 """Largest density, 99th percentile over that at rest, that is allowed."""

@@ -248,7 +248,7 @@ class AsyncSession:
         kind : "arrow" or "ellipse", optional
             What the points stand for; the service finds out if absent.
         **settings
-            method, frames, cap, strength, hold, fill, budget, seed; see docs/http-api.md.
+            method, frames, cap, strength, hold, fill, seed; see docs/http-api.md.
         """
         return await self._client.run(calls.steer(self.id, drawing, kind, settings))
 

@@ -38,8 +38,6 @@ class SketchSettings(TypedDict, total=False):
     """Number of frames for which the goal is kept."""
     fill: Literal["even", "shrink"]
     """What becomes of an oval larger than the fluid."""
-    budget: float
-    """Time for which "shooting" searches, in (0, 30] [s]."""
     seed: int
     """Seed of what a method draws at random, in [0, 2^32)."""
 

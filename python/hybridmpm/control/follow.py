@@ -220,7 +220,6 @@ def follow(
     hold: int = 0,
     fill: Fill = "even",
     resolution: int = DEFAULT_RESOLUTION,
-    budget: float | None = None,
     seed: int = 0,
     on_frame: Callable[[], object] | None = None,
 ) -> Following:
@@ -236,8 +235,8 @@ def follow(
         In the state that the sketch was drawn on.
     sketch : Arrow or Ellipse
     method : str or Method
-        "auto", "analytic", "constant", "backcast", "shooting", "learned", "none" or a method of one's own.
-    frames, cap, strength, hold, fill, resolution, budget, seed, on_frame : optional
+        "auto", "analytic", "constant", "backcast", "learned", "controlnet", "none" or a method of one's own.
+    frames, cap, strength, hold, fill, resolution, seed, on_frame : optional
         As for `prepare`.
 
     Raises
@@ -255,7 +254,6 @@ def follow(
         hold=hold,
         fill=fill,
         resolution=resolution,
-        budget=budget,
         seed=seed,
         on_frame=on_frame,
     )

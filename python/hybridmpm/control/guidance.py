@@ -182,7 +182,6 @@ def prepare(
     hold: int = 0,
     fill: Fill = "even",
     resolution: int = DEFAULT_RESOLUTION,
-    budget: float | None = None,
     seed: int = 0,
     most: int = 2 * MAX_FRAMES,
     on_frame: Callable[[], object] | None = None,
@@ -204,9 +203,8 @@ def prepare(
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
         baseline, one acceleration for all; "backcast", towards where the fluid may have come from;
-        "shooting", a search on a coarse simulation for a better plan; "learned", towards where a network says
-        that the fluid may have come from; "controlnet", forces that the paper's diffusion generates;
-        "none", no force. Or an object with their surface.
+        "learned", towards where a network says that the fluid may have come from; "controlnet", forces that
+        the paper's diffusion generates; "none", no force. Or an object with their surface.
     frames : int in [1, 10000], optional
         Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
     cap : float in (0, 1000]
@@ -220,8 +218,6 @@ def prepare(
         filaments, or shrunk to the fluid's volume.
     resolution : int in [0, 256]
         Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
-    budget : float in (0, 3600], optional
-        Time for which "shooting" searches [s]; 2 if not given. With it "auto" may choose that method.
     seed : int in [0, 2**32)
         Seed of what a method draws at random.
     most : int in [hold + 1, 20000]
@@ -254,20 +250,17 @@ def prepare(
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
     longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
-    if budget is not None:
-        budget = positive("budget", budget, 3600.0)
     goal = goal_of(sketch, Cloud.of(simulator), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
     if frames is None and needs.frames > longest:
         needs = goal.needs(longest, largest)
     frames = needs.frames
-    planner, reason = chosen(method, goal, needs, budget)
+    planner, reason = chosen(method)
     task = Task(
         goal=goal,
         frames=frames,
         fill=fill,
         cap=largest,
-        budget=budget,
         on_frame=on_frame or (lambda: None),
         **settings,
     )

@@ -11,8 +11,6 @@ from hybridmpm_service.sessions.playing.player import MAX_SPEED, MIN_SPEED
 
 MAX_PUSH_SPEED = 100.0
 """Largest speed of a hand along an axis [m/s]."""
-MAX_BUDGET = 30.0
-"""Longest search for a plan [s]: it holds a core, and the session cannot take another sketch meanwhile."""
 Coordinate = Annotated[float, Field(ge=0, le=1)]
 FrameCount = Annotated[int, Field(ge=1, strict=True)]
 Cap = Annotated[
@@ -68,14 +66,6 @@ class SketchSettings(Request):
         default="even",
         description="What becomes of an oval larger than the fluid: filled evenly (even), or shrunk to the "
         "volume of the fluid (shrink).",
-    )
-    budget: float | None = Field(
-        default=None,
-        gt=0,
-        le=MAX_BUDGET,
-        description="Time for which shooting may search for a better plan [s]; 2 if absent. With it, auto "
-        "may choose shooting.",
-        examples=[2.0],
     )
     seed: int = Field(
         default=0, ge=0, lt=2**32, strict=True, description="Seed of what a method draws at random."

@@ -57,7 +57,7 @@ def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -
     first = stored.checked if restored else 0
     simulation.journal = Journal(stored.inputs[:first], complete=stored.complete)
     if checkpoint is not None and not restored:
-        unlike = why_unlike(stored.inputs, origin.versions, versions)
+        unlike = why_unlike(origin.versions, versions)
         notice = notice or (None if unlike is None else f"The session need not be as it was: {unlike}.")
         if not stored.complete:
             notice = (
@@ -115,7 +115,7 @@ def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel
 
 
 def _notice(log: SessionLog, simulation: Simulation, made_by: Versions, now: Versions) -> str | None:
-    unlike = why_unlike(log.inputs, made_by, now)
+    unlike = why_unlike(made_by, now)
     if digest_of(simulation.particles()) == log.digest:
         return None
     reason = unlike or "the log was changed, or made where arithmetic differs"

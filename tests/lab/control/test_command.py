@@ -118,8 +118,8 @@ def test_an_interrupted_benchmark_goes_on_and_ends_with_the_same_rows(tmp_path: 
 def test_runs_of_other_settings_and_damaged_files_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "runs.jsonl"
     Runs(SETTINGS.shared(), file)
-    with pytest.raises(ConfigError, match=r"holds runs with budget = 2\.0, not 5: take the same settings"):
-        Runs(SETTINGS.shared() | {"budget": 5}, file)
+    with pytest.raises(ConfigError, match=r"holds runs with cap = 15\.0, not 5: take the same settings"):
+        Runs(SETTINGS.shared() | {"cap": 5}, file)
     with pytest.raises(ConfigError, match=r"suite = .*, not other"):
         Runs(SETTINGS.shared() | {"suite": "other"}, file)
     file.write_text("no runs\n")
@@ -241,7 +241,7 @@ def test_the_worst_sheet_has_the_worst_case_of_each_family() -> None:
 def test_a_run_that_fails_is_drawn_as_an_empty_room(tmp_path: Path) -> None:
     some = cases(["bent"], ["water_2d"], seeds=1)
     entrants = [entrant("none"), entrant("my_control:Failing")]
-    (sheet,) = write_sheets(tmp_path, first_cases(some), entrants, budget=1.0, on_progress=ignore)
+    (sheet,) = write_sheets(tmp_path, first_cases(some), entrants, on_progress=ignore)
     with Image.open(sheet) as picture:
         pixels = np.asarray(picture)
     # The last picture of the line is that of the method that failed; the one before it shows fluid.

@@ -30,7 +30,7 @@ def block() -> MpmSolver:
 
 def test_a_filled_sketch_has_all_of_its_mass_inside_and_nowhere_to_go(block: MpmSolver) -> None:
     ready = Problem(Case("free", "water_2d", "oval", 0), block, OVAL, OVAL, 80, None, None)
-    row = run(ready, entrant("filled"), budget=1.0).row
+    row = run(ready, entrant("filled")).row
     assert (row["inside"], row["inside_later"]) == (1.0, 1.0)
     assert row["transport"] == pytest.approx(0, abs=1e-6)
     assert row["centroid_error"] == pytest.approx(0, abs=1e-6)

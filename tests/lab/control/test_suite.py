@@ -73,12 +73,12 @@ def test_what_is_read_from_a_hand_is_near_to_what_it_meant() -> None:
 
 def test_a_hand_is_judged_by_what_it_meant() -> None:
     ready = problem(Case("hand", "water_2d", "oval", 1_245_000))
-    trial = run(ready, entrant("filled"), budget=1.0)
+    trial = run(ready, entrant("filled"))
     assert ready.meant is not ready.sketch
     # The floor is what the reading alone is off.
     assert 0 < trial.row["transport"] < 0.03
     meant = dataclasses.replace(ready, sketch=ready.meant)
-    assert run(meant, entrant("filled"), budget=1.0).row["transport"] < 1e-6
+    assert run(meant, entrant("filled")).row["transport"] < 1e-6
 
 
 def test_a_case_is_the_same_to_the_bit_each_time() -> None:

@@ -52,7 +52,7 @@ def test_the_recorded_forces_give_the_same_bits(method: str, sketch: controls.Sk
     solver = _solver()
     solver.advance(3)
     twin = solver.copy()
-    result = follow(solver, sketch, method, frames=30, hold=5, budget=0.2).run()
+    result = follow(solver, sketch, method, frames=30, hold=5).run()
     assert result.frames == 35
     path = twin.rollout(35, result.force)
     assert np.array_equal(path, result.positions)
@@ -214,24 +214,6 @@ def test_auto_says_why() -> None:
     solver = _solver()
     plain = prepare(solver, OVAL)
     assert (plain.method, bool(plain.reason)) == ("analytic", True)
-    searched = prepare(solver, OVAL, cap=2.0, frames=60, budget=0.1)
-    assert searched.method == "shooting"
-    assert "0.1 s" in searched.reason
-    assert prepare(solver, OVAL, budget=0.1).method == "analytic"
-
-
-def test_the_search_is_never_worse_than_guidance_on_its_own_level() -> None:
-    from hybridmpm.control.methods.cma_es import minimise
-
-    def valley(x: Any) -> float:
-        return float((x[0] - 0.3) ** 2 + 100 * (x[1] + 0.2 - x[0] ** 2) ** 2)
-
-    best = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
-    assert best.value < 1e-6
-    again = minimise(valley, np.full(2, 0.3), go_on=lambda trials: trials < 600, seed=1)
-    assert np.array_equal(best.x, again.x)
-    none = minimise(lambda x: float(x @ x), np.ones(3), go_on=lambda _: False, seed=1)
-    assert (none.trials, none.value) == (1, 0.0)
 
 
 def test_planning_can_be_given_up_between_frames() -> None:
@@ -241,7 +223,7 @@ def test_planning_can_be_given_up_between_frames() -> None:
     def give_up() -> None:
         raise GivenUpError
 
-    for method in ("constant", "backcast", "shooting"):
+    for method in ("constant", "backcast"):
         with pytest.raises(GivenUpError):
             prepare(_solver(), OVAL, method=method, on_frame=give_up)
 
@@ -260,7 +242,6 @@ def test_planning_can_be_given_up_between_frames() -> None:
         ({"hold": -1}, "hold"),
         ({"fill": "half"}, "fill must be"),
         ({"resolution": 1000}, "resolution"),
-        ({"budget": 0.0}, "budget"),
         ({"seed": -1}, "seed"),
         ({"method": "magic"}, "method must be auto, none, constant"),
         ({"method": 3}, "method must be a name or have the function plan"),
@@ -348,16 +329,3 @@ def test_an_oval_behind_an_obstacle_is_filled_around_it() -> None:
         shares[method] = follow(solver, oval, method, frames=120).run().reached.inside or 0.0
     assert shares["analytic"] > 0.85
     assert shares["constant"] < 0.3
-
-
-def test_a_search_is_never_worse_than_the_analytic_plan() -> None:
-    ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.5, 0.45), thickness=0.04)
-    oval = Ellipse(np.array([0.35, 0.68]), np.array([0.1, 0.08]), 0.4)
-
-    def miss(method: str) -> float:
-        following = follow(_solver(obstacles=[ramp]), oval, method, frames=90, budget=0.3)
-        result, goal = following.run(), following.guidance.goal
-        square = ((result.positions[-1] - goal.ways.places) ** 2).sum(axis=1).mean()
-        return 1 - (result.reached.inside or 0.0) + float(np.sqrt(square))
-
-    assert miss("shooting") <= miss("analytic") + 1e-9

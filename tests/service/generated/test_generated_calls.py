@@ -16,8 +16,6 @@ from hybridmpm_service import Settings, create_app
 
 FEW, MANY = 2, 300
 """Examples of each operation in `make test`, and in `make test-all`."""
-_SKETCH_SECONDS = 0.05
-"""Longest search for a plan that a generated call may ask for: the schema allows half a minute."""
 _QUIET = settings(deadline=None, suppress_health_check=list(HealthCheck))
 
 document = schemathesis.openapi.from_dict(create_app(Settings()).openapi())
@@ -33,14 +31,6 @@ def map_path_parameters(_context: Any, parameters: dict[str, Any] | None) -> dic
         if parameters is not None and name in there and len(str(parameters[name])) % 2:
             parameters[name] = there[name]
     return parameters
-
-
-@document.hook
-def map_body(_context: Any, body: Any) -> Any:
-    """Shorten searches."""
-    if isinstance(body, dict) and isinstance(body.get("budget"), float):
-        body["budget"] = min(body["budget"], _SKETCH_SECONDS)
-    return body
 
 
 @pytest.fixture(scope="module")

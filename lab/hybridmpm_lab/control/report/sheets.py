@@ -81,7 +81,6 @@ def write_sheets(
     lines: Mapping[str, Sequence[Case]],
     entrants: Sequence[Entrant],
     *,
-    budget: float,
     on_progress: Progress,
 ) -> list[Path]:
     """Run cases once more, and write sheets `control-NAME.png`.
@@ -92,8 +91,6 @@ def write_sheets(
     lines : mapping
         Cases of each sheet by the sheet's name, see `sheets`.
     entrants : sequence of Entrant
-    budget : float
-        As in `trial.run`.
     on_progress : callable
         Called after each case.
 
@@ -108,7 +105,7 @@ def write_sheets(
     for name, some in lines.items():
         drawn = []
         for case in some:
-            drawn.append(_line(case, entrants, budget))
+            drawn.append(_line(case, entrants))
             on_progress(1)
         path = folder / f"control-{name}.png"
         with replacing(path) as part:
@@ -117,7 +114,7 @@ def write_sheets(
     return written
 
 
-def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
+def _line(case: Case, entrants: Sequence[Entrant]) -> Line:
     ready = problem(case)
     scene, start = ready.simulator.scene, ready.simulator
     view = view_of(scene, start.materials, _SIZE)
@@ -133,7 +130,7 @@ def _line(case: Case, entrants: Sequence[Entrant], budget: float) -> Line:
     for entrant in (one for one in entrants if one.enters(case.family)):
         if entrant.name == FILLED and ready.truth is None:
             continue  # that is the target
-        trial = run(ready, entrant, budget=budget)
+        trial = run(ready, entrant)
         if target is None:
             target = trial.goal.ways.places.astype(np.float32)
         picture = drawn(nowhere if trial.end is None else trial.end)

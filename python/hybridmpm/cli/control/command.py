@@ -63,8 +63,9 @@ from hybridmpm.simulator import Kind, Simulator
     default="auto",
     show_default=True,
     help="Way to follow the sketch: guidance without weights (analytic), the paper's constant force "
-    "(constant), towards where the fluid may have come from (backcast), a search on a coarse simulation "
-    "(shooting), towards where a network says that it may have come from (learned), or no force (none).",
+    "(constant), towards where the fluid may have come from (backcast), "
+    "towards where a network says that it may have come from (learned), the "
+    "paper's generated forces (controlnet), or no force (none).",
 )
 @click.option(
     "--frames",
@@ -92,11 +93,6 @@ from hybridmpm.simulator import Kind, Simulator
     show_default=True,
     help="What becomes of an oval larger than the fluid: it is filled evenly (even), or shrunk to the "
     "fluid's volume (shrink).",
-)
-@click.option(
-    "--budget",
-    type=float,
-    help="Time for which shooting may search, in seconds. With it, auto may choose shooting.",
 )
 @threads_option
 @targets_option

@@ -29,8 +29,6 @@ class Task:
     """Cells per metre of the grid on which a force is smoothed; 0 leaves it as it is."""
     seed: int
     """Seed of whatever a method draws at random."""
-    budget: float | None
-    """Time that a method may search for a better law [s]; None leaves it to the method."""
     on_frame: Callable[[], object]
     """Called before each frame of a trial; what it raises ends the planning."""
 

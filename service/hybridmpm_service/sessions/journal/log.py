@@ -1,19 +1,15 @@
 """The log of a session: what it can be computed again from, elsewhere and later."""
 
 import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
 from hybridmpm import SOLVER_VERSION
 from hybridmpm_service.errors import ServiceError
-from hybridmpm_service.sessions.journal.inputs import Input, SketchInput
+from hybridmpm_service.sessions.journal.inputs import Input
 from hybridmpm_service.sessions.journal.journal import MAX_INPUTS, Journal
 from hybridmpm_service.sessions.journal.origin import Origin, Versions
 from hybridmpm_service.sessions.view import Particles
-
-_SEARCHES = "shooting"
-"""The method whose plan depends on the time that it is given, and so on the machine."""
 
 
 class Logged(Protocol):
@@ -63,7 +59,7 @@ def digest_of(particles: Particles) -> str:
     return digest.hexdigest()
 
 
-def why_unlike(inputs: Iterable[Input], made_by: Versions, now: Versions) -> str | None:
+def why_unlike(made_by: Versions, now: Versions) -> str | None:
     """Return why a session that is computed again need not have the same bits; None if it has to."""
     if made_by.solver != SOLVER_VERSION:
         return (
@@ -72,9 +68,4 @@ def why_unlike(inputs: Iterable[Input], made_by: Versions, now: Versions) -> str
         )
     if made_by.model != now.model:
         return "it was computed with another version of the network"
-    searched = [one.number for one in inputs if isinstance(one, SketchInput) and one.planned_by == _SEARCHES]
-    if searched:
-        return (
-            f"the plan of sketch {searched[0]} was searched for a time, in which machines come to other plans"
-        )
     return None

@@ -1,8 +1,7 @@
 """Prints how methods do under small caps: a table of docs/control.md.
 
 `python -m tests.python.control.judged.small_caps` takes 12 reversed cases of each scenario, from the test
-seed 1100600 on, or those that `--seeds FIRST END` names. `shooting` searches for two seconds. It takes some
-minutes.
+seed 1100600 on, or those that `--seeds FIRST END` names. It takes some minutes.
 """
 
 import argparse
@@ -14,14 +13,14 @@ from hybridmpm.control import Following, ReversedCase, prepare, reversed_from_se
 
 CAPS = (3.0, 5.0, 15.0)
 """Caps [g]."""
-METHODS = ("constant", "analytic", "backcast", "shooting", "learned")
+METHODS = ("constant", "analytic", "backcast", "learned")
 SEEDS = 1_100_600, 1_100_612
 
 
 def judged(case: ReversedCase, method: str, cap: float) -> tuple[float, float, bool]:
     """Return the final grid RMSE, the share of the mass inside, and whether the method handed over."""
     simulator, frames = case.simulator(), case.frames
-    guidance = prepare(simulator, case.sketch, method=method, frames=frames, cap=cap, budget=2.0)
+    guidance = prepare(simulator, case.sketch, method=method, frames=frames, cap=cap)
     result = Following(simulator, guidance).run()
     return case.error(result.positions[-1]), result.reached.inside or 0.0, guidance.method != method
 

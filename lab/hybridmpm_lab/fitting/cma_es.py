@@ -1,7 +1,6 @@
 """CMA-ES: search for the minimum of a function without derivatives, over few numbers.
 
-A small implementation of our own: the search is over at most seven numbers, and the package `cma` would be a
-dependency of everything that serves for these lines.
+The search is over at most seven numbers, for which these lines replace a dependency on the package `cma`.
 """
 
 from collections.abc import Callable
