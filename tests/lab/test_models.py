@@ -20,7 +20,7 @@ from hybridmpm_lab.harness import pareto
 
 pytestmark = pytest.mark.needs("ot", "bench")
 
-SOURCE = {"machine", "date", "commit", "command"}
+SOURCE = {"machine", "date", "commit", "command", "solver_version", "ingredients"}
 FIELDS = SOURCE | {
     "scenario", "method", "label", "r_p", "r_t", "r_c", "ms_per_frame", "ms_p95", "ms_per_call", "error",
     "error_se", "mpm_share", "threads", "scenes", "failed", "parameters", "warm_up", "start", "as_good",

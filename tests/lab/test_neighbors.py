@@ -31,7 +31,7 @@ def test_rows_beside_the_peer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     for row in rows:
         assert set(row) == {
             "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "ms_verlet", "peer",
-            "peer_ms", "ratio", "machine", "date", "commit", "command",
+            "peer_ms", "ratio", "machine", "date", "commit", "command", "solver_version", "ingredients",
         }  # fmt: skip
         assert f"{row['ms']}" in result.stdout
         if row["particles"] > 2000:

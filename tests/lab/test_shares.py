@@ -12,8 +12,8 @@ from hybridmpm import metrics
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.compare.hybrid import scene_means, scenes, scenes_chart
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.grid import TrueGrids
+from hybridmpm_lab.harness.store import RowStore
 
 
 def test_a_bench_that_was_interrupted_goes_on(tmp_path: Path) -> None:
@@ -97,13 +97,13 @@ def test_the_chart_shows_shares_and_errors(tmp_path: Path) -> None:
 
 def test_runs_of_other_settings_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "runs.jsonl"
-    Gathered({"frames": 400}, file).add(("a", 1), {"error": 2.0})
-    assert Gathered({"frames": 400}, file).row(("a", 1)) == {"error": 2.0}
+    RowStore({"frames": 400}, file).add(("a", 1), {"error": 2.0})
+    assert RowStore({"frames": 400}, file).row(("a", 1)) == {"error": 2.0}
     with pytest.raises(ConfigError, match="holds rows with frames = 400, not 200"):
-        Gathered({"frames": 200}, file)
+        RowStore({"frames": 200}, file)
     file.write_text("nothing\n")
     with pytest.raises(DataError, match=r"runs.jsonl is no file of rows, or damaged"):
-        Gathered({"frames": 400}, file)
+        RowStore({"frames": 400}, file)
 
 
 def rows_of(ratios: Any) -> list[dict[str, Any]]:

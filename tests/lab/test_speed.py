@@ -16,12 +16,12 @@ import hybridmpm
 from hybridmpm import ConfigError, MpmSolver, SceneError, SimulationError, _native, scenarios
 from hybridmpm_lab.commands import cli, speed
 from hybridmpm_lab.harness import provenance, timing
-from hybridmpm_lab.harness.calibration import Calibration
+from hybridmpm_lab.harness.timing import Calibration
 from hybridmpm_lab.speed import blocks, mpm, scaling
 from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
 from hybridmpm_lab.speed.baselines.process import Worker
 
-SOURCE = {"machine", "date", "commit", "command"}
+SOURCE = {"machine", "date", "commit", "command", "solver_version", "ingredients"}
 FIELDS = SOURCE | {
     "dim", "material", "particles", "resolution", "frame", "threads", "instructions", "substeps",
     "ns_per_particle_substep", "spread", "ms_per_frame", "build_ns", "build_ratio", "peer", "peer_ns",
@@ -140,11 +140,11 @@ def test_a_missing_peer_is_named_before_any_work(monkeypatch: pytest.MonkeyPatch
 
 def test_a_busy_machine_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = itertools.accumulate(itertools.cycle([0.0, 1.0]))
-    monkeypatch.setattr("hybridmpm_lab.harness.calibration.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("hybridmpm_lab.harness.timing.time.perf_counter", lambda: next(clock))
     calibration = Calibration(2)
     assert calibration.slowdown() == 1
     slow = itertools.accumulate(itertools.cycle([0.0, 1.5]))
-    monkeypatch.setattr("hybridmpm_lab.harness.calibration.time.perf_counter", lambda: next(slow))
+    monkeypatch.setattr("hybridmpm_lab.harness.timing.time.perf_counter", lambda: next(slow))
     assert calibration.slowdown() == pytest.approx(1.5)
 
 
@@ -159,7 +159,7 @@ def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
     for row in rows:
         assert set(row) == {
             "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second",
-            "speedup", "machine", "date", "commit", "command",
+            "speedup", "machine", "date", "commit", "command", "solver_version", "ingredients",
         }  # fmt: skip
         assert (row["scenario"], row["scenes"], row["particles"]) == ("sand_ramps_2d", 2, particles)
         assert row["frames_per_second"] == pytest.approx(1e3 / row["ms_per_scene_frame"], rel=0.01)

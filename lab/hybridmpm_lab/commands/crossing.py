@@ -29,9 +29,9 @@ from hybridmpm_lab.compare.crossing.cases import (
     cases,
 )
 from hybridmpm_lab.compare.crossing.table import table
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress
+from hybridmpm_lab.harness.store import RowStore
 
 _COLUMNS = (
     "scenario", "resolution", "compression", "particles", "method", "label", "variant", "simulated",
@@ -39,7 +39,7 @@ _COLUMNS = (
 )  # fmt: skip
 _EACH = sorted({one for of_dim in RESOLUTIONS.values() for one in of_dim})
 
-_Part = Callable[[Case, CrossingSettings, Gathered, Provenance, Progress], None]
+_Part = Callable[[Case, CrossingSettings, RowStore, Provenance, Progress], None]
 
 
 @click.command()
@@ -113,7 +113,7 @@ def crossing(
     options = {"scenario": names, "resolution": resolutions, "scenes": (scenes,), "span": (span,)}
     more = {"timed": (timed,), "passes": (passes,), "threads": (threads,), "entrant": patterns}
     origin = source("crossing", **options, **more)
-    runs = Gathered(settings.shared(), runs_file)
+    runs = RowStore(settings.shared(), runs_file)
     parts: dict[str, _Part] = {"errors": measure.measure_errors, "times": measure.measure_times}
     for part, take in parts.items():
         if only in (None, part):

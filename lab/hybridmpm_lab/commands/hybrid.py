@@ -21,7 +21,7 @@ from hybridmpm_lab.commands.options import (
 from hybridmpm_lab.compare.accuracy.conventions import FIRST_SEED
 from hybridmpm_lab.compare.hybrid import scenes as scenes_bench
 from hybridmpm_lab.compare.hybrid import scenes_chart
-from hybridmpm_lab.harness.gathered import Gathered
+from hybridmpm_lab.harness.store import RowStore
 
 _SHARES_COLUMNS = (
     "scenario", "method", "show_all", "scenes", "network", "free_fall", "rest", "mpm", "contact", "ratio",
@@ -97,7 +97,7 @@ def hybrid(
     options = {"model": (model,), "scenario": names, "scenes": (scenes,), "promised": (promised,)}
     more = {"first": (first,), "frames": (frames,), "method": methods, "show_all": (carried,)}
     origin = source("shares", **options, **more)
-    runs = Gathered(settings.shared(), runs_file)
+    runs = RowStore(settings.shared(), runs_file)
     with progress("Measuring", len(settings.asked_for())) as bar:
         rows = list(scenes_bench.measure(settings, runs, origin, bar.update))
     save(rows, json_file, chart_file, scenes_chart.chart)

@@ -131,7 +131,7 @@ def speed(
         "repeats": (repeats,),
         "peer": peers,
     }
-    origin = source("mpm", **options, build=() if build is None else (other_commit(build),))
+    origin = source("speed", **options, build=() if build is None else (other_commit(build),))
     rows = measured(partial(mpm_bench.measure, settings), settings.count, origin)
     columns = _MPM_COLUMNS + (_PEER_COLUMNS if peers else ()) + (_BUILD_COLUMNS if build else ())
     report(rows, columns, origin, json_file, chart_file=chart_file, draw=mpm_bench.chart)

@@ -17,8 +17,8 @@ from hybridmpm_lab.commands.options import (
     save,
     source,
 )
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.rows import Row
+from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.stability import map as stability_map
 from hybridmpm_lab.stability import map_chart
 from hybridmpm_lab.stability import stability as stability_bench
@@ -84,7 +84,7 @@ def _map(
 ) -> None:
     todo = stability_map.cells(stresses)
     origin = source("stability --map", stress=stresses)
-    runs = Gathered({"levels": stability_map.LEVELS}, runs_file)
+    runs = RowStore({"levels": stability_map.LEVELS}, runs_file)
     with progress("Measuring", len(todo)) as bar:
         rows = list(stability_map.measure(todo, runs, origin, bar.update))
     save(rows, json_file, chart_file, map_chart.chart)

@@ -25,8 +25,8 @@ from hybridmpm_lab.compare.tradeoff import chart as drawing
 from hybridmpm_lab.compare.tradeoff import errors, sheet, times
 from hybridmpm_lab.compare.tradeoff.settings import TradeoffSettings
 from hybridmpm_lab.compare.tradeoff.table import table
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
 
 _COLUMNS = (
@@ -98,7 +98,7 @@ def tradeoff(
     options = {"scenario": names, "scenes": (scenes,), "span": (span,), "passes": (passes,)}
     more = {"threads": (threads,), "peer": peers, "entrant": patterns}
     origin = source("tradeoff", **options, **more)
-    runs = Gathered(settings.shared(), runs_file)
+    runs = RowStore(settings.shared(), runs_file)
     _measure(settings, runs, origin, only=only, paper=paper, jobs=jobs)
     rows = table(settings, runs)
     if not rows:
@@ -112,7 +112,7 @@ def tradeoff(
 
 def _measure(
     settings: TradeoffSettings,
-    runs: Gathered,
+    runs: RowStore,
     origin: Provenance,
     *,
     only: str | None,

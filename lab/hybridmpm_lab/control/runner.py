@@ -10,9 +10,9 @@ from hybridmpm_lab.control.results import Runs
 from hybridmpm_lab.control.suite.cases import REFERENCE_SEEDS, VERSION, Case, digest
 from hybridmpm_lab.control.suite.problems import problem, uncontrolled
 from hybridmpm_lab.control.trial import CAP, HOLD, look_at, run
-from hybridmpm_lab.harness.calibration import Calibration
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, significant
+from hybridmpm_lab.harness.timing import Calibration
 
 
 @dataclass(frozen=True, kw_only=True)

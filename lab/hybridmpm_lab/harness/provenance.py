@@ -1,34 +1,58 @@
-"""The origin of a measurement, and the file of its rows."""
+"""The origin of a measurement, its ingredients, and the file of its rows."""
 
 import dataclasses
 import datetime as dt
+import hashlib
 import json
+import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
+import hybridmpm
+from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.errors import ConfigError
-from hybridmpm_lab.harness.git import git
 from hybridmpm_lab.harness.rows import Row
+
+_LIBRARY = Path(hybridmpm.__file__).parent
+_TABLES = {"levels": _LIBRARY / "coarse/levels.json", "calibration": _LIBRARY / "planner/calibration.json"}
+"""Fitted files by the name of the ingredient: constants of coarse levels, and errors and times of plans."""
+_DIGITS = 12
+"""Hexadecimal digits of a digest in a row."""
+
+
+@cache
+def shipped() -> dict[str, str]:
+    """Return the digest of each fitted file of the library: networks by their names, and `_TABLES`."""
+    files = {file.stem: file for file in sorted(_LIBRARY.rglob("*.onnx"))} | _TABLES
+    return {name: hashlib.sha256(file.read_bytes()).hexdigest()[:_DIGITS] for name, file in files.items()}
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Fields that every row of a result carries beside its figures."""
+    """Fields that every row of a result has beside its figures."""
 
     machine: str
     """Processor, and the number of cores that this process may use."""
     date: str
     """Date of the run, ISO 8601, UTC."""
     commit: str | None
-    """Commit of the checkout that holds this code; None outside a checkout.
-
-    "-dirty" follows the commit where files have been changed since.
-    """
+    """Commit of the checkout, followed by "-dirty" where files differ; None outside a checkout."""
     command: str
     """Command that measures the rows again."""
+    solver_version: int = SOLVER_VERSION
+    """Version of the solver's results."""
+    ingredients: str | None = None
+    """Names and digests of the fitted files that took part, as "fluids_2d=863b085e5a4d levels=..."."""
+
+    def using(self, *names: str) -> "Provenance":
+        """Return the same origin with these ingredients, of the keys of `shipped`."""
+        digests = shipped()
+        listed = " ".join(f"{name}={digests[name]}" for name in sorted(set(names)))
+        return dataclasses.replace(self, ingredients=listed or None)
 
     def stamped(self, row: Row) -> Row:
         """Return a row with these fields behind its own."""
@@ -36,7 +60,7 @@ class Provenance:
 
 
 def provenance(command: str) -> Provenance:
-    """Describe a run of a command that starts now."""
+    """Return the origin of a run of a command that starts now."""
     return Provenance(
         machine=f"{cpu_model()}, {usable_cores()} cores",
         date=dt.datetime.now(dt.UTC).date().isoformat(),
@@ -45,23 +69,50 @@ def provenance(command: str) -> Provenance:
     )
 
 
+def outdated(row: Row) -> str | None:
+    """Return which ingredient of a row is no longer the one that ships; None where all are.
+
+    A row without `solver_version` has no known ingredients, and is outdated.
+    """
+    if row.get("solver_version") != SOLVER_VERSION:
+        return f"solver version {row.get('solver_version')}, now {SOLVER_VERSION}"
+    for ingredient in (row.get("ingredients") or "").split():
+        name, _, digest = ingredient.partition("=")
+        if shipped().get(name) != digest:
+            return f"{name} {digest}, now {shipped().get(name, 'retired')}"
+    return None
+
+
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as a JSON list of flat objects; raises `ExportError`."""
+    """Write rows as a JSON list of flat objects, one a line; raises `ExportError`."""
     with replacing(path) as part:
-        part.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        lines = ",\n".join(json.dumps(row) for row in rows)
+        part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
 def other_commit(folder: Path) -> str:
-    """Return the commit of another checkout; raises a ConfigError where the folder is none."""
-    return git(folder, "rev-parse", "--short", "HEAD")
+    """Return the commit of another checkout; raises a `ConfigError` where the folder is none."""
+    return _git(folder, "rev-parse", "--short", "HEAD")
 
 
 def _commit(file: Path) -> str | None:
     try:
         # An installed copy may lie in some other project's checkout, which does not track it.
-        git(file.parent, "ls-files", "--error-unmatch", file.name)
-        head = git(file.parent, "rev-parse", "HEAD")
-        changed = git(file.parent, "status", "--porcelain", "--untracked-files=no")
+        _git(file.parent, "ls-files", "--error-unmatch", file.name)
+        head = _git(file.parent, "rev-parse", "HEAD")
+        changed = _git(file.parent, "status", "--porcelain", "--untracked-files=no")
     except ConfigError:
         return None
     return f"{head}-dirty" if changed else head
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    command = ["git", "-C", str(folder), *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, check=True)  # noqa: S603 - constants
+    except OSError as error:
+        raise ConfigError(f"this needs git: {error.strerror or error}") from None
+    except subprocess.CalledProcessError as error:
+        reason = error.stderr.decode(errors="replace").strip()
+        raise ConfigError(f"{folder}: {reason}; run this in a checkout with its history") from None
+    return done.stdout.decode("utf-8", "surrogateescape").strip()

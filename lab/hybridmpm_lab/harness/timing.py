@@ -1,12 +1,57 @@
-"""Timing several calls by turns, so that what disturbs the machine disturbs all of them alike."""
+"""The timer of all results: many short pieces by turns, so that a busy machine slows down all alike."""
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+
 from hybridmpm_lab.harness.rows import Progress
+
+QUIET = 1.15
+"""Slowdown of the machine from which on a time counts as taken under load [-]."""
+_NUMBERS = 32_768
+"""Numbers per thread of the calibration; they fit into a core's own cache."""
+_SWEEPS = 400
+"""Sweeps over them in one piece, a few milliseconds."""
+_PIECES = 5
+"""Pieces of which the quickest counts: a single interruption is no load."""
+
+
+class Calibration:
+    """Fixed arithmetic, whose time shows how busy the machine is beside a measurement.
+
+    Parameters
+    ----------
+    threads : int
+        Threads that work at the same time, each as much as one alone.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self._numbers = [np.linspace(0.5, 1.5, _NUMBERS, dtype=np.float32) for _ in range(threads)]
+        self._least = math.inf
+        for _ in range(4):
+            self.slowdown()
+
+    def slowdown(self) -> float:
+        """Return the time of the arithmetic now over the least time so far, at least 1 [-]."""
+        with ThreadPoolExecutor(len(self._numbers)) as pool:
+            now = math.inf
+            for _ in range(_PIECES):
+                start = time.perf_counter()
+                list(pool.map(_work, self._numbers))
+                now = min(now, time.perf_counter() - start)
+        self._least = min(self._least, now)
+        return now / self._least
+
+
+def _work(numbers: np.ndarray) -> None:
+    for _ in range(_SWEEPS):
+        np.sqrt(numbers, out=numbers)
 
 
 def _nothing() -> None:
@@ -25,12 +70,12 @@ class TimedCall:
 
 @dataclass(frozen=True, kw_only=True)
 class TimedSimulation:
-    """A simulation that can go back to one state."""
+    """A piece of a simulation, from a state to which it can return."""
 
     restore: Callable[[], object]
-    """Goes back to the state; not timed."""
+    """Returns to the state; not timed."""
     advance: Callable[[int], object]
-    """Goes on by a number of frames; timed, unless it returns the time by a clock of its own [s]."""
+    """Advances by a number of frames; timed, unless it returns the time by a clock of its own [s]."""
     frames: int
     """Frames of one measurement."""
 
@@ -42,11 +87,11 @@ class Clock:
         self._times = times
 
     def __enter__(self) -> None:
-        self._began = time.perf_counter()
+        self._start = time.perf_counter()
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         if error is None:
-            self._times.append(time.perf_counter() - self._began)
+            self._times.append(time.perf_counter() - self._start)
 
 
 def seconds_by_turns(
@@ -54,15 +99,15 @@ def seconds_by_turns(
 ) -> list[list[float]]:
     """Time each call once a round, and return the times over `repeats` rounds of each call [s].
 
-    One more round goes before them: it compiles, and warms the caches up. `on_progress` counts rounds.
+    One more round comes first: it compiles, and warms the caches up. `on_progress` counts rounds.
     """
     times: list[list[float]] = [[] for _ in calls]
     for index in range(repeats + 1):
         for one, mine in zip(calls, times, strict=True):
             one.prepare()
-            began = time.perf_counter()
+            start = time.perf_counter()
             own = one.call()
-            mine.append(own if isinstance(own, float) else time.perf_counter() - began)
+            mine.append(own if isinstance(own, float) else time.perf_counter() - start)
         if index and on_progress is not None:
             on_progress(1)
     return [mine[1:] for mine in times]
@@ -70,18 +115,20 @@ def seconds_by_turns(
 
 @dataclass(frozen=True)
 class FrameTime:
-    """Time of a frame, from many short pieces of a simulation."""
+    """Time of a frame, from repeated pieces of a simulation."""
 
     seconds: float
-    """Lower quartile over the pieces [s]: what disturbs a machine only ever adds time."""
+    """Lower quartile over the pieces [s]: disturbances only ever add time."""
     spread: float
     """Distance from the lower to the upper quartile, over the lower [-]."""
 
 
-def time_per_frame(simulations: Sequence[TimedSimulation], repeats: int) -> list[FrameTime]:
-    """Time simulations by turns, `repeats` pieces of each.
+def time_per_frame(
+    simulations: Sequence[TimedSimulation], repeats: int, on_progress: Progress | None = None
+) -> list[FrameTime]:
+    """Time simulations by turns, `repeats` pieces of each; `on_progress` counts rounds.
 
-    The first frame after going back is not timed: it touches the memory that the others use.
+    The first frame after the restored state is not timed: it touches the memory that the others use.
     """
 
     def prepare(one: TimedSimulation) -> None:
@@ -91,7 +138,7 @@ def time_per_frame(simulations: Sequence[TimedSimulation], repeats: int) -> list
     calls = [
         TimedCall(prepare=partial(prepare, one), call=partial(one.advance, one.frames)) for one in simulations
     ]
-    times = seconds_by_turns(calls, repeats)
+    times = seconds_by_turns(calls, repeats, on_progress)
     return [_frame_time(mine, one.frames) for one, mine in zip(simulations, times, strict=True)]
 
 

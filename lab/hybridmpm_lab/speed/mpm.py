@@ -18,9 +18,8 @@ from hybridmpm._support import charts
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
-from hybridmpm_lab.harness.calibration import Calibration
 from hybridmpm_lab.harness.rows import Progress, Row
-from hybridmpm_lab.harness.timing import FrameTime, TimedSimulation, time_per_frame
+from hybridmpm_lab.harness.timing import Calibration, FrameTime, TimedSimulation, time_per_frame
 from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
 from hybridmpm_lab.speed.baselines.process import Worker
 from hybridmpm_lab.speed.blocks import falling_block, require_sane

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.stability.outcome import figures, judged, volume_spread
 from hybridmpm_lab.stability.stresses.handling import HANDLING
 from hybridmpm_lab.stability.stresses.matter import MATTER
@@ -57,7 +57,7 @@ def trial_of(cell: Cell) -> Trial:
     return STRESSES[cell.stress].trials(cell.material, cell.dim)[cell.step - 1]
 
 
-def measure(todo: Sequence[Cell], runs: Gathered, origin: Provenance, on_progress: Progress) -> Iterator[Row]:
+def measure(todo: Sequence[Cell], runs: RowStore, origin: Provenance, on_progress: Progress) -> Iterator[Row]:
     """Run the cells that are missing, adding each to the runs, and yield all rows.
 
     `on_progress` counts cells.
@@ -72,7 +72,7 @@ def measure(todo: Sequence[Cell], runs: Gathered, origin: Provenance, on_progres
     for cell in todo:
         scenes.setdefault(cell.key[1:], []).append(cell)
     for mine in scenes.values():
-        missing = [cell for cell in mine if not runs.has(cell.key)]
+        missing = [cell for cell in mine if cell.key not in runs]
         if missing:
             trial = trial_of(missing[0])
             true, *others = (truth(trial, shift=shift) for shift in range(1 + JITTERS))
@@ -91,7 +91,7 @@ def measure(todo: Sequence[Cell], runs: Gathered, origin: Provenance, on_progres
                 runs.add(cell.key, origin.stamped(row | found | signalled | shown | spread))
         on_progress(len(mine))
     for cell in todo:
-        yield runs.row(cell.key)
+        yield runs[cell.key]
 
 
 def defects(rows: Sequence[Row]) -> list[Row]:

@@ -208,7 +208,7 @@ def test_the_command_holds_ones_own_method_against_the_others(tmp_path: Path) ->
     needed = {
         "scenario", "family", "sketch", "method", "error", "error_se", "transport", "inside", "inside_later",
         "rms_g", "bound_g", "peak_g", "naturalness", "first_frame_ms", "total_ms", "machine", "threads",
-        "date", "commit", "command",
+        "date", "commit", "command", "solver_version", "ingredients",
     }  # fmt: skip
     assert all(needed <= set(row) for row in rows.values())
     assert all(row["slowdown"] >= 1 for row in rows.values())

@@ -16,7 +16,7 @@ from hybridmpm_lab.stability.stability import Case
 MARGIN = 1.5
 FIELDS = {
     "method", "material", "dim", "stress", "level", "outcome", "signalled",
-    "machine", "date", "commit", "command",
+    "machine", "date", "commit", "command", "solver_version", "ingredients",
 }  # fmt: skip
 
 

@@ -21,10 +21,10 @@ from hybridmpm_lab.compare.crossing.entrants import Enlarged, Entrant, entrants,
 from hybridmpm_lab.compare.tradeoff.measures import after
 from hybridmpm_lab.compare.tradeoff.settings import warm_up
 from hybridmpm_lab.compare.tradeoff.times import FIELDS, OwnTiming, by_turns
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.grid import TrueGrids
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import RowStore
 
 ERRORS, TIMES, ALONE = "errors", "times", "latency alone"
 """First field of the keys of rows; the case follows, then the seed where there is one, and the name."""
@@ -40,12 +40,12 @@ def particles_of(case: Case) -> int:
 
 
 def measure_errors(
-    case: Case, settings: CrossingSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+    case: Case, settings: CrossingSettings, runs: RowStore, origin: Provenance, on_progress: Progress
 ) -> None:
     """Run what is missing of a case, scene by scene; `on_progress` counts cases."""
     rivals = entrants(case, settings, particles_of(case))
     for seed, scene in case.scenes(settings):
-        missing = [name for name in rivals if not runs.has((ERRORS, *case.key, seed, name))]
+        missing = [name for name in rivals if (ERRORS, *case.key, seed, name) not in runs]
         if missing:
             for name, row in _scene_errors(case, scene, {name: rivals[name] for name in missing}, settings):
                 runs.add((ERRORS, *case.key, seed, name), origin.stamped(row))
@@ -53,18 +53,18 @@ def measure_errors(
 
 
 def measure_times(
-    case: Case, settings: CrossingSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+    case: Case, settings: CrossingSettings, runs: RowStore, origin: Provenance, on_progress: Progress
 ) -> None:
     """Time all of a case by turns on its first scene where one is missing; `on_progress` counts cases."""
     scene = case.scene(FIRST_SEED)
     rivals = entrants(case, settings, particles_of(case))
-    if not all(runs.has((TIMES, *case.key, name)) for name in rivals):
+    if not all((TIMES, *case.key, name) in runs for name in rivals):
         for name, row in _scene_times(case, scene, rivals, settings):
             runs.add((TIMES, *case.key, name), origin.stamped(row))
     if case.finer != 1:
         for name in networks(case):
             key = (ALONE, *case.key, name)
-            if not runs.has(key):
+            if key not in runs:
                 runs.add(key, origin.stamped(_latency_alone(case, scene, name, settings)))
     on_progress(1)
 

@@ -8,9 +8,9 @@ from hybridmpm_lab.compare.crossing.cases import Case, CrossingSettings, cases
 from hybridmpm_lab.compare.crossing.entrants import Entrant, entrants, networks
 from hybridmpm_lab.compare.crossing.measure import ALONE, ERRORS, TIMES, particles_of
 from hybridmpm_lab.compare.tradeoff.times import FIELDS
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.pareto import cheapest_as_good
 from hybridmpm_lab.harness.rows import Row, significant
+from hybridmpm_lab.harness.store import RowStore
 
 LEARNED = ("neural", "hybrid")
 """Methods that have to be quicker than MPM of equal error."""
@@ -19,7 +19,7 @@ LATENCY_ALONE = "latency alone"
 _ORIGIN = ("machine", "date", "commit", "command")
 
 
-def table(settings: CrossingSettings, runs: Gathered) -> list[Row]:
+def table(settings: CrossingSettings, runs: RowStore) -> list[Row]:
     """Return a row for each method of each case of which there is a run.
 
     `error` is the mean over the scenes of the mean `grid_rmse` at every tenth of the `span` frames from the
@@ -36,7 +36,7 @@ def table(settings: CrossingSettings, runs: Gathered) -> list[Row]:
     return [row for case in cases(settings) for row in _of_case(case, settings, runs)]
 
 
-def _of_case(case: Case, settings: CrossingSettings, runs: Gathered) -> Iterator[Row]:
+def _of_case(case: Case, settings: CrossingSettings, runs: RowStore) -> Iterator[Row]:
     particles = particles_of(case)
     rows = [
         row
@@ -58,15 +58,15 @@ def _of_case(case: Case, settings: CrossingSettings, runs: Gathered) -> Iterator
         yield row | {"as_good": name, "as_good_ms": pays_below, "times_slower": significant(slower)}
 
 
-def _samples(case: Case, name: str, settings: CrossingSettings, runs: Gathered) -> list[Row]:
+def _samples(case: Case, name: str, settings: CrossingSettings, runs: RowStore) -> list[Row]:
     keys = ((ERRORS, *case.key, seed, name) for seed, _ in case.scenes(settings))
-    return [runs.row(key) for key in keys if runs.has(key)]
+    return [runs[key] for key in keys if key in runs]
 
 
-def _row(one: Entrant, case: Case, particles: int, settings: CrossingSettings, runs: Gathered) -> Row | None:
+def _row(one: Entrant, case: Case, particles: int, settings: CrossingSettings, runs: RowStore) -> Row | None:
     samples = _samples(case, one.name, settings, runs)
     key = (TIMES, *case.key, one.name)
-    time = runs.row(key) if runs.has(key) else {}
+    time = runs[key] if key in runs else {}
     if not samples and not time:
         return None
     first = samples[0] if samples else time
@@ -90,11 +90,11 @@ def _row(one: Entrant, case: Case, particles: int, settings: CrossingSettings, r
     )
 
 
-def _alone(case: Case, particles: int, name: str, runs: Gathered) -> Row | None:
+def _alone(case: Case, particles: int, name: str, runs: RowStore) -> Row | None:
     key = (ALONE, *case.key, name)
-    if not runs.has(key):
+    if key not in runs:
         return None
-    time = runs.row(key)
+    time = runs[key]
     none = dict.fromkeys(("r_p", "simulated", "error", "error_se", "transport", *FIELDS))
     return (
         _head(case, particles)

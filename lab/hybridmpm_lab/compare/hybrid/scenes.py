@@ -25,10 +25,10 @@ from hybridmpm.simulator import Simulator
 from hybridmpm_lab.compare.accuracy.conventions import AT, EVERY, FIRST_SEED
 from hybridmpm_lab.compare.hybrid.corruptions import CORRUPTIONS, Corrupted
 from hybridmpm_lab.compare.hybrid.scene_means import FREE_FALL, HYBRID, KEY, MPM, means, promises
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.grid import TrueGrids
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.harness.timing import Clock
 
 NETWORK, JITTER = "network", "mpm-other-jitter"
@@ -128,7 +128,7 @@ class _Truth:
 
 
 def measure(
-    settings: ScenesSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+    settings: ScenesSettings, runs: RowStore, origin: Provenance, on_progress: Progress
 ) -> Iterator[Row]:
     """Run what is missing, adding it to the runs one by one, and yield all rows; `on_progress` counts runs.
 
@@ -147,7 +147,7 @@ def measure(
             if key[0] == scenario:
                 mine_by_seed.setdefault(key[1], []).append(key)
         for seed, mine in mine_by_seed.items():
-            missing = [key for key in mine if not runs.has(key)]
+            missing = [key for key in mine if key not in runs]
             if missing:
                 scene = scenarios.get(scenario, seed)
                 truth = _Truth.of(scene, settings.frames)
@@ -156,7 +156,7 @@ def measure(
                     made = _run(scene, truth, network, key[2], show_all=key[3], frames=settings.frames)
                     runs.add(key, origin.stamped({"part": "run", **dict(zip(KEY, key, strict=True)), **made}))
             on_progress(len(mine))
-    rows = [runs.row(key) for key in runs_asked_for]
+    rows = [runs[key] for key in runs_asked_for]
     yield from rows
     judged = [row for row in rows if row["seed"] < settings.first + settings.scenes]
     for row in (*means(judged), *promises(rows)):

@@ -19,9 +19,9 @@ from hybridmpm_lab.compare.tradeoff.entrants import entrants
 from hybridmpm_lab.compare.tradeoff.measures import after, errors
 from hybridmpm_lab.compare.tradeoff.peers import can_simulate, peer_states
 from hybridmpm_lab.compare.tradeoff.settings import TradeoffSettings, warm_up
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import RowStore
 
 PART = "errors"
 """First field of the keys of these rows; scenario, seed and name follow."""
@@ -39,14 +39,14 @@ def names(scenario: str, settings: TradeoffSettings) -> list[str]:
 
 
 def measure_errors(
-    settings: TradeoffSettings, runs: Gathered, origin: Provenance, on_progress: Progress, jobs: int = 1
+    settings: TradeoffSettings, runs: RowStore, origin: Provenance, on_progress: Progress, jobs: int = 1
 ) -> None:
     """Run what is missing, scene by scene, and add its rows; `on_progress` counts scenes.
 
     Parameters
     ----------
     settings : TradeoffSettings
-    runs : Gathered
+    runs : RowStore
         Rows so far, by ("errors", scenario, seed, name); the new ones are added as each scene is done.
     origin : Provenance
     on_progress : callable
@@ -57,7 +57,7 @@ def measure_errors(
     for scenario in settings.scenarios:
         wanted = names(scenario, settings)
         for seed in settings.seeds:
-            mine = [name for name in wanted if not runs.has((PART, scenario, seed, name))]
+            mine = [name for name in wanted if (PART, scenario, seed, name) not in runs]
             if mine:
                 missing.append((scenario, seed, mine))
             else:

@@ -15,9 +15,9 @@ from hybridmpm_lab.compare.accuracy.methods import reference_scene
 from hybridmpm_lab.compare.tradeoff.settings import PAPER as SETTINGS
 from hybridmpm_lab.compare.tradeoff.settings import PAPER_PART as PART
 from hybridmpm_lab.compare.tradeoff.settings import TradeoffSettings, warm_up
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress
+from hybridmpm_lab.harness.store import RowStore
 
 _SPACINGS = {2: 2.9, 3: 2.0}
 """Connectivity radius in spacings of the particles, by dimension: some 26 neighbours."""
@@ -25,13 +25,13 @@ _SECONDS = 5.0
 
 
 def measure_paper(
-    settings: TradeoffSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+    settings: TradeoffSettings, runs: RowStore, origin: Provenance, on_progress: Progress
 ) -> None:
     """Time single steps of the paper's networks where they are missing; `on_progress` counts scenarios."""
     for scenario in settings.scenarios:
         for label, (ratio, r_t) in SETTINGS.items():
             key = (PART, scenario, f"neural {label}")
-            if runs.has(key):
+            if key in runs:
                 continue
             latency, _ = step_latency(
                 _network(scenario, ratio, r_t, settings.threads),

@@ -10,9 +10,9 @@ from hybridmpm_lab.compare.tradeoff import errors, times
 from hybridmpm_lab.compare.tradeoff.entrants import entrants
 from hybridmpm_lab.compare.tradeoff.measures import FRONTS, MEASURES
 from hybridmpm_lab.compare.tradeoff.settings import PAPER, PAPER_PART, TradeoffSettings, warm_up
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.pareto import cheapest_as_good, dominating
 from hybridmpm_lab.harness.rows import Row, significant
+from hybridmpm_lab.harness.store import RowStore
 
 BOUNDS = (errors.JITTER, errors.STILL, errors.MERGED)
 """Methods that are floors and ceilings: nobody can run them."""
@@ -21,7 +21,7 @@ _RIVALS = ("mpm", "coarse")
 _ORIGIN = ("machine", "date", "commit", "command")
 
 
-def table(settings: TradeoffSettings, runs: Gathered) -> list[Row]:
+def table(settings: TradeoffSettings, runs: RowStore) -> list[Row]:
     """Return a row for each method of each scenario of which there is at least one run.
 
     `error` is the mean of `grid_rmse` over every tenth state of the `span` frames after `start`, `error_40`
@@ -47,14 +47,14 @@ def table(settings: TradeoffSettings, runs: Gathered) -> list[Row]:
     return rows
 
 
-def _of_scenario(scenario: str, settings: TradeoffSettings, runs: Gathered) -> list[Row]:
+def _of_scenario(scenario: str, settings: TradeoffSettings, runs: RowStore) -> list[Row]:
     samples: dict[str, dict[int, Row]] = {}
     for name in errors.names(scenario, settings):
         keys = {seed: (errors.PART, scenario, seed, name) for seed in settings.seeds}
-        samples[name] = {seed: runs.row(key) for seed, key in keys.items() if runs.has(key)}
+        samples[name] = {seed: runs[key] for seed, key in keys.items() if key in runs}
     paper = [f"neural {label}" for label in PAPER]
-    names = [name for name in samples if samples[name] or runs.has((times.PART, scenario, name))]
-    names += [name for name in paper if runs.has((PAPER_PART, scenario, name))]
+    names = [name for name in samples if samples[name] or (times.PART, scenario, name) in runs]
+    names += [name for name in paper if (PAPER_PART, scenario, name) in runs]
     by_scene = metrics.ErrorTable()
     for name, mine in samples.items():
         if mine and not any(row["failed"] for row in mine.values()):
@@ -70,16 +70,12 @@ def _row(
     scenario: str,
     samples: Mapping[int, Row],
     by_scene: metrics.ErrorTable,
-    runs: Gathered,
+    runs: RowStore,
 ) -> Row:
     kind, _, label = name.partition(" ")
     entrant = entrants(scenario).get(name)
     time = next(
-        (
-            runs.row(key)
-            for key in ((times.PART, scenario, name), (PAPER_PART, scenario, name))
-            if runs.has(key)
-        ),
+        (runs[key] for key in ((times.PART, scenario, name), (PAPER_PART, scenario, name)) if key in runs),
         {},
     )
     known = list(samples.values())

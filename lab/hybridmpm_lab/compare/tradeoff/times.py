@@ -20,10 +20,10 @@ from hybridmpm_lab.compare.tradeoff.entrants import entrants
 from hybridmpm_lab.compare.tradeoff.errors import PEER
 from hybridmpm_lab.compare.tradeoff.peers import PeerTiming, can_simulate, reference_substeps
 from hybridmpm_lab.compare.tradeoff.settings import TradeoffSettings, warm_up
-from hybridmpm_lab.harness.calibration import Calibration
-from hybridmpm_lab.harness.gathered import Gathered
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.timing import Calibration
 from hybridmpm_lab.speed.baselines.process import Worker
 
 PART = "times"
@@ -130,7 +130,7 @@ def by_turns(timed: Sequence[Timed], span: int, passes: int, threads: int) -> li
 
 
 def measure_times(
-    settings: TradeoffSettings, runs: Gathered, origin: Provenance, on_progress: Progress
+    settings: TradeoffSettings, runs: RowStore, origin: Provenance, on_progress: Progress
 ) -> None:
     """Time all entrants and peers of the scenarios that are missing; `on_progress` counts scenarios.
 
@@ -140,7 +140,7 @@ def measure_times(
         names = list(entrants(scenario, settings.patterns))
         scene = reference_scene(scenario)
         names += [f"{PEER} {one}" for one in settings.peers if can_simulate(scene)]
-        if not all(runs.has((PART, scenario, name)) for name in names):
+        if not all((PART, scenario, name) in runs for name in names):
             for name, row in _scenario_times(scenario, scene, settings):
                 runs.add((PART, scenario, name), origin.stamped(row))
         on_progress(1)

@@ -1,4 +1,4 @@
-"""The file in which the rows of a long benchmark gather, so that it can be interrupted and go on."""
+"""Rows of a long measurement in a file of JSON lines, so that it can be interrupted and resumed."""
 
 import json
 from pathlib import Path
@@ -7,24 +7,26 @@ from hybridmpm._support.files import replacing
 from hybridmpm.errors import ConfigError, DataError, ExportError
 from hybridmpm_lab.harness.rows import Row
 
+Key = tuple[object, ...]
 
-class Gathered:
-    """Rows by key, in a file of JSON lines where one is given.
 
-    The first line holds the settings, each later one a key and its row. What an interruption left of a last
-    line is dropped.
+class RowStore:
+    """Rows by key, appended to a file where one is given.
+
+    The first line of the file has the settings, each later one a key and its row. An unfinished last line, as
+    an interruption leaves it, is dropped.
 
     Parameters
     ----------
     settings : dict
-        What rows must share to be compared.
+        Settings that rows must share to be compared.
     file : Path, optional
-        File to go on with, or to begin; without it rows are kept in memory.
+        File to resume or to create; without it rows are kept in memory.
 
     Raises
     ------
     ConfigError
-        The file holds rows of other settings; the message names the first that differs.
+        The file has rows of other settings; the message names the first that differs.
     DataError
         The file is damaged.
     ExportError
@@ -33,21 +35,23 @@ class Gathered:
 
     def __init__(self, settings: Row, file: Path | None = None) -> None:
         self._file = file
-        self._rows: dict[tuple[object, ...], Row] = {}
+        self._rows: dict[Key, Row] = {}
         if file is not None and file.exists() and file.stat().st_size > 0:
             self._read(file, settings)
         else:
             self._write({"settings": settings})
 
-    def has(self, key: tuple[object, ...]) -> bool:
-        """Tell whether there is a row of this key."""
+    def __contains__(self, key: Key) -> bool:
         return key in self._rows
 
-    def row(self, key: tuple[object, ...]) -> Row:
-        """Return the row of a key that is there."""
+    def __getitem__(self, key: Key) -> Row:
         return self._rows[key]
 
-    def add(self, key: tuple[object, ...], row: Row) -> None:
+    def get(self, key: Key) -> Row | None:
+        """Return the row of a key; None where there is none."""
+        return self._rows.get(key)
+
+    def add(self, key: Key, row: Row) -> None:
         """Add a row; raises `ExportError`."""
         self._write({"key": key, "row": row})
         self._rows[key] = row
@@ -63,7 +67,7 @@ class Gathered:
         for name, value in settings.items():
             if there.get(name) != value:
                 raise ConfigError(
-                    f"{file} holds rows with {name} = {there.get(name)}, not {value}: take the same settings "
+                    f"{file} has rows with {name} = {there.get(name)}, not {value}: take the same settings "
                     "or another file"
                 )
         if rest:
