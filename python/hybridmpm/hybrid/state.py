@@ -157,7 +157,7 @@ class Checkpoint:
 
     def remember(self) -> dict[str, Any]:
         """Return the state as a tree for a snapshot."""
-        return {"moment": self.moment.remember(), "mpm": self.mpm, "carried": self.carried}
+        return {"moment": self.moment.remember(), "mpm": self.mpm, "coarse": self.carried}
 
 
 @dataclass
@@ -237,7 +237,7 @@ class HybridState:
         return {
             "mpm": self.mpm.snapshot(),
             "moment": self.moment.remember(),
-            "carried": self._carried(),
+            "coarse": self._carried(),
             "backoff": dataclasses.asdict(self.backoff),
             "mode": self.mode,
             "log": [dataclasses.asdict(decision) for decision in self.log],

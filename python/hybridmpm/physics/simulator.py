@@ -173,7 +173,7 @@ class NeuralPhysics(CoarseSimulator):
     def snapshot(self) -> bytes:
         """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
         carried = None if self._upsampler is None else self._upsampler.snapshot()
-        state = {"frames": self._frames.remember(), "carried": carried}
+        state = {"frames": self._frames.remember(), "coarse": carried}
         return pack(_MAGIC, _VERSION, state)
 
     def restore(self, data: bytes) -> None:

@@ -143,7 +143,7 @@ class AutoSolver(Simulator):
         self._inner.advance(1, force)
         _ = self._inner.positions
         took = 1e3 * (self._clock() - began)
-        before, level = self._controller.index, self._controller.level
+        before, level = self._controller.index, self._controller.time
         if self._controller.enter(took) != before:
             self._change(before, took if level is None else level)
 

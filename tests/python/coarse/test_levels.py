@@ -312,7 +312,7 @@ def test_simulators_and_the_command_line_know_level(tmp_path: Path) -> None:
     solver = make("mpm", scenarios.water_2d(0), coarse="1/16")
     assert isinstance(solver, MpmSolver)
     assert solver.coarse is not None
-    with pytest.raises(ConfigError, match="coarse level belongs to 'mpm', not to 'neural'"):
+    with pytest.raises(ConfigError, match="coarse belongs to 'mpm', not to 'neural'"):
         make("neural", scenarios.water_2d(0), coarse="1/16", model="zero")
     file = tmp_path / "state.hmpm"
     run = CliRunner().invoke

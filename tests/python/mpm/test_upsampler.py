@@ -269,10 +269,10 @@ def test_particles_come_and_go_in_each_frame(dim: int) -> None:
 def test_what_cannot_be_carried_is_refused() -> None:
     with pytest.raises(ConfigError, match="show_all=True needs r_p below 1"):
         MpmSolver(falling(2), show_all=True)
-    with pytest.raises(ConfigError, match="carry must be True or False"):
+    with pytest.raises(ConfigError, match="show_all must be True or False"):
         MpmSolver(falling(2), r_p=0.5, show_all=1)  # type: ignore[arg-type]
     solver = carried(falling(2), 1 / 8)
-    with pytest.raises(ConfigError, match="prescribe is for solvers without carry"):
+    with pytest.raises(ConfigError, match="prescribe is for solvers without show_all"):
         solver.prescribe(solver.positions, solver.velocities, 3)
 
 

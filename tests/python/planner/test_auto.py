@@ -18,7 +18,7 @@ EXPECTED = (0.1, 0.2, 0.4, 0.8)
 
 def run(controller: Controller, factor: float, frames: int) -> list[int]:
     """Let frames take `factor` times what is expected of them; return the coarse level after each."""
-    return [controller.enter(factor * EXPECTED[controller.coarse]) for _ in range(frames)]
+    return [controller.enter(factor * EXPECTED[controller.index]) for _ in range(frames)]
 
 
 def test_frames_within_the_budget_keep_the_level() -> None:
@@ -43,7 +43,7 @@ def test_an_attempt_that_fails_is_repeated_ever_more_rarely() -> None:
     controller, tried = Controller(EXPECTED, 0.5, 1), []
     for frame in range(3000):
         # The next coarse level is expected to fit, and does not.
-        before = controller.coarse
+        before = controller.index
         if controller.enter(0.2 if before == 1 else 0.6) > before:
             tried.append(frame)
     assert len(tried) >= 4
@@ -145,7 +145,7 @@ def test_a_warning_of_a_level_is_told_once(clock: Clock) -> None:
 
 def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, few = scenarios.water_2d(2_000_000), "coarse 1/64"
-    expected = {few: (0.9, 0.1), "hybrid fluids_2d": (0.5, 0.3), "neural fluids_2d carried": (0.6, 0.35)}
+    expected = {few: (0.9, 0.1), "hybrid fluids_2d": (0.5, 0.3), "neural fluids_2d all shown": (0.6, 0.35)}
     known = candidates("water_2d")
 
     def prospects(_scene: Scene, **_: object) -> list[tuple[Prospect, Candidate]]:

@@ -32,7 +32,7 @@ def took(work: dict[str, float], one: Sample) -> float:
     spent = one.substeps * (whole + each * n)
     shown = work["upsample_shown"] + work["upsample_obstacle"] * k
     carried = work["upsample"] + work["upsample_coarse"] * n + shown * one.shown
-    return spent + work["frame"] + work["particle"] * one.particles + one.carry * carried
+    return spent + work["frame"] + work["particle"] * one.particles + one.show_all * carried
 
 
 def sample(particles: int, shown: int, substeps: int, *, show_all: bool) -> Sample:

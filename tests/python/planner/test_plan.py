@@ -111,7 +111,7 @@ def test_a_plan_makes_its_simulator() -> None:
     assert simulator.scene == scene
     assert simulator.r_p == found.r_p
     assert len(simulator.coarse_positions) == pytest.approx(found.particles, rel=0.05)
-    assert found.carry == (len(simulator.coarse_positions) < simulator.particle_count)
+    assert found.show_all == (len(simulator.coarse_positions) < simulator.particle_count)
     plain = json.loads(json.dumps(found.to_dict()))
     assert plain["name"] == found.name
     assert "scene" not in plain

@@ -171,5 +171,5 @@ def test_with_all_particles_there_is_nothing_to_carry(scene: Scene) -> None:
         np.testing.assert_array_equal(simulator.positions, simulator.coarse_positions)
         simulator.advance(2)
     for cls in (NeuralPhysics, HybridSimulator):
-        with pytest.raises(ConfigError, match="carry must be True or False, got 1"):
+        with pytest.raises(ConfigError, match="show_all must be True or False, got 1"):
             cls(scene, every, show_all=1)  # type: ignore[arg-type]

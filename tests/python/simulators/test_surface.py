@@ -308,7 +308,7 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
     wrong: list[dict[str, Any]] = [
         {},
         {**tree, "frames": 3, "moment": 3},
-        {**tree, "carried": "x", "mode": "x"},
+        {**tree, "coarse": "x", "mode": "x"},
     ]
     for one in wrong:
         with pytest.raises(SnapshotError):
