@@ -1,13 +1,13 @@
 """A client of the service: sessions, sketches and live frames from Python, with and without asyncio.
 
-`Client` waits for each answer, `AsyncClient` is awaited; both have the same methods. They need httpx and
-websockets: `pip install 'hybridmpm[client]'`. docs/http-api.md describes what is behind each call.
+`Client` waits for each answer, the methods of `AsyncClient` are coroutines; both have the same methods. They
+need httpx and websockets: `pip install 'hybridmpm[client]'`. docs/http-api.md describes the calls.
 """
 
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.awaited import AsyncClient, AsyncJob, AsyncSession, AsyncStream
+from hybridmpm.client.asynchronous import AsyncClient, AsyncJob, AsyncSession, AsyncStream
 from hybridmpm.client.errors import ServiceError, StreamClosedError, UnreachableError
-from hybridmpm.client.waiting import Client, Job, Session, Stream
+from hybridmpm.client.synchronous import Client, Job, Session, Stream
 from hybridmpm.stream_frames import Frame
 
 __all__ = [

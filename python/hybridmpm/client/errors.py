@@ -1,9 +1,10 @@
-"""What a service refuses, and what keeps a client from reaching it."""
+"""Errors of calls: the service refuses, does not answer, or has ended a stream."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import httpx
+from websockets.exceptions import ConnectionClosed
 
 from hybridmpm.errors import SimulationError
 
@@ -21,7 +22,7 @@ class StreamClosedError(SimulationError):
     ----------
     message : str
     code : int
-        Why: 4404 the session is gone, 4406 its frames cannot be had, 1001 the service stops, 1008 too many
+        Reason: 4404 the session is gone, 4406 its frames cannot be had, 1001 the service stops, 1008 too many
         messages, 1009 a message too large, 1006 the connection broke.
     """
 
@@ -38,7 +39,7 @@ class ServiceError(SimulationError):
     Parameters
     ----------
     problem : mapping
-        The problem as the service tells it; its `detail` says what is wrong and what to change.
+        The body of the answer; its `detail` says what is wrong and what to change.
     retry_after : float, optional
         Seconds after which the call may succeed.
     """
@@ -48,7 +49,7 @@ class ServiceError(SimulationError):
     kind: str
     """Name of the kind of problem, as "session-not-found"."""
     fields: list[tuple[str, str]]
-    """Path of each field of the request that is not allowed, and what is allowed."""
+    """Path of each invalid field of the request, and the values that are allowed."""
     retry_after: float | None
 
     def __init__(self, problem: Mapping[str, Any], retry_after: float | None = None) -> None:
@@ -62,18 +63,18 @@ class ServiceError(SimulationError):
 
 
 def refusal(answer: httpx.Response) -> ServiceError:
-    """Return the error that an answer tells of; one that is no problem of the service stands for itself."""
+    """Return the error of an answer, also where it is not the answer of a hybridmpm service."""
     after = answer.headers.get("Retry-After", "")
     wait = float(after) if after.isdigit() else None
     try:
         return ServiceError(answer.json(), wait)
     except (ValueError, KeyError, TypeError):
-        told = {
+        problem = {
             "type": "about:blank",
             "status": answer.status_code,
             "detail": f"{answer.request.url} answers {answer.status_code}, and is no service of hybridmpm",
         }
-        return ServiceError(told, wait)
+        return ServiceError(problem, wait)
 
 
 def unreachable(address: str, error: Exception) -> UnreachableError:
@@ -81,3 +82,12 @@ def unreachable(address: str, error: Exception) -> UnreachableError:
     if isinstance(error, httpx.TimeoutException | TimeoutError):
         return UnreachableError(f"the service at {address} has not answered in time: raise `timeout`")
     return UnreachableError(f"no service answers at {address} ({error}): start one with `hybridmpm serve`")
+
+
+def closed(error: ConnectionClosed) -> StreamClosedError:
+    """Return the error of a stream that the service has ended."""
+    code = 1006 if error.rcvd is None else error.rcvd.code
+    reason = "" if error.rcvd is None else error.rcvd.reason
+    return StreamClosedError(
+        f"the service has ended the stream with code {code}: {reason or 'no reason'}", code
+    )

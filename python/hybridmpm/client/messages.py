@@ -1,7 +1,6 @@
-"""Messages of a stream: commands as they are sent, and what comes back."""
+"""Messages of a stream: commands, frames and statuses."""
 
 import json
-from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 from hybridmpm.client.errors import ServiceError
@@ -10,39 +9,34 @@ from hybridmpm.stream_frames import Frame, decode
 Message: TypeAlias = Frame | dict[str, Any]
 """A frame, or a status of the session."""
 VERSION = 2
-"""Version of the frames that are asked for."""
+"""Version of the frames that the client requests."""
 
 
 def read(message: str | bytes) -> Message:
-    """Return what the service sent.
+    """Return a message of the service.
 
     Raises
     ------
     ServiceError
-        It refuses a command, or a frame has failed.
+        The service refuses a command, or a frame has failed.
     """
     if isinstance(message, bytes):
         return decode(message)
-    told: dict[str, Any] = json.loads(message)
-    if told["type"] == "problem":
-        raise ServiceError(told | {"type": told["problem"]})
-    return told
+    status: dict[str, Any] = json.loads(message)
+    if status["type"] == "problem":
+        raise ServiceError(status | {"type": status["problem"]})
+    return status
 
 
 def event(line: str) -> dict[str, Any] | None:
-    """Return the job that a line of server-sent events tells of; None for any other line."""
-    told: dict[str, Any] | None = json.loads(line[5:]) if line.startswith("data:") else None
-    return told
+    """Return the description of a job in a line of server-sent events; None for any other line."""
+    info: dict[str, Any] | None = json.loads(line[5:]) if line.startswith("data:") else None
+    return info
 
 
 def command(kind: str, **values: Any) -> str:
     """Return a command of the player."""
     return json.dumps({"type": kind} | {name: value for name, value in values.items() if value is not None})
-
-
-def push(point: Sequence[float], velocity: Sequence[float], radius: float, cap: float | None) -> str:
-    """Return the command of a hand that pushes."""
-    return command("push", point=list(point), velocity=list(velocity), radius=radius, cap=cap)
 
 
 def socket_address(address: str, session_id: str) -> str:

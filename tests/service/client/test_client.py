@@ -4,7 +4,8 @@ import asyncio
 import inspect
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,6 @@ from hybridmpm.client import (
     Stream,
     StreamClosedError,
     UnreachableError,
-    calls,
 )
 from hybridmpm.control import Arrow, Stroke
 from hybridmpm.control.sketch.render import render_png
@@ -48,49 +48,44 @@ def client(service: Any) -> Iterator[Client]:
             session.delete()
 
 
-def test_every_call_of_the_service_has_its_method(service: Any) -> None:
-    """Paths of the OpenAPI document against those that `calls` builds."""
+def test_every_call_of_the_service_has_its_method(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paths of the OpenAPI document against those that the methods of the clients request."""
     document = service.http.get("/openapi.json").json()
+    ids = {"{session_id}": "ID", "{name}": "NAME", "{job_id}": "ID"}
     there = {
-        (
-            method.upper(),
-            path.replace("{session_id}", "ID").replace("{name}", "NAME").replace("{job_id}", "ID"),
-        )
+        (method.upper(), "/".join(ids.get(part, part) for part in path.split("/")))
         for path, methods in document["paths"].items()
         for method in methods
     }
-    empty: Any = {}
-    built = [
-        calls.ready(),
-        calls.scenario_list(),
-        calls.scenario("NAME", 0),
-        calls.model_list(),
-        calls.plan("NAME", 0, None, empty),
-        calls.session_list(),
-        calls.session("ID"),
-        calls.create("NAME", 0, None, None, empty),
-        calls.check("NAME", 0, None, empty),
-        calls.delete("ID"),
-        calls.advance("ID", 1),
-        calls.particles("ID"),
-        calls.fork("ID"),
-        calls.log("ID"),
-        calls.decisions("ID"),
-        calls.steer("ID", ARROW, None, empty),
-        calls.force("ID"),
-        calls.pressure("ID"),
-        calls.release("ID"),
-        calls.trace("ID", ARROW, None, 1, empty),
-        calls.record("ID", 1, empty),
-        calls.dataset("water_2d", 1, empty),
-        calls.job_list(),
-        calls.job("ID"),
-        calls.result("ID"),
-        calls.delete_job("ID"),
-    ]
-    # Whether the process is alive is a question of its supervisor; events are read as they come.
+    requested = set()
+
+    async def request(self: AsyncClient, method: str, path: str, **options: Any) -> Any:
+        requested.add((method, path))
+        raise ServiceError({"detail": "", "status": 400, "type": ""})
+
+    monkeypatch.setattr(AsyncClient, "request", request)
+    client = AsyncClient()
+    session = AsyncSession(client, {"id": "ID"})
+    job = AsyncJob(client, {"id": "ID"})
+    monkeypatch.setattr(job, "events", _nothing)
+    for call in (
+        *(client.ready(), client.scenarios(), client.scenario("NAME"), client.models(), client.plan("NAME")),
+        *(client.create("NAME"), client.check("NAME"), client.sessions(), client.session("ID")),
+        *(client.make_dataset("NAME", 1), client.jobs(), client.job("ID")),
+        *(session.refresh(), session.advance(), session.particles(), session.fork(), session.log()),
+        *(session.decisions(), session.steer(ARROW), session.force(), session.pressure(), session.release()),
+        *(session.trace(ARROW), session.record(1), session.delete(), job.result(), job.delete()),
+    ):
+        with pytest.raises(ServiceError):
+            asyncio.run(call)
+    # Supervisors request /livez; events are read as they come.
     others = {("GET", "/livez"), ("GET", "/v1/jobs/ID/events")}
-    assert {(call.method, call.path) for call in built} == there - others
+    assert requested == there - others
+
+
+async def _nothing() -> AsyncIterator[Any]:
+    return
+    yield
 
 
 def test_both_clients_have_the_same_methods() -> None:
@@ -104,11 +99,23 @@ def test_both_clients_have_the_same_methods() -> None:
             {
                 name: [(each.name, each.default) for each in inspect.signature(method).parameters.values()]
                 for name, method in vars(kind).items()
-                if callable(method) and not name.startswith("__")
+                if callable(method) and not name.startswith("_")
             }
             for kind in (waiting, awaited)
         ]
+        pairs[1].pop("request", None)
         assert pairs[0] == pairs[1]
+
+
+def test_calls_of_several_threads_and_of_a_running_event_loop_do_not_disturb_each_other(
+    client: Client,
+) -> None:
+    async def within() -> list[Any]:
+        return client.models()
+
+    with ThreadPoolExecutor() as pool:
+        found = list(pool.map(lambda _: client.models(), range(8)))
+    assert all(one == found[0] for one in [*found, asyncio.run(within())])
 
 
 def test_a_session_computes_what_the_library_does(client: Client) -> None:

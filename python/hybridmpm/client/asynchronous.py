@@ -1,39 +1,50 @@
-"""`AsyncClient`: the same calls, to be awaited."""
+"""`AsyncClient`: the calls of the service as coroutines."""
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Mapping, Sequence
+import json
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar, Unpack
+from typing import Any, Literal, Self, TypeAlias, Unpack
+from urllib.parse import quote
 
 import httpx
+import numpy as np
+import numpy.typing as npt
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from hybridmpm.client import calls, messages
+from hybridmpm.client import messages
 from hybridmpm.client.answers import Particles, Trajectory
-from hybridmpm.client.calls import (
-    Call,
+from hybridmpm.client.errors import closed, refusal, unreachable
+from hybridmpm.client.settings import (
     DataSetSettings,
-    Drawing,
-    Json,
     PlanSettings,
     RecordingSettings,
     SimulatorSettings,
     SketchSettings,
 )
-from hybridmpm.client.errors import refusal, unreachable
-from hybridmpm.client.waiting import ADDRESS, TIMEOUT, closed
+from hybridmpm.control import Stroke
+from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 from hybridmpm.stream_frames import Frame
 
-T = TypeVar("T")
+Json: TypeAlias = dict[str, Any]
+Drawing: TypeAlias = npt.ArrayLike | Stroke | bytes | Path
+"""A sketch: points (K, 2) [m], a stroke, or a PNG as bytes or as a file."""
+ADDRESS = "http://127.0.0.1:8000"
+"""Address of a service that `hybridmpm serve` starts."""
+TIMEOUT = 60.0
+"""Longest time to wait for an answer [s]."""
+_NPZ = {"Accept": "application/x-npz"}
 
 
 class AsyncClient:
     """A service.
 
-    All methods raise a `ServiceError` where it refuses, and an `UnreachableError` where it is not there.
+    All methods raise a `ServiceError` where the service refuses, and an `UnreachableError` where it does not
+    answer.
 
     Parameters
     ----------
@@ -46,7 +57,8 @@ class AsyncClient:
     def __init__(self, address: str = ADDRESS, *, timeout: float = TIMEOUT) -> None:
         self.address = address.rstrip("/")
         self.timeout = timeout
-        self._http = httpx.AsyncClient(base_url=self.address, timeout=timeout)
+        self.http = httpx.AsyncClient(base_url=self.address, timeout=timeout)
+        """The connections."""
 
     async def __aenter__(self) -> Self:
         return self
@@ -58,33 +70,37 @@ class AsyncClient:
 
     async def close(self) -> None:
         """Close the connections; sessions go on."""
-        await self._http.aclose()
+        await self.http.aclose()
 
-    async def run(self, call: Call[T]) -> T:
-        """Send a call, and return what its answer says."""
+    async def request(
+        self, method: Literal["GET", "POST", "DELETE"], path: str, /, **options: Any
+    ) -> httpx.Response:
+        """Send a request, and return its answer; `options` are those of `httpx.AsyncClient.request`."""
         try:
-            answer = await self._http.request(call.method, call.path, **call.options)
+            answer = await self.http.request(method, path, **options)
         except httpx.TransportError as error:
             raise unreachable(self.address, error) from error
         if not answer.is_success:
             raise refusal(answer)
-        return call.read(answer)
+        return answer
 
     async def ready(self) -> bool:
         """Return True where a session can be created now; else raise the reason."""
-        return await self.run(calls.ready())
+        await self.request("GET", "/readyz")
+        return True
 
     async def scenarios(self) -> list[Json]:
         """Return the kinds of scenes: name, dim, frames, max_particles and text of each."""
-        return await self.run(calls.scenario_list())
+        return await self._list("scenarios")
 
     async def scenario(self, name: str, seed: int = 0) -> Scene:
         """Return the scene of a scenario and a seed."""
-        return await self.run(calls.scenario(name, seed))
+        path = f"/v1/scenarios/{quote(name, safe='')}"
+        return Scene.from_json((await self.request("GET", path, params={"seed": seed})).content)
 
     async def models(self) -> list[Json]:
         """Return the networks of the service."""
-        return await self.run(calls.model_list())
+        return await self._list("models")
 
     async def plan(
         self,
@@ -94,8 +110,24 @@ class AsyncClient:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[PlanSettings],
     ) -> Json:
-        """Return the coarse level that simulates a scene within an error or a time; see `Client.plan`."""
-        return await self.run(calls.plan(scenario, seed, scene, settings))
+        """Return the method that simulates a scene within an error or a time, and why.
+
+        Parameters
+        ----------
+        scenario, seed : str and int, optional
+            A scenario, and the seed of its scene (0 if absent).
+        scene : Scene or mapping, optional
+            A scene of your own.
+        **settings
+            max_error or budget_ms, and measure; see docs/http-api.md. `answer["session"]` are the settings of
+            `create` that choose this method.
+
+        Raises
+        ------
+        ConfigError
+            Not exactly one of `scenario` and `scene` is given.
+        """
+        return await self._post("/v1/plans", {**_origin(seed, scenario=scenario, scene=scene), **settings})
 
     async def create(
         self,
@@ -115,16 +147,17 @@ class AsyncClient:
         scene : Scene or mapping, optional
             A scene of your own.
         log : mapping, optional
-            What `Session.log` returned, to compute it again.
+            Result of `log` of a session, which is computed again.
         **settings
-            Who simulates: solver, level, model, r_c, safeguard; see docs/http-api.md.
+            The simulator: solver, coarse, model, r_c, safeguard; see docs/http-api.md.
 
         Raises
         ------
         ConfigError
             Not exactly one of `scenario`, `scene` and `log` is given.
         """
-        return AsyncSession(self, await self.run(calls.create(scenario, seed, scene, log, settings)))
+        origin = _origin(seed, scenario=scenario, scene=scene, log=log)
+        return AsyncSession(self, await self._post("/v1/sessions", {**origin, **settings}))
 
     async def check(
         self,
@@ -134,7 +167,7 @@ class AsyncClient:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[SimulatorSettings],
     ) -> Json:
-        """Return what the service knows of a scene before its first frame: see docs/http-api.md.
+        """Return the findings of the service about a scene before its first frame: see docs/http-api.md.
 
         Parameters are those of `create`. A scene that is not valid is no error: its faults are among the
         `findings`, and `ok` is False.
@@ -144,15 +177,15 @@ class AsyncClient:
         ConfigError
             Not exactly one of `scenario` and `scene` is given.
         """
-        return await self.run(calls.check(scenario, seed, scene, settings))
+        return await self._post("/v1/checks", {**_origin(seed, scenario=scenario, scene=scene), **settings})
 
     async def sessions(self) -> list["AsyncSession"]:
         """Return all sessions of the service, oldest first."""
-        return [AsyncSession(self, info) for info in await self.run(calls.session_list())]
+        return [AsyncSession(self, info) for info in await self._list("sessions")]
 
     async def session(self, session_id: str) -> "AsyncSession":
         """Return a session by its id."""
-        return AsyncSession(self, await self.run(calls.session(session_id)))
+        return AsyncSession(self, (await self.request("GET", f"/v1/sessions/{session_id}")).json())
 
     async def make_dataset(
         self, scenario: str, trajectories: int, **settings: Unpack[DataSetSettings]
@@ -168,27 +201,24 @@ class AsyncClient:
         **settings
             valid, test, seed, frames, stride and r_p; see docs/http-api.md.
         """
-        return AsyncJob(self, await self.run(calls.dataset(scenario, trajectories, settings)))
+        body = {"scenario": scenario, "trajectories": trajectories, **settings}
+        return AsyncJob(self, await self._post("/v1/datasets", body))
 
     async def jobs(self) -> list["AsyncJob"]:
-        """Return all jobs of the service, the oldest first."""
-        return [AsyncJob(self, info) for info in await self.run(calls.job_list())]
+        """Return all jobs of the service, oldest first."""
+        return [AsyncJob(self, info) for info in await self._list("jobs")]
 
     async def job(self, job_id: str) -> "AsyncJob":
         """Return a job by its id."""
-        return AsyncJob(self, await self.run(calls.job(job_id)))
+        return AsyncJob(self, (await self.request("GET", f"/v1/jobs/{job_id}")).json())
 
-    @contextlib.asynccontextmanager
-    async def lines(self, path: str) -> AsyncIterator[AsyncIterator[str]]:
-        """Read the answer of an address line by line: a context manager."""
-        try:
-            async with self._http.stream("GET", path) as answer:
-                if not answer.is_success:
-                    await answer.aread()
-                    raise refusal(answer)
-                yield answer.aiter_lines()
-        except httpx.TransportError as error:
-            raise unreachable(self.address, error) from error
+    async def _list(self, name: str) -> list[Json]:
+        found: list[Json] = (await self.request("GET", f"/v1/{name}")).json()[name]
+        return found
+
+    async def _post(self, path: str, body: Mapping[str, Any]) -> Json:
+        answer: Json = (await self.request("POST", path, json=body)).json()
+        return answer
 
 
 class AsyncSession:
@@ -198,71 +228,73 @@ class AsyncSession:
     ----------
     id : str
     info : dict
-        What the service told of it last; see docs/http-api.md.
+        The latest description that the service sent; see docs/http-api.md.
     """
 
     def __init__(self, client: AsyncClient, info: Json) -> None:
         self._client = client
         self.id: str = info["id"]
         self.info = info
+        self._path = f"/v1/sessions/{self.id}"
 
     def __repr__(self) -> str:
-        """Return id and frame, for a reader."""
         return f"AsyncSession({self.id}, frame {self.info['frame']})"
 
     async def refresh(self) -> Json:
-        """Ask for the session's present `info`, and return it."""
-        self.info = await self._client.run(calls.session(self.id))
+        """Request the session's present `info`, and return it."""
+        self.info = (await self._client.request("GET", self._path)).json()
         return self.info
 
     async def advance(self, frames: int = 1) -> Json:
         """Compute frames, and return the session's `info` after them."""
-        self.info = await self._client.run(calls.advance(self.id, frames))
+        self.info = (await self._post("advance", json={"frames": frames})).json()
         return self.info
 
     async def particles(self) -> Particles:
         """Return the particles at the present frame."""
-        return await self._client.run(calls.particles(self.id))
+        return Particles.of(await self._client.request("GET", f"{self._path}/particles", headers=_NPZ))
 
     async def fork(self) -> "AsyncSession":
         """Create a session that goes on from the present state of this one."""
-        return AsyncSession(self._client, await self._client.run(calls.fork(self.id)))
+        return AsyncSession(self._client, (await self._post("fork")).json())
 
     async def log(self) -> Json:
-        """Return all that the session can be computed again from."""
-        return await self._client.run(calls.log(self.id))
+        """Return the log, from which the session can be computed again."""
+        return await self._get("log")
 
     async def decisions(self) -> list[Json]:
-        """Return who simulated since frame 0, and why."""
-        return await self._client.run(calls.decisions(self.id))
+        """Return which simulator computed the frames since frame 0, and why."""
+        decisions: list[Json] = (await self._get("decisions"))["decisions"]
+        return decisions
 
     async def steer(
         self, drawing: Drawing, *, kind: str | None = None, **settings: Unpack[SketchSettings]
     ) -> Json:
-        """Let a sketch steer the session, and return how it was understood and what it takes.
+        """Let a sketch steer the session, and return how it was interpreted and what it needs.
 
         Parameters
         ----------
         drawing : (K, 2) numbers, Stroke, bytes or Path
             Points of a stroke [m], or a PNG.
         kind : "arrow" or "ellipse", optional
-            What the points stand for; the service finds out if absent.
+            Kind of the sketch, of points alone; recognised by the service if absent.
         **settings
             method, frames, cap, strength, hold, fill, seed; see docs/http-api.md.
         """
-        return await self._client.run(calls.steer(self.id, drawing, kind, settings))
+        answer: Json = (await self._post("sketches", **_sketch(drawing, kind, settings))).json()
+        return answer
 
     async def force(self) -> Json:
-        """Return what acts on the fluid in the next frame besides gravity, in the mean over cells."""
-        return await self._client.run(calls.force(self.id))
+        """Return the force on the fluid in the next frame besides gravity, as means over cells."""
+        return await self._get("force")
 
     async def pressure(self) -> Json:
-        """Return the pressure [Pa] in the mean over the cells of a grid; MPM alone knows it."""
-        return await self._client.run(calls.pressure(self.id))
+        """Return the pressure [Pa] as means over the cells of a grid; of MPM alone."""
+        return await self._get("pressure")
 
     async def release(self) -> None:
-        """Let no sketch steer any more."""
-        await self._client.run(calls.release(self.id))
+        """End the steering by a sketch."""
+        await self._client.request("DELETE", f"{self._path}/sketches")
 
     async def trace(
         self,
@@ -276,7 +308,10 @@ class AsyncSession:
 
         `stride` is the distance in frames between two rows of positions; all else is as in `steer`.
         """
-        return await self._client.run(calls.trace(self.id, drawing, kind, stride, settings))
+        sketch = _sketch(drawing, kind, settings)
+        return Trajectory.of(
+            await self._post("trajectories", params={"stride": stride}, headers=_NPZ, **sketch)
+        )
 
     async def record(self, frames: int, **settings: Unpack[RecordingSettings]) -> "AsyncJob":
         """Begin a job that computes frames on a copy of the session, and writes them to a file.
@@ -288,11 +323,12 @@ class AsyncSession:
         **settings
             every, format ("npz", "gif", "mp4" or "png"), width and speed; see docs/http-api.md.
         """
-        return AsyncJob(self._client, await self._client.run(calls.record(self.id, frames, settings)))
+        answer = await self._post("recordings", json={"frames": frames, **settings})
+        return AsyncJob(self._client, answer.json())
 
     async def delete(self) -> None:
         """End the session."""
-        await self._client.run(calls.delete(self.id))
+        await self._client.request("DELETE", self._path)
 
     @contextlib.asynccontextmanager
     async def stream(self) -> AsyncIterator["AsyncStream"]:
@@ -314,6 +350,13 @@ class AsyncSession:
             stream.hello = hello if isinstance(hello, dict) else {}
             yield stream
 
+    async def _get(self, part: str) -> Json:
+        answer: Json = (await self._client.request("GET", f"{self._path}/{part}")).json()
+        return answer
+
+    async def _post(self, part: str, **options: Any) -> httpx.Response:
+        return await self._client.request("POST", f"{self._path}/{part}", **options)
+
 
 class AsyncJob:
     """Work of a service in the background.
@@ -322,26 +365,31 @@ class AsyncJob:
     ----------
     id : str
     info : dict
-        What the service told of it last: phase, done, total and more; see docs/http-api.md.
+        The latest description that the service sent: phase, done, total and more; see docs/http-api.md.
     """
 
     def __init__(self, client: AsyncClient, info: Json) -> None:
         self._client = client
         self.id: str = info["id"]
         self.info = info
+        self._path = f"/v1/jobs/{self.id}"
 
     def __repr__(self) -> str:
-        """Return id and phase, for a reader."""
         return f"AsyncJob({self.id}, {self.info['phase']})"
 
-    async def events(self) -> AsyncIterator[Json]:
+    async def events(self) -> AsyncGenerator[Json, None]:
         """Iterate over the job's `info` as it changes, until the job has ended."""
-        async with self._client.lines(f"{calls.job(self.id).path}/events") as lines:
-            async for line in lines:
-                told = messages.event(line)
-                if told is not None:
-                    self.info = told
-                    yield told
+        try:
+            async with self._client.http.stream("GET", f"{self._path}/events") as answer:
+                if not answer.is_success:
+                    await answer.aread()
+                    raise refusal(answer)
+                async for line in answer.aiter_lines():
+                    if (info := messages.event(line)) is not None:
+                        self.info = info
+                        yield info
+        except httpx.TransportError as error:
+            raise unreachable(self._client.address, error) from error
 
     async def result(self) -> bytes:
         """Wait until the job has ended, and return the file that it has made.
@@ -353,11 +401,11 @@ class AsyncJob:
         """
         async for _ in self.events():
             pass
-        return await self._client.run(calls.result(self.id))
+        return (await self._client.request("GET", f"{self._path}/result")).content
 
     async def delete(self) -> None:
-        """End the job, and let the service forget its result."""
-        await self._client.run(calls.delete_job(self.id))
+        """End the job, and delete its result."""
+        await self._client.request("DELETE", self._path)
 
 
 class AsyncStream:
@@ -384,7 +432,7 @@ class AsyncStream:
         ServiceError
             The service refuses a command, or a frame has failed; the stream goes on.
         StreamClosedError
-            It has ended the stream.
+            The service has ended the stream.
         UnreachableError
             Nothing has come for the client's `timeout`.
         """
@@ -409,23 +457,23 @@ class AsyncStream:
 
     async def play(self) -> None:
         """Let the player compute frames."""
-        await self._send(messages.command("play"))
+        await self._send("play")
 
     async def pause(self) -> None:
         """Stop the player."""
-        await self._send(messages.command("pause"))
+        await self._send("pause")
 
     async def step(self, frames: int = 1) -> None:
-        """Stop the player, and compute some frames."""
-        await self._send(messages.command("step", frames=frames))
+        """Stop the player, and compute a number of frames."""
+        await self._send("step", frames=frames)
 
     async def reset(self) -> None:
         """Go back to frame 0."""
-        await self._send(messages.command("reset"))
+        await self._send("reset")
 
     async def speed(self, value: float) -> None:
-        """Aim at so many simulated seconds per second, in [0.01, 1]."""
-        await self._send(messages.command("speed", value=value))
+        """Set the simulated seconds per second of the player, in [0.01, 1]."""
+        await self._send("speed", value=value)
 
     async def push(
         self, point: Sequence[float], velocity: Sequence[float], radius: float, *, cap: float | None = None
@@ -434,14 +482,48 @@ class AsyncStream:
 
         `cap` is the largest acceleration [g], 15 if absent.
         """
-        await self._send(messages.push(point, velocity, radius, cap))
+        await self._send("push", point=list(point), velocity=list(velocity), radius=radius, cap=cap)
 
     async def let_go(self) -> None:
-        """Push no more."""
-        await self._send(messages.command("push_end"))
+        """End the push."""
+        await self._send("push_end")
 
-    async def _send(self, text: str) -> None:
+    async def _send(self, kind: str, **values: Any) -> None:
         try:
-            await self._connection.send(text)
+            await self._connection.send(messages.command(kind, **values))
         except ConnectionClosed as error:
             raise closed(error) from None
+
+
+def _origin(seed: int | None, **given: Scene | str | Mapping[str, Any] | None) -> Json:
+    """Return the body that names a scenario and its seed, a scene or a log.
+
+    Raises
+    ------
+    ConfigError
+        Not exactly one of them is given.
+    """
+    origin: Json = {name: value for name, value in given.items() if value is not None}
+    if len(origin) != 1:
+        *others, last = given
+        raise ConfigError(f"give exactly one of {', '.join(others)} and {last}")
+    if isinstance(origin.get("scene"), Scene):
+        origin["scene"] = json.loads(origin["scene"].to_json())
+    return origin if seed is None else origin | {"seed": seed}
+
+
+def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> Json:
+    """Return a sketch and its settings as arguments of a request."""
+    if isinstance(drawing, Path):
+        drawing = drawing.read_bytes()
+    if isinstance(drawing, bytes):
+        if kind is not None:
+            raise ConfigError("kind belongs to points: a picture says by its form and colour what it is")
+        return {"files": {"sketch": ("sketch.png", drawing, "image/png")}, "data": dict(settings)}
+    if isinstance(drawing, Stroke):
+        stroke = drawing.model_dump(exclude_none=True)
+    else:
+        stroke = {"points": np.asarray(drawing, dtype=np.float64).tolist()}
+    if kind is not None:
+        stroke["kind"] = kind
+    return {"json": {"strokes": [stroke], **settings}}
