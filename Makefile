@@ -44,8 +44,8 @@ format: $(VENV)/.dev ## format Python and Rust
 bench: setup $(VENV)/.dev ## time the solver on one thread
 	$(BIN)/python -m hybridmpm_lab speed --threads 1
 
-validate: setup $(VENV)/.dev ## compare the solver with experiments and closed forms, and write docs/validation
-	$(BIN)/python -m hybridmpm_lab validate --out docs/validation
+validate: setup $(VENV)/.dev ## compare the solver with experiments and closed forms, and write docs/results/validation
+	$(BIN)/python -m hybridmpm_lab validate --out docs/results/validation
 
 clean: ## remove the environment and all builds
 	rm -rf $(VENV) target dist

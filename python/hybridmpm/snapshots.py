@@ -1,6 +1,6 @@
 """Snapshot files: a scene, the settings of its simulator and its state, in one file with a checksum.
 
-docs/snapshots.md describes the layout.
+docs/reference/snapshots.md describes the layout.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""The binary message of one frame, as docs/http-api.md describes it: 32 bytes, then arrays."""
+"""The binary message of one frame, as docs/reference/http-api.md describes it: 32 bytes, then arrays."""
 
 import struct
 from dataclasses import dataclass

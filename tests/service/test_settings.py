@@ -47,7 +47,7 @@ def test_only_loopback_restricts_host_names_by_itself(*, host: str, loopback: bo
 
 
 def test_the_document_tells_every_setting_with_its_default() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "http-api.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "http-api.md").read_text(encoding="utf-8")
     section = text.partition("## Settings")[2]
     rows = [line for line in section.splitlines() if line.startswith("|")]
     for name, field in Settings.model_fields.items():

@@ -84,7 +84,7 @@ _PAPER_COLUMNS = (
     "page_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Write the tables into this Markdown file, between its marks, as into docs/control-bench.md.",
+    help="Write the tables into this Markdown file, between its marks, as into docs/results/control.md.",
 )
 def control(
     *,
@@ -102,7 +102,7 @@ def control(
 
     Six families: states that are led back to where they came from (reversed), free ovals, bent arrows, ovals
     behind obstacles, fluid in pieces that is to be gathered, and ovals and arrows as a hand draws them.
-    docs/control-bench.md tells what each can show, and how to enter a method of your own. With --runs an
+    docs/results/control.md tells what each can show, and how to enter a method of your own. With --runs an
     interrupted benchmark goes on where it stopped.
     """
     if page_file is not None:

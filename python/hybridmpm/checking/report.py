@@ -45,7 +45,7 @@ class SceneCheck:
     milliseconds: float | None
     """Time of a frame [ms], measured on this machine in the first frames; where emitters bring particles,
     estimated for the middle of the run. Within a factor of 2 of the median of a run with MPM
-    (docs/check.md). None where no frame could be tried."""
+    (docs/guide/check.md). None where no frame could be tried."""
     memory: int
     """Memory that the simulation takes, estimated [bytes]."""
     findings: tuple[Finding, ...]

@@ -26,7 +26,7 @@ _SHEET_ROWS = 6
 
 @click.group()
 def dataset() -> None:
-    """Make, describe, draw and convert data sets of trajectories (docs/datasets.md)."""
+    """Make, describe, draw and convert data sets of trajectories (docs/guide/datasets.md)."""
 
 
 @dataset.command()

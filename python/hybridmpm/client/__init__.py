@@ -1,7 +1,7 @@
 """A client of the service: sessions, sketches and live frames from Python, with and without asyncio.
 
 `Client` waits for each answer, the methods of `AsyncClient` are coroutines; both have the same methods. They
-need httpx and websockets: `pip install 'hybridmpm[client]'`. docs/http-api.md describes the calls.
+need httpx and websockets: `pip install 'hybridmpm[client]'`. docs/reference/http-api.md describes the calls.
 """
 
 from hybridmpm.client.answers import Particles, Trajectory

@@ -119,7 +119,7 @@ class AsyncClient:
         scene : Scene or mapping, optional
             A scene of your own.
         **settings
-            max_error or budget_ms, and measure; see docs/http-api.md. `answer["session"]` are the settings of
+            max_error or budget_ms, and measure; see docs/reference/http-api.md. `answer["session"]` are the settings of
             `create` that choose this method.
 
         Raises
@@ -149,7 +149,7 @@ class AsyncClient:
         log : mapping, optional
             Result of `log` of a session, which is computed again.
         **settings
-            The simulator: solver, coarse, model, r_c, safeguard; see docs/http-api.md.
+            The simulator: solver, coarse, model, r_c, safeguard; see docs/reference/http-api.md.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class AsyncClient:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[SimulatorSettings],
     ) -> Json:
-        """Return the findings of the service about a scene before its first frame: see docs/http-api.md.
+        """Return the findings of the service about a scene before its first frame: see docs/reference/http-api.md.
 
         Parameters are those of `create`. A scene that is not valid is no error: its faults are among the
         `findings`, and `ok` is False.
@@ -199,7 +199,7 @@ class AsyncClient:
         trajectories : int
             Number of trajectories for training.
         **settings
-            valid, test, seed, frames, stride and r_p; see docs/http-api.md.
+            valid, test, seed, frames, stride and r_p; see docs/reference/http-api.md.
         """
         body = {"scenario": scenario, "trajectories": trajectories, **settings}
         return AsyncJob(self, await self._post("/v1/datasets", body))
@@ -228,7 +228,7 @@ class AsyncSession:
     ----------
     id : str
     info : dict
-        The latest description that the service sent; see docs/http-api.md.
+        The latest description that the service sent; see docs/reference/http-api.md.
     """
 
     def __init__(self, client: AsyncClient, info: Json) -> None:
@@ -279,7 +279,7 @@ class AsyncSession:
         kind : "arrow" or "ellipse", optional
             Kind of the sketch, of points alone; recognised by the service if absent.
         **settings
-            method, frames, cap, strength, hold, fill, seed; see docs/http-api.md.
+            method, frames, cap, strength, hold, fill, seed; see docs/reference/http-api.md.
         """
         answer: Json = (await self._post("sketches", **_sketch(drawing, kind, settings))).json()
         return answer
@@ -321,7 +321,7 @@ class AsyncSession:
         frames : int
             Number of frames to compute.
         **settings
-            every, format ("npz", "gif", "mp4" or "png"), width and speed; see docs/http-api.md.
+            every, format ("npz", "gif", "mp4" or "png"), width and speed; see docs/reference/http-api.md.
         """
         answer = await self._post("recordings", json={"frames": frames, **settings})
         return AsyncJob(self._client, answer.json())
@@ -365,7 +365,7 @@ class AsyncJob:
     ----------
     id : str
     info : dict
-        The latest description that the service sent: phase, done, total and more; see docs/http-api.md.
+        The latest description that the service sent: phase, done, total and more; see docs/reference/http-api.md.
     """
 
     def __init__(self, client: AsyncClient, info: Json) -> None:
@@ -417,7 +417,7 @@ class AsyncStream:
     Attributes
     ----------
     hello : dict
-        Session, scene and types of the particles, as docs/http-api.md describes them.
+        Session, scene and types of the particles, as docs/reference/http-api.md describes them.
     """
 
     def __init__(self, connection: ClientConnection, timeout: float) -> None:

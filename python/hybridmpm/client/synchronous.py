@@ -100,7 +100,7 @@ class Stream(_Waiting[AsyncStream]):
 
     @property
     def hello(self) -> Json:
-        """Session, scene and types of the particles, as docs/http-api.md describes them."""
+        """Session, scene and types of the particles, as docs/reference/http-api.md describes them."""
         return self._awaited.hello
 
     def __iter__(self) -> Iterator[Message]:
@@ -126,7 +126,7 @@ class Job(_Waiting[AsyncJob]):
 
     @property
     def info(self) -> Json:
-        """The latest description that the service sent: phase, done, total and more; see docs/http-api.md."""
+        """The latest description that the service sent: phase, done, total and more; see docs/reference/http-api.md."""
         return self._awaited.info
 
     def events(self) -> Iterator[Json]:
@@ -163,7 +163,7 @@ class Session(_Waiting[AsyncSession]):
 
     @property
     def info(self) -> Json:
-        """The latest description that the service sent; see docs/http-api.md."""
+        """The latest description that the service sent; see docs/reference/http-api.md."""
         return self._awaited.info
 
     @contextlib.contextmanager

@@ -81,7 +81,7 @@ class HybridSimulator(CoarseSimulator):
     safeguard : "ours" or "paper"
         Which mean of the cosines; see `hybrid.Cosine`.
     handoff : "warm", "shadow" or "cold"
-        What MPM takes over from the network besides positions and velocities; see docs/hybrid.md.
+        What MPM takes over from the network besides positions and velocities; see docs/results/hybrid.md.
     show_all : bool
         Where the network moves fewer particles than the scene has, carry all of them along
         (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of

@@ -1,6 +1,6 @@
 """The seven seeded scenarios: `water_2d(seed)` and its siblings return a `Scene`.
 
-`samplers.py` and docs/scenarios.md list the ranges from which the scenes are drawn.
+`samplers.py` and docs/reference/scenarios.md list the ranges from which the scenes are drawn.
 """
 
 from hybridmpm.scenarios.scenarios import (

@@ -1,4 +1,4 @@
-"""The ranges from which the scenarios are drawn, in one table; docs/scenarios.md shows the same table."""
+"""The ranges from which the scenarios are drawn, in one table; docs/reference/scenarios.md shows the same table."""
 
 from dataclasses import dataclass
 

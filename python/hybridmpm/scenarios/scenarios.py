@@ -2,7 +2,7 @@
 
 `water_2d(seed)` and its siblings return a `Scene`. With one version of numpy, the same name and seed always
 give the same scene. A scene never has more than `describe(name).max_particles` particles, bodies do not
-overlap, and ramps touch no body. `samplers.py` and docs/scenarios.md list the ranges.
+overlap, and ramps touch no body. `samplers.py` and docs/reference/scenarios.md list the ranges.
 """
 
 import operator

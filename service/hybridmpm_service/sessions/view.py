@@ -90,7 +90,7 @@ class View:
     safeguard: Safeguard | None
     """Safeguard of a hybrid session; None in other sessions."""
     message: FrameMessage
-    """Binary frame for viewers, as docs/http-api.md describes it."""
+    """Binary frame for viewers, as docs/reference/http-api.md describes it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

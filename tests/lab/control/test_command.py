@@ -258,7 +258,7 @@ def test_families_without_sketches_in_a_scenario_are_told() -> None:
 def test_the_method_of_the_documentation_can_be_entered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    page = Path(__file__).parents[4] / "docs" / "control-bench.md"
+    page = Path(__file__).parents[4] / "docs" / "results" / "control.md"
     (example,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     (tmp_path / "my_springs.py").write_text(example)
     monkeypatch.syspath_prepend(str(tmp_path))

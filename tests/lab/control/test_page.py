@@ -1,4 +1,4 @@
-"""The tables of docs/control-bench.md: written between its marks, from the rows of the results."""
+"""The tables of docs/results/control.md: written between its marks, from the rows of the results."""
 
 import json
 from pathlib import Path

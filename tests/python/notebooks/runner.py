@@ -1,4 +1,4 @@
-"""Runs the notebooks of docs/notebooks: `python -m tests.python.notebooks.runner` writes their outputs anew.
+"""Runs the notebooks of docs/guide/notebooks: `python -m tests.python.notebooks.runner` writes their outputs anew.
 
 Cells are plain Python, so this needs no Jupyter: a cell is executed, and what its last line stands for is
 shown as a notebook shows it, by its HTML, its picture or its `repr`.
@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-FOLDER = Path(__file__).parents[3] / "docs" / "notebooks"
+FOLDER = Path(__file__).parents[3] / "docs" / "guide" / "notebooks"
 
 Bundle = dict[str, Any]
 """An output by its media types."""

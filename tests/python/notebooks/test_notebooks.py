@@ -1,4 +1,4 @@
-"""The notebooks of docs/notebooks run as they stand, and show what their files show."""
+"""The notebooks of docs/guide/notebooks run as they stand, and show what their files show."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""docs/validation/failures.md names tests that exist."""
+"""docs/results/validation/failures.md names tests that exist."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_every_test_that_the_table_names_exists() -> None:
-    text = (ROOT / "docs/validation/failures.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/results/validation/failures.md").read_text(encoding="utf-8")
     named = re.findall(r"`([\w/.]+)::(\w+)`", text)
     assert len(named) > 20
     for file, test in named:
@@ -15,7 +15,7 @@ def test_every_test_that_the_table_names_exists() -> None:
 
 
 def test_the_table_names_every_test_of_a_failure() -> None:
-    text = (ROOT / "docs/validation/failures.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/results/validation/failures.md").read_text(encoding="utf-8")
     tests = {
         name
         for file in (ROOT / "tests/python/failures").glob("test_*.py")

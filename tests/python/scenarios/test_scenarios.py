@@ -10,7 +10,7 @@ from hybridmpm import MpmSolver, Scene, SceneError, UnknownScenarioError, scenar
 from hybridmpm.scenarios.placement import CLEARANCE, RAMP_GAP
 from hybridmpm.scenarios.samplers import SAMPLERS, markdown_table
 
-DOCS = Path(__file__).parents[3] / "docs" / "scenarios.md"
+DOCS = Path(__file__).parents[3] / "docs" / "reference" / "scenarios.md"
 SEEDS = range(200)
 PAPER = {  # dimension, limit of particles, frames, as the paper's table has them
     "water_2d": (2, 4000, 1000),

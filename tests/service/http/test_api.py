@@ -1,4 +1,4 @@
-"""Each row of the table in docs/http-api.md, on a real server."""
+"""Each row of the table in docs/reference/http-api.md, on a real server."""
 
 import io
 import re

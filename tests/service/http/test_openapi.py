@@ -74,7 +74,7 @@ def test_it_lists_exactly_the_operations_of_the_contract(document: dict[str, Any
 
 
 def test_the_contract_in_the_docs_names_them_too() -> None:
-    text = (Path(__file__).parents[3] / "docs" / "http-api.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "reference" / "http-api.md").read_text(encoding="utf-8")
     for method, address in OPERATIONS:
         assert f"{method.upper()} {re.sub('{.*_id}', '{id}', address)}" in text
 

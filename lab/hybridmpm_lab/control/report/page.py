@@ -1,4 +1,4 @@
-"""The tables of docs/control-bench.md, written into it between two marks."""
+"""The tables of docs/results/control.md, written into it between two marks."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -39,7 +39,7 @@ _SPACINGS = {2: 2.5, 3: 1.8}
 radius is smaller than the paper's."""
 _CELLS = {2: 32, 3: 0}
 """Default number of cells of the grid branch along an axis, by dimension. In 3D the branch takes time and
-does not lower the error (docs/hybrid.md)."""
+does not lower the error (docs/results/hybrid.md)."""
 
 
 @click.command()

@@ -74,7 +74,7 @@ class Exported:
             "time": f"{training['steps']} steps in {float(training['seconds']) / 60:.1f} minutes",
             "machine": training["machine"],
             "exported": training["exported"],
-            "errors": f"`docs/control-bench.md`, method `{self.method}`",
+            "errors": f"`docs/results/control.md`, method `{self.method}`",
             "licence": "Apache-2.0",
         }
         lines = [

@@ -1,4 +1,4 @@
-// Decoding of the messages that docs/http-api.md describes. Pure functions: bytes in, plain values out.
+// Decoding of the messages that docs/reference/http-api.md describes. Pure functions: bytes in, plain values out.
 
 const MAGIC = 0x4d504d48; // "HMPM" when read little-endian
 /** Version of the frames that this page asks for. */

@@ -1,4 +1,4 @@
-// Where a moving obstacle is at a simulated time: the `motion` of docs/http-api.md.
+// Where a moving obstacle is at a simulated time: the `motion` of docs/reference/http-api.md.
 
 /** An obstacle of the scene as it stands at `time` [s]; a moving box has `corners`, ordered as by cornersOf. */
 export function placed(obstacle, time) {

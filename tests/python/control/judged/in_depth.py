@@ -1,4 +1,4 @@
-"""Prints how near learned plans in 3D lead a fluid to where it was: a table of docs/control.md.
+"""Prints how near learned plans in 3D lead a fluid to where it was: a table of docs/guide/control.md.
 
 `python -m tests.python.control.judged.in_depth FILE --network NAME.onnx` takes 50 reversed cases of each
 scenario and kind of sketch, from the validation seed 1000600 on, or those that `--seeds FIRST COUNT` names.

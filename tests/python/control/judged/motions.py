@@ -1,4 +1,4 @@
-"""Prints what a few numbers of each particle, or of each cell, keep of true motions, for docs/control.md.
+"""Prints what a few numbers of each particle, or of each cell, keep of true motions, for docs/guide/control.md.
 
 `python -m tests.python.control.judged.motions` takes 24 reversed cases of each scenario, from the validation
 seed 1000600 on, or those that `--seeds FIRST END` names. It takes some minutes.

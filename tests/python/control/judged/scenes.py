@@ -1,6 +1,6 @@
 """Scenes on which following a sketch is judged, and what is measured on them; nothing was tuned on them.
 
-`tables` prints the tables of docs/control.md, `contact_sheet` draws its picture, test_aims.py holds the aims.
+`tables` prints the tables of docs/guide/control.md, `contact_sheet` draws its picture, test_aims.py holds the aims.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Prints how methods do under small caps: a table of docs/control.md.
+"""Prints how methods do under small caps: a table of docs/guide/control.md.
 
 `python -m tests.python.control.judged.small_caps` takes 12 reversed cases of each scenario, from the test
 seed 1100600 on, or those that `--seeds FIRST END` names. It takes some minutes.

@@ -1,4 +1,4 @@
-"""Prints the tables of docs/control.md.
+"""Prints the tables of docs/guide/control.md.
 
 `python -m tests.python.control.judged.tables` judges the seeds 200 to 211, or those that `--seeds FIRST END`
 names. It takes some minutes.
