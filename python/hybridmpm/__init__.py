@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 from hybridmpm import coarse, probes, recording, scenarios
-from hybridmpm._native import (
+from hybridmpm._core import (
     SOLVER_VERSION,
     CancelFlag,
     Diagnostics,

@@ -5,7 +5,7 @@ Those of the solver come from the compiled core, those of scenes, sketches and f
 
 from collections.abc import Sequence
 
-from hybridmpm._native import (
+from hybridmpm._core import (
     BatchError,
     ConfigError,
     DomainError,

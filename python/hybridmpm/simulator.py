@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
 from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
@@ -38,7 +38,7 @@ class Simulator(ABC):
     are read-only, because what is written to them would reach no particle. `positions.copy()` may be changed.
     """
 
-    _cancel: _native.CancelFlag | None = None
+    _cancel: _core.CancelFlag | None = None
 
     kind: ClassVar[Kind]
     """Name of this kind of simulator: "mpm", "neural" or "hybrid"."""
@@ -151,7 +151,7 @@ class Simulator(ABC):
 
     @property
     @abstractmethod
-    def last_frame(self) -> _native.FrameReport | None:
+    def last_frame(self) -> _core.FrameReport | None:
         """How MPM cut the latest frame into substeps; None before the first and where a network made it."""
 
     @property
@@ -170,7 +170,7 @@ class Simulator(ABC):
         return None
 
     @abstractmethod
-    def diagnostics(self) -> _native.Diagnostics:
+    def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
 
     def probe(self, probe: Probe) -> npt.NDArray[np.float64]:
@@ -280,7 +280,7 @@ class Simulator(ABC):
     def _advance_frame(self, force: _Floats | None) -> None:
         """Advance by one frame under a checked acceleration, (D,) or (N, D) [m/s^2]."""
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed, by setting a flag.
 
         The flag is asked before each frame and, where MPM computes, in every substep. Once it is set,

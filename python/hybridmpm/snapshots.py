@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.files import replacing
 from hybridmpm._support.packing import number
 from hybridmpm.errors import ConfigError, SnapshotError
@@ -42,7 +42,7 @@ def write_state(path: Path, saved: SavedState) -> None:
     """Write a snapshot file, whole or not at all; raises `ExportError`."""
     header = json.dumps(
         {
-            "hybridmpm": _native.__version__,
+            "hybridmpm": _core.__version__,
             "simulator": saved.kind,
             "frame": saved.frame,
             "settings": saved.settings,

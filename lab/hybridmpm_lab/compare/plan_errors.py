@@ -4,7 +4,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.errors import DataError
 from hybridmpm.planner.calibration import MEASURES, VERSION, Calibration, MachineTimes, MethodErrors
 from hybridmpm.planner.candidates import candidates
@@ -37,7 +37,7 @@ def calibration_of(rows: Sequence[Row], times: MachineTimes) -> Calibration:
             )
     return Calibration(
         version=VERSION,
-        solver_version=_native.SOLVER_VERSION,
+        solver_version=_core.SOLVER_VERSION,
         commit=rows[0]["commit"] if rows else None,
         errors=tuple(found),
         times=times,

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm._native import SOLVER_VERSION
+from hybridmpm._core import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.impact import LONGEST_FALL, first_impact

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hybridmpm._native import SOLVER_VERSION
+from hybridmpm._core import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.coarse import CoarseTable, FittedLevel, coarse_table
 from hybridmpm.errors import ConfigError

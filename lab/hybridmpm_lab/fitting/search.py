@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hybridmpm._native import SOLVER_VERSION
+from hybridmpm._core import SOLVER_VERSION
 from hybridmpm.errors import CoarseWarning, DataError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm_lab.fitting.cases import Case

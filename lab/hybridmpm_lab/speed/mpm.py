@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support import charts
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
@@ -65,8 +65,8 @@ class MpmSettings:
 
     def instructions_in_use(self) -> list[str]:
         """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
-        in_use = [_native.limit_instructions(widest) for widest in self.instructions]
-        _native.limit_instructions(INSTRUCTIONS[-1])
+        in_use = [_core.limit_instructions(widest) for widest in self.instructions]
+        _core.limit_instructions(INSTRUCTIONS[-1])
         return list(dict.fromkeys(in_use))
 
     def check(self) -> None:
@@ -89,7 +89,7 @@ class _Own(NamedTuple):
 
     def restore(self, state: bytes) -> None:
         """Go back to a state, and use these instructions from now on."""
-        _native.limit_instructions(self.instructions)
+        _core.limit_instructions(self.instructions)
         self.solver.restore(state)
 
 
@@ -183,7 +183,7 @@ class _Case:
         try:
             times = time_per_frame(timed, self._settings.repeats)
         finally:
-            _native.limit_instructions(INSTRUCTIONS[-1])
+            _core.limit_instructions(INSTRUCTIONS[-1])
         self._require_agreement(rivals)
         mine, theirs = times[: len(self._own)], times[len(self._own) :]
         compared = self._compared(rivals, theirs)

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import VerletList, radius_graph
+from hybridmpm._core import VerletList, radius_graph
 from hybridmpm._support import charts
 from hybridmpm.errors import SimulationError
 from hybridmpm_lab.harness.rows import Progress, Row

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hybridmpm._native import hand_out_times
+from hybridmpm._core import hand_out_times
 from hybridmpm._support import charts
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Box, Scene

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support import charts
 from hybridmpm.errors import SimulationError
 from hybridmpm.scene import Elastic, Sand, Water
@@ -63,7 +63,7 @@ class Case:
     """CFL number."""
 
 
-def material(name: str) -> _native.Material:
+def material(name: str) -> _core.Material:
     """Return the reference material of a name in `MATERIALS`."""
     reference: dict[str, Water | Sand | Elastic] = {"water": Water(), "sand": Sand(), "elastic": Elastic()}
     return reference[name].to_native(1.0)
@@ -172,7 +172,7 @@ def _legend(figure: "Figure") -> None:
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys))
 
 
-def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_native.Solver, float]:
+def _splash(material: _core.Material, dim: int, frame_dt: float) -> tuple[_core.Solver, float]:
     """Return a column that is thrown along the floor against a wall, and the largest speed of its fall."""
     dx = 1.0 / _RESOLUTION[dim]
     side = {2: 0.25, 3: 0.2}[dim]
@@ -185,7 +185,7 @@ def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_nat
     return solver, float(np.sqrt(velocity @ velocity + 2 * _GRAVITY * side))
 
 
-def _alone(material: _native.Material, dim: int, frame_dt: float, spread: float) -> _native.Solver:
+def _alone(material: _core.Material, dim: int, frame_dt: float, spread: float) -> _core.Solver:
     """Return particles too far apart to feel each other, compressed or stretched, half of them at walls."""
     rng = np.random.default_rng(1)
     dx = 1.0 / _RESOLUTION[dim]
@@ -197,11 +197,11 @@ def _alone(material: _native.Material, dim: int, frame_dt: float, spread: float)
 
 
 def _solver(
-    material: _native.Material, x: Any, v: Any, frame_dt: float, *, gravity: float = 0.0, **more: Any
-) -> _native.Solver:
+    material: _core.Material, x: Any, v: Any, frame_dt: float, *, gravity: float = 0.0, **more: Any
+) -> _core.Solver:
     count, dim = x.shape
     volume = np.full(count, (0.5 / _RESOLUTION[dim]) ** dim, np.float32)
-    return _native.Solver(
+    return _core.Solver(
         resolution=_RESOLUTION[dim],
         frame_dt=frame_dt,
         gravity=[0.0, -gravity, 0.0][:dim],
@@ -219,7 +219,7 @@ def _solver(
     )
 
 
-def _energy(solver: _native.Solver) -> float:
+def _energy(solver: _core.Solver) -> float:
     """Return the total energy above that of all particles at rest on the floor [J]."""
     totals = solver.diagnostics()
     height = totals.centroid[1] - _WALL_LOW

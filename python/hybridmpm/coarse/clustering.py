@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import whole
 
 _ROUNDS = 24
@@ -105,7 +105,7 @@ def _partners(centers: _Points, reach: float, rng: np.random.Generator) -> _Labe
     """
     if reach == 0.0:
         return None
-    graph = _native.radius_graph(centers.astype(np.float32), reach)
+    graph = _core.radius_graph(centers.astype(np.float32), reach)
     one, two = graph.senders.astype(np.int64), graph.receivers.astype(np.int64)
     one, two = one[one < two], two[one < two]
     if len(one) == 0:

@@ -6,7 +6,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.errors import SnapshotError
 from hybridmpm.scene import Scene
 
@@ -59,9 +59,9 @@ class Upsampler:
         Its own particles, at frame 0, are those that are carried.
     few : Few
         At frame 0 as well; the upsampler reads it whenever it is asked for something.
-    solver : _native.Solver
+    solver : _core.Solver
         Any solver of the scene with the grid of the few; its walls, obstacles, sinks and threads are taken.
-    emitters : sequence of _native.Emitter
+    emitters : sequence of _core.Emitter
         Those of the scene, for its own particles.
     affine_share : float in [0, 1]
         Part of the affine motion that is taken over. All of it moves the centre of mass best, but lets
@@ -79,15 +79,15 @@ class Upsampler:
         self,
         scene: Scene,
         few: Few,
-        solver: _native.Solver,
-        emitters: Sequence[_native.Emitter] = (),
+        solver: _core.Solver,
+        emitters: Sequence[_core.Emitter] = (),
         *,
         affine_share: float = 0.5,
         relaxation: float = 2.0,
     ) -> None:
         particles = scene.sample()
         self._few = few
-        self._native = _native.Carrier(
+        self._native = _core.Carrier(
             solver,
             resolution=scene.resolution,
             affine_share=affine_share,

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.room import RoomGrid
@@ -72,7 +72,7 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """The force that keeps particles on timed ways, from where they really are; see `_native.Tracks`."""
+    """The force that keeps particles on timed ways, from where they really are; see `_core.Tracks`."""
 
     name: ClassVar[str] = "tracked"
     ids: npt.NDArray[np.uint64]
@@ -102,7 +102,7 @@ class Tracked:
         cap: float,
         grid: RoomGrid | None,
     ) -> "Tracked":
-        """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_native.Tracks` takes them."""
+        """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_core.Tracks` takes them."""
         ways = motion.ways
         times = motion.times.astype(np.float32)
         # Corners in one place are passed at times that float32 cannot tell apart.
@@ -128,8 +128,8 @@ class Tracked:
         )
 
     @cached_property
-    def _tracks(self) -> _native.Tracks:
-        return _native.Tracks(
+    def _tracks(self) -> _core.Tracks:
+        return _core.Tracks(
             starts=self.starts,
             times=self.times,
             x=self.x,

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hybridmpm._native import __version__
+from hybridmpm._core import __version__
 from hybridmpm._support.files import replacing
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.recipe import Recipe

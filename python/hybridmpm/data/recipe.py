@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hybridmpm import scenarios
-from hybridmpm._native import SOLVER_VERSION, __version__
+from hybridmpm._core import SOLVER_VERSION, __version__
 from hybridmpm._support.arguments import whole
 from hybridmpm.control.reversal import DEFAULT_FRAMES, MAX_DRAWN_FRAMES
 from hybridmpm.data.template import SceneTemplate

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import real, whole
 from hybridmpm.hybrid.guard import Guard, Stage, View
 from hybridmpm.mpm import MpmSolver
@@ -106,7 +106,7 @@ class Drift(Guard):
         self.period = whole("period", self.period, 1, 1_000_000)
         self.memory = real("memory", self.memory, 0, 0.999)
 
-    def begin(self, start: _native.MotionReport) -> None:  # noqa: ARG002 - of the protocol
+    def begin(self, start: _core.MotionReport) -> None:  # noqa: ARG002 - of the protocol
         self._errors = ()
 
     def value(self, view: View) -> float | None:

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.decisions import Answerer, Decision
 from hybridmpm.errors import NonFiniteError, SimulationError
 from hybridmpm.hybrid import handoff
@@ -190,7 +190,7 @@ class Engine(Switch):
         for guard in self._guards:
             guard.begin(report)
 
-    def _begin(self, x: _Floats, by: Answerer, signal: _native.AccelerationSignal) -> None:
+    def _begin(self, x: _Floats, by: Answerer, signal: _core.AccelerationSignal) -> None:
         """Begin a step that leads to x (N, D) [m]."""
         now = self._now
         now.answered_by = by
@@ -238,8 +238,8 @@ class Engine(Switch):
         stage: Stage,
         x: _Floats,
         *,
-        signal: _native.AccelerationSignal | None = None,
-        report: _native.MotionReport | None = None,
+        signal: _core.AccelerationSignal | None = None,
+        report: _core.MotionReport | None = None,
     ) -> tuple[Guard, float] | None:
         """Ask the guards of a stage; return the first that alarms, with its value."""
         if self.script is not None:

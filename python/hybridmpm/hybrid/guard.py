@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.errors import SnapshotError
 from hybridmpm.mpm import MpmSolver
 
@@ -38,9 +38,9 @@ class View:
     """Frames of a step."""
     steps: int
     """Steps of the network since it took over; 0 while MPM simulates."""
-    signal: _native.AccelerationSignal | None = None
+    signal: _core.AccelerationSignal | None = None
     """Cosines and accelerations of the step; None at `RAW`."""
-    report: _native.MotionReport | None = None
+    report: _core.MotionReport | None = None
     """What MPM measured when it took over the positions; None before `STATE`."""
     own: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
     """Simulates the step by MPM, from the same state, and returns where that leads (N, D) [m]; None where
@@ -62,7 +62,7 @@ class Guard(ABC):
     undo: ClassVar[int] = 0
     """Steps before the alarming one that are undone with it, because an alarm may come late."""
 
-    def begin(self, start: _native.MotionReport) -> None:  # noqa: B027 - most guards remember nothing
+    def begin(self, start: _core.MotionReport) -> None:  # noqa: B027 - most guards remember nothing
         """Take note of the state from which the network takes over."""
 
     @abstractmethod

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import real, whole
 from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.errors import ConfigError
@@ -161,7 +161,7 @@ class Density(Guard):
     def __post_init__(self) -> None:
         self.threshold = real("threshold", self.threshold, 1, 1e6)
 
-    def begin(self, start: _native.MotionReport) -> None:
+    def begin(self, start: _core.MotionReport) -> None:
         self._start = max(start.density, 1.0)
 
     def value(self, view: View) -> float | None:
@@ -195,7 +195,7 @@ class Energy(Guard):
     def __post_init__(self) -> None:
         self.threshold = real("threshold", self.threshold, 0, 1e6)
 
-    def begin(self, start: _native.MotionReport) -> None:
+    def begin(self, start: _core.MotionReport) -> None:
         self._least = start.kinetic_energy + start.potential_energy
         self._scale = np.inf
 

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.decisions import Answerer
 from hybridmpm.physics.track import Track
 from hybridmpm.scene.particle_types import KINEMATIC
@@ -53,16 +53,16 @@ class Shortcuts:
         still: npt.NDArray[np.bool_] = (speeds.max(axis=0) < STILL) & (change < SETTLED * time)
         fast = speeds[-1] > ROUSED
         if still.any() and fast.any():
-            graph = _native.radius_graph(track.states[-1], self._reach)
+            graph = _core.radius_graph(track.states[-1], self._reach)
             still[graph.receivers[fast[graph.senders]]] = False
         return still
 
     def _falls(self, track: Track) -> bool:
         """Whether gravity alone moves all particles, and nothing is near that could change it."""
         history, types = track.history(), track.types
-        graph = _native.radius_graph(history[-1], self._reach, types, kinematic=KINEMATIC)
+        graph = _core.radius_graph(history[-1], self._reach, types, kinematic=KINEMATIC)
         step = TOLERANCE * track.step_dt**2 / np.sqrt(_UNNOTICED)
-        disturbed = _native.answer_weights(
+        disturbed = _core.answer_weights(
             history,
             np.tile(track.gravity * np.float32(track.step_dt**2), (len(types), 1)),
             graph.starts,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.coarse import CoarseSimulator, Upsampler
@@ -228,11 +228,11 @@ class HybridSimulator(CoarseSimulator):
         return self._engine.state.moment.answered
 
     @property
-    def last_frame(self) -> _native.FrameReport | None:
+    def last_frame(self) -> _core.FrameReport | None:
         """How MPM cut its latest frame; None before the first and where the network made it."""
         return None if self._engine.is_between else self._mpm.last_frame
 
-    def diagnostics(self) -> _native.Diagnostics:
+    def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
         mpm = self._mpm
         if self._engine.is_between:
@@ -280,7 +280,7 @@ class HybridSimulator(CoarseSimulator):
         finally:
             self._engine.script = None
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
         self._mpm.cancel_by(flag)

@@ -8,7 +8,7 @@ from typing import Any, Self, get_args
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse import Upsampler
 from hybridmpm.coarse.upsampler import Few
 from hybridmpm.coarse.upsampler import recalled as recalled_upsampler
@@ -75,7 +75,7 @@ class Moment:
 
     track: Track
     """The states that the network looks back on, and its step under way."""
-    history: _native.AccelerationHistory
+    history: _core.AccelerationHistory
     """Accelerations of the last two windows of time."""
     guards: tuple[Guard, ...]
     frame: int = 0

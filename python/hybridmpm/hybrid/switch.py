@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import SimulationError
@@ -83,7 +83,7 @@ class Switch:
 
     def _first_state(self, mpm: MpmSolver) -> HybridState:
         track = Track(self._stepper, mpm.scene, mpm.materials)
-        history = _native.AccelerationHistory(
+        history = _core.AccelerationHistory(
             mpm.particle_count,
             mpm.dim,
             window=self._settings.window,
@@ -297,5 +297,5 @@ class Switch:
         calm = not is_forced and all(value is None or guard.is_quiet(value) for guard, value in values)
         state.backoff.count(is_calm=calm)
 
-    def _read(self, signal: _native.AccelerationSignal) -> float | None:
+    def _read(self, signal: _core.AccelerationSignal) -> float | None:
         return signal.cosine if self._settings.safeguard == "ours" else signal.plain

@@ -11,7 +11,7 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.errors import ConfigError
 
@@ -50,11 +50,11 @@ def grid_mass(x: npt.ArrayLike, mass: npt.ArrayLike, resolution: int) -> npt.NDA
     positions, masses = float32("x", x, "(N, D)", "(F, N, D)"), float32("mass", mass, "(N,)")
     resolution = whole("resolution", resolution, 8, 1024)
     if positions.ndim == 2:
-        return _native.grid_mass(positions, masses, resolution)
+        return _core.grid_mass(positions, masses, resolution)
     dim = positions.shape[2]
     grids = np.empty((len(positions), *(resolution + 1,) * dim), dtype=np.float32)
     for grid, frame in zip(grids, positions, strict=True):
-        grid[...] = _native.grid_mass(frame, masses, resolution)
+        grid[...] = _core.grid_mass(frame, masses, resolution)
     return grids
 
 

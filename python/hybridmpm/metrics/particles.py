@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import float32, whole
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.errors import ConfigError
@@ -230,7 +230,7 @@ def neighbour_histogram_distance(
 
 def _histogram(x: npt.NDArray[np.float32], radius: float) -> _Floats:
     """Return the fraction of the particles that have 0, 1, 2, ... neighbours."""
-    receivers = _native.radius_graph(x, radius).receivers
+    receivers = _core.radius_graph(x, radius).receivers
     return np.asarray(np.bincount(np.bincount(receivers, minlength=len(x))) / len(x))
 
 

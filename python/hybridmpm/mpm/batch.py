@@ -6,7 +6,7 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import BatchError, ConfigError, SimulationError
 from hybridmpm.force import CheckedForce, Force, checked_force
@@ -131,7 +131,7 @@ class MpmBatch(Sequence[MpmSolver]):
         """Advance the members that have an entry, side by side; return the errors of those that failed."""
         indices = list(forces)
         try:
-            _native.advance_all(
+            _core.advance_all(
                 [self._members[index]._solver for index in indices],  # noqa: SLF001 - the core advances them
                 frames,
                 list(forces.values()),

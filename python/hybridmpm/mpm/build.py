@@ -2,7 +2,7 @@
 
 import math
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse import CoarseLevel, Upsampler, merge
 from hybridmpm.coarse.upsampler import Few
 from hybridmpm.errors import ConfigError
@@ -20,14 +20,14 @@ def native_solver(
     sleep: Sleep | None,
     level: CoarseLevel,
     threads: int,
-) -> _native.Solver:
+) -> _core.Solver:
     """Build the solver of a scene's particles, merged as a coarse level says; see `MpmSolver` for the settings."""
     particles = merge(scene.sample(), level.r_p)
     materials = [
         material.softened(factor, scene.potential_drop) if factor < 1 else material
         for material, factor in zip(scene.materials, level.moduli, strict=True)
     ]
-    return _native.Solver(
+    return _core.Solver(
         resolution=level.resolution,
         frame_dt=scene.frame_dt,
         gravity=scene.gravity,
@@ -55,7 +55,7 @@ def native_solver(
     )
 
 
-def upsampler_of(scene: Scene, few: Few, solver: _native.Solver, level: CoarseLevel) -> Upsampler:
+def upsampler_of(scene: Scene, few: Few, solver: _core.Solver, level: CoarseLevel) -> Upsampler:
     """Return who carries all particles of a scene along with few that start as a solver's.
 
     Raises

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.errors import SceneError
 from hybridmpm.scene import Emitter, Scene
@@ -12,7 +12,7 @@ _PATTERNS = 16
 """Layers with jitter of their own; they are used in turn."""
 
 
-def native_emitters(scene: Scene, r_p: float = 1.0) -> list[_native.Emitter]:
+def native_emitters(scene: Scene, r_p: float = 1.0) -> list[_core.Emitter]:
     """Build the core's emitters; a layer is one spacing thick, its back lies on the opening.
 
     At a ratio `r_p` below 1 particles are larger and fewer, and layers thicker; the flow of mass is that of
@@ -30,7 +30,7 @@ def native_emitters(scene: Scene, r_p: float = 1.0) -> list[_native.Emitter]:
     ]
 
 
-def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r_p: float) -> _native.Emitter:
+def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r_p: float) -> _core.Emitter:
     spacing = spacing_at(scene, r_p)
     sites = emitter.sites(spacing) + 0.5 * spacing * emitter.direction
     for number, obstacle in enumerate(scene.obstacles):
@@ -42,7 +42,7 @@ def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r
     # Of the material that the scene's own layers bring while this one moves on by its thickness.
     own_layer = len(emitter.sites(scene.spacing)) * scene.spacing**scene.dim
     volume = own_layer * (spacing / scene.spacing) / len(sites)
-    return _native.Emitter(
+    return _core.Emitter(
         material=material,
         velocity=emitter.velocity,
         spacing=spacing,

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse import Upsampler
 from hybridmpm.errors import FrameCancelledError, SimulationError
 from hybridmpm.mpm import joint_state
@@ -20,7 +20,7 @@ class Frames:
 
     Parameters
     ----------
-    solver : _native.Solver
+    solver : _core.Solver
     upsampler : Upsampler or None
         Who carries along what the solver moves.
     safe : callable, optional
@@ -32,16 +32,16 @@ class Frames:
 
     def __init__(
         self,
-        solver: _native.Solver,
+        solver: _core.Solver,
         upsampler: Upsampler | None,
-        safe: Callable[[], _native.Solver] | None = None,
+        safe: Callable[[], _core.Solver] | None = None,
         fastest: float = math.inf,
     ) -> None:
         self.solver, self.upsampler = solver, upsampler
         self._make_safe = safe
-        self._safe: _native.Solver | None = None
-        self._cancel: _native.CancelFlag | None = None
-        self._redone: dict[int, _native.FrameReport | None] = {}
+        self._safe: _core.Solver | None = None
+        self._cancel: _core.CancelFlag | None = None
+        self._redone: dict[int, _core.FrameReport | None] = {}
         self._fastest = fastest
         self.too_fast: float | None = None
         """Root mean square of the speeds [m/s] when it was first seen above `fastest`; None until then."""
@@ -52,7 +52,7 @@ class Frames:
         return tuple(sorted(self._redone))
 
     @property
-    def last(self) -> _native.FrameReport | None:
+    def last(self) -> _core.FrameReport | None:
         """How the latest frame was cut into substeps; None before the first."""
         return self._redone.get(self.solver.frame, self.solver.last_frame)
 
@@ -86,7 +86,7 @@ class Frames:
             speed = math.sqrt(2 * totals.kinetic_energy / totals.mass) if totals.mass else 0.0
             self.too_fast = speed if speed > self._fastest else None
 
-    def _redo(self, make: Callable[[], _native.Solver], force: _Floats | None) -> None:
+    def _redo(self, make: Callable[[], _core.Solver], force: _Floats | None) -> None:
         """Do the frame again that has just failed; it may fail again, and nothing has changed then."""
         if self._safe is None:
             self._safe = make()
@@ -97,7 +97,7 @@ class Frames:
         self.solver.restore(self._safe.snapshot())
         self._redone[self.solver.frame] = self._safe.last_frame
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let a flag end the frame that is being computed, by whichever solver."""
         self._cancel = flag
         for solver in (self.solver, self._safe):

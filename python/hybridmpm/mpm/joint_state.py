@@ -2,7 +2,7 @@
 
 import struct
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse import Upsampler
 from hybridmpm.coarse.upsampler import refuse_other_upsampler
 from hybridmpm.errors import SnapshotError
@@ -12,13 +12,13 @@ _PREFIX = struct.Struct("<8sQ")
 _MAGIC = b"HMPMBOTH"
 
 
-def encode(few: _native.Solver, upsampler: Upsampler | None) -> bytes:
+def encode(few: _core.Solver, upsampler: Upsampler | None) -> bytes:
     """Return the state of the few, joined by that of the many if there are any; each has its own checksum."""
     state = few.snapshot()
     return state if upsampler is None else _PREFIX.pack(_MAGIC, len(state)) + state + upsampler.snapshot()
 
 
-def restore(few: _native.Solver, upsampler: Upsampler | None, data: bytes) -> None:
+def restore(few: _core.Solver, upsampler: Upsampler | None, data: bytes) -> None:
     """Take a state that `encode` made.
 
     Raises

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.coarse import CoarseLevel, Upsampler, coarse_level
 from hybridmpm.coarse.upsampler import Few
@@ -171,7 +171,7 @@ class MpmSolver(MpmState):
         return [f"r_p = {self.r_p:.4g}, all carried along" if self._upsampler else f"r_p = {self.r_p:.4g}"]
 
     @property
-    def _solver(self) -> _native.Solver:
+    def _solver(self) -> _core.Solver:
         """The compiled solver of the particles simulated."""
         return self._frames.solver
 
@@ -192,7 +192,7 @@ class MpmSolver(MpmState):
     def _advance_few(self, force: npt.NDArray[np.float32] | None) -> None:
         self._frames.advance(1, force)
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
         self._frames.cancel_by(flag)
@@ -205,7 +205,7 @@ class MpmSolver(MpmState):
         *,
         affine: bool = True,
         deform: bool = False,
-    ) -> _native.MotionReport:
+    ) -> _core.MotionReport:
         """Put the particles where somebody else, e.g. a network, says that they are at the end of a frame.
 
         Parameters

@@ -5,7 +5,7 @@ from typing import ClassVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.mpm.frames import Frames
@@ -25,7 +25,7 @@ class MpmState(CoarseSimulator):
     _frames: Frames
 
     @property
-    def _few(self) -> _native.Solver:
+    def _few(self) -> _core.Solver:
         return self._frames.solver
 
     @property
@@ -116,10 +116,10 @@ class MpmState(CoarseSimulator):
         return self._frames.solver.asleep
 
     @property
-    def last_frame(self) -> _native.FrameReport | None:
+    def last_frame(self) -> _core.FrameReport | None:
         """How the latest frame was cut into substeps; None before the first."""
         return self._frames.last
 
-    def diagnostics(self) -> _native.Diagnostics:
+    def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._frames.solver.diagnostics()

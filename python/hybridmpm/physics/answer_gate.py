@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
-from hybridmpm._native import RadiusGraph
+from hybridmpm import _core
+from hybridmpm._core import RadiusGraph
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
 
@@ -43,7 +43,7 @@ def answer_weights(
     spec, scales
         The network and the scales of its outputs.
     """
-    found = _native.answer_weights(
+    found = _core.answer_weights(
         history,
         acceleration * np.float32(spec.step_dt**2),
         graph.starts,

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import radius_graph
+from hybridmpm._core import radius_graph
 from hybridmpm._support.arguments import whole
 from hybridmpm.coarse.merging import checked_ratio
 from hybridmpm.errors import ConfigError

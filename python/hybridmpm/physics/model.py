@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm._native import RadiusGraph, radius_graph
+from hybridmpm._core import RadiusGraph, radius_graph
 from hybridmpm._support.onnx_file import session
 from hybridmpm.errors import ConfigError, DataError, GraphSizeError
 from hybridmpm.physics.answer_gate import answer_weights

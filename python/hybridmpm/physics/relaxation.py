@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import RadiusGraph, relaxed
+from hybridmpm._core import RadiusGraph, relaxed
 from hybridmpm.physics.spec import NetworkSpec
 
 STRENGTH = 0.15

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import flag, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.coarse import CoarseSimulator, Upsampler
@@ -126,7 +126,7 @@ class NeuralPhysics(CoarseSimulator):
         return self._frames.frame
 
     @property
-    def last_frame(self) -> _native.FrameReport | None:
+    def last_frame(self) -> _core.FrameReport | None:
         """How MPM cut its latest frame; None before the first and where the network made it."""
         return self._solver.last_frame if self._frames.is_by_mpm else None
 
@@ -138,7 +138,7 @@ class NeuralPhysics(CoarseSimulator):
         warmup = warmup_frames(self.r_t)
         return (Decision(frame=warmup, mode="neural", value=None, reason="warm-up", noticed=warmup),)
 
-    def diagnostics(self) -> _native.Diagnostics:
+    def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant.
 
         A network knows no stress: elastic energy is that of the last frame that MPM made.
@@ -152,7 +152,7 @@ class NeuralPhysics(CoarseSimulator):
     def _advance_few(self, force: _Floats | None) -> None:
         self._frames.advance(force)
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
         self._solver.cancel_by(flag)

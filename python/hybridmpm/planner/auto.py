@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.arguments import flag
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.decisions import Decision, Mode
@@ -224,15 +224,15 @@ class AutoSolver(Simulator):
         return self._inner.mass
 
     @property
-    def last_frame(self) -> _native.FrameReport | None:
+    def last_frame(self) -> _core.FrameReport | None:
         """How the latest frame was cut into substeps; None before the first of a level."""
         return self._inner.last_frame
 
-    def diagnostics(self) -> _native.Diagnostics:
+    def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._inner.diagnostics()
 
-    def cancel_by(self, flag: _native.CancelFlag) -> None:
+    def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
         self._inner.cancel_by(flag)

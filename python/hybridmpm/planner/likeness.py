@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hybridmpm import _native, scenarios
+from hybridmpm import _core, scenarios
 from hybridmpm.errors import ConfigError
 from hybridmpm.physics.manifest import models
 from hybridmpm.planner.candidates import loaded
@@ -65,7 +65,7 @@ def _names(known: list[str], scene: Scene, notes: list[str]) -> tuple[str, ...]:
 
 def _other_stiffness(scene: Scene, names: tuple[str, ...]) -> list[str]:
     """Tell of materials much stiffer or softer than those that errors were measured with."""
-    usual: dict[str, _native.Material] = {}
+    usual: dict[str, _core.Material] = {}
     for name in names:
         one = scenarios.get(name, 0)
         usual |= {material.kind: material.to_native(one.potential_drop) for material in one.materials}

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.machine import cpu_model
 from hybridmpm.errors import DataError
 from hybridmpm.planner.calibration import VERSION, Calibration, MachineTimes
@@ -60,7 +60,7 @@ def read_times(path: Path) -> MachineTimes:
     remedy = f"make it anew by: hybridmpm calibrate --out {path}"
     times = _read(path, MachineTimes, remedy)
     there = {"version": times.version, "solver version": times.solver_version, "machine": times.machine}
-    here = {"version": VERSION, "solver version": _native.SOLVER_VERSION, "machine": cpu_model()}
+    here = {"version": VERSION, "solver version": _core.SOLVER_VERSION, "machine": cpu_model()}
     for name, value in here.items():
         if there[name] != value:
             raise DataError(

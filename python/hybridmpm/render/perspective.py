@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import Obstacle
+from hybridmpm._core import Obstacle
 from hybridmpm.render import palette
 from hybridmpm.render.palette import Colors
 from hybridmpm.scene import Scene

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.scene.fields import Range, Record
 
 REFERENCE_BULK_MODULUS = 277_778.0
@@ -78,9 +78,9 @@ class Water(Record):
         softer = factor * self.stiffness(potential_drop)
         return self.model_copy(update={"bulk_modulus": softer, "max_compression": None})
 
-    def to_native(self, potential_drop: float) -> _native.Material:
+    def to_native(self, potential_drop: float) -> _core.Material:
         """Build the core's material; `potential_drop` as in `stiffness`."""
-        return _native.Material.water(
+        return _core.Material.water(
             density=self.density,
             bulk_modulus=self.stiffness(potential_drop),
             tension=self.tension,
@@ -119,9 +119,9 @@ class Sand(Record):
         """Return sand of `factor` times Young's modulus."""
         return self.model_copy(update={"youngs_modulus": factor * self.youngs_modulus})
 
-    def to_native(self, _potential_drop: float) -> _native.Material:
+    def to_native(self, _potential_drop: float) -> _core.Material:
         """Build the core's material; sand does not depend on `Scene.potential_drop`."""
-        return _native.Material.sand(
+        return _core.Material.sand(
             density=self.density,
             youngs_modulus=self.youngs_modulus,
             poisson_ratio=self.poisson_ratio,
@@ -151,9 +151,9 @@ class Elastic(Record):
         """Return a solid of `factor` times Young's modulus."""
         return self.model_copy(update={"youngs_modulus": factor * self.youngs_modulus})
 
-    def to_native(self, _potential_drop: float) -> _native.Material:
+    def to_native(self, _potential_drop: float) -> _core.Material:
         """Build the core's material; an elastic solid does not depend on `Scene.potential_drop`."""
-        return _native.Material.elastic(
+        return _core.Material.elastic(
             density=self.density,
             youngs_modulus=self.youngs_modulus,
             poisson_ratio=self.poisson_ratio,

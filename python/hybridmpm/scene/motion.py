@@ -4,7 +4,7 @@ from typing import Annotated, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.scene.fields import Fault, Point, Range, Record, Velocity, raise_faults
 
 _TurnRate = Annotated[float, Range(-1000, 1000, "rad/s")]
@@ -74,7 +74,7 @@ class Motion(Record):
             faults.append((("angular_velocity",), f"must be {'one number' if dim == 2 else 'three numbers'}"))
         return faults
 
-    def applied_to(self, obstacle: _native.Obstacle) -> _native.Obstacle:
+    def applied_to(self, obstacle: _core.Obstacle) -> _core.Obstacle:
         """Return the core's obstacle with this motion."""
         turn = self.angular_velocity
         return obstacle.moving(

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.scene.fields import Direction, Length, Point, Record, corner_faults, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.motion import Motion
@@ -34,12 +34,12 @@ class _Obstacle(Record):
             raise_faults("Obstacle", [(("friction",), f"is only for separating contact, not {self.contact}")])
         return self
 
-    def to_native(self) -> _native.Obstacle:
+    def to_native(self) -> _core.Obstacle:
         """Build the core's obstacle."""
         still = self._at_rest()
         return still if self.motion is None else self.motion.applied_to(still)
 
-    def _at_rest(self) -> _native.Obstacle:
+    def _at_rest(self) -> _core.Obstacle:
         raise NotImplementedError
 
 
@@ -66,8 +66,8 @@ class SegmentObstacle(_Obstacle):
         """Thickness of the ramp [m]."""
         return self.thickness
 
-    def _at_rest(self) -> _native.Obstacle:
-        return _native.Obstacle.segment(
+    def _at_rest(self) -> _core.Obstacle:
+        return _core.Obstacle.segment(
             self.start, self.end, self.thickness, contact=self.contact, friction=self.friction
         )
 
@@ -93,8 +93,8 @@ class BoxObstacle(_Obstacle):
         """Shortest side of the box [m]."""
         return min(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
-    def _at_rest(self) -> _native.Obstacle:
-        return _native.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
+    def _at_rest(self) -> _core.Obstacle:
+        return _core.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
 
 
 class BallObstacle(_Obstacle):
@@ -113,8 +113,8 @@ class BallObstacle(_Obstacle):
         """Diameter of the ball [m]."""
         return 2 * self.radius
 
-    def _at_rest(self) -> _native.Obstacle:
-        return _native.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
+    def _at_rest(self) -> _core.Obstacle:
+        return _core.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
 
 
 class CylinderObstacle(_Obstacle):
@@ -140,8 +140,8 @@ class CylinderObstacle(_Obstacle):
         """Diameter, or length where that is less [m]."""
         return min(2 * self.radius, math.dist(self.start, self.end))
 
-    def _at_rest(self) -> _native.Obstacle:
-        return _native.Obstacle.cylinder(
+    def _at_rest(self) -> _core.Obstacle:
+        return _core.Obstacle.cylinder(
             self.start, self.end, self.radius, contact=self.contact, friction=self.friction
         )
 
@@ -170,8 +170,8 @@ class HalfSpaceObstacle(_Obstacle):
         """Infinite [m]: a half space has no far side."""
         return math.inf
 
-    def _at_rest(self) -> _native.Obstacle:
-        return _native.Obstacle.half_space(
+    def _at_rest(self) -> _core.Obstacle:
+        return _core.Obstacle.half_space(
             self.point, self.normal, contact=self.contact, friction=self.friction
         )
 

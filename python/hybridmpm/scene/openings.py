@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.scene.fields import (
     Fault,
     Length,
@@ -168,9 +168,9 @@ class BoxSink(Record):
         """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"lower": self.lower, "upper": self.upper}
 
-    def to_native(self) -> _native.Obstacle:
+    def to_native(self) -> _core.Obstacle:
         """Build the core's shape of the sink."""
-        return _native.Obstacle.box(self.lower, self.upper)
+        return _core.Obstacle.box(self.lower, self.upper)
 
 
 class BallSink(Record):
@@ -184,9 +184,9 @@ class BallSink(Record):
         """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         return {"center": self.center}
 
-    def to_native(self) -> _native.Obstacle:
+    def to_native(self) -> _core.Obstacle:
         """Build the core's shape of the sink."""
-        return _native.Obstacle.ball(self.center, self.radius)
+        return _core.Obstacle.ball(self.center, self.radius)
 
 
 Sink = Annotated[BoxSink | BallSink, Field(discriminator="shape")]

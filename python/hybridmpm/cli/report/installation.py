@@ -7,7 +7,7 @@ import shutil
 import sys
 from dataclasses import dataclass
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.errors import ExportError, SimulationError
 from hybridmpm.export.pictures import require_encoder
@@ -33,13 +33,13 @@ class Finding:
 def examine() -> list[Finding]:
     """Return the findings on all parts of the installation, within a second; a fault is a finding, too."""
     return [
-        Finding("hybridmpm", "ok", f"{_native.__version__}, solver version {_native.SOLVER_VERSION}"),
+        Finding("hybridmpm", "ok", f"{_core.__version__}, solver version {_core.SOLVER_VERSION}"),
         Finding("python", "ok", f"{platform.python_version()} ({sys.executable})"),
         *(Finding(name, "ok", importlib.metadata.version(name)) for name in _LIBRARIES),
         Finding("platform", "ok", platform.platform()),
         Finding("processor", "ok", cpu_model()),
         Finding("threads", "ok", f"{usable_cores()} can run at once; a solver uses 1 unless told otherwise"),
-        Finding("cpu features", "ok", ", ".join(_native.cpu_features()) or "none that matter here"),
+        Finding("cpu features", "ok", ", ".join(_core.cpu_features()) or "none that matter here"),
         _solver_works(),
         _encoder(),
         _service(),

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._native import radius_graph
+from hybridmpm._core import radius_graph
 from hybridmpm._support.onnx_file import session
 from hybridmpm.control.diffusion.samplers import Solver, sampled
 from hybridmpm.control.manifest import read_network

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.goal.oval import Oval
@@ -155,7 +155,7 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
     oval = Oval.drawn(sketch, cloud, scene.walls)
     region = region_of(oval, room, volume=cloud.volume, particles=len(cloud.x), fill=fill)
     grid = room.grid()
-    found = _native.match_to_region(cloud.x, region.cells, None if grid is None else grid.space)
+    found = _core.match_to_region(cloud.x, region.cells, None if grid is None else grid.space)
     ways = Ways.of_groups(
         cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
     )
@@ -178,6 +178,6 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     tip = Oval.ball(np.clip(path[-1], room.lower, room.upper), cloud.volume)
     region = region_of(tip, room, volume=cloud.volume, particles=len(places), fill="shrink")
     moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
-    found = _native.match_to_region(moved, region.cells)
+    found = _core.match_to_region(moved, region.cells)
     ways = Ways.along(path, cloud, found.places, found.group, lower=room.lower, upper=room.upper)
     return Goal(sketch, cloud, room, ways, path, None, region)

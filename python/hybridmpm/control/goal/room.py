@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.scene import Scene
 
@@ -81,6 +81,6 @@ class RoomGrid:
     """Signed distance of the nearest obstacle in each node, D axes [m]."""
 
     @cached_property
-    def space(self) -> _native.FreeSpace:
+    def space(self) -> _core.FreeSpace:
         """The grid, ready for searches."""
-        return _native.FreeSpace(self.lower.tolist(), self.spacing, self.distance)
+        return _core.FreeSpace(self.lower.tolist(), self.spacing, self.distance)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 
 _SHARE = 0.95
@@ -116,7 +116,7 @@ class Ways:
         for group in np.flatnonzero(~straight):
             knots = slice(self.starts[group], self.starts[group + 1])
             points = np.ascontiguousarray(self.corners[knots])
-            timing = _native.least_acceleration(points, self.velocity[group].tolist(), rest, seconds)
+            timing = _core.least_acceleration(points, self.velocity[group].tolist(), rest, seconds)
             times[knots], v[knots] = timing.times, timing.velocities
         return Motion(self, times, v)
 
@@ -124,7 +124,7 @@ class Ways:
         count, dim = len(self.weight), self.corners.shape[1]
         corners = self.corners.reshape(count, -1, dim)
         mean = np.tensordot(self.weight, corners, axes=1)
-        timing = _native.least_acceleration(mean, self.velocity[0].tolist(), [0.0] * dim, seconds)
+        timing = _core.least_acceleration(mean, self.velocity[0].tolist(), [0.0] * dim, seconds)
         v = _spline_velocities(timing.times, corners, self.velocity)
         return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from hybridmpm import _native, scenarios
+from hybridmpm import _core, scenarios
 from hybridmpm._support.machine import cpu_model
 from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.coarse.bounds import fastest_impact
@@ -84,7 +84,7 @@ def measure(date: str, on_progress: Callable[[int], object]) -> MachineTimes:
         ratios += _ratios(kind, dim, timed)
     return MachineTimes(
         version=VERSION,
-        solver_version=_native.SOLVER_VERSION,
+        solver_version=_core.SOLVER_VERSION,
         machine=cpu_model(),
         date=date,
         materials=tuple(materials),
