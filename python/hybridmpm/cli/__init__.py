@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from hybridmpm import __version__
+from hybridmpm._core import __version__
 from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]

@@ -3,9 +3,8 @@
 import copy
 import dataclasses
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +31,6 @@ from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind
 from hybridmpm.snapshots import SavedState
-
-if TYPE_CHECKING:
-    import hybridmpm
 
 MAX_WINDOW = 100
 """Longest window: the history kept holds two of this many accelerations."""
@@ -326,29 +322,6 @@ class HybridSimulator(CoarseSimulator):
             "show_all": self._show_all,
             **dataclasses.asdict(self._settings),
         }
-
-    @classmethod
-    def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
-        """Return an `AutoSolver` of the scene: hybrids and MPM that keep a time, changing level.
-
-        A network takes part where no MPM is both quicker and more accurate by the calibration.
-
-        Parameters
-        ----------
-        scene : Scene
-            Scene without emitters, sinks and moving obstacles.
-        budget_ms : float > 0
-            Time that a frame may take, with what is shown [ms].
-        threads : int in [1, 1024]
-
-        Raises
-        ------
-        ConfigError, DataError, SceneError
-            As `AutoSolver`.
-        """
-        # By its name: the planner stands on this room.
-        auto: type[hybridmpm.AutoSolver] = import_module("hybridmpm.planner").AutoSolver
-        return auto(scene, budget_ms=budget_ms, threads=threads, learned=True)
 
     @classmethod
     def load(

@@ -4,9 +4,8 @@ import copy
 import math
 import warnings
 from functools import partial
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +33,6 @@ from hybridmpm.mpm.state import MpmState
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import ParticleLimitWarning, Scene
 from hybridmpm.snapshots import SavedState
-
-if TYPE_CHECKING:
-    import hybridmpm
 
 Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
@@ -318,27 +314,6 @@ class MpmSolver(MpmState):
                 else {"coarse": self.coarse.to_dict()}
             ),
         }
-
-    @classmethod
-    def auto(cls, scene: Scene, *, budget_ms: float, threads: int = 1) -> "hybridmpm.AutoSolver":
-        """Return an `AutoSolver` of the scene: MPM that keeps a time, changing its level.
-
-        Parameters
-        ----------
-        scene : Scene
-            Scene without emitters, sinks and moving obstacles.
-        budget_ms : float > 0
-            Time that a frame may take, with what is shown [ms].
-        threads : int in [1, 1024]
-
-        Raises
-        ------
-        ConfigError, DataError, SceneError
-            As `AutoSolver`.
-        """
-        # By its name: the planner stands on this room.
-        auto: type[hybridmpm.AutoSolver] = import_module("hybridmpm.planner").AutoSolver
-        return auto(scene, budget_ms=budget_ms, threads=threads)
 
     @classmethod
     def load(cls, path: str | Path, *, threads: int = 1) -> Self:

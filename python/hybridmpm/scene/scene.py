@@ -6,7 +6,7 @@ construction, so that the rest of the library may trust a scene.
 
 import html
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import yaml
@@ -23,9 +23,6 @@ from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
 from hybridmpm.scene.sampling import Particles, sample
 from hybridmpm.scene.walls import Walls
-
-if TYPE_CHECKING:
-    from hybridmpm import SceneCheck, Simulator
 
 DEFAULT_MAX_PARTICLES = 200_000
 MIN_CELLS_THICK = 2
@@ -276,13 +273,6 @@ class Scene(Record):
             for i, obstacle in enumerate(self.obstacles)
             if obstacle.smallest_extent < needed - _ROUNDING
         ]
-
-    def check(self, solver: "Simulator | None" = None) -> "SceneCheck":
-        """Tell whether this scene runs stably, what it costs and what may go wrong; see `hybridmpm.check`."""
-        # Checks stand on the simulators, which stand on scenes.
-        from hybridmpm import check  # noqa: PLC0415
-
-        return check(self, solver)
 
     def sample(self) -> "Particles":
         """Fill the bodies with particles; see `hybridmpm.scene.sampling`.

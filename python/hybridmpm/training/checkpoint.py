@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import torch
 
-from hybridmpm import SOLVER_VERSION
+from hybridmpm._core import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import DataError
 from hybridmpm.physics.model_info import solver_versions

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from tests.browser.conftest import LiveService, Open
 
 import hybridmpm_service
-from hybridmpm import MpmSolver, Scene
+from hybridmpm import MpmSolver, Scene, check
 
 pytestmark = pytest.mark.browser
 
@@ -20,7 +20,7 @@ NAMES = sorted(file.stem for file in FOLDER.glob("*.json"))
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scene_runs_and_has_a_picture(name: str) -> None:
     scene = Scene.load(FOLDER / f"{name}.json")
-    assert not [one for one in scene.check().findings if one.severity != "note"]
+    assert not [one for one in check(scene).findings if one.severity != "note"]
     solver = MpmSolver(scene) if scene.dim == 2 else MpmSolver(scene, coarse="1/16")
     solver.advance(8)
     assert 1000 < solver.particle_count < (15_000 if scene.dim == 2 else 50_000)

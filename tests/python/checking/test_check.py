@@ -34,7 +34,7 @@ def only(found: tuple[Finding, ...]) -> Finding:
 
 
 def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
-    found = scene().check()
+    found = check(scene())
     assert found.findings == ()
     assert found.ok
     assert found.stable is True
@@ -92,7 +92,7 @@ def test_each_finding_names_place_figures_and_remedy(
 ) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = scene(**changed).check()
+        found = check(scene(**changed))
     mine = [one for one in found.findings if (one.severity, one.field) == (severity, field)]
     one = next(one for one in mine if words[0] in one.problem)
     assert all(word in f"{one.problem}; {one.advice}" for word in words), one
@@ -102,28 +102,27 @@ def test_each_finding_names_place_figures_and_remedy(
 
 
 def test_the_gravest_comes_first() -> None:
-    found = scene(
-        BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}},
-        obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}],
-    ).check()
+    stiff = BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e9}}
+    thin = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}
+    found = check(scene(stiff, obstacles=[thin]))
     assert [one.severity for one in found.findings] == ["warning", "note"]
 
 
 def test_substeps_above_the_limit_are_an_error_whoever_refuses_them() -> None:
     made = scene()
     unstable = MpmSolver(made, substeps=1, allow_unstable=True)
-    found = made.check(unstable)
+    found = check(made, unstable)
     assert found.stable is False
     one = only(found.findings)
     assert one.severity == "error"
     assert "1 substeps a frame are too few" in one.problem
     assert unstable.frame == 0
     fixed = MpmSolver(made, substeps=20)
-    assert made.check(fixed).stable is True
+    assert check(made, fixed).stable is True
 
 
 def test_what_cannot_be_filled_is_a_finding_and_no_error() -> None:
-    twice = scene(BLOCK, BLOCK).check()
+    twice = check(scene(BLOCK, BLOCK))
     assert not twice.ok
     assert twice.substeps is None
     assert any("room for no particle" in one.problem for one in twice.findings)
@@ -141,7 +140,7 @@ def test_the_simulator_asked_about_stays_as_it_is() -> None:
 
 def test_a_solver_of_another_scene_is_refused() -> None:
     with pytest.raises(ConfigError, match="another scene"):
-        scene().check(MpmSolver(scenarios.water_2d(0)))
+        check(scene(), MpmSolver(scenarios.water_2d(0)))
     with pytest.raises(ConfigError, match="write MpmSolver"):
         check(scene(), scene())  # type: ignore[arg-type]
 
@@ -150,7 +149,7 @@ def test_a_long_frame_is_tried_in_part() -> None:
     stiff = scene(BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e12}})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = stiff.check()
+        found = check(stiff)
     assert found.substeps is not None
     assert found.substeps > 5000
     assert found.milliseconds is not None
@@ -160,7 +159,7 @@ def test_a_long_frame_is_tried_in_part() -> None:
 def test_a_scene_that_fills_is_timed_as_in_the_middle_of_its_run() -> None:
     spout = scene(emitters=[SPOUT], frames=400)
     short = scene(emitters=[SPOUT | {"stop": 0.01}], frames=400)
-    filled, started = spout.check().milliseconds, short.check().milliseconds
+    filled, started = check(spout).milliseconds, check(short).milliseconds
     assert filled is not None
     assert started is not None
     # By frame 200 the first has five times the particles of the second.
@@ -171,7 +170,7 @@ def test_what_no_grid_bears_is_an_error_of_the_scene_alone() -> None:
     hard = scene(BLOCK | {"material": {"kind": "water", "bulk_modulus": 1e12, "density": 1}})
     found = [one for one in findings(hard) if one.severity == "error"]
     assert "substeps a frame, and at most 20000 are taken" in only(tuple(found)).problem
-    assert hard.check().stable is False
+    assert check(hard).stable is False
 
 
 def test_overlaps_are_found_among_many_bodies() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridmpm import AutoSolver, BoxSink, CoarseWarning, HybridSimulator, MpmSolver, Scene, scenarios
+from hybridmpm import AutoSolver, BoxSink, CoarseWarning, Scene, scenarios
 from hybridmpm.errors import ConfigError, SnapshotError
 from hybridmpm.planner import auto
 from hybridmpm.planner.candidates import Candidate, candidates
@@ -156,8 +156,8 @@ def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(auto, "prospective", prospects)
     clock.frame_seconds = 3e-4
-    assert MpmSolver.auto(scene, budget_ms=0.4).level_names == (few,)
-    assert HybridSimulator.auto(scene, budget_ms=0.4).level_names == (few, "hybrid fluids_2d")
+    assert AutoSolver(scene, budget_ms=0.4).level_names == (few,)
+    assert AutoSolver(scene, budget_ms=0.4, learned=True).level_names == (few, "hybrid fluids_2d")
     solver = AutoSolver(scene, budget_ms=0.4, learned=True, clock=clock)
     assert solver.level_name == "hybrid fluids_2d"
     solver.advance(30)

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from hybridmpm import Scene, scenarios
+from hybridmpm import Scene, check, scenarios
 from hybridmpm_service.http.estimates.checks import MOST_FINDINGS
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
@@ -18,7 +18,7 @@ def scene(*bodies: dict[str, Any], **fields: Any) -> dict[str, Any]:
 def test_a_check_answers_figures_and_findings(service: Any) -> None:
     made = scene(obstacles=[THIN])
     found = service.http.post("/v1/checks", json={"scene": made}).json()
-    expected = Scene.parse(made).check().to_dict()
+    expected = check(Scene.parse(made)).to_dict()
     assert found.pop("milliseconds") > 0
     assert found == {name: value for name, value in expected.items() if name != "milliseconds"}
     assert [one["field"] for one in found["findings"]] == ["obstacles[0]"]

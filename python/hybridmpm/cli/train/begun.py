@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from hybridmpm import SOLVER_VERSION
+from hybridmpm._core import SOLVER_VERSION
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.progress import progress
 from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID

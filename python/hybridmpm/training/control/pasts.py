@@ -8,7 +8,8 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import MpmSolver, scenarios
+from hybridmpm import scenarios
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.control.methods.learned.features import State
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from hybridmpm import radius_graph
+from hybridmpm._core import radius_graph
 from hybridmpm.data.trajectory import Trajectory
 from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import HISTORY
