@@ -11,13 +11,11 @@ from hybridmpm import _core
 from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.room import RoomGrid
-from hybridmpm.control.goal.ways import Motion
+from hybridmpm.control.goal.ways import SHORTEST_FRAMES, Motion
 from hybridmpm.control.reversal.retrace import Retraced
 from hybridmpm.errors import SnapshotError
 from hybridmpm.simulator import Simulator
 
-SHORTEST_FRAMES = 15
-"""Shortest time to go [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they do not."""
 AHEAD_FRAMES = 24
 """How far ahead of the present the force aims on a way with corners [frames]."""
 

@@ -52,6 +52,30 @@ class Goal:
             self.region is not None and not self.ways.together and bool((np.diff(self.ways.starts) > 2).any())
         )
 
+    def end(self) -> tuple[Floats, Floats | None]:
+        """Return what the sketch says of the end.
+
+        Returns
+        -------
+        mean : (D,)
+            Where the centre of mass is to be [m].
+        root : (2, 2) or None
+            Symmetric root of the covariance of the particles in the front view [m]: the semi-axes of an oval
+            are two standard deviations. None for an arrow.
+        """
+        if self.drawn is None or self.region is None:
+            return np.asarray(self.path[-1]), None
+        deviations = self._growth(self.drawn, self.region) * self.drawn.axes[:2] / 2
+        turn = self.drawn.directions[:2, :2]
+        return self.drawn.center, turn.T @ np.diag(deviations) @ turn
+
+    def _growth(self, drawn: Oval, region: Region) -> float:
+        """Return the factor on an oval that has room for the fluid: in 3D with all of the depth behind it."""
+        if self.cloud.dim == 2:
+            return max(1.0, region.scale)
+        depth = self.room.upper[2] - self.room.lower[2]
+        return max(1.0, float(np.sqrt(self.cloud.volume / (np.pi * drawn.axes[0] * drawn.axes[1] * depth))))
+
     def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
         """Tell which points (N, D) lie in the goal; (N,), None where an arrow carries the shape along.
 

@@ -8,6 +8,8 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 
+SHORTEST_FRAMES = 15
+"""Shortest time to go [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they do not."""
 _SHARE = 0.95
 """Share of the mass that a needed acceleration is told for; a few drops far off would set it otherwise."""
 

@@ -24,10 +24,11 @@ _OTHER_HORIZON = 1.25
 class ControlNet:
     """Follows a sketch by the forces that a Fluid ControlNet generates frame by frame.
 
-    It is the paper's method on coarse control nodes, so that it runs on a CPU. The network decides alone:
-    there is no plan, and no guidance that would make up for its errors. Analytic control takes over in
-    scenes of another kind and for horizons of other lengths than the network was trained on, and where there
-    is no network or it fails at the start.
+    It is the paper's method on coarse control nodes, so that it runs on a CPU. There is no plan, and no
+    guidance that would make up for the network's errors. In each frame the ends to which its field leads are
+    fitted to the sketch: they are means of what is possible, in which a fluid has less room than it takes.
+    Analytic control takes over in scenes of another kind and for horizons of other lengths than the network
+    was trained on, and where there is no network or it fails at the start.
 
     Parameters
     ----------
@@ -74,6 +75,7 @@ class ControlNet:
             raise HandOver(f"{name} is trained for {network.frames} frames, not for {task.frames}")
         cloud = task.goal.cloud
         nodes = Nodes.of(cloud.x, cloud.weight, simulator.materials)
+        mean, root = task.goal.end()
         rng = np.random.default_rng(task.seed)
         law = Diffused(
             network=name,
@@ -84,6 +86,8 @@ class ControlNet:
             steps=self._steps,
             solver=self._solver,
             cap=task.cap_si,
+            mean=mean,
+            covariance=None if root is None else root @ root,
         )
         try:
             force = law.force(simulator, 0)

@@ -12,8 +12,11 @@ from torch import Tensor, nn
 
 from hybridmpm import MpmSolver, Scene, radius_graph, scenarios
 from hybridmpm.cli import cli
-from hybridmpm.control import Arrow, ControlNet, Ellipse, follow, prepare
+from hybridmpm.control import Arrow, ControlNet, Ellipse, Sketch, follow, prepare
+from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.diffusion.network import SIDE, ControlNetwork, picture_of, properties_of
+from hybridmpm.control.diffusion.nodes import Nodes
+from hybridmpm.control.goal.moments import moments
 from hybridmpm.control.guidance import Guidance
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.model import edge_inputs
@@ -294,6 +297,30 @@ def test_it_follows_a_sketch_from_seeds_under_the_cap_and_goes_on_from_a_snapsho
     assert isinstance(force, np.ndarray)
     assert np.array_equal(force, other)
     assert np.linalg.norm(force, axis=1).max() <= 3.0 * 9.81 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("sketch", [OVAL, ARROW])
+def test_the_ends_that_the_force_leads_to_are_those_of_the_sketch(
+    file_2d: Path, sketch: Sketch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver = MpmSolver(scenarios.water_2d(seed=3), r_p=0.25)
+    guidance = prepare(solver, sketch, method=ControlNet(str(file_2d)), frames=100)
+    fields = []
+    monkeypatch.setattr(Nodes, "spread", lambda _nodes, field: fields.append(field) or field)
+    law = guidance.law
+    assert isinstance(law, Diffused)
+    for index in (0, 50, 95):
+        law.force(solver, index)
+        nodes = Nodes.recalled(law.nodes)
+        x, v = nodes.gathered(solver.positions), nodes.gathered(solver.velocities)
+        left = solver.scene.frame_dt * max(100 - index, 15)
+        ends = x + (fields[-1] + 4 * v / left + np.array(solver.scene.gravity)) * left**2 / 6
+        mass = np.bincount(nodes.group, solver.mass)
+        mean, covariance = moments(ends, mass / mass.sum())
+        wanted, root = guidance.goal.end()
+        np.testing.assert_allclose(mean, wanted, atol=1e-4)
+        if root is not None:
+            np.testing.assert_allclose(covariance, root @ root, atol=1e-5)
 
 
 @pytest.mark.parametrize(

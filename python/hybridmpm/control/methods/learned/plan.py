@@ -10,7 +10,6 @@ from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
-from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.manifest import networks
@@ -67,7 +66,7 @@ class Learned:
         """
         goal = task.goal
         network = self._serving(simulator.scene)
-        aim = _aim(goal, network.spec.clipped(task.frames * goal.cloud.frame_dt))
+        aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
         try:
             found = network.ends(
                 _state(simulator, goal.cloud), aim, seed=task.seed, evaluations=self._evaluations
@@ -115,23 +114,6 @@ def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
         return goal.ways.group
     x = goal.cloud.x
     return balanced_clusters(x, min(_GROUPS, len(x)), seed=0).astype(np.uint32)
-
-
-def _aim(goal: Goal, seconds: float) -> Aim:
-    """Return what a goal's sketch says of the end: of an oval two standard deviations, as it was drawn."""
-    if goal.drawn is None or goal.region is None:
-        return Aim(np.asarray(goal.path[-1]), None, seconds)
-    deviations = _growth(goal.drawn, goal.region.scale, goal) * goal.drawn.axes[:2] / 2
-    turn = goal.drawn.directions[:2, :2]
-    return Aim(goal.drawn.center, turn.T @ np.diag(deviations) @ turn, seconds)
-
-
-def _growth(drawn: Oval, scale: float, goal: Goal) -> float:
-    """Return the factor on an oval that has room for the fluid: in 3D with all of the depth behind it."""
-    if goal.cloud.dim == 2:
-        return max(1.0, scale)
-    depth = goal.room.upper[2] - goal.room.lower[2]
-    return max(1.0, float(np.sqrt(goal.cloud.volume / (np.pi * drawn.axes[0] * drawn.axes[1] * depth))))
 
 
 def _state(simulator: Simulator, cloud: Cloud) -> State:

@@ -1,9 +1,9 @@
-"""Prints how near learned plans in 3D lead a fluid to where it was: a table of docs/guide/control.md.
+"""Prints how near networks lead a fluid to where it was: tables of docs/guide/control.md.
 
-`python -m tests.python.control.judged.in_depth FILE --network NAME.onnx` takes 50 reversed cases of each
-scenario and kind of sketch, from the validation seed 1000600 on, or those that `--seeds FIRST COUNT` names.
-Seeds whose fluid hardly moves are left out. FILE collects a JSON line for each run, so a network that is
-judged later does not repeat the runs of the other methods, and an interrupted call goes on.
+`python -m tests.python.control.judged.led_back FILE --network NAME.onnx` takes 50 reversed cases in 3D of
+each scenario and kind of sketch, from the validation seed 1000600 on, or those that `--seeds FIRST COUNT`
+names. Seeds whose fluid hardly moves are left out. FILE collects a JSON line for each run, so a network that
+is judged later does not repeat the runs of the other methods, and an interrupted call goes on.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridmpm.control import Following, Learned, ReversedCase, prepare, reversed_from_seed
+from hybridmpm.control import ControlNet, Following, Learned, ReversedCase, prepare, reversed_from_seed
 from hybridmpm.errors import SketchError
 
 RIVALS = ("constant", "analytic", "backcast")
@@ -39,7 +39,7 @@ def case_of(name: str, kind: Any, seed: int) -> ReversedCase | None:
     return case if np.linalg.norm(way) >= NEAREST else None
 
 
-def judged(case: ReversedCase, method: str | Learned) -> Row:
+def judged(case: ReversedCase, method: str | Learned | ControlNet) -> Row:
     """Return the final grid RMSE of a method, the time of its plan and first force, and what took over."""
     simulator = case.simulator()
     began = time.process_time()
@@ -75,29 +75,27 @@ def measured(file: Path, names: Sequence[str], seeds: tuple[int, int], methods: 
     return found
 
 
-def table(rows: Sequence[Row], learned: str) -> list[str]:
-    """Return the rows of the table: means, and the learned one over the better of analytic and backcast."""
-    lines = [
-        "| | " + " | ".join(RIVALS) + " | learned | over the better | than the better of a seed | better in "
-        "| over constant | handed over | first frame |"
-    ]
-    lines.append("|---" * (len(RIVALS) + 8) + "|")
+def table(rows: Sequence[Row], label: str) -> list[str]:
+    """Return the rows of the table: means, and the network's over the better of analytic and backcast."""
+    columns = ["", *RIVALS, "network", "over the better", "than the better of a seed", "better in"]
+    columns += ["over constant", "handed over", "first frame"]
+    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     for name, kind in dict.fromkeys((row["scenario"], row["kind"]) for row in rows):
         mine = [row for row in rows if (row["scenario"], row["kind"]) == (name, kind)]
         of = {
             method: np.array([row["error"] for row in mine if row["method"] == method])
-            for method in (*RIVALS, learned)
+            for method in (*RIVALS, label)
         }
-        own = [row for row in mine if row["method"] == learned]
+        own = [row for row in mine if row["method"] == label]
         best = np.minimum(of["analytic"], of["backcast"])
-        away = of[learned] - best
+        away = of[label] - best
         means = {method: error.mean() for method, error in of.items()}
-        ratio = means[learned] / min(means["analytic"], means["backcast"])
-        over = np.mean([row["used"] != "learned" for row in own])
+        ratio = means[label] / min(means["analytic"], means["backcast"])
+        over = np.mean([row["used"] == "analytic" for row in own])
         cells = [f"{name}, {kind}s ({len(best)})", *(f"{means[method]:.3f}" for method in RIVALS)]
-        cells += [f"{means[learned]:.3f}", f"{ratio:.3f}"]
+        cells += [f"{means[label]:.3f}", f"{ratio:.3f}"]
         cells += [f"{away.mean():+.3f} ± {away.std(ddof=1) / len(away) ** 0.5:.3f}"]
-        cells += [f"{100 * (away < 0).mean():.0f} %", f"{means[learned] / means['constant']:.3f}"]
+        cells += [f"{100 * (away < 0).mean():.0f} %", f"{means[label] / means['constant']:.3f}"]
         cells += [f"{100 * over:.0f} %", f"{np.median([row['first_ms'] for row in own]):.0f} ms"]
         lines.append("| " + " | ".join(cells) + " |")
     return lines
@@ -106,16 +104,14 @@ def table(rows: Sequence[Row], learned: str) -> list[str]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
-    parser.add_argument("--network", type=Path)
+    parser.add_argument("--method", choices=("learned", "controlnet"), default="learned")
+    parser.add_argument("--network", type=Path, help="the library's own if absent")
     parser.add_argument("--scenario", nargs="+", default=["water_3d", "sand_3d"])
     parser.add_argument("--seeds", nargs=2, type=int, default=SEEDS, metavar=("FIRST", "COUNT"))
     asked = parser.parse_args()
-    entrants: dict[str, Any] = {method: method for method in RIVALS}
-    label = "none"
-    if asked.network is not None:
-        digest = hashlib.sha256(asked.network.read_bytes()).hexdigest()[:8]
-        label = f"learned {digest}"
-        entrants[label] = Learned(str(asked.network))
-    measured_rows = measured(asked.file, asked.scenario, tuple(asked.seeds), entrants)
-    if asked.network is not None:
-        print("\n".join(table(measured_rows, label)))  # noqa: T201 - that is what it is for
+    digest = hashlib.sha256(asked.network.read_bytes()).hexdigest()[:8] if asked.network else "of the library"
+    network = None if asked.network is None else str(asked.network)
+    entrant = Learned(network) if asked.method == "learned" else ControlNet(network)
+    entrants: dict[str, Any] = {method: method for method in RIVALS} | {f"{asked.method} {digest}": entrant}
+    found = measured(asked.file, asked.scenario, tuple(asked.seeds), entrants)
+    print("\n".join(table(found, f"{asked.method} {digest}")))  # noqa: T201 - that is what it is for
