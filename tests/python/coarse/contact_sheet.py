@@ -1,6 +1,6 @@
-"""Draws docs/images/levels.png: the seven scenarios in full and by the coarse level 1/16, at three moments each.
+"""Draws docs/images/coarse.png: the seven scenarios in full and by the coarse level 1/16, at three moments each.
 
-`python -m tests.python.downsampling.contact_sheet docs/images/levels.png` writes it, always the same.
+`python -m tests.python.coarse.contact_sheet docs/images/coarse.png` writes it, always the same.
 """
 
 import sys

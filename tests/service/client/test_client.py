@@ -324,15 +324,12 @@ def test_no_service_and_no_answer_are_told_apart(service: Any) -> None:
         session.delete()
 
 
-def test_the_example_of_the_readme_runs(service: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    readme = Path(__file__).parents[3] / "README.md"
-    (example,) = [
-        block
-        for block in re.findall(r"```python\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
-        if "hybridmpm.client" in block
-    ]
+def test_the_example_of_the_interface_runs(service: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    page = Path(__file__).parents[3] / "docs" / "reference" / "http-api.md"
+    example, *_ = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     exec(example.replace("http://127.0.0.1:8000", f"http://{service.address}"), {})  # noqa: S102 - our own
-    said = capsys.readouterr().out
-    off = re.match(r"off by ([\d.e-]+) m;", said)
+    said = capsys.readouterr().out.split("\n")
+    off = re.match(r"off by ([\d.e-]+) m", said[0])
     assert off is not None, said
     assert float(off[1]) < 0.05
+    assert re.match(r"\d+ \(\d+, 2\)", said[1]), said
