@@ -7,7 +7,7 @@ an example of control whose true end is known, and `Oracle` follows it by the fo
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
 from hybridmpm.control.goal.needs import Needs, Obstruction
-from hybridmpm.control.guidance import Guidance, prepare
+from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
@@ -42,6 +42,7 @@ __all__ = [
     "Reached",
     "ReversedCase",
     "Sketch",
+    "SketchOptions",
     "Stroke",
     "Task",
     "classify_stroke",

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import EARTH, Floats
-from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.guidance import DEFAULT_CAP, DEFAULT_RESOLUTION, Guidance, prepare
+from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Floats32
 from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
@@ -214,50 +213,18 @@ def follow(
     sketch: Sketch,
     method: str | Method = "auto",
     *,
-    frames: int | None = None,
-    cap: float = DEFAULT_CAP,
-    strength: float = 1.0,
-    hold: int = 0,
-    fill: Fill = "even",
-    resolution: int = DEFAULT_RESOLUTION,
-    seed: int = 0,
     on_frame: Callable[[], object] | None = None,
+    **options: Unpack[SketchOptions],
 ) -> Following:
     """Let a simulator follow a sketch. It is advanced as the result is iterated, one frame a step.
 
-    `for frame in follow(simulator, sketch): ...` shows each frame as soon as it is there;
+    `for frame in follow(simulator, sketch): ...` shows each frame as soon as it is computed;
     `follow(simulator, sketch).run()` computes them all. A hybrid simulator follows by MPM, because of the
     force, and returns to the network afterwards by its own rules.
 
-    Parameters
-    ----------
-    simulator : Simulator
-        In the state that the sketch was drawn on.
-    sketch : Arrow or Ellipse
-    method : str or Method
-        "auto", "analytic", "constant", "backcast", "learned", "controlnet", "none" or a method of one's own.
-    frames, cap, strength, hold, fill, resolution, seed, on_frame : optional
-        As for `prepare`.
-
-    Raises
-    ------
-    ConfigError, SketchError, SimulationError
-        As `prepare`; nothing has moved then.
+    Parameters, including `options`, and errors are those of `prepare`.
     """
-    guidance = prepare(
-        simulator,
-        sketch,
-        method=method,
-        frames=frames,
-        cap=cap,
-        strength=strength,
-        hold=hold,
-        fill=fill,
-        resolution=resolution,
-        seed=seed,
-        on_frame=on_frame,
-    )
-    return Following(simulator, guidance)
+    return Following(simulator, prepare(simulator, sketch, method, on_frame=on_frame, **options))
 
 
 def resume(simulator: Simulator, data: bytes) -> Following:

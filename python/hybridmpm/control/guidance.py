@@ -4,7 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -171,11 +171,23 @@ def _recalled_goal(tree: dict[str, Any], scene: Scene) -> Goal:
     )
 
 
+class SketchOptions(TypedDict, total=False):
+    """Options of a sketch, keyword arguments of `prepare` and `follow`; `prepare` documents them."""
+
+    frames: int | None
+    cap: float
+    strength: float
+    hold: int
+    fill: Fill
+    resolution: int
+    seed: int
+
+
 def prepare(
     simulator: Simulator,
     sketch: Sketch,
-    *,
     method: str | Method = "auto",
+    *,
     frames: int | None = None,
     cap: float = DEFAULT_CAP,
     strength: float = 1.0,
@@ -186,19 +198,19 @@ def prepare(
     most: int = 2 * MAX_FRAMES,
     on_frame: Callable[[], object] | None = None,
 ) -> Guidance:
-    """Understand a sketch and plan how to follow it, from the present state. Nothing moves.
+    """Interpret a sketch and plan the motion from the current state; the simulator does not advance.
 
-    An oval asks the fluid to fill the part of it that no wall or obstacle takes, evenly. Where that part is
-    smaller than the fluid at rest, the oval is grown, in the same shape, until it is as large. An arrow asks
-    the centre of mass to go along it, from where it is, in the way that takes the least acceleration; the
-    shape is carried along, or, where there is no room for it at the tip, becomes a disc around the tip. In 3D
-    stroke widths give the depth; the third semi-axis of an oval is the geometric mean of the other two.
+    The fluid is to fill the part of an oval that no wall or obstacle takes, evenly. Where that part is
+    smaller than the fluid at rest, the oval is enlarged, in the same shape, until it is as large. Along an
+    arrow the centre of mass is to go, from where it is, with the least acceleration; the fluid keeps its
+    shape, or, where there is no room for it at the tip, becomes a disc around the tip. In 3D stroke widths
+    give the depth; the third semi-axis of an oval is the geometric mean of the other two.
 
     Parameters
     ----------
     simulator : Simulator
         In the state that the sketch was drawn on; it does not change. The particles that are there now are
-        steered, those that emitters add later are not. Obstacles that move are taken where they are now.
+        steered, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
     sketch : Arrow or Ellipse
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
@@ -214,8 +226,8 @@ def prepare(
     hold : int in [0, 10000]
         Number of frames for which the goal is kept after it was reached.
     fill : "even" or "shrink"
-        What becomes of an oval larger than the fluid: it is filled evenly, which may tear water into
-        filaments, or shrunk to the fluid's volume.
+        Filling of an oval larger than the fluid: evenly, which may tear water into filaments, or shrunk to
+        the fluid's volume.
     resolution : int in [0, 256]
         Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
     seed : int in [0, 2**32)
@@ -223,8 +235,8 @@ def prepare(
     most : int in [hold + 1, 20000]
         Largest number of frames, those of `hold` among them, that is chosen where `frames` is not given.
     on_frame : callable, optional
-        Called before each frame of a trial. What it raises ends the planning, except that a SimulationError
-        only ends the trial.
+        Called before each frame of a trial. An exception that it raises ends the planning, except that a
+        SimulationError only ends the trial.
 
     Raises
     ------
