@@ -74,7 +74,7 @@ def look_at(simulator: Simulator) -> list[float]:
 
 def _filled(problem: Problem) -> Trial:
     goal = _goal(problem, problem.sketch)
-    places = goal.ways.places
+    places = goal.paths.places
     figures = _end_states(problem, goal).measure(places, places)
     return Trial(_row(problem, FILLED, figures), [], places, goal)
 

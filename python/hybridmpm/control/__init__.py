@@ -12,7 +12,7 @@ from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
 from hybridmpm.control.methods.learned.plan import Learned
-from hybridmpm.control.methods.method import HandOver, Method, Task
+from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.methods.oracle import Oracle
 from hybridmpm.control.push import Push, push
 from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
@@ -20,7 +20,7 @@ from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
-from hybridmpm.control.trajectory import ControlledTrajectory, Reached
+from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 
 __all__ = [
     "METHODS",
@@ -29,9 +29,9 @@ __all__ = [
     "ControlledFrame",
     "ControlledTrajectory",
     "Ellipse",
+    "FallBack",
     "Following",
     "Guidance",
-    "HandOver",
     "Law",
     "Learned",
     "Method",
@@ -39,10 +39,10 @@ __all__ = [
     "Obstruction",
     "Oracle",
     "Push",
-    "Reached",
     "ReversedCase",
     "Sketch",
     "SketchOptions",
+    "SketchResult",
     "Stroke",
     "Task",
     "classify_stroke",

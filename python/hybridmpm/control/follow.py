@@ -12,7 +12,7 @@ from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Floats32
 from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
-from hybridmpm.control.trajectory import ControlledTrajectory, Ending, Reached
+from hybridmpm.control.trajectory import ControlledTrajectory, Ending, SketchResult
 from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 
@@ -184,7 +184,7 @@ class Following(Iterator[ControlledFrame]):
             ending=ending,
         )
 
-    def _reached(self, positions: Floats32, centroids: Floats) -> Reached:
+    def _reached(self, positions: Floats32, centroids: Floats) -> SketchResult:
         goal, guidance = self.guidance.goal, self.guidance
         weight = goal.cloud.weight
         end = min(max(guidance.first_frame + guidance.frames - self._start, 0), len(positions) - 1)
@@ -199,7 +199,7 @@ class Following(Iterator[ControlledFrame]):
             for one in self._forces
         ]
         largest = [float((one**2).sum(axis=-1).max()) for one in self._forces]
-        return Reached(
+        return SketchResult(
             inside=share(goal.inside(x[there])),
             inside_drawn=share(goal.inside_drawn(x[there])),
             miss=float(np.linalg.norm(centroids[end] - goal.path[-1])),

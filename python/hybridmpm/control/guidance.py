@@ -15,12 +15,12 @@ from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal, goal_of
 from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill, Region
 from hybridmpm.control.goal.room import Room
-from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Floats32, Law, OfIds, recalled, remembered
 from hybridmpm.control.methods.choice import METHODS, chosen
-from hybridmpm.control.methods.method import HandOver, Method, Task
+from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
@@ -51,7 +51,7 @@ class Guidance:
     method: str
     """Name of the method that made the law."""
     reason: str
-    """Why this method; of a method that handed the task over to analytic control, why it did."""
+    """Reason for this method, or for falling back to analytic control."""
     frames: int
     """Number of frames in which the goal is to be reached."""
     hold: int
@@ -106,7 +106,7 @@ class Guidance:
                 for name, value in sketch.items()
             },
             "cloud": vars(goal.cloud),
-            "ways": vars(goal.ways),
+            "ways": vars(goal.paths),
             "path": goal.path,
             "drawn": None if goal.drawn is None else vars(goal.drawn),
             "region": None
@@ -162,7 +162,7 @@ def _recalled_goal(tree: dict[str, Any], scene: Scene) -> Goal:
         sketch=kinds[tree["kind"]](**tree["sketch"]),
         cloud=cloud,
         room=room,
-        ways=Ways(**tree["ways"]),
+        paths=Paths(**tree["ways"]),
         path=tree["path"],
         drawn=None if tree["drawn"] is None else Oval(**tree["drawn"]),
         region=None
@@ -278,8 +278,8 @@ def prepare(
     )
     try:
         law = planner.plan(simulator, task)
-    except HandOver as why:
-        reason = f"{planner.name} handed over: {why}"
+    except FallBack as why:
+        reason = f"{planner.name} falls back to analytic: {why}"
         planner = METHODS["analytic"]
         law = planner.plan(simulator, task)
     return Guidance(

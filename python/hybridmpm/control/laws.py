@@ -10,8 +10,8 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm.control.diffusion.law import Diffused
 from hybridmpm.control.goal.cloud import Cloud
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES, Motion
 from hybridmpm.control.goal.room import RoomGrid
-from hybridmpm.control.goal.ways import SHORTEST_FRAMES, Motion
 from hybridmpm.control.reversal.retrace import Retraced
 from hybridmpm.errors import SnapshotError
 from hybridmpm.simulator import Simulator
@@ -70,7 +70,7 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """The force that keeps particles on timed ways, from where they really are; see `_core.Tracks`."""
+    """The force that keeps particles on timed paths, from where they really are; see `_core.Tracks`."""
 
     name: ClassVar[str] = "tracked"
     ids: npt.NDArray[np.uint64]
@@ -101,20 +101,20 @@ class Tracked:
         grid: RoomGrid | None,
     ) -> "Tracked":
         """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_core.Tracks` takes them."""
-        ways = motion.ways
+        paths = motion.paths
         times = motion.times.astype(np.float32)
         # Corners in one place are passed at times that float32 cannot tell apart.
         alike = 1 + np.flatnonzero(np.diff(times) == 0)
-        for index in np.setdiff1d(alike, ways.starts):
+        for index in np.setdiff1d(alike, paths.starts):
             times[index] = np.nextafter(times[index - 1], np.float32(np.inf))
         return cls(
             ids=cloud.ids,
-            starts=ways.starts,
+            starts=paths.starts,
             times=times,
-            x=ways.corners.astype(np.float32),
+            x=paths.corners.astype(np.float32),
             v=motion.v.astype(np.float32),
-            path=ways.group,
-            offset=ways.offset.astype(np.float32),
+            path=paths.group,
+            offset=paths.offset.astype(np.float32),
             weight=cloud.weight.astype(np.float32),
             gravity=cloud.gravity.astype(np.float32),
             frame_dt=cloud.frame_dt,

@@ -16,7 +16,7 @@ _MISS = 0.01
 
 
 @dataclass(frozen=True)
-class Reached:
+class SketchResult:
     """How near the particles that were there at the start came to the goal."""
 
     inside: float | None
@@ -70,7 +70,7 @@ class ControlledTrajectory:
     """Centre of mass at the start and after each frame, (T + 1, D) [m]."""
     first_frame: int
     """Frame number of the simulator at the start."""
-    reached: Reached
+    reached: SketchResult
     """How near the goal is."""
     ending: Ending
     """How it ended."""

@@ -209,8 +209,8 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
 
 def test_all_subcommands_are_listed_completed_and_guessed() -> None:
     names = [
-        "check", "control", "dataset", "doctor", "export", "fit", "plan", "scenarios", "schema",
-        "serve", "simulate", "train", "validate",
+        "calibrate", "check", "control", "dataset", "doctor", "export", "plan", "scenarios", "schema",
+        "serve", "simulate", "train",
     ]  # fmt: skip
     listed = run("--help").stdout.partition("Commands:\n")[2].splitlines()
     assert [line.split()[0] for line in listed] == names

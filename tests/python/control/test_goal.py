@@ -1,4 +1,4 @@
-"""What a sketch asks for: places for all particles, ways to them, and what these take."""
+"""What a sketch asks for: places for all particles, paths to them, and what these take."""
 
 import itertools
 from typing import Any
@@ -41,7 +41,7 @@ def _oval(x: float, y: float, a: float = 0.1, b: float = 0.075, **more: Any) -> 
 def test_every_particle_gets_a_place_of_its_own_in_the_oval(dim: int) -> None:
     solver = _solver(dim)
     goal = prepare(solver, _oval(0.6, 0.6)).goal
-    places = goal.ways.places
+    places = goal.paths.places
     assert places.shape == (solver.particle_count, dim)
     assert len(np.unique(places, axis=0)) == len(places)
     inside = goal.inside(places)
@@ -74,7 +74,7 @@ def test_an_oval_smaller_than_the_fluid_is_grown_in_the_same_shape() -> None:
         np.sqrt(1.03 * guidance.goal.cloud.volume / (np.pi * 0.05 * 0.04)), rel=0.01
     )
     assert f"grown to {needs.scale:.2f} times" in str(needs)
-    places = guidance.goal.ways.places
+    places = guidance.goal.paths.places
     drawn = guidance.goal.inside_drawn(places)
     assert drawn is not None
     assert drawn.mean() == pytest.approx(needs.scale**-2, abs=0.02)
@@ -92,18 +92,18 @@ def test_an_oval_larger_than_the_fluid_is_filled_or_shrunk() -> None:
     assert filled.needs().scale == 1
     room = 1.03 * shrunk.goal.cloud.volume
     assert shrunk.needs().scale == pytest.approx(np.sqrt(room / (np.pi * 0.2 * 0.15)), rel=0.01)
-    spread = [guidance.goal.ways.places.std(axis=0).max() for guidance in (filled, shrunk)]
+    spread = [guidance.goal.paths.places.std(axis=0).max() for guidance in (filled, shrunk)]
     assert spread[1] == pytest.approx(spread[0] * shrunk.needs().scale, rel=0.02)
 
 
 def test_walls_and_obstacles_take_their_part_of_the_oval() -> None:
     obstacle = BoxObstacle(lower=(0.6, 0.1), upper=(0.9, 0.4))
     guidance = prepare(_solver(obstacles=[obstacle]), _oval(0.62, 0.45, 0.15, 0.15))
-    places = guidance.goal.ways.places
+    places = guidance.goal.paths.places
     assert not ((places > [0.6, 0.1]) & (places < [0.9, 0.4])).all(axis=1).any()
     assert guidance.needs().taken == pytest.approx(0.22, abs=0.06)
     beyond = prepare(_solver(), _oval(0.9, 0.5, 0.1, 0.1))
-    assert beyond.goal.ways.places[:, 0].max() <= 0.9
+    assert beyond.goal.paths.places[:, 0].max() <= 0.9
     assert beyond.needs().taken == pytest.approx(0.5, abs=0.05)
     assert beyond.needs().scale > 1
 
@@ -111,13 +111,13 @@ def test_walls_and_obstacles_take_their_part_of_the_oval() -> None:
 def test_ways_lead_around_obstacles() -> None:
     ramp = SegmentObstacle(start=(0.1, 0.45), end=(0.7, 0.45), thickness=0.04)
     goal = prepare(_solver(obstacles=[ramp]), _oval(0.3, 0.7)).goal
-    corners, starts = goal.ways.corners, goal.ways.starts
+    corners, starts = goal.paths.corners, goal.paths.starts
     assert (np.diff(starts) > 2).all()
     for first, last in itertools.pairwise(starts):
         way = corners[first:last]
         crossing = way[np.argmax(way[:, 0])]
         assert crossing[0] > 0.7
-    assert not goal.ways.cut_off.any()
+    assert not goal.paths.cut_off.any()
 
 
 def test_a_goal_behind_an_obstacle_is_aimed_at_early_if_the_cap_allows() -> None:
@@ -184,7 +184,7 @@ def test_nothing_moves_and_equal_input_gives_equal_plans() -> None:
     before = solver.snapshot()
     first, second = (prepare(solver, _oval(0.6, 0.6)) for _ in range(2))
     assert solver.snapshot() == before
-    assert np.array_equal(first.goal.ways.places, second.goal.ways.places)
+    assert np.array_equal(first.goal.paths.places, second.goal.paths.places)
 
 
 @pytest.mark.parametrize("center", [(0.05, 0.05), (0.75, 0.25)])
@@ -196,7 +196,7 @@ def test_an_oval_without_a_free_part_is_refused(center: tuple[float, float]) -> 
 
 def test_an_oval_far_smaller_than_a_particle_is_grown_too() -> None:
     goal = prepare(_solver(), _oval(0.5, 0.5, 2 / 512, 2 / 512)).goal
-    np.testing.assert_allclose(goal.ways.places.mean(axis=0), [0.5, 0.5], atol=3e-3)
+    np.testing.assert_allclose(goal.paths.places.mean(axis=0), [0.5, 0.5], atol=3e-3)
 
 
 _HARD = [
@@ -272,9 +272,9 @@ def test_an_arrow_carries_the_shape_along() -> None:
     solver = _solver()
     goal = prepare(solver, Arrow(np.array([[0.3, 0.3], [0.6, 0.5]]))).goal
     np.testing.assert_allclose(
-        goal.ways.places - solver.positions, np.tile([0.3, 0.2], (len(goal.cloud.x), 1))
+        goal.paths.places - solver.positions, np.tile([0.3, 0.2], (len(goal.cloud.x), 1))
     )
-    assert goal.inside(goal.ways.places) is None
+    assert goal.inside(goal.paths.places) is None
 
 
 def test_a_shape_without_room_at_the_tip_becomes_a_disc_around_it() -> None:
@@ -283,10 +283,10 @@ def test_a_shape_without_room_at_the_tip_becomes_a_disc_around_it() -> None:
     )
     goal = prepare(pool, Arrow(np.array([[0.5, 0.2], [0.6, 0.5]]))).goal
     np.testing.assert_allclose(
-        goal.ways.places.mean(axis=0), np.add(pool.positions.mean(axis=0), [0.1, 0.3]), atol=0.01
+        goal.paths.places.mean(axis=0), np.add(pool.positions.mean(axis=0), [0.1, 0.3]), atol=0.01
     )
-    assert goal.ways.places[:, 0].max() < 0.9
-    inside = goal.inside(goal.ways.places)
+    assert goal.paths.places[:, 0].max() < 0.9
+    inside = goal.inside(goal.paths.places)
     assert inside is not None
     assert inside.all()
 
@@ -296,14 +296,14 @@ def test_an_arrow_out_of_the_room_is_told() -> None:
         Scene(dim=2, resolution=64, bodies=[Ball(center=(0.8, 0.8), radius=0.05, material="water")])
     )
     guidance = prepare(solver, Arrow(np.array([[0.1, 0.1], [0.9, 0.9]])))
-    assert guidance.goal.ways.places.max() <= 0.9
+    assert guidance.goal.paths.places.max() <= 0.9
     assert [one.reason for one in guidance.needs().obstructions] == ["wall"]
 
 
 def test_depth_comes_from_widths() -> None:
     solver = _solver(3)
     oval = prepare(solver, _oval(0.6, 0.6, width=11.0)).goal
-    np.testing.assert_allclose(oval.ways.places.mean(axis=0), [0.6, 0.6, 0.5], atol=5e-3)
+    np.testing.assert_allclose(oval.paths.places.mean(axis=0), [0.6, 0.6, 0.5], atol=5e-3)
     drawn = oval.drawn
     assert drawn is not None
     assert drawn.axes[2] == pytest.approx(np.sqrt(0.1 * 0.075))

@@ -8,7 +8,7 @@ import pytest
 from tests.service.conftest import SMALL_SCENE
 
 from hybridmpm import MpmSolver, Scene
-from hybridmpm.control import Arrow, ControlledTrajectory, Reached, render_png
+from hybridmpm.control import Arrow, ControlledTrajectory, SketchResult, render_png
 from hybridmpm_service.http.sketches.answers import trajectory_arrays
 
 NPZ = {"Accept": "application/x-npz"}
@@ -92,7 +92,7 @@ def test_a_force_that_changes_is_thinned_as_the_positions_are() -> None:
         displacement=np.zeros(2),
         centroids=np.zeros((8, 2)),
         first_frame=0,
-        reached=Reached(inside=None, inside_drawn=None, miss=0.0, rms=0.0, peak=0.0),
+        reached=SketchResult(inside=None, inside_drawn=None, miss=0.0, rms=0.0, peak=0.0),
         ending="done",
     )
     assert trajectory_arrays(motion, 3)["frame_indices"].tolist() == [0, 3, 6, 7]

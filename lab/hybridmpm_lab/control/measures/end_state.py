@@ -34,7 +34,7 @@ class EndStates:
     @property
     def target(self) -> npt.NDArray[np.floating]:
         """Where the particles are to be: as in truth, or where the sketch wants them."""
-        return self.goal.ways.places if self.truth is None else self.truth
+        return self.goal.paths.places if self.truth is None else self.truth
 
     def measure(self, x: npt.NDArray[np.floating], later: npt.NDArray[np.floating] | None) -> Row:
         """Measure positions at the end (N, D), and the mass inside of the goal some frames later.

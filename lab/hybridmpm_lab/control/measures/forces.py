@@ -46,22 +46,22 @@ def fine_share(positions: _Floats32, forces: Sequence[_Floats32], weight: Floats
 
 
 def least_force(goal: Goal, frames: int) -> Row:
-    """Return the least-force bound of free bodies on straight ways to their places, at rest in the end.
+    """Return the least-force bound of free bodies on straight paths to their places, at rest in the end.
 
     A group with displacement d and velocity u at the start, and T seconds, needs accelerations besides
     gravity that fall linearly from a_0 = 6 d / T^2 - 4 u / T - g to a_1 = -6 d / T^2 + 2 u / T - g. `bound_g`
     is the root of the mass-weighted mean of (|a_0|^2 + a_0 . a_1 + |a_1|^2) / 3, `bound_peak_g` the largest
     of |a_0| and |a_1|, in g = 9.81 m/s^2.
     """
-    ways, cloud = goal.ways, goal.cloud
+    paths, cloud = goal.paths, goal.cloud
     seconds = frames * cloud.frame_dt
-    way = ways.corners[ways.starts[1:] - 1] - ways.corners[ways.starts[:-1]]
-    first = 6 * way / seconds**2 - 4 * ways.velocity / seconds - cloud.gravity
-    last = -6 * way / seconds**2 + 2 * ways.velocity / seconds - cloud.gravity
+    way = paths.corners[paths.starts[1:] - 1] - paths.corners[paths.starts[:-1]]
+    first = 6 * way / seconds**2 - 4 * paths.velocity / seconds - cloud.gravity
+    last = -6 * way / seconds**2 + 2 * paths.velocity / seconds - cloud.gravity
     square = ((first**2 + first * last + last**2) / 3).sum(axis=1)
     peak = max(float((end**2).sum(axis=1).max()) for end in (first, last))
     return {
-        "bound_g": float(np.sqrt(ways.weight @ square)) / EARTH,
+        "bound_g": float(np.sqrt(paths.weight @ square)) / EARTH,
         "bound_peak_g": float(np.sqrt(peak)) / EARTH,
     }
 

@@ -132,7 +132,7 @@ def _line(case: Case, entrants: Sequence[Entrant]) -> Line:
             continue  # that is the target
         trial = run(ready, entrant)
         if target is None:
-            target = trial.goal.ways.places.astype(np.float32)
+            target = trial.goal.paths.places.astype(np.float32)
         picture = drawn(nowhere if trial.end is None else trial.end)
         pictures.append((f"{entrant.name}: {_figure(trial, case.family)}", picture))
     if target is not None:

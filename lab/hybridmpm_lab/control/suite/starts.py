@@ -12,7 +12,7 @@ import numpy.typing as npt
 from hybridmpm import scenarios
 from hybridmpm.control import Arrow, Ellipse, Sketch, parse_png, render_png
 from hybridmpm.control.goal.room import Room
-from hybridmpm.control.sketch.hand import draw_by_hand, random_hand
+from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.scene import BallObstacle, Box, BoxObstacle, Polygon, Scene, SegmentObstacle
 
 _Floats = npt.NDArray[np.float64]
@@ -143,7 +143,7 @@ def _by_hand(draw: _Drawing, kind: str) -> Start:
         tail = rng.uniform([0.35, 0.2], [0.65, 0.35])
         tip = tail + rng.uniform([-0.2, 0.2], [0.2, 0.34])
         meant = Arrow(np.linspace(tail, tip, 40))
-    _, picture = draw_by_hand(meant, random_hand(rng, meant.kind), rng)
+    _, picture = distort(meant, random_hand(rng, meant.kind), rng)
     return Start(start.scene, start.frame, parse_png(render_png(picture)), meant)
 
 

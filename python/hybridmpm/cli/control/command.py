@@ -1,4 +1,4 @@
-"""`hybridmpm control`: lead a scene along a sketch, and write what comes of it."""
+"""`hybridmpm control`: let a scene follow a sketch, and write the result to files."""
 
 import json
 from pathlib import Path
@@ -9,8 +9,8 @@ import numpy as np
 
 from hybridmpm import export, scenarios, simulators
 from hybridmpm._support.files import replacing
-from hybridmpm.cli.control.film import StoryView
-from hybridmpm.cli.control.story import Story, run
+from hybridmpm.cli.control.film import ControlFilm
+from hybridmpm.cli.control.run import ControlRun, run_control
 from hybridmpm.cli.options import (
     check_targets,
     model_option,
@@ -39,14 +39,14 @@ from hybridmpm.simulator import Kind, Simulator
     type=click.IntRange(0, 1_000_000),
     default=0,
     show_default=True,
-    help="Number of frames that are simulated before the sketch begins.",
+    help="Number of frames before the sketch is followed.",
 )
 @click.option(
     "--after",
     type=click.IntRange(0, 1_000_000),
     default=0,
     show_default=True,
-    help="Number of frames that are simulated after those of the sketch, without it.",
+    help="Number of frames after those of the sketch, without force.",
 )
 @solver_option
 @model_option
@@ -62,7 +62,7 @@ from hybridmpm.simulator import Kind, Simulator
     type=click.Choice(["auto", *METHODS]),
     default="auto",
     show_default=True,
-    help="Way to follow the sketch: guidance without weights (analytic), the paper's constant force "
+    help="Method of following the sketch: guidance without weights (analytic), the paper's constant force "
     "(constant), towards where the fluid may have come from (backcast), "
     "towards where a network says that it may have come from (learned), the "
     "paper's generated forces (controlnet), or no force (none).",
@@ -91,7 +91,7 @@ from hybridmpm.simulator import Kind, Simulator
     type=click.Choice(get_args(Fill)),
     default="even",
     show_default=True,
-    help="What becomes of an oval larger than the fluid: it is filled evenly (even), or shrunk to the "
+    help="Filling of an oval larger than the fluid: evenly (even), or after it is shrunk to the "
     "fluid's volume (shrink).",
 )
 @threads_option
@@ -116,32 +116,32 @@ def control(
     speed: float,
     **settings: Any,
 ) -> None:
-    """Lead SCENE, a scenario or a scene file, along a sketch.
+    """Let SCENE, a scenario or a scene file, follow a sketch.
 
     The sketch is a PNG of a red arrow or a green outline on white, or a JSON file such as {"strokes":
     [{"points": [[0.3, 0.3], [0.6, 0.5]], "kind": "arrow"}]} with points in metres.
 
-    Tells what the sketch needs and what was reached, and with --solver hybrid who simulated which frames, and
-    why. The exit status is 1 where the goal is not reached.
+    Prints the acceleration that the sketch needs and the goal that was reached; with --solver hybrid also the
+    simulator of each frame, and why. The exit status is 1 if the goal is not reached.
 
-    The suffix of each --out FILE decides its content, from the first frame to the last: .npz has positions,
-    forces and who simulated, .gif or .mp4 a film with the sketch in it, .png a picture of the last state,
-    .ply or .vtp the particles of the last state.
+    The suffix of each --out FILE decides its content: .npz has positions, forces and simulators of all
+    frames, .gif or .mp4 a film with the sketch, .png a picture of the last state, .ply or .vtp the particles
+    of the last state.
     """
     style = export.Style(width=width, speed=speed)
     check_targets(targets)
     sketch = _sketch(sketch_file)
     simulator = _simulator(scene, seed, kind, model, threads)
     network = "free fall" if model == ZERO else "the network"
-    story = run(
-        simulator, sketch, start=start, after=after, network=network, tell=click.echo, settings=settings
+    run = run_control(
+        simulator, sketch, start=start, after=after, network=network, report=click.echo, settings=settings
     )
-    if story.log:
-        for line in story.told():
+    if run.log:
+        for line in run.summary():
             click.echo(line)
     for target in targets:
-        _write(target, story, style)
-    if not story.led.reached.goal:
+        _write(target, run, style)
+    if not run.led.reached.goal:
         ctx.exit(1)
 
 
@@ -162,7 +162,7 @@ def _scene(name: str) -> Scene:
 
 
 def _sketch(file: Path) -> Sketch:
-    """Read a sketch.
+    """Return the sketch in a file.
 
     Raises
     ------
@@ -184,8 +184,8 @@ def _sketch(file: Path) -> Sketch:
         raise SketchError(f"{file}: {error}") from error
 
 
-def _write(target: Path, story: Story, style: export.Style) -> None:
-    recording, led = story.recording, story.led
+def _write(target: Path, run: ControlRun, style: export.Style) -> None:
+    recording, led = run.recording, run.led
     if target.suffix == ".npz":
         arrays = {name: getattr(led, name) for name in ("force", "mean_force", "centroids", "displacement")}
         with replacing(target) as part, part.open("wb") as file:
@@ -194,14 +194,14 @@ def _write(target: Path, story: Story, style: export.Style) -> None:
                 ids=recording.ids,
                 frames=recording.frames,
                 positions=recording.positions,
-                simulated_by=np.array(story.simulated_by),
-                first_frame=story.first,
+                simulated_by=np.array(run.simulated_by),
+                first_frame=run.first,
                 force_ids=led.ids,
                 **arrays,
             )
         click.echo(f"wrote {target}")
         return
-    view = None if target.suffix in {".ply", ".vtp"} else StoryView(story, style.width)
+    view = None if target.suffix in {".ply", ".vtp"} else ControlFilm(run, style.width)
     with progress(f"Writing {target.name}", CountedProgress.STEPS) as bar:
         files = export.save(target, recording, style, view=view, on_progress=CountedProgress(bar))
         bar.finish()

@@ -1,44 +1,44 @@
-"""Pictures of a run with a sketch in it: the sketch as a ghost, and a caption that says who simulates."""
+"""Pictures of a run with a sketch: the sketch over the particles, and a caption with the simulator."""
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from hybridmpm.cli.control.story import Story
+from hybridmpm.cli.control.run import ControlRun
 from hybridmpm.control.sketch.render import render
 from hybridmpm.export.ink import Picture, empty_front, with_ink
 from hybridmpm.render import view_of
 
 _COLOURS = {"mpm": (255, 209, 102), "neural": (88, 185, 255)}
-"""Colours of who simulates; those of the page."""
+"""Colours of MPM and network, as on the page."""
 _TEXT, _SHADE = (232, 238, 246), (10, 15, 22)
 _GHOST = 0.85
-"""How much of what lies below the sketch is hidden."""
+"""Opacity of the sketch."""
 _LINES = 24
 """Lines of text that a picture is high."""
 _INSET = 0.22
 """Width of the front view within a picture of a 3D scene."""
 
 
-class StoryView:
-    """Draws states of a run; has the surface of `hybridmpm.render.View`.
+class ControlFilm:
+    """Draws states of a run, as a `hybridmpm.render.View` does.
 
-    The sketch is there from the frame in which it was drawn to the last that it leads. In 3D it lies on a
-    small front view in a corner.
+    The sketch is visible from the frame at which it was drawn to the last frame that it leads.
+    In 3D it lies on a small front view in a corner.
 
     Parameters
     ----------
-    story : Story
+    run : ControlRun
     width : int in [64, 4096]
         Width of the pictures [pixels].
     """
 
-    def __init__(self, story: Story, width: int) -> None:
-        recording = story.recording
-        self._story, self._walls = story, recording.scene.walls
+    def __init__(self, run: ControlRun, width: int) -> None:
+        recording = run.recording
+        self._run, self._walls = run, recording.scene.walls
         self._view = view_of(recording.scene, recording.types, width, recording.spacing)
-        self._raster = render(story.guidance.sketch)
-        self._by = story.simulated_by
+        self._raster = render(run.guidance.sketch)
+        self._by = run.simulated_by
         self._frame_dt = recording.scene.frame_dt
         self._is_flat = recording.scene.dim == 2
 
@@ -48,7 +48,7 @@ class StoryView:
         """Draw particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]; see `View.draw`."""
         picture = self._view.draw(x, v, time)
         frame = round(time / self._frame_dt)
-        if self._story.first <= frame <= self._story.last:
+        if self._run.first <= frame <= self._run.last:
             picture = self._with_sketch(picture)
         return self._with_caption(picture, frame)
 
@@ -63,10 +63,10 @@ class StoryView:
     def _with_caption(self, picture: Picture, frame: int) -> Picture:
         line = picture.shape[0] / _LINES
         font = ImageFont.load_default(size=max(8.0, 0.75 * line))
-        # The state of a frame is the work of whoever simulated it; the first one is nobody's.
+        # Frame 0 is the initial state; its caption names the simulator of frame 1.
         by = self._by[max(frame, 1) - 1]
-        led = self._story.first < frame <= self._story.last
-        name = self._story.name(by)
+        led = self._run.first < frame <= self._run.last
+        name = self._run.name(by)
         text = f"{name}, led by the sketch" if led else name
         image = Image.fromarray(picture)
         pen = ImageDraw.Draw(image)

@@ -11,7 +11,7 @@ from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.diffusion.samplers import Solver
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import fitted_in_view
-from hybridmpm.control.goal.ways import SHORTEST_FRAMES
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.simulator import Simulator
 
 

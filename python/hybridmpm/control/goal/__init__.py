@@ -1,1 +1,1 @@
-"""What a sketch asks for: places for all particles, the ways there, and what these take."""
+"""What a sketch asks for: places for all particles, the paths there, and what these take."""

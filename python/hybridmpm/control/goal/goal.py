@@ -10,9 +10,9 @@ from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.path import arrow_path
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill, Region, region_of
 from hybridmpm.control.goal.room import Room
-from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.sketch.sketch import Arrow, Sketch
 from hybridmpm.scene import Scene
 
@@ -27,12 +27,12 @@ _PARTS = 6
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Places for N particles and the ways there."""
+    """Places for N particles and the paths there."""
 
     sketch: Sketch
     cloud: Cloud
     room: Room
-    ways: Ways
+    paths: Paths
     path: Floats
     """Way that the centre of mass is to go (K, D) [m], from where it is."""
     drawn: Oval | None
@@ -49,7 +49,9 @@ class Goal:
     def leads_around(self) -> bool:
         """Whether obstacles are in the way of particles that fill a region."""
         return (
-            self.region is not None and not self.ways.together and bool((np.diff(self.ways.starts) > 2).any())
+            self.region is not None
+            and not self.paths.together
+            and bool((np.diff(self.paths.starts) > 2).any())
         )
 
     def end(self) -> tuple[Floats, Floats | None]:
@@ -97,7 +99,7 @@ class Goal:
         """
         easy = min((1 + cap) / 2, _EASE)
         frames = 100
-        # Ways that are slowed down are not timed as well as ways that are timed anew, but nearly.
+        # Paths that are slowed down are not timed as well as paths that are timed anew, but nearly.
         for _ in range(2):
             frames = self._fewest_frames(easy, frames) or int(_LADDER[-1])
         return frames
@@ -105,9 +107,9 @@ class Goal:
     def _fewest_frames(self, acceleration: float, known: int) -> int | None:
         """Return the fewest frames that take at most an acceleration [g]; None if that many are too few.
 
-        It is exact near `known` frames, and everywhere if all ways are straight.
+        It is exact near `known` frames, and everywhere if all paths are straight.
         """
-        motion = self.ways.timed(known * self.cloud.frame_dt)
+        motion = self.paths.timed(known * self.cloud.frame_dt)
         for frames in np.array_split(_LADDER, _PARTS):
             enough = motion.slowed(frames / known, self.cloud.gravity) <= acceleration
             if enough.any():
@@ -118,7 +120,7 @@ class Goal:
         """Return what the goal takes in a number of frames, the suggested one if None, under a cap [g]."""
         suggested = self.suggested_frames(cap)
         frames = suggested if frames is None else frames
-        effort = self.ways.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
+        effort = self.paths.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
         obstructions = list(self._closed_in())
         if effort.acceleration > cap:
             obstructions.append(self._too_weak(frames, effort.acceleration, cap))
@@ -143,7 +145,7 @@ class Goal:
                     "wall", f"there is room for {100 * share:.0f} % of the fluid only: use less of it"
                 )
             )
-        cut_off = float(self.ways.weight @ self.ways.cut_off)
+        cut_off = float(self.paths.weight @ self.paths.cut_off)
         if cut_off > 0:
             text = f"obstacles leave no way there for {100 * cut_off:.0f} % of the fluid"
             found.append(Obstruction("obstacle", f"{text}: draw the goal on its side of them"))
@@ -180,11 +182,11 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
     region = region_of(oval, room, volume=cloud.volume, particles=len(cloud.x), fill=fill)
     grid = room.grid()
     found = _core.match_to_region(cloud.x, region.cells, None if grid is None else grid.space)
-    ways = Ways.of_groups(
+    paths = Paths.of_groups(
         cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
     )
-    path = np.stack([cloud.centroid, cloud.weight @ ways.places])
-    return Goal(sketch, cloud, room, ways, path, oval, region)
+    path = np.stack([cloud.centroid, cloud.weight @ paths.places])
+    return Goal(sketch, cloud, room, paths, path, oval, region)
 
 
 def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
@@ -195,13 +197,13 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
         starts = np.array([0, len(path)], dtype=np.uint32)
         # What sticks out a little is kept within the walls.
         places = np.clip(places, room.lower, room.upper)
-        ways = Ways.of_groups(
+        paths = Paths.of_groups(
             cloud, places, group, starts, path, cut_off=np.zeros(1, dtype=bool), together=True
         )
-        return Goal(sketch, cloud, room, ways, path, None, None)
+        return Goal(sketch, cloud, room, paths, path, None, None)
     tip = Oval.ball(np.clip(path[-1], room.lower, room.upper), cloud.volume)
     region = region_of(tip, room, volume=cloud.volume, particles=len(places), fill="shrink")
     moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
     found = _core.match_to_region(moved, region.cells)
-    ways = Ways.along(path, cloud, found.places, found.group, lower=room.lower, upper=room.upper)
-    return Goal(sketch, cloud, room, ways, path, None, region)
+    paths = Paths.along(path, cloud, found.places, found.group, lower=room.lower, upper=room.upper)
+    return Goal(sketch, cloud, room, paths, path, None, region)

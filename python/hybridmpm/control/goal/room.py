@@ -11,7 +11,7 @@ from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.scene import Scene
 
 _NODES_PER_METRE = {2: 64, 3: 24}
-"""Grid on which ways around obstacles are looked for, by dimension."""
+"""Grid on which paths around obstacles are looked for, by dimension."""
 
 
 class Room:
@@ -55,7 +55,7 @@ class Room:
         return self.within_walls(x) & (self.distance(x) >= 0)
 
     def grid(self) -> "RoomGrid | None":
-        """Return the room on a coarse grid, for ways around obstacles; None where there are none."""
+        """Return the room on a coarse grid, for paths around obstacles; None where there are none."""
         if not self._solids:
             return None
         cells = _NODES_PER_METRE[len(self.lower)]

@@ -1,1 +1,1 @@
-"""Methods: ways to find the law that follows a sketch. `choice.METHODS` lists them by name."""
+"""Methods of finding the law that follows a sketch; `choice.METHODS` lists them by name."""

@@ -1,4 +1,4 @@
-"""Guidance without weights: optimal transport to the goal, and the least force along the ways."""
+"""Guidance without weights: optimal transport to the goal, and the least force along the paths."""
 
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
@@ -23,8 +23,8 @@ class Analytic:
     name = "analytic"
 
     def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal knows the state
-        """Return the law along the ways of the goal."""
-        return task.tracked(task.goal.ways, share=arrival(task))
+        """Return the law along the paths of the goal."""
+        return task.tracked(task.goal.paths, share=arrival(task))
 
 
 def arrival(task: Task) -> float:
@@ -32,6 +32,6 @@ def arrival(task: Task) -> float:
     goal = task.goal
     if not goal.leads_around:
         return 1.0
-    motion = goal.ways.timed(_EARLY * task.frames * goal.cloud.frame_dt)
+    motion = goal.paths.timed(_EARLY * task.frames * goal.cloud.frame_dt)
     ample = motion.effort(goal.cloud.gravity).acceleration <= _AMPLE * task.cap
     return _EARLY if ample else 1.0

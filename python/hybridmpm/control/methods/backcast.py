@@ -5,7 +5,7 @@ import numpy as np
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted, moments
-from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.errors import ConfigError
@@ -51,10 +51,10 @@ class Backcast:
         places = _fitted(solver.positions.astype(np.float64), task.goal)
         room = task.goal.room
         places = np.clip(places, room.lower, room.upper)
-        return task.tracked(Ways.straight(cloud, places, task.goal.ways.group))
+        return task.tracked(Paths.straight(cloud, places, task.goal.paths.group))
 
 
 def _fitted(x: Floats, goal: Goal) -> Floats:
     """Move points (N, D) onto the goal: to its mean, and for an oval also to its covariance."""
-    mean, covariance = moments(goal.ways.places, goal.cloud.weight)
+    mean, covariance = moments(goal.paths.places, goal.cloud.weight)
     return fitted(x, goal.cloud.weight, mean, None if goal.drawn is None else covariance)

@@ -10,7 +10,7 @@ from hybridmpm.control.diffusion.samplers import SOLVERS, Solver
 from hybridmpm.control.diffusion.schedule import MAX_STEPS
 from hybridmpm.control.manifest import networks
 from hybridmpm.control.methods.foreign import why_foreign
-from hybridmpm.control.methods.method import HandOver, Task
+from hybridmpm.control.methods.method import FallBack, Task
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
@@ -66,13 +66,13 @@ class ControlNet:
 
         Raises
         ------
-        HandOver
+        FallBack
             There is no network for the scene or for the horizon, or it fails.
         """
         name, network = self._serving(simulator.scene)
         ratio = task.frames / network.frames
         if max(ratio, 1 / ratio) > _OTHER_HORIZON:
-            raise HandOver(f"{name} is trained for {network.frames} frames, not for {task.frames}")
+            raise FallBack(f"{name} is trained for {network.frames} frames, not for {task.frames}")
         cloud = task.goal.cloud
         nodes = Nodes.of(cloud.x, cloud.weight, simulator.materials)
         mean, root = task.goal.end()
@@ -92,9 +92,9 @@ class ControlNet:
         try:
             force = law.force(simulator, 0)
         except Exception as error:
-            raise HandOver(f"the network failed: {error}") from error
+            raise FallBack(f"the network failed: {error}") from error
         if not np.isfinite(force).all():
-            raise HandOver("the network's answer is not finite")
+            raise FallBack("the network's answer is not finite")
         return law
 
     def _serving(self, scene: Scene) -> tuple[str, ControlNetwork]:
@@ -108,5 +108,5 @@ class ControlNet:
                     return name, network
                 reasons.append(f"{name} cannot serve this scene: {foreign}")
         except (DataError, ConfigError) as error:
-            raise HandOver(f"there is no network: {error}") from error
-        raise HandOver("; ".join(reasons) or "no network comes with this library")
+            raise FallBack(f"there is no network: {error}") from error
+        raise FallBack("; ".join(reasons) or "no network comes with this library")

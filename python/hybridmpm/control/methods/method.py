@@ -1,4 +1,4 @@
-"""`Method`: what all ways to follow a sketch have in common."""
+"""`Method`: the surface of all methods of following a sketch."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,15 +6,15 @@ from typing import Protocol
 
 from hybridmpm.control.goal.cloud import EARTH
 from hybridmpm.control.goal.goal import Goal
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.laws import Law, Tracked
 from hybridmpm.simulator import Simulator
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a method is asked for."""
+    """The task of a method."""
 
     goal: Goal
     frames: int
@@ -22,26 +22,26 @@ class Task:
     hold: int
     """Number of frames for which the goal is kept after that."""
     fill: Fill
-    """What becomes of an oval larger than the fluid."""
+    """Filling of an oval larger than the fluid."""
     cap: float
     """Largest acceleration besides gravity [g]."""
     resolution: int
     """Cells per metre of the grid on which a force is smoothed; 0 leaves it as it is."""
     seed: int
-    """Seed of whatever a method draws at random."""
+    """Seed of the random numbers of a method."""
     on_frame: Callable[[], object]
-    """Called before each frame of a trial; what it raises ends the planning."""
+    """Called before each frame of a trial; an exception that it raises ends the planning."""
 
     @property
     def cap_si(self) -> float:
         """`cap` in m/s^2."""
         return self.cap * EARTH
 
-    def tracked(self, ways: Ways, *, share: float = 1.0) -> Tracked:
-        """Return the law that leads the particles along ways, within a share of the frames of the task."""
+    def tracked(self, paths: Paths, *, share: float = 1.0) -> Tracked:
+        """Return the law that leads the particles along paths, within a share of the frames of the task."""
         cloud = self.goal.cloud
         return Tracked.along(
-            ways.timed(share * self.frames * cloud.frame_dt),
+            paths.timed(share * self.frames * cloud.frame_dt),
             cloud,
             cells=self.resolution,
             cap=self.cap_si,
@@ -49,12 +49,12 @@ class Task:
         )
 
 
-class HandOver(Exception):  # noqa: N818 - no error: the method says that another one is better here
+class FallBack(Exception):  # noqa: N818 - no error: another method is better for the task
     """Raised by a method that leaves a task to analytic control; the message says why."""
 
 
 class Method(Protocol):
-    """A way to find the law that follows a sketch.
+    """Finds the law that follows a sketch.
 
     An object with this surface may be given to `follow` in place of a name, e.g. one that plays back recorded
     forces.
@@ -62,7 +62,7 @@ class Method(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the method, as results tell it."""
+        """Name of the method in results."""
 
     def plan(self, simulator: Simulator, task: Task) -> Law:
         """Return the law for a task; the simulator, in the state of the task's cloud, must not change.
@@ -71,6 +71,6 @@ class Method(Protocol):
         ------
         SimulationError
             No law was found.
-        HandOver
+        FallBack
             Analytic control is to find the law.
         """

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hybridmpm.control import Sketch, Stroke, render_png, reversed_from_seed
-from hybridmpm.control.sketch.hand import draw_by_hand, random_hand
+from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.data.control import Control, rounded
 from hybridmpm.data.generation.solids import Solids
 from hybridmpm.data.recipe import Recipe
@@ -53,7 +53,7 @@ def controlled(recipe: Recipe, seed: int, on_frame: Callable[[], object]) -> Tra
 
 def _by_hand(sketch: Sketch, seed: int) -> tuple[Stroke, bytes]:
     rng = np.random.default_rng([_HAND_SALT, seed])
-    line, drawing = draw_by_hand(sketch, random_hand(rng, sketch.kind), rng)
+    line, drawing = distort(sketch, random_hand(rng, sketch.kind), rng)
     stroke = Stroke(
         points=rounded(line.points),
         widths=rounded(line.widths),

@@ -14,10 +14,10 @@ import numpy as np
 from PIL import Image
 
 from hybridmpm.control import Arrow, Ellipse, Sketch
-from hybridmpm.control.sketch.hand import draw_by_hand, random_hand
 from hybridmpm.control.sketch.polyline import arc_lengths, at_arc_length
 from hybridmpm.control.sketch.render import Drawing, PenStroke, render
 from hybridmpm.control.sketch.sketch import Floats
+from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 
 FOLDER = Path(__file__).parent
 SEED = 20250
@@ -44,7 +44,7 @@ def draw(seed: int) -> HandDrawn:
     """Return what a hand draws, from its seed alone; every other one has a depth."""
     rng = np.random.default_rng(seed)
     meant = random_sketch(rng, depth=seed % 2 == 0)
-    return HandDrawn(meant, *draw_by_hand(meant, random_hand(rng, meant.kind), rng))
+    return HandDrawn(meant, *distort(meant, random_hand(rng, meant.kind), rng))
 
 
 def load() -> list[HandDrawn]:

@@ -1,10 +1,11 @@
-"""Prints what a few numbers of each particle, or of each cell, keep of true motions, for docs/guide/control.md.
+"""Prints what a few numbers of each particle, or of each cell, keep of true motions,
+for docs/guide/control.md.
 
 `python -m tests.python.control.judged.motions` takes 24 reversed cases of each scenario, from the validation
 seed 1000600 on, or those that `--seeds FIRST END` names. It takes some minutes.
 
 A motion is the way q(s) - q(0) of a particle, s from 0 to 1. It is written as an end times s and K - 1 sines,
-sin(k pi s), fitted by least squares. The loss is the share of the squared ways that this leaves out. What
+sin(k pi s), fitted by least squares. The loss is the share of the squared paths that this leaves out. What
 ends alone are good for is also tried: guidance leads the particles to their true ends, by the law of learned
 plans.
 """
@@ -18,7 +19,7 @@ import numpy.typing as npt
 
 from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control import ReversedCase, follow, reversed_from_seed
-from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.method import Task
 from hybridmpm.simulator import Simulator
@@ -33,7 +34,7 @@ GROUPS, FINER, CAP = 208, 2, 15.0
 
 
 def kept(way: Floats, count: int) -> Floats:
-    """Return ways (T + 1, N, D) as `count` coefficients of each particle tell them."""
+    """Return paths (T + 1, N, D) as `count` coefficients of each particle tell them."""
     s = np.linspace(0, 1, len(way))
     basis = np.stack([s, *(np.sin(k * np.pi * s) for k in range(1, count))], axis=1)
     flat = way.reshape(len(way), -1)
@@ -41,7 +42,7 @@ def kept(way: Floats, count: int) -> Floats:
 
 
 def of_cells(way: Floats, start: Floats, cells: int | None) -> Floats:
-    """Return ways (..., N, D) that are the means over the particles that start in one cell; None: as is."""
+    """Return paths (..., N, D) that are the means over the particles that start in one cell; None: as is."""
     if cells is None:
         return way
     _, cell = np.unique(np.floor(start * cells), axis=0, return_inverse=True)
@@ -52,7 +53,7 @@ def of_cells(way: Floats, start: Floats, cells: int | None) -> Floats:
 
 
 def loss(way: Floats, other: Floats) -> float:
-    """Return the share of the squared ways that is left out."""
+    """Return the share of the squared paths that is left out."""
     return float(((way - other) ** 2).sum() / (way**2).sum())
 
 
@@ -68,7 +69,7 @@ class Ends:
         cloud = task.goal.cloud
         group = balanced_clusters(cloud.x, min(GROUPS, len(cloud.x)), seed=0).astype(np.uint32)
         finer = dataclasses.replace(task, resolution=FINER * task.resolution)
-        return finer.tracked(Ways.straight(cloud, self.places, group))
+        return finer.tracked(Paths.straight(cloud, self.places, group))
 
 
 def error(case: ReversedCase, method: str | Ends) -> float:

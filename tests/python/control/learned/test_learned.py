@@ -1,4 +1,4 @@
-"""The method "learned": its plan, and when it hands over to analytic control."""
+"""The method "learned": its plan, and when it falls back to analytic control."""
 
 import re
 from collections.abc import Callable
@@ -97,7 +97,7 @@ def test_it_is_followed(solver: MpmSolver, network_file: NetworkFile) -> None:
     ("factor", "why"),
     [(float("nan"), "not finite"), (0.0, "too densely|not finite"), (1e3, "out of")],
 )
-def test_a_plan_that_cannot_be_trusted_is_handed_over(
+def test_a_plan_that_cannot_be_trusted_falls_back(
     solver: MpmSolver, network_file: NetworkFile, factor: float, why: str
 ) -> None:
     for sketch in (OVAL, ARROW):
@@ -108,11 +108,11 @@ def test_a_plan_that_cannot_be_trusted_is_handed_over(
         np.testing.assert_array_equal(
             ends(guidance), ends(prepare(solver, sketch, method="analytic", frames=100))
         )
-        assert guidance.reason.startswith("learned handed over: ")
+        assert guidance.reason.startswith("learned falls back to analytic: ")
         assert re.search(why, guidance.reason)
 
 
-def test_more_force_than_allowed_is_handed_over(solver: MpmSolver, network_file: NetworkFile) -> None:
+def test_more_force_than_allowed_falls_back(solver: MpmSolver, network_file: NetworkFile) -> None:
     """Particles that change sides need more force than those that go the nearest way."""
     guidance = planned(solver, network_file(-1.0), frames=60, cap=4.0)
     assert "g are allowed" in guidance.reason
@@ -131,7 +131,7 @@ def _like(**changes: Any) -> Scene:
         (_like(gravity=(0.0, -3.7)), "another gravity"),
     ],
 )
-def test_other_scenes_are_handed_over(scene: Scene, why: str, network_file: NetworkFile) -> None:
+def test_other_scenes_fall_back(scene: Scene, why: str, network_file: NetworkFile) -> None:
     guidance = planned(MpmSolver(scene), network_file(), ARROW)
     assert guidance.method == "analytic"
     assert why in guidance.reason
@@ -143,13 +143,13 @@ def test_a_network_in_3d_is_not_for_2d(solver: MpmSolver, network_file: NetworkF
     assert "cannot serve this scene: it is trained in 3D only" in guidance.reason
 
 
-def test_absent_weights_are_handed_over(solver: MpmSolver, tmp_path: Path) -> None:
+def test_absent_weights_fall_back(solver: MpmSolver, tmp_path: Path) -> None:
     guidance = planned(solver, tmp_path / "none.onnx")
     assert guidance.method == "analytic"
     assert "none.onnx" in guidance.reason
 
 
-def test_a_runtime_that_fails_is_handed_over(
+def test_a_runtime_that_fails_falls_back(
     solver: MpmSolver, network_file: NetworkFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:

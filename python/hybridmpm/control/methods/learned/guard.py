@@ -6,8 +6,8 @@ import numpy.typing as npt
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Region
-from hybridmpm.control.goal.ways import Ways
 from hybridmpm.control.methods.method import Task
 
 _OUTSIDE_LENGTH = 0.02
@@ -24,15 +24,15 @@ _TOO_DENSE = 0.4
 """Largest share of the mass that may be too dense, beyond that of the analytic plan."""
 
 
-def objection(places: Floats, ways: Ways, task: Task) -> str | None:
+def objection(places: Floats, paths: Paths, task: Task) -> str | None:
     """Tell what speaks against a plan; None if nothing does.
 
     Parameters
     ----------
     places : (N, D)
         Where the particles are to be [m], before they are moved between the walls.
-    ways : Ways
-        The ways there.
+    paths : Paths
+        The paths there.
     task : Task
         With the analytic plan in its goal, against which the plan is held.
     """
@@ -45,15 +45,15 @@ def objection(places: Floats, ways: Ways, task: Task) -> str | None:
     # The disc at the tip of an arrow is a makeshift for a shape that does not fit there.
     if goal.drawn is not None and goal.region is not None:
         inside, analytic = (
-            weight @ _in_view(goal.drawn, goal.region, one.places) for one in (ways, goal.ways)
+            weight @ _in_view(goal.drawn, goal.region, one.places) for one in (paths, goal.paths)
         )
         if analytic - inside > _MISSING:
             return f"the plan leaves {100 * (analytic - inside):.0f} % of the fluid out of the goal"
-    dense = _too_dense(ways.places, task) - _too_dense(goal.ways.places, task)
+    dense = _too_dense(paths.places, task) - _too_dense(goal.paths.places, task)
     if dense > _TOO_DENSE:
         return f"the plan packs {100 * dense:.0f} % of the fluid too densely"
     seconds = task.frames * goal.cloud.frame_dt
-    need, least = (one.timed(seconds).effort(goal.cloud.gravity).acceleration for one in (ways, goal.ways))
+    need, least = (one.timed(seconds).effort(goal.cloud.gravity).acceleration for one in (paths, goal.paths))
     if need > max(task.cap, least):
         return f"the plan takes {need:.1f} g, and {task.cap:g} g are allowed"
     return None

@@ -10,13 +10,13 @@ from hybridmpm.coarse.clustering import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
-from hybridmpm.control.goal.ways import Ways
+from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
 from hybridmpm.control.manifest import networks
 from hybridmpm.control.methods.learned.features import Aim, State
 from hybridmpm.control.methods.learned.guard import objection
 from hybridmpm.control.methods.learned.network import WEIGHTS, TransportNetwork
-from hybridmpm.control.methods.method import HandOver, Task
+from hybridmpm.control.methods.method import FallBack, Task
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND
@@ -61,7 +61,7 @@ class Learned:
 
         Raises
         ------
-        HandOver
+        FallBack
             The plan cannot be trusted, or there is none.
         """
         goal = task.goal
@@ -72,21 +72,21 @@ class Learned:
                 _state(simulator, goal.cloud), aim, seed=task.seed, evaluations=self._evaluations
             )
         except Exception as error:
-            raise HandOver(f"the network failed: {error}") from error
+            raise FallBack(f"the network failed: {error}") from error
         if not np.isfinite(found).all():
-            raise HandOver("the network's answer is not finite")
+            raise FallBack("the network's answer is not finite")
         covariance = None if aim.root is None else aim.root @ aim.root
         places = fitted_in_view(found, goal.cloud.weight, aim.mean, covariance)
         group = _groups(goal)
         room = goal.room
         inside = np.clip(places, room.lower, room.upper)
         if goal.drawn is None:
-            ways = Ways.along(goal.path, goal.cloud, inside, group, lower=room.lower, upper=room.upper)
+            paths = Paths.along(goal.path, goal.cloud, inside, group, lower=room.lower, upper=room.upper)
         else:
-            ways = Ways.straight(goal.cloud, inside, group)
-        if (reason := objection(places, ways, task)) is not None:
-            raise HandOver(reason)
-        return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(ways)
+            paths = Paths.straight(goal.cloud, inside, group)
+        if (reason := objection(places, paths, task)) is not None:
+            raise FallBack(reason)
+        return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(paths)
 
     def _serving(self, scene: Scene) -> TransportNetwork:
         """Return the first network that serves a scene."""
@@ -99,8 +99,8 @@ class Learned:
                     return network
                 reasons.append(f"{name} cannot serve this scene: {foreign}")
         except (DataError, ConfigError) as error:
-            raise HandOver(f"there is no network: {error}") from error
-        raise HandOver("; ".join(reasons) or "no network comes with this library")
+            raise FallBack(f"there is no network: {error}") from error
+        raise FallBack("; ".join(reasons) or "no network comes with this library")
 
 
 @functools.lru_cache(maxsize=4)
@@ -111,7 +111,7 @@ def _network(name: str) -> TransportNetwork:
 def _groups(goal: Goal) -> npt.NDArray[np.uint32]:
     """Return groups of particles that are near to each other: those of the goal, where it has such."""
     if goal.region is not None:
-        return goal.ways.group
+        return goal.paths.group
     x = goal.cloud.x
     return balanced_clusters(x, min(_GROUPS, len(x)), seed=0).astype(np.uint32)
 

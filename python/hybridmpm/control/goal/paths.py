@@ -1,4 +1,4 @@
-"""`Ways`: where each particle goes, and along which way; and what that takes in a given time."""
+"""`Paths`: where each particle goes, and along which way; and what that takes in a given time."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ _SHARE = 0.95
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """Places of N particles, and ways of G groups of them with K corners in all, in D dimensions."""
+class Paths:
+    """Places of N particles, and paths of G groups of them with K corners in all, in D dimensions."""
 
     places: Floats
     """Where each particle is to be (N, D) [m]."""
@@ -25,7 +25,7 @@ class Ways:
     starts: npt.NDArray[np.uint32]
     """(G + 1,): the way of group g has the corners `starts[g]` to `starts[g + 1] - 1`, two or more."""
     corners: Floats
-    """Corners of all ways (K, D) [m]: start, corners on the way, end."""
+    """Corners of all paths (K, D) [m]: start, corners on the way, end."""
     velocity: Floats
     """Velocity of each group at the start (G, D) [m/s]; that of all where they go `together`."""
     weight: Floats
@@ -47,7 +47,7 @@ class Ways:
         *,
         cut_off: npt.NDArray[np.bool_],
         together: bool = False,
-    ) -> "Ways":
+    ) -> "Paths":
         """Add what the particles of a cloud say of their groups."""
         weight = np.bincount(group, cloud.weight, len(cut_off)).astype(np.float64)
         momentum = [np.bincount(group, cloud.weight * column, len(cut_off)) for column in cloud.v.T]
@@ -58,8 +58,8 @@ class Ways:
         return cls(places, group, starts, corners, velocity, weight, cut_off, together)
 
     @classmethod
-    def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Ways":
-        """Return straight ways of groups, from where they are to the mean of their particles' places."""
+    def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Paths":
+        """Return straight paths of groups, from where they are to the mean of their particles' places."""
         sizes = np.bincount(group)[:, None]
         ends = [
             np.stack([np.bincount(group, column) for column in points.T], axis=1) / sizes
@@ -79,8 +79,8 @@ class Ways:
         *,
         lower: Floats,
         upper: Floats,
-    ) -> "Ways":
-        """Return ways of groups that go together along a path (K, D), each from where it is.
+    ) -> "Paths":
+        """Return paths of groups that go together along a path (K, D), each from where it is.
 
         The further along the path, the more of the change of shape is done. Corners are kept between `lower`
         and `upper`, (D,) each [m].
@@ -102,9 +102,9 @@ class Ways:
         return np.asarray(self.places - self.corners[self.starts[1:] - 1][self.group])
 
     def timed(self, seconds: float) -> "Motion":
-        """Time all ways so that each takes the least acceleration and ends at rest.
+        """Time all paths so that each takes the least acceleration and ends at rest.
 
-        Ways that are gone `together` get the times of their mean.
+        Paths that are gone `together` get the times of their mean.
         """
         if self.together:
             return self._timed_together(seconds)
@@ -151,9 +151,9 @@ def _spline_velocities(times: Floats, corners: Floats, start: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Ways with their times."""
+    """Paths with their times."""
 
-    ways: Ways
+    paths: Paths
     times: Floats
     """When each corner is passed (K,), from 0 on [s]."""
     v: Floats
@@ -167,9 +167,9 @@ class Motion:
         square = pieces.h / 3 * (a0**2 + a0 * a1 + a1**2).sum(axis=0)
         mean_square = np.add.reduceat(square, pieces.firsts) / np.add.reduceat(pieces.h, pieces.firsts)
         return Effort(
-            acceleration=float(_on_most(peaks[None], self.ways.weight)[0] / EARTH),
+            acceleration=float(_on_most(peaks[None], self.paths.weight)[0] / EARTH),
             peak=float(peaks.max() / EARTH),
-            rms=float(np.sqrt(self.ways.weight @ mean_square) / EARTH),
+            rms=float(np.sqrt(self.paths.weight @ mean_square) / EARTH),
         )
 
     def slowed(self, factors: Floats, gravity: Floats) -> Floats:
@@ -177,7 +177,7 @@ class Motion:
 
         The first pieces take up the start velocity, whatever the factor.
         """
-        return _on_most(self._peaks(self._pieces(), factors, gravity), self.ways.weight) / EARTH
+        return _on_most(self._peaks(self._pieces(), factors, gravity), self.paths.weight) / EARTH
 
     def _peaks(self, pieces: "_Pieces", factors: Floats, gravity: Floats) -> Floats:
         """Return the largest acceleration of each group (S, G) [m/s^2] if times are factors (S,) as long."""
@@ -185,17 +185,17 @@ class Motion:
         return np.sqrt(np.maximum.reduceat(np.maximum(*squares), pieces.firsts, axis=1))
 
     def _pieces(self) -> "_Pieces":
-        ways = self.ways
+        paths = self.paths
         inner = np.ones(len(self.times), dtype=bool)
-        inner[ways.starts[1:] - 1] = False
+        inner[paths.starts[1:] - 1] = False
         left = np.flatnonzero(inner)
         h = np.diff(self.times)[left]
-        firsts = np.searchsorted(left, ways.starts[:-1])
-        slope = np.diff(ways.corners, axis=0)[left].T / h
+        firsts = np.searchsorted(left, paths.starts[:-1])
+        slope = np.diff(paths.corners, axis=0)[left].T / h
         v0, v1 = self.v[left].T.copy(), self.v[left + 1].T
         v0[:, firsts] = 0
         start = np.zeros_like(v0)
-        start[:, firsts] = ways.velocity.T
+        start[:, firsts] = paths.velocity.T
         # Velocities on the way are as many times lower as it takes longer; that at the start is given.
         slowing = (6 * slope - 4 * v0 - 2 * v1) / h, (2 * v0 + 4 * v1 - 6 * slope) / h
         lasting = -4 * start / h, 2 * start / h
@@ -204,7 +204,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Pieces (P,) of ways between corners, each with a linear acceleration in D dimensions."""
+    """Pieces (P,) of paths between corners, each with a linear acceleration in D dimensions."""
 
     h: Floats
     """How long each lasts (P,) [s]."""

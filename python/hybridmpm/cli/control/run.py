@@ -1,4 +1,4 @@
-"""A run with a sketch in it, from the first frame on: free, led by the sketch, free again."""
+"""A run with a sketch: free motion, frames led by the sketch, and free motion again."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ _LED = "led by the sketch"
 
 
 @dataclass(frozen=True, eq=False)
-class Story:
-    """What came of a run."""
+class ControlRun:
+    """Record of a run with a sketch."""
 
     guidance: Guidance
-    """The sketch, and how it was to be followed."""
+    """The interpreted sketch and its plan."""
     led: ControlledTrajectory
-    """The frames in which the sketch was followed, from the particles' point of view."""
+    """Motion of the particles in the frames that the sketch led."""
     recording: Recording
-    """All frames, from 0 on."""
+    """All frames from 0."""
     log: tuple[Decision, ...]
-    """Decisions of the simulator about who simulates."""
+    """Switches between MPM and the network."""
     network: str
-    """What the network is called."""
+    """Name of the network in texts."""
 
     @property
     def first(self) -> int:
-        """Frame in which the sketch was drawn."""
+        """Frame at which the sketch was drawn."""
         return self.led.first_frame
 
     @property
@@ -45,20 +45,20 @@ class Story:
 
     @property
     def spans(self) -> list[Span]:
-        """Who simulated which frames."""
+        """Frames by the simulator that computed them."""
         return spans(self.log, int(self.recording.frames[-1]))
 
     @property
     def simulated_by(self) -> list[Mode]:
-        """Who simulated each frame, (F - 1,)."""
+        """Simulator of each frame, (F - 1,)."""
         return [span.mode for span in self.spans for _ in range(span.first, span.last + 1)]
 
     def name(self, mode: Mode) -> str:
-        """Return what whoever simulates is called."""
+        """Return the name of a simulator in texts."""
         return "MPM" if mode == "mpm" else self.network
 
-    def told(self) -> list[str]:
-        """Return a line for each part of the run: which frames, who simulated them, and why."""
+    def summary(self) -> list[str]:
+        """Return a line for each part of the run: its frames, their simulator and the reason."""
         lines = []
         for span in self.spans:
             edges = sorted({span.first - 1, span.last, *self._within(span)})
@@ -72,7 +72,7 @@ class Story:
         return {frame for frame in (self.first, self.last) if span.first <= frame < span.last}
 
     def _tries_undone(self) -> list[tuple[Decision, Decision]]:
-        """Return pairs of decisions: the network took over, and was found to err from there on."""
+        """Return pairs of decisions: to the network, and back to MPM from an earlier or the same frame."""
         return [
             (taken, back)
             for taken, back in pairwise(self.log)
@@ -95,17 +95,17 @@ def _because(decision: Decision) -> str:
     return decision.reason if decision.value is None else f"{decision.reason} {decision.value:.2f}"
 
 
-def run(
+def run_control(
     simulator: Simulator,
     sketch: Sketch,
     *,
     start: int,
     after: int,
     network: str,
-    tell: Callable[[str], object],
+    report: Callable[[str], object],
     settings: dict[str, Any],
-) -> Story:
-    """Simulate from frame 0 on, let a sketch lead, and go on.
+) -> ControlRun:
+    """Simulate from frame 0, follow a sketch, and simulate on.
 
     Parameters
     ----------
@@ -117,9 +117,9 @@ def run(
     after : int
         Number of frames after those of the sketch.
     network : str
-        What the network is called.
-    tell : callable
-        Called with lines about what the sketch needs, before it is followed, and what it reached.
+        Name of the network in texts.
+    report : callable
+        Called with lines of text: what the sketch needs, before it is followed, and what was reached.
     settings : dict
         Arguments of `follow`.
     """
@@ -133,8 +133,8 @@ def run(
             bar.update(1)
     following = follow(simulator, sketch, **settings)
     guidance = following.guidance
-    tell(f"method {guidance.method}: {guidance.reason}")
-    tell(f"needs {guidance.needs()}")
+    report(f"method {guidance.method}: {guidance.reason}")
+    report(f"needs {guidance.needs()}")
     total = guidance.total_frames + after
     check_size(start + total + 1, len(tracks.ids), simulator.dim)
     tracks.lengthen(total)
@@ -142,8 +142,8 @@ def run(
         for _ in following:
             tracks.take(simulator.frame)
             bar.update(1)
-    tell(f"reached {following.result.reached}")
-    with progress(f"Going on for {after} frames", after) as bar:
+    report(f"reached {following.result.reached}")
+    with progress(f"Simulating {after} more frames", after) as bar:
         for _ in range(after):
             simulator.advance(1)
             tracks.take(simulator.frame)
@@ -158,4 +158,4 @@ def run(
         velocities=tracks["velocities"],
         spacing=simulator.particle_spacing,
     )
-    return Story(guidance, following.result, recording, simulator.log, network)
+    return ControlRun(guidance, following.result, recording, simulator.log, network)
