@@ -1,4 +1,4 @@
-"""Who simulates which frame, and why: the log of a simulator that may change hands."""
+"""Decisions between a network and MPM: the log of a simulator, and what it says of each frame."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -7,32 +7,32 @@ from typing import Literal, Self
 Mode = Literal["neural", "mpm"]
 """Who simulates: a network, or the material point method."""
 
-Answerer = Literal["network", "free_fall", "rest"]
-"""Who answers a step of a network: itself, or free fall or rest where nothing else can happen."""
+StepSource = Literal["network", "free_fall", "rest"]
+"""Source of a network's step: the network itself, or free fall or rest where nothing else can happen."""
 
 
 @dataclass(frozen=True)
-class Answered:
-    """Numbers of frames that MPM did not simulate, by who answered them."""
+class StepCounts:
+    """Numbers of frames that MPM did not simulate, by the source of their steps."""
 
     network: int = 0
     """The network was evaluated."""
     free_fall: int = 0
-    """All particles fell freely, and the network was not asked."""
+    """All particles fell freely, and the network was not evaluated."""
     rest: int = 0
-    """All particles were at rest, and the network was not asked."""
+    """All particles were at rest, and the network was not evaluated."""
 
-    def with_frame(self, by: Answerer) -> Self:
+    def with_frame(self, source: StepSource) -> Self:
         """Return the numbers with one frame more."""
-        return replace(self, **{by: getattr(self, by) + 1})
+        return replace(self, **{source: getattr(self, source) + 1})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """From one frame on, who simulates."""
+    """A decision on who simulates from a frame on."""
 
     frame: int
-    """Number of the frame whose end is the first state that `mode` goes on from."""
+    """Number of the frame whose end is the first state that `mode` starts from."""
     mode: Mode
     value: float | None
     """Value of the guard that decided, or of the safeguard where no guard did; None where there is none
@@ -45,7 +45,7 @@ class Decision:
 
 
 def without_undone(log: Iterable[Decision]) -> list[Decision]:
-    """Leave out the decisions that later ones undid, so that the frames increase strictly."""
+    """Return the decisions without those that later ones undid; their frames increase strictly."""
     kept: list[Decision] = []
     for decision in log:
         while kept and kept[-1].frame >= decision.frame:
@@ -57,7 +57,7 @@ def without_undone(log: Iterable[Decision]) -> list[Decision]:
 
 @dataclass(frozen=True)
 class Span:
-    """Frames in a row that one of the two simulated."""
+    """Consecutive frames that one of the two simulated."""
 
     first: int
     """Number of the first frame, counted from 1."""
@@ -65,7 +65,7 @@ class Span:
     """Number of the last frame."""
     mode: Mode
     decision: Decision | None
-    """Why; None for the frames before the first decision."""
+    """The decision behind them; None for the frames before the first decision."""
 
 
 def spans(log: Iterable[Decision], frames: int) -> list[Span]:

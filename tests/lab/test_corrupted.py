@@ -39,5 +39,5 @@ def test_a_spoilt_network_is_no_worse_than_free_fall(kind: str) -> None:
     true, bound = reached()
     assert error_of(sim, true) <= 1.05 * bound
     # Refused as a whole, not undone step by step.
-    assert sim.answered.network <= 0.1 * FRAMES
+    assert sim.step_counts.network <= 0.1 * FRAMES
     assert np.isfinite(sim.positions).all()

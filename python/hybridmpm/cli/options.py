@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import click
 
 from hybridmpm import export, simulators
 from hybridmpm.errors import ExportError
-from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import Substeps
 from hybridmpm.physics import models
 from hybridmpm.physics.load import ZERO
@@ -86,16 +85,6 @@ r_c_option = click.option(
     "for the hybrid simulator. Default: the cosine is not among the guards.",
 )
 """Threshold of the safeguard."""
-
-safeguard_option = click.option(
-    "--safeguard",
-    type=click.Choice(get_args(Safeguard)),
-    default="ours",
-    show_default=True,
-    help="Mean that --r-c is compared with, for the hybrid simulator: without calm particles (ours), or "
-    "plain (paper).",
-)
-"""Reading of the cosine by the safeguard."""
 
 threads_option = click.option(
     "--threads",

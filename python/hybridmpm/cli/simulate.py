@@ -12,7 +12,6 @@ from hybridmpm.cli.options import (
     completing,
     model_option,
     r_c_option,
-    safeguard_option,
     seed_option,
     solver_option,
     speed_option,
@@ -23,7 +22,6 @@ from hybridmpm.cli.options import (
 )
 from hybridmpm.cli.progress import CountedProgress, progress
 from hybridmpm.coarse import coarse_table
-from hybridmpm.hybrid.guards import Safeguard
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.physics.load import model_for
 from hybridmpm.planner import AutoSolver
@@ -70,7 +68,6 @@ from hybridmpm.simulator import Kind, Simulator
 @solver_option
 @model_option
 @r_c_option
-@safeguard_option
 @threads_option
 @click.option(
     "--every",
@@ -111,7 +108,6 @@ def simulate(
     kind: Kind,
     model: str | None,
     r_c: float | None,
-    safeguard: Safeguard,
     threads: int,
     every: int,
     targets: tuple[Path, ...],
@@ -145,7 +141,6 @@ def simulate(
             "coarse": coarse,
             "model": model,
             "r_c": r_c,
-            "safeguard": safeguard,
         }
         taken = simulators.settings_of(kind)
         if "model" in taken:
@@ -205,7 +200,6 @@ def _refuse_beside_resume(ctx: click.Context) -> None:
         "coarse",
         "budget_ms",
         "r_c",
-        "safeguard",
     )
     if given := _given(ctx, settings):
         raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
@@ -213,7 +207,7 @@ def _refuse_beside_resume(ctx: click.Context) -> None:
 
 def _refuse_beside_budget(ctx: click.Context) -> None:
     """Refuse settings that a budget chooses, and files of a solver whose coarse level depends on a clock."""
-    if given := _given(ctx, ("kind", "substeps", "coarse", "model", "r_c", "safeguard")):
+    if given := _given(ctx, ("kind", "substeps", "coarse", "model", "r_c")):
         raise click.UsageError(f"--budget-ms chooses the coarse level itself; drop {given[0]}.")
     if given := _given(ctx, ("save_file",)):
         raise click.UsageError(

@@ -189,8 +189,8 @@ def refuse_other_upsampler(*, saved: bool, here: bool) -> None:
         )
 
 
-def recalled(upsampler: Upsampler | None, data: bytes | None) -> Upsampler | None:
-    """Return a copy of an upsampler in the state of a snapshot; None where neither is.
+def restored(upsampler: Upsampler | None, data: bytes | None, few: Few | None = None) -> Upsampler | None:
+    """Return a copy of an upsampler, for `few` if given, in the state of a snapshot; None where neither is.
 
     Raises
     ------
@@ -200,6 +200,6 @@ def recalled(upsampler: Upsampler | None, data: bytes | None) -> Upsampler | Non
     refuse_other_upsampler(saved=data is not None, here=upsampler is not None)
     if upsampler is None or data is None:
         return None
-    twin = upsampler.copy()
+    twin = upsampler.copy(few)
     twin.restore(data)
     return twin

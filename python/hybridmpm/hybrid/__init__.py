@@ -1,21 +1,20 @@
 """A network and MPM in one simulator: guards watch the network, and MPM takes over at an alarm.
 
-- `HybridSimulator` is the simulator; `physics.Stepper` is what it asks of a network.
+- `HybridSimulator` is the simulator; `physics.Stepper` is the interface of its network.
 - `GUARDS` are the guards by name; `Guard` is their interface, for guards of your own.
-- `Decision` is an entry of the log that a run can be replayed from; `Answered` counts frames.
+- `Decision` is an entry of the log; `StepCounts` counts frames by the source of their steps.
 """
 
-from hybridmpm.decisions import Answered, Decision
-from hybridmpm.hybrid.audits import Audit, Drift
-from hybridmpm.hybrid.guard import Guard, Stage, View
+from hybridmpm.decisions import Decision, StepCounts
+from hybridmpm.hybrid.guard import Guard, GuardInput, Stage
 from hybridmpm.hybrid.guards import (
     DEFAULT,
     GUARDS,
+    Audit,
     Cosine,
     Density,
-    Divergence,
+    Drift,
     Energy,
-    Impact,
     NonFinite,
     Outside,
 )
@@ -24,19 +23,17 @@ from hybridmpm.hybrid.simulator import HybridSimulator
 __all__ = [
     "DEFAULT",
     "GUARDS",
-    "Answered",
     "Audit",
     "Cosine",
     "Decision",
     "Density",
-    "Divergence",
     "Drift",
     "Energy",
     "Guard",
+    "GuardInput",
     "HybridSimulator",
-    "Impact",
     "NonFinite",
     "Outside",
     "Stage",
-    "View",
+    "StepCounts",
 ]

@@ -1,4 +1,4 @@
-"""`Guard`: the interface of what watches a network, and what it gets to see."""
+"""`Guard`: the interface of measures of a network's motion, and their input."""
 
 import copy
 import enum
@@ -16,22 +16,22 @@ from hybridmpm.mpm import MpmSolver
 
 
 class Stage(enum.Enum):
-    """When a guard is asked, once a step of the network."""
+    """Stage of a network's step at which a guard is evaluated, once a step."""
 
     RAW = 1
-    """About the network's answer as it is."""
+    """The network's output as it is."""
     MOTION = 2
-    """About the motion that the answer would make."""
+    """The motion that the output would make."""
     STATE = 3
-    """About the state that the step has made."""
+    """The state at the end of the step."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
-    """What guards look at; each takes what it needs."""
+class GuardInput:
+    """Input of guards."""
 
     x: npt.NDArray[np.float32]
-    """Positions (N, D) [m] at the end of the step; before `STATE` as the network answered."""
+    """Positions (N, D) [m] at the end of the step; before `STATE` the network's output."""
     mpm: MpmSolver
     """The state before the step, after it for `STATE`; not to be changed."""
     r_t: int
@@ -41,40 +41,40 @@ class View:
     signal: _core.AccelerationSignal | None = None
     """Cosines and accelerations of the step; None at `RAW`."""
     report: _core.MotionReport | None = None
-    """What MPM measured when it took over the positions; None before `STATE`."""
-    own: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
-    """Simulates the step by MPM, from the same state, and returns where that leads (N, D) [m]; None where
-    MPM fails. Computed once however often it is called, and only at `MOTION`."""
+    """Measurements of MPM when it took over the positions; None before `STATE`."""
+    mpm_step: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
+    """Returns the positions (N, D) [m] that MPM reaches in the same step from the same state; None where
+    MPM fails. Computed at most once a step, and only at `MOTION`."""
 
 
 @dataclass(eq=False)
 class Guard(ABC):
-    """One measure of the network's motion, and the values of it that are alarming.
+    """One measure of the network's motion, and its alarming values.
 
-    A guard is a dataclass. The fields of its constructor are its settings; fields with `init=False` are what
-    it remembers from step to step, as numbers or tuples of them, and they are kept in snapshots.
+    A guard is a dataclass. The fields of its constructor are its settings. Fields with `init=False` are its
+    state, as numbers or tuples of them; snapshots contain them.
     """
 
     name: ClassVar[str]
     stage: ClassVar[Stage]
     is_fault: ClassVar[bool] = True
-    """Whether an alarm says that the network erred; else it only says that the motion has become complex."""
+    """Whether an alarm is a failure of the network; else only the motion has become complex."""
     undo: ClassVar[int] = 0
-    """Steps before the alarming one that are undone with it, because an alarm may come late."""
+    """Number of steps, before the alarming one, that are undone with it, because an alarm may come late."""
 
-    def begin(self, start: _core.MotionReport) -> None:  # noqa: B027 - most guards remember nothing
-        """Take note of the state from which the network takes over."""
+    def begin(self, start: _core.MotionReport) -> None:  # noqa: B027 - most guards have no state
+        """Start anew from the state in which the network takes over."""
 
     @abstractmethod
-    def value(self, view: View) -> float | None:
-        """Measure; None where there is nothing to say yet."""
+    def value(self, given: GuardInput) -> float | None:
+        """Return the measure; None where it is not defined yet."""
 
     @abstractmethod
     def alarms(self, value: float) -> bool:
         """Whether MPM has to take over."""
 
     def is_quiet(self, value: float) -> bool:
-        """Whether the network may take over, for what this guard knows."""
+        """Whether the network may take over by this measure."""
         return not self.alarms(value)
 
     def copy(self) -> Self:
@@ -85,42 +85,42 @@ class Guard(ABC):
         """Return the arguments that the constructor makes an equal guard from."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.init}
 
-    def remember(self) -> dict[str, Any]:
-        """Return what the guard remembers, for a snapshot.
+    def to_dict(self) -> dict[str, Any]:
+        """Return the guard's state as plain data, for a snapshot.
 
         Raises
         ------
         SnapshotError
-            The guard keeps something in an attribute that is no field of its dataclass, or keeps anything but
-            numbers, texts, None and tuples of them.
+            An attribute is no field of the guard's dataclass, or a field is not a number, string, None or a
+            tuple of these.
         """
-        known = {field.name for field in fields(self)}
-        unknown = sorted(set(vars(self)) - known)
+        unknown = sorted(set(vars(self)) - {field.name for field in fields(self)})
         if unknown:
             raise SnapshotError(
                 f"the guard {self.name!r} keeps {', '.join(unknown)}, which a snapshot would lose: make its "
                 "class a dataclass and declare them as fields with init=False"
             )
-        memory = {field.name: getattr(self, field.name) for field in fields(self) if not field.init}
-        for name, value in memory.items():
+        state = {field.name: getattr(self, field.name) for field in fields(self) if not field.init}
+        for name, value in state.items():
             parts = value if isinstance(value, tuple) else (value,)
             if not all(isinstance(part, int | float | str | np.generic | None) for part in parts):
                 raise SnapshotError(
-                    f"the guard {self.name!r} keeps {name} as {type(value).__name__}: a snapshot holds "
-                    "numbers, texts, None and tuples of them"
+                    f"the guard {self.name!r} keeps {name} as {type(value).__name__}: a guard's state may "
+                    "hold only numbers, strings, None, and tuples of these"
                 )
-        return memory
+        return state
 
-    def recall(self, memory: dict[str, Any]) -> None:
-        """Take what `remember` returned.
+    def from_dict(self, state: dict[str, Any]) -> Self:
+        """Return a guard with these settings and the state that `to_dict` returned.
 
         Raises
         ------
         SnapshotError
-            It was another kind of guard that remembered it.
+            The state is that of another kind of guard.
         """
-        known = {field.name for field in fields(self) if not field.init}
-        if known != set(memory):
+        if {field.name for field in fields(self) if not field.init} != set(state):
             raise SnapshotError("the snapshot was made with other guards")
-        for name, value in memory.items():
-            setattr(self, name, tuple(value) if isinstance(value, list) else value)
+        twin = self.copy()
+        for name, value in state.items():
+            setattr(twin, name, tuple(value) if isinstance(value, list) else value)
+        return twin

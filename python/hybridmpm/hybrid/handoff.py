@@ -1,25 +1,21 @@
-"""From the positions of a network to a state that MPM can go on from."""
+"""Handoff from a network to MPM: a state with velocities and stress, made from the network's positions."""
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.mpm import MpmSolver
 
-Handoff = Literal["warm", "shadow", "cold"]
-KINDS: tuple[Handoff, ...] = ("warm", "shadow", "cold")
-
 STEPS = 2
-"""Network steps that a warm handoff goes through again. One lets the pressure of an impact of 5 m/s arise by
-half only; after two it is as near as after five."""
+"""Network steps that MPM repeats. After one the pressure of an impact of 5 m/s has half its value; after two
+it is as near as after five."""
 
 _Floats = npt.NDArray[np.float32]
 
 
 def velocity(path: Sequence[_Floats], row: int, dt: float) -> _Floats:
-    """Velocity at a position of a path, from this one and the two before, to second order.
+    """Return the velocity at a position of a path, to second order from this one and the two before.
 
     Parameters
     ----------
@@ -42,28 +38,27 @@ def velocity(path: Sequence[_Floats], row: int, dt: float) -> _Floats:
 def warm(mpm: MpmSolver, path: Sequence[_Floats], *, r_t: int, start: bytes | None, steps: int) -> None:
     """Bring a solver that a network has driven into a state whose stress fits the motion.
 
-    Positions do not tell the stress: the density of particles at random places varies by a tenth, the
-    pressure of water at rest asks for a thousandth. Neither does the velocity gradient, whose errors add up
-    as long as nothing leads the stress back. So MPM goes through the last steps of the network once more, and
-    is set on its positions after each: the stress arises in MPM's own loop, from that of the last frame that
-    MPM simulated.
+    Stress does not follow from positions: the density of particles at random places varies by a tenth, and
+    the pressure of water at rest takes a thousandth. Nor does it follow from the velocity gradient, whose
+    errors add up. So MPM repeats the last steps of the network, and is put on the network's positions after
+    each. The stress then comes from MPM's own loop, and from the last frame that MPM simulated.
 
     Parameters
     ----------
     mpm : MpmSolver
-        At the last position of `path`; there it is left.
+        At the last position of `path`, before and after.
     path : (F, N, D)
         The latest positions [m], `r_t` frames apart; at least `steps` + 3.
     r_t : int
     start : bytes, optional
         Snapshot of the solver before the first of the last `steps` steps, where MPM made that state.
     steps : int >= 1
-        To go through again.
+        Steps to repeat.
 
     Raises
     ------
     SimulationError
-        MPM cannot follow; the solver is then in some state between.
+        MPM fails; the solver is then in some state between.
     """
     frame, dt = mpm.frame, r_t * mpm.scene.frame_dt
     if start is None:
@@ -73,10 +68,3 @@ def warm(mpm: MpmSolver, path: Sequence[_Floats], *, r_t: int, start: bytes | No
     for ago in range(steps - 1, -1, -1):
         mpm.advance(r_t)
         mpm.prescribe(path[-1 - ago], velocity(path, -1 - ago, dt), frame - ago * r_t)
-
-
-def cold(mpm: MpmSolver, fresh: bytes) -> None:
-    """Keep positions and velocities alone: all else becomes what it was at frame 0."""
-    x, v, frame = mpm.positions, mpm.velocities, mpm.frame
-    mpm.restore(fresh)
-    mpm.prescribe(x, v, frame, affine=False)

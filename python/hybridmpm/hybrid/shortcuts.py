@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm.decisions import Answerer
+from hybridmpm.decisions import StepSource
 from hybridmpm.physics.track import Track
 from hybridmpm.scene.particle_types import KINEMATIC
 
@@ -13,9 +13,9 @@ REACH = 2.0
 TOLERANCE = 0.05 * 9.81
 """Acceleration [m/s^2] that free fall may leave unexplained in a step."""
 STILL = 0.05
-"""Speed [m/s] that a particle stays below over all steps looked back on, to be at rest."""
+"""Speed [m/s] below which a particle at rest has been over all steps of the track's history."""
 SETTLED = 2.0
-"""Mean acceleration [m/s^2] over these steps that it stays below: a thrown body is slow at its top."""
+"""Mean acceleration [m/s^2] below which it has been: a thrown body is slow at its top."""
 ROUSED = 0.15
 """Speed [m/s] of a particle that rouses those near it."""
 _UNNOTICED = 1e-4
@@ -24,7 +24,7 @@ _Floats = npt.NDArray[np.float32]
 
 
 class Shortcuts:
-    """What free fall and rest say about the next step of a track.
+    """The next step of a track, where all particles fall freely or all are at rest.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class Shortcuts:
     def __init__(self, spacing: float) -> None:
         self._reach = REACH * spacing
 
-    def answer(self, track: Track) -> tuple[_Floats, Answerer] | None:
-        """Return positions (N, D) [m] one step later, and what they follow from; None where neither holds."""
+    def step(self, track: Track) -> tuple[_Floats, StepSource] | None:
+        """Return positions (N, D) [m] one step later, and their source; None where neither applies."""
         if self.resting(track).all():
             return track.states[-1].copy(), "rest"
         if self._falls(track):

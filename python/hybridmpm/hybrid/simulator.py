@@ -1,8 +1,7 @@
-"""`HybridSimulator`: a network, guards that watch it, and MPM to fall back to."""
+"""`HybridSimulator`: a network with guards, and MPM as its fallback."""
 
 import copy
-import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -14,39 +13,34 @@ from hybridmpm._support.arguments import flag, real, whole
 from hybridmpm._support.packing import pack, unfitting, unpack
 from hybridmpm.coarse import CoarseSimulator, Upsampler
 from hybridmpm.coarse.merging import checked_ratio
-from hybridmpm.decisions import Answered, Decision, Mode, without_undone
+from hybridmpm.decisions import Decision, Mode, StepCounts
 from hybridmpm.errors import ConfigError
-from hybridmpm.force import Force, checked_force
-from hybridmpm.hybrid import saved_guards
-from hybridmpm.hybrid.engine import Engine
 from hybridmpm.hybrid.guard import Guard
-from hybridmpm.hybrid.guards import DEFAULT, Cosine, Safeguard, build
-from hybridmpm.hybrid.handoff import KINDS, Handoff
-from hybridmpm.hybrid.switch import SwitchSettings
+from hybridmpm.hybrid.guards import DEFAULT, Cosine, build, from_saved_settings, saved_settings
+from hybridmpm.hybrid.loop import HybridLoop
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
 from hybridmpm.physics.stepper import Stepper
-from hybridmpm.physics.track import warmup_frames
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
-from hybridmpm.simulator import MAX_FRAMES_AT_ONCE, Kind
+from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
 MAX_WINDOW = 100
-"""Longest window: the history kept holds two of this many accelerations."""
-_MAGIC, _VERSION = b"HMPMHYBR", 3
+"""Largest number of steps in a window; the history keeps two windows."""
+_MAGIC, _VERSION = b"HMPMHYBR", 4
 
 _Floats = npt.NDArray[np.float32]
 
 
 class HybridSimulator(CoarseSimulator):
-    """A network simulates while its guards see no trouble, and MPM otherwise, on the same particles.
+    """A network simulates until one of its guards alarms, and MPM otherwise, on the same particles.
 
-    MPM simulates the first 5 `r_t` frames, from which the network gets its history, every frame with an
-    external force, and some steps after each alarm. An alarm refuses the network's step, and with some guards
-    the steps before it (`Guard.undo`): MPM then redoes their frames within the same call. A network that
-    fails again soon is given its next chance after twice as many steps. Where all particles fall freely, or
-    all are at rest, neither network nor MPM is asked.
+    MPM simulates the first 5 `r_t` frames, which are the network's history, every frame with an external
+    force, and some steps after each alarm. An alarm refuses the network's step, and with some guards the
+    steps before it (`Guard.undo`): MPM then redoes their frames within the same call. After a failure soon
+    after another one the network waits for twice as many steps. Where all particles fall freely, or all are
+    at rest, neither network nor MPM is evaluated.
 
     Parameters
     ----------
@@ -57,27 +51,18 @@ class HybridSimulator(CoarseSimulator):
         `NeuralModel`. "zero" is free fall.
     r_c : float in [-1, 1], optional
         Mean cosine between the accelerations of two windows of time below which the cosine guard alarms.
-        Where it is given, that guard is added to `guards`; in `guards` without `r_c` it alarms below 0.8.
+        Where it is given, that guard is added to `guards`. In `guards` without `r_c` it alarms below 0.8.
     window : int in [1, 100]
         Steps of the network in each of the two windows.
     wait : int in [1, 100]
-        Steps that MPM simulates after an alarm before the network takes over again, doubled and doubled again
-        where it keeps failing.
-    patience : float in [1e-3, 1e6]
-        Longest time that the network may take for an answer [s]. One that takes longer counts as failed, and
-        is never asked again.
+        Steps that MPM simulates after an alarm before the network takes over again; up to four times as many
+        after repeated failures.
     shortcuts : bool
-        Answer steps in which all particles fall freely, or all are at rest, without the network; and keep
-        particles at rest where they are in those that the network answers.
-    hysteresis : float in [0, 1]
-        The motion is calm from r_c + hysteresis (1 - r_c) on.
+        Compute steps in which all particles fall freely, or all are at rest, without the network; and keep
+        resting particles where they are in the network's own steps.
     guards : sequence of str or Guard
-        Names as in `hybrid.GUARDS`, or guards with other settings. Without any nothing is ever done about the
-        network, and a state that cannot be raises an error.
-    safeguard : "ours" or "paper"
-        Which mean of the cosines; see `hybrid.Cosine`.
-    handoff : "warm", "shadow" or "cold"
-        What MPM takes over from the network besides positions and velocities; see docs/results/hybrid.md.
+        Names as in `hybrid.GUARDS`, or guards with other settings. Without guards the network is never
+        overruled; a state that cannot be physical raises an error.
     show_all : bool
         Where the network moves fewer particles than the scene has, carry all of them along
         (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
@@ -98,12 +83,12 @@ class HybridSimulator(CoarseSimulator):
     Notes
     -----
     round(r_p N_h) particles are simulated, in the order of `MpmSolver(scene, r_p=...)`. Between two steps of
-    the network positions and velocities are interpolated. What is undone is undone for the particles that are
-    carried, too. The same scene, network and calls give the same bits.
+    the network positions and velocities are interpolated. Undone steps are undone for the particles shown,
+    too. The same scene, network and calls give the same bits.
 
     A frame fails with `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError` where MPM failed,
-    or the network where no guard watches it. A rollout shows frames that were undone later as they were when
-    their turn came.
+    or the network where no guard watches it. Rows of a rollout stay as they were where later frames are
+    undone.
     """
 
     kind: ClassVar[Kind] = "hybrid"
@@ -116,42 +101,29 @@ class HybridSimulator(CoarseSimulator):
         r_c: float | None = None,
         window: int = 10,
         wait: int = 1,
-        patience: float = 60.0,
         shortcuts: bool = True,
-        hysteresis: float = 0.25,
         guards: Sequence[str | Guard] = DEFAULT,
-        safeguard: Safeguard = "ours",
-        handoff: Handoff = "warm",
         show_all: bool = True,
         threads: int = 1,
     ) -> None:
         _check_scene(checked_scene(scene))
         self._model = as_stepper(model, scene, threads=threads)
         self._model.check(scene)
-        if handoff not in KINDS:
-            raise ConfigError(f"handoff must be among {', '.join(KINDS)}; got {handoff!r}")
-        self._cosine = Cosine(Cosine.r_c if r_c is None else r_c, hysteresis, safeguard)
-        self._guards = build(guards, self._cosine, is_asked_for=r_c is not None)
-        for guard in self._guards:
-            if isinstance(guard, Cosine):
-                self._cosine = guard
-        self._settings = SwitchSettings(
-            window=whole("window", window, 1, MAX_WINDOW),
-            wait=whole("wait", wait, 1, MAX_WINDOW),
-            patience=real("patience", patience, 1e-3, 1e6),
-            shortcuts=flag("shortcuts", shortcuts),
-            safeguard=safeguard,
-            handoff=handoff,
-        )
+        self._guards = build(guards, None if r_c is None else real("r_c", r_c, -1, 1))
+        self._settings = {
+            "window": whole("window", window, 1, MAX_WINDOW),
+            "wait": whole("wait", wait, 1, MAX_WINDOW),
+            "shortcuts": flag("shortcuts", shortcuts),
+        }
         self._show_all = flag("show_all", show_all)
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
-        self._engine = Engine(
-            mpm, self._model, self._guards, self._settings, show_all=self._show_all and mpm.r_p < 1
+        self._loop = HybridLoop(
+            mpm, self._model, self._guards, **self._settings, show_all=self._show_all and mpm.r_p < 1
         )
 
     def _traits(self) -> list[str]:
-        who = {"mpm": "MPM", "neural": "the network"}[self.mode]
-        return [f"model {name_of(self._model)}", f"{who} simulates"]
+        simulates = {"mpm": "MPM", "neural": "the network"}[self.mode]
+        return [f"model {name_of(self._model)}", f"{simulates} simulates"]
 
     @property
     def model(self) -> Stepper:
@@ -159,16 +131,16 @@ class HybridSimulator(CoarseSimulator):
         return self._model
 
     @property
-    def _few(self) -> Engine:
-        return self._engine
+    def _few(self) -> HybridLoop:
+        return self._loop
 
     @property
     def _upsampler(self) -> Upsampler | None:
-        return self._engine.state.upsampler
+        return self._loop.state.upsampler
 
     @property
     def _mpm(self) -> MpmSolver:
-        return self._engine.state.mpm
+        return self._loop.state.mpm
 
     @property
     def scene(self) -> Scene:
@@ -183,7 +155,7 @@ class HybridSimulator(CoarseSimulator):
     @property
     def r_t(self) -> int:
         """Number of frames that one step of the network spans."""
-        return self._engine.state.moment.track.r_t
+        return self._loop.state.network.track.r_t
 
     @property
     def resolution(self) -> int:
@@ -193,88 +165,51 @@ class HybridSimulator(CoarseSimulator):
     @property
     def frame(self) -> int:
         """Number of frames since the start."""
-        return self._engine.state.moment.frame
+        return self._loop.state.network.frame
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame, if no force acts on it: "mpm" or "neural".
+        """Simulator of the next frame, if no force acts on it: "mpm" or "neural".
 
-        With "neural" free fall or rest may stand in for the network; see `answered`.
+        With "neural" free fall or rest may stand in for the network; see `step_counts`.
         """
-        return self._engine.state.mode
+        return self._loop.state.mode
 
     @property
     def safeguard(self) -> float | None:
         """Mean cosine between the accelerations of the last two windows; None until both are full."""
-        return self._engine.state.moment.value
+        return self._loop.state.network.safeguard
 
     @property
     def r_c(self) -> float | None:
         """Value of `safeguard` below which the cosine guard alarms; None where it is not among the guards."""
-        return self._cosine.r_c if self._cosine in self._guards else None
+        return next((guard.r_c for guard in self._guards if isinstance(guard, Cosine)), None)
 
     @property
     def log(self) -> tuple[Decision, ...]:
         """All decisions so far about who simulates, in the order in which they were made."""
-        return tuple(self._engine.state.log)
+        return tuple(self._loop.state.log)
 
     @property
-    def answered(self) -> Answered:
+    def step_counts(self) -> StepCounts:
         """Numbers of the frames that MPM did not simulate: by the network, by free fall, and by rest."""
-        return self._engine.state.moment.answered
+        return self._loop.state.network.counts
 
     @property
     def last_frame(self) -> _core.FrameReport | None:
-        """How MPM cut its latest frame; None before the first and where the network made it."""
-        return None if self._engine.is_between else self._mpm.last_frame
+        """Substeps of MPM's latest frame; None before the first and where the network made it."""
+        return None if self._loop.is_between else self._mpm.last_frame
 
     def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant."""
         mpm = self._mpm
-        if self._engine.is_between:
+        if self._loop.is_between:
             mpm = mpm.copy()
-            mpm.prescribe(self._engine.positions, self._engine.velocities, self.frame)
+            mpm.prescribe(self._loop.positions, self._loop.velocities, self.frame)
         return mpm.diagnostics()
 
     def _advance_few(self, force: _Floats | None) -> None:
-        self._engine.advance_frame(force if force is not None and force.any() else None)
-
-    def replay(self, log: Iterable[Decision], frames: int, force: Force = None) -> None:
-        """Start again and advance as a log says, whatever the guards would; the result has the same bits.
-
-        What the log says of the last frame is done too: where MPM takes over there, it has.
-
-        Parameters
-        ----------
-        log : iterable of Decision
-            Log of a simulator of the same scene and network, with the same handoff.
-        frames : int in [0, 1000000]
-            Number of frames to simulate.
-        force : optional
-            Force of the logged run; see `advance`.
-
-        Raises
-        ------
-        ConfigError
-            The log lets the network begin where it cannot; otherwise as `advance`.
-        """
-        script = without_undone(log)
-        first = warmup_frames(self.r_t)
-        for decision in script:
-            if decision.mode == "neural" and (decision.frame % self.r_t or decision.frame < first):
-                raise ConfigError(
-                    f"the log lets the network begin at frame {decision.frame}, which must be a multiple of "
-                    f"its r_t = {self.r_t} and at least {first}"
-                )
-        frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
-        checked_force(force, self, frames)
-        self.reset()
-        self._engine.script = script
-        try:
-            self.advance(frames, force)
-            self._engine.left_by_script()
-        finally:
-            self._engine.script = None
+        self._loop.advance_frame(force if force is not None and force.any() else None)
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
@@ -283,12 +218,12 @@ class HybridSimulator(CoarseSimulator):
 
     def reset(self) -> None:
         """Go back to frame 0."""
-        self._engine.reset()
+        self._loop.reset()
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state, with the same network."""
         twin = copy.copy(self)
-        twin._engine = self._engine.copy()  # noqa: SLF001 - of this very class
+        twin._loop = self._loop.copy()  # noqa: SLF001 - of this very class
         return twin
 
     def snapshot(self) -> bytes:
@@ -297,9 +232,9 @@ class HybridSimulator(CoarseSimulator):
         Raises
         ------
         SnapshotError
-            A guard of one's own keeps something that it does not declare; see `Guard`.
+            A guard of the caller's own has undeclared state; see `Guard`.
         """
-        return pack(_MAGIC, _VERSION, self._engine.state.remember())
+        return pack(_MAGIC, _VERSION, self._loop.state.to_dict())
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene, network and guards.
@@ -311,16 +246,14 @@ class HybridSimulator(CoarseSimulator):
             untouched.
         """
         with unfitting("snapshot"):
-            self._engine.state = self._engine.state.recalled(unpack(_MAGIC, _VERSION, data))
+            self._loop.state = self._loop.state.from_dict(unpack(_MAGIC, _VERSION, data))
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
             "model": described(self._model),
-            "guards": saved_guards.described(self._guards),
-            "r_c": self.r_c,
-            "hysteresis": self._cosine.hysteresis,
+            "guards": saved_settings(self._guards),
             "show_all": self._show_all,
-            **dataclasses.asdict(self._settings),
+            **self._settings,
         }
 
     @classmethod
@@ -338,9 +271,9 @@ class HybridSimulator(CoarseSimulator):
         ----------
         path : str or Path
         model : str, Path or Stepper, optional
-            The network, where the file does not name one that is here. The file holds no network.
+            The network, where the file names none that is installed. The file contains no network.
         guards : sequence of str or Guard, optional
-            The guards, where some of them are one's own: the file holds what they remember, not their code.
+            The guards, where some are the caller's own: the file contains their state, not their code.
         threads : int in [1, 1024]
             May differ from before; the result does not depend on it.
 
@@ -358,14 +291,14 @@ class HybridSimulator(CoarseSimulator):
             settings = dict(saved.settings)
             stepper = recalled(settings.pop("model"), model, saved.scene, threads=threads)
             named = settings.pop("guards")
-            watching = saved_guards.recalled(named) if guards is None else guards
+            watching = from_saved_settings(named) if guards is None else guards
             return cls(saved.scene, stepper, guards=watching, threads=threads, **settings)
 
         return cls._restored(path, make)
 
 
 def _check_scene(scene: Scene) -> None:
-    """Refuse what a network on a fixed set of particles cannot simulate."""
+    """Raise `ConfigError` for scenes that a network on a fixed set of particles cannot simulate."""
     if scene.is_open:
         raise ConfigError(
             "a network needs a fixed number of particles: remove emitters and sinks, or use MpmSolver"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import Box, BoxObstacle, MpmSolver, Scene
-from hybridmpm.hybrid import Answered, HybridSimulator
+from hybridmpm.hybrid import HybridSimulator, StepCounts
 
 Make = Callable[..., Any]
 
@@ -17,7 +17,7 @@ def test_free_fall_is_answered_without_the_network(fall: Scene, fake: Make) -> N
     sim = HybridSimulator(fall, network)
     sim.advance(60)
     assert network.calls == []
-    assert (sim.mode, sim.answered) == ("neural", Answered(free_fall=50))
+    assert (sim.mode, sim.step_counts) == ("neural", StepCounts(free_fall=50))
     mpm = MpmSolver(fall)
     mpm.advance(60)
     assert np.abs(sim.positions - mpm.positions).max() < 1e-4
@@ -39,7 +39,7 @@ def test_what_touches_anything_does_not_fall_freely(fake: Make) -> None:
         # The network is asked before MPM feels the contact, or soon after.
         felt = int(np.argmax(np.abs(fell + 9.81).max(axis=1) > 5.0)) + 1
         assert abs(first - felt) <= 12
-        assert sim.answered.free_fall > 15
+        assert sim.step_counts.free_fall > 15
 
 
 def test_a_scene_at_rest_stays_as_it_is_without_network_and_mpm(pool: Scene, fake: Make) -> None:
@@ -47,11 +47,11 @@ def test_a_scene_at_rest_stays_as_it_is_without_network_and_mpm(pool: Scene, fak
     sim = HybridSimulator(pool, network)
     sim.advance(600)
     assert sim.mode == "neural"
-    asked, at_rest, before = len(network.calls), sim.answered.rest, sim.positions
+    asked, at_rest, before = len(network.calls), sim.step_counts.rest, sim.positions
     sim.advance(100)
     np.testing.assert_array_equal(sim.positions, before)
     assert not sim.velocities.any()
-    assert (len(network.calls), sim.answered.rest) == (asked, at_rest + 100)
+    assert (len(network.calls), sim.step_counts.rest) == (asked, at_rest + 100)
     truth = MpmSolver(pool)
     truth.advance(700)
     assert np.abs(sim.positions.mean(axis=0) - truth.positions.mean(axis=0)).max() < 2e-3
@@ -66,14 +66,14 @@ def test_frames_are_counted_once_whatever_is_undone(splash: Scene, fake: Make, k
     sim = HybridSimulator(splash, fake(kind, r_p=0.5, r_t=2))
     for frame in range(1, 150):
         sim.advance(1)
-        assert sum(vars(sim.answered).values()) == pytest.approx(frame * (1 - sim.mpm_share), abs=1e-9)
+        assert sum(vars(sim.step_counts).values()) == pytest.approx(frame * (1 - sim.mpm_share), abs=1e-9)
 
 
 def test_a_thrown_body_does_not_rest_at_its_highest_point(fake: Make) -> None:
     up = Box(material="water", lower=(0.4, 0.4), upper=(0.5, 0.5), velocity=(0.0, 0.3))
     sim = HybridSimulator(Scene(dim=2, resolution=64, bodies=(up,)), fake("nan", r_t=1))
     sim.advance(30)
-    assert sim.answered == Answered(free_fall=25)
+    assert sim.step_counts == StepCounts(free_fall=25)
     assert sim.velocities[:, 1].max() < -0.4
 
 
@@ -82,7 +82,7 @@ def test_it_can_be_switched_off(fall: Scene, fake: Make) -> None:
     sim = HybridSimulator(fall, network, shortcuts=False)
     sim.advance(60)
     assert len(network.calls) == 25
-    assert sim.answered == Answered(network=50)
+    assert sim.step_counts == StepCounts(network=50)
 
 
 def test_a_cosine_that_is_asked_for_is_a_guard(fall: Scene, fake: Make) -> None:

@@ -302,6 +302,6 @@ def test_a_track_needs_its_history() -> None:
     track.observe(np.full((3, 2), 0.5, np.float32))
     assert not track.ready
     with pytest.raises(RuntimeError, match="the network needs 6 states, got 1"):
-        track.answer()
+        track.predict()
     with pytest.raises(RuntimeError, match="no step of the network is under way"):
         _ = track.velocities

@@ -175,7 +175,7 @@ def _run(scene: Scene, truth: _Truth, network: Stepper, method: str, *, show_all
         errors.append(truth.grids.rmse(row, np.clip(simulator.positions, 0, 1), simulator.mass))
         normalised.append(errors[-1] * truth.grids.nrmse_over_rmse(row))
         if isinstance(simulator, HybridSimulator):
-            answered.append(simulator.answered)
+            answered.append(simulator.step_counts)
     whole = len(errors) == frames // EVERY
     counted = slice(max(truth.impact // EVERY, 1) - 1, None)
     later = errors[counted]

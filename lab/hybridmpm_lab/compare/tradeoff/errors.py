@@ -140,8 +140,8 @@ def _run(entrant: Candidate, scene: Scene, start: int, true: Recording, settings
 def _by_network(simulator: CoarseSimulator) -> int:
     """Return the number of frames so far that MPM did not simulate."""
     if isinstance(simulator, HybridSimulator):
-        answered = simulator.answered
-        return answered.network + answered.free_fall + answered.rest
+        counts = simulator.step_counts
+        return counts.network + counts.free_fall + counts.rest
     if isinstance(simulator, NeuralPhysics):
         return sum(max(0, simulator.frame - decision.frame) for decision in simulator.log)
     return 0

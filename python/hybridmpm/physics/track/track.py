@@ -114,8 +114,8 @@ class Track:
         self._states.append(positions)
         self._path, self._phase = None, 0
 
-    def answer(self, force: _Floats | None = None) -> _Floats:
-        """Ask the network where the particles are one step later.
+    def predict(self, force: _Floats | None = None) -> _Floats:
+        """Return the network's positions of the particles one step later.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Track:
         return history
 
     def begin(self, after: _Floats, force: _Floats | None = None) -> None:
-        """Begin a step that leads to `after` (N, D) [m], under a force as in `answer`."""
+        """Begin a step that leads to `after` (N, D) [m], under a force as in `predict`."""
         known = self._known(force) * np.float32(self.step_dt**2)
         self._path = StepPath.between(self._states[-2], self._states[-1], after, known)
         self._phase = 0
@@ -181,8 +181,8 @@ class Track:
         twin._states = self._states.copy()  # noqa: SLF001 - of this very class
         return twin
 
-    def remember(self) -> dict[str, Any]:
-        """Return the state, for a snapshot."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return the state as plain data, for a snapshot."""
         path = self._path
         return {
             "r_t": self.r_t,
@@ -191,27 +191,29 @@ class Track:
             "path": None if path is None else {f.name: getattr(path, f.name) for f in fields(path)},
         }
 
-    def recall(self, memory: dict[str, Any]) -> None:
-        """Take a state that `remember` returned.
+    def from_dict(self, tree: dict[str, Any]) -> "Track":
+        """Return a track of the same network and scene in the state that `to_dict` described.
 
         Raises
         ------
         SnapshotError
             The state belongs to other particles, or to a network of another r_t.
         """
-        if memory["r_t"] != self.r_t:
+        if tree["r_t"] != self.r_t:
             raise SnapshotError(
-                f"the snapshot was made with a network of r_t = {memory['r_t']}, this one has {self.r_t}"
+                f"the snapshot was made with a network of r_t = {tree['r_t']}, this one has {self.r_t}"
             )
         shape = (self._fluid, self._scene.dim)
-        for state in memory["states"]:
+        for state in tree["states"]:
             if state.shape != shape:
                 raise SnapshotError(f"the snapshot has states of shape {state.shape}, this scene {shape}")
-        self._states = deque(memory["states"], maxlen=HISTORY)
-        self._path = None if memory["path"] is None else StepPath(**memory["path"])
-        if not 0 <= memory["phase"] <= self.r_t:
+        if not 0 <= tree["phase"] <= self.r_t:
             raise SnapshotError("the snapshot holds a step of the network that does not fit")
-        self._phase = memory["phase"]
+        twin = self.copy()
+        twin._states = deque(tree["states"], maxlen=HISTORY)  # noqa: SLF001 - of this very class
+        twin._path = None if tree["path"] is None else StepPath(**tree["path"])  # noqa: SLF001
+        twin._phase = tree["phase"]  # noqa: SLF001
+        return twin
 
     def _under_way(self) -> StepPath:
         if self._path is None:
