@@ -110,7 +110,7 @@ class HybridSimulator(CoarseSimulator):
         self._model = as_stepper(model, scene, threads=threads)
         self._model.check(scene)
         self._guards = build(guards, None if r_c is None else real("r_c", r_c, -1, 1))
-        self._settings = {
+        self._settings: dict[str, Any] = {
             "window": whole("window", window, 1, MAX_WINDOW),
             "wait": whole("wait", wait, 1, MAX_WINDOW),
             "shortcuts": flag("shortcuts", shortcuts),

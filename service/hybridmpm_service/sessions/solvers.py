@@ -11,7 +11,6 @@ from hybridmpm import Scene, SceneError, simulators
 from hybridmpm.coarse import coarse_table
 from hybridmpm.decisions import Mode
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.hybrid import Cosine
 from hybridmpm.physics import NeuralModel, default_model, models
 from hybridmpm.physics.manifest import WEIGHTS, Entry, read_model
 from hybridmpm.simulator import Kind, Simulator
@@ -72,9 +71,9 @@ class SolverChoice:
 
     def safeguard_settings(self) -> SafeguardSettings | None:
         """Return the settings of the safeguard, defaults included; None for a simulator without one."""
-        if "safeguard" not in simulators.settings_of(self.solver):
+        if self.solver != "hybrid":
             return None
-        return SafeguardSettings(kind=self.safeguard or Cosine.safeguard, r_c=self.r_c)
+        return SafeguardSettings(kind=self.safeguard or "ours", r_c=self.r_c)
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ def _step_seconds(stepper: Stepper, states: Recording, frame: int) -> float:
     for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1 : stepper.r_t]:
         track.observe(positions)
     began = time.perf_counter()
-    track.begin(track.answer())
+    track.begin(track.predict())
     for _ in range(stepper.r_t):
         track.tick()
         _ = track.positions
