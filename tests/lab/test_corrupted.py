@@ -10,7 +10,7 @@ from hybridmpm import MpmSolver, metrics, scenarios
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
-from hybridmpm_lab.compare.hybrid.corruptions import CORRUPTIONS, Corrupted
+from hybridmpm_lab.stability.corruptions import CORRUPTIONS, Corrupted
 
 SEED, FRAMES = 1_000_000, 160
 

@@ -1,4 +1,4 @@
-"""What the commands of `hybridmpm bench` share: options, the origin of a measurement, and its output."""
+"""Options that all commands share, and the output of rows."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -11,6 +11,9 @@ from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
 from hybridmpm_lab.harness.provenance import Provenance, provenance, write_rows
 from hybridmpm_lab.harness.rows import Progress, Row
+from hybridmpm_lab.harness.table import print_table
+
+__all__ = ["print_table"]
 
 
 def _file_option(name: str, target: str, check: Callable[..., Path | None], text: str) -> Callable[..., Any]:
@@ -31,8 +34,12 @@ def _drawable(context: click.Context, option: click.Parameter, file: Path | None
 
 
 json_option = _file_option("--json", "json_file", _in_a_folder, "Write the rows to this JSON file, too.")
-chart_option = _file_option(
-    "--chart", "chart_file", _drawable, "Draw the rows into this file, as SVG and as PNG."
+chart_option = _file_option("--chart", "chart_file", _drawable, "Draw the rows into this file.")
+runs_option = _file_option(
+    "--runs",
+    "runs_file",
+    _in_a_folder,
+    "File to which runs are appended; the same command resumes with it after an interruption.",
 )
 
 
@@ -71,29 +78,6 @@ def scenario_option(text: str, default: tuple[str, ...] | None = None) -> Callab
     )
 
 
-pattern_option = click.option(
-    "--entrant",
-    "patterns",
-    multiple=True,
-    metavar="PATTERN",
-    help="Measure only methods whose name matches, such as 'carried fitted *' or 'mpm 1'. May be given "
-    "several times.",
-)
-only_option = click.option(
-    "--only",
-    type=click.Choice(["errors", "times", "table"]),
-    help="Do only this part: errors may be measured on a busy machine, times want an idle one, and the table "
-    "is made of what the file of --runs holds.",
-)
-runs_option = click.option(
-    "--runs",
-    "runs_file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="File in which the runs gather; the same command goes on with it after an interruption.",
-)
-
-
 def source(command: str, **options: tuple[object, ...]) -> Provenance:
     """Return the origin of a measurement by a command with options; those that are None are left out."""
     words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
@@ -112,7 +96,7 @@ def save(
     chart_file: Path | None = None,
     draw: Callable[[Sequence[Row], Path], object] | None = None,
 ) -> None:
-    """Write and draw the rows where the user asked for it."""
+    """Write and draw the rows where files are given."""
     if json_file is not None:
         write_rows(json_file, rows)
     if chart_file is not None and draw is not None:
@@ -134,14 +118,6 @@ def report(
     print_origin(origin)
 
 
-def print_table(rows: Sequence[Row], columns: Sequence[str]) -> None:
-    """Print some columns of the rows, each as wide as its widest cell."""
-    widths = {name: max(len(name), *(len(str(row[name])) for row in rows)) for name in columns}
-    click.echo("  ".join(name.rjust(widths[name]) for name in columns))
-    for row in rows:
-        click.echo("  ".join(str(row[name]).rjust(widths[name]) for name in columns))
-
-
 def print_origin(origin: Provenance) -> None:
-    """Print where, when and from what the rows come."""
+    """Print machine, date and commit of the rows."""
     click.echo(f"{origin.machine}, {origin.date}, commit {origin.commit or 'unknown'}")

@@ -12,7 +12,7 @@ from hybridmpm._support.files import replacing
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.impact import LONGEST_FALL, first_impact
 from hybridmpm.scene import Scene
-from hybridmpm_lab.compare.accuracy.conventions import EVERY
+from hybridmpm_lab.harness.rows import EVERY
 from hybridmpm_lab.harness.grid import TrueGrids
 
 SPAN = 200

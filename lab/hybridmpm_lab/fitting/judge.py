@@ -11,7 +11,7 @@ from hybridmpm.coarse import CoarseTable, HeldOut, coarse_level
 from hybridmpm.coarse.bounds import fastest_impact
 from hybridmpm.errors import CoarseWarning
 from hybridmpm.mpm import MpmSolver
-from hybridmpm_lab.compare.accuracy.conventions import FIRST_SEED
+from hybridmpm_lab.harness.rows import FIRST_SEED
 from hybridmpm_lab.fitting.cases import Case
 from hybridmpm_lab.fitting.outcome import Outcome, measure
 from hybridmpm_lab.fitting.space import Target

@@ -6,7 +6,7 @@ import numpy as np
 
 from hybridmpm.metrics import density_percentile, sliced_distance
 from hybridmpm.mpm import MpmSolver
-from hybridmpm_lab.compare.accuracy.conventions import EVERY
+from hybridmpm_lab.harness.rows import EVERY
 from hybridmpm_lab.fitting.cases import SPAN, TRANSPORTED, Case
 
 

@@ -1,4 +1,4 @@
-"""What all benchmarks have in common: rows of figures, and the progress of a measurement."""
+"""Rows of figures, the progress of a measurement, and the seeds and frames of all errors."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,3 +13,11 @@ Progress = Callable[[int], object]
 def significant(value: float | None, digits: int = 4) -> float | None:
     """Round a figure to so many significant digits; None stays None."""
     return None if value is None else float(f"{value:.{digits}g}")
+
+
+FIRST_SEED = 1_100_000
+"""Seed of the first test scene of each scenario: no data set and no fit goes so far."""
+AT = (40, 100, 200)
+"""Frames, counted from the start of a measurement, whose errors are reported alone."""
+EVERY = 10
+"""Frames between two states that are compared."""

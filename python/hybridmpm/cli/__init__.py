@@ -44,7 +44,7 @@ class _Subcommands(UserDict[str, click.Command]):
 
     def __missing__(self, name: str) -> click.Command:
         module = importlib.import_module(f"{self._package}.{self._modules[name]}")
-        command: click.Command = getattr(module, name)
+        command: click.Command = getattr(module, name.replace("-", "_"))
         return command
 
     def __contains__(self, name: object) -> bool:

@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from hybridmpm.mpm import Sleep
 from hybridmpm.simulator import Simulator
-from hybridmpm_lab.compare.hybrid.corruptions import CORRUPTIONS, Corrupted, pushed
+from hybridmpm_lab.stability.corruptions import CORRUPTIONS, Corrupted, pushed
 from hybridmpm_lab.stability.stresses.trial import (
     EVERYWHERE,
     FRAMES,

@@ -1,4 +1,4 @@
-"""Error against latency, a panel a scenario and a chart a measure: the front, and who stays behind it."""
+"""The chart of a comparison: error against time of a frame, a panel a scenario, with the Pareto front."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from hybridmpm._support import charts
-from hybridmpm_lab.compare.tradeoff.measures import FRONTS
 from hybridmpm_lab.harness.rows import Row
 
+MEASURES = {"error": "grid_rmse", "transport": "transport [m]"}
+"""Errors that are drawn, with their titles."""
 _COLUMNS = 4
 _BOUND, _FRONT = charts.COLOURS[5], "#303030"
 _LINES = (("still", "initial state held (ceiling)", ":"), ("jitter", "truth, other jitter (floor)", "--"))
 _MARKS = {
-    ("mpm", "plain"): ("o", "MPM, the few alone"),
+    ("mpm", "plain"): ("o", "MPM"),
     ("mpm", "softer"): ("v", "MPM, softer material"),
     ("mpm", "sleeping"): ("h", "MPM, sleeping"),
     ("coarse", "plain"): ("s", "coarse, unfitted"),
@@ -23,6 +24,7 @@ _MARKS = {
     ("neural", "all shown"): (">", "network, all shown"),
     ("hybrid", "default guards"): ("X", "hybrid"),
     ("hybrid", "cosine"): ("P", "hybrid by the cosine alone, at $r_c$"),
+    ("free fall", None): ("d", "free fall"),
     ("peer", None): ("*", "peer, ground truth's substeps"),
 }
 """Marker and name of each kind of point."""
@@ -31,15 +33,26 @@ _ROOM = 1.12
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
-    """Draw FILE by `grid_rmse`, and FILE-MEASURE by each other measure, as SVG and PNG.
+    """Draw FILE by `grid_rmse`, and FILE-transport by the distance of transport.
 
-    Points on the front are filled and joined, dominated ones are hollow; the colour tells the share of the
-    frames that MPM simulated. Raises as `charts` does.
+    Points on the Pareto front are filled and joined, dominated ones are hollow; the colour is the share of
+    the frames that MPM simulated. Raises as `charts` does.
     """
-    for measure in FRONTS:
-        name = file.stem if measure == "error" else f"{file.stem}-{measure.replace('_', '-')}"
+    for measure in MEASURES:
+        name = file.stem if measure == "error" else f"{file.stem}-{measure}"
         if any(row[measure] is not None and row["ms_per_frame"] is not None for row in rows):
             _draw(rows, measure, file.with_name(f"{name}{file.suffix}"))
+
+
+def legend(figure: Any, axes: Any) -> None:
+    """Add one legend of the entries of all panels above them."""
+    entries = {
+        label: handle
+        for panel in axes.flat
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(3, axes.shape[1])
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, fontsize=8)
 
 
 def _draw(rows: Sequence[Row], measure: str, file: Path) -> None:
@@ -51,12 +64,12 @@ def _draw(rows: Sequence[Row], measure: str, file: Path) -> None:
     for panel, name in zip(panels, names, strict=False):
         _panel(panel, [row for row in rows if row["scenario"] == name], measure, shades)
         panel.set_title(name)
-    legend, *unused = panels[len(names) :]
-    for panel in (legend, *unused):
+    explained, *unused = panels[len(names) :]
+    for panel in (explained, *unused):
         panel.axis("off")
-    _explain(legend, panels[: len(names)], figure, shades)
+    _explain(explained, panels[: len(names)], figure, shades)
     for row in axes:
-        row[0].set_ylabel(FRONTS[measure])
+        row[0].set_ylabel(MEASURES[measure])
     charts.save(figure, file)
 
 
@@ -71,28 +84,24 @@ def _shades() -> Any:
 
 
 def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
-    field = "on_front" if measure == "error" else f"on_front_{measure}"
+    on_front = "on_front" if measure == "error" else f"on_front_{measure}"
     points = [row for row in rows if row["ms_per_frame"] is not None and row[measure] is not None]
     points = [row for row in points if (row["method"], row["variant"]) in _MARKS]
-    front = sorted((row for row in points if row[field]), key=lambda row: row["ms_per_frame"])
+    front = sorted((row for row in points if row[on_front]), key=lambda row: row["ms_per_frame"])
     bounds = {row["method"]: row[measure] for row in rows if row["method"] in {"still", "jitter"}}
-    top = _top(points, bounds.get("still"), measure)
+    ceiling, highest = bounds.get("still"), max((row[measure] for row in points), default=1.0) or 1.0
+    top = _ROOM * (min(highest, ceiling) if ceiling else highest)
     for method, label, dashes in _LINES:
-        if bounds.get(method) is not None and bounds[method] > 0:
+        if bounds.get(method):
             panel.axhline(bounds[method], label=label, linestyle=dashes, color=_BOUND, lw=1.2)
-    panel.plot(
-        [row["ms_per_frame"] for row in front],
-        [row[measure] for row in front],
-        color=_FRONT,
-        lw=1,
-        label="front",
-        zorder=2,
-    )
+    at, heights = [row["ms_per_frame"] for row in front], [row[measure] for row in front]
+    panel.plot(at, heights, color=_FRONT, lw=1, label="Pareto front", zorder=2)
     for row in points:
-        _point(panel, row, measure, is_front=row[field], colour=shades.to_rgba(_share(row)))
+        share = 1.0 if row["mpm_share"] is None else float(row["mpm_share"])
+        _point(panel, row, measure, is_front=row[on_front], colour=shades.to_rgba(share))
     for index, row in enumerate(front):
         panel.annotate(
-            _short(row),
+            str(row["label"]).replace("unfitted ", "").replace(" all shown", ""),
             (row["ms_per_frame"], row[measure]),
             (3, -11) if index % 2 else (4, 6),
             textcoords="offset points",
@@ -101,31 +110,17 @@ def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
             bbox={"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.3},
         )
     beyond = sum(row[measure] > top for row in points)
-    notes = [f"{beyond} beyond"] if beyond else []
     untrained = [row["ms_per_frame"] for row in rows if row["variant"] == "untrained" and row["ms_per_frame"]]
+    notes = [f"{beyond} beyond"] if beyond else []
     if untrained:
         listed = ", ".join(f"{ms:.0f}" for ms in sorted(untrained))
         notes.append(f"networks of the paper's size, untrained: {listed} ms")
-    panel.text(
-        0.98,
-        0.98,
-        "; ".join(notes),
-        transform=panel.transAxes,
-        va="top",
-        ha="right",
-        fontsize=7,
-        color=_BOUND,
-    )
+    look = {"va": "top", "ha": "right", "fontsize": 7, "color": _BOUND}
+    panel.text(0.98, 0.98, "; ".join(notes), transform=panel.transAxes, **look)
     panel.set(xscale="log", xlabel="ms per frame", ylim=(0, top))
     charts.plain_log_ticks(panel.xaxis)
     panel.tick_params(axis="x", labelsize=7, labelrotation=45)
     panel.margins(x=0.06)
-
-
-def _top(points: Sequence[Row], ceiling: float | None, measure: str) -> float:
-    """Return the height of a panel: the ceiling, or all points where they stay below it."""
-    highest = max((row[measure] for row in points), default=1.0) or 1.0
-    return float(_ROOM * (highest if ceiling is None or ceiling <= 0 else min(highest, ceiling)))
 
 
 def _point(panel: Any, row: Row, measure: str, *, is_front: bool, colour: Any) -> None:
@@ -145,28 +140,19 @@ def _point(panel: Any, row: Row, measure: str, *, is_front: bool, colour: Any) -
     )
 
 
-def _share(row: Row) -> float:
-    """Return the share of the frames that MPM simulated; peers are MPM, too."""
-    return 1.0 if row["mpm_share"] is None else float(row["mpm_share"])
-
-
-def _short(row: Row) -> str:
-    return str(row["label"]).replace("unfitted ", "").replace(" all shown", "")
-
-
-def _explain(legend: Any, panels: Sequence[Any], figure: Any, shades: Any) -> None:
-    """Fill the last panel with what lines, markers and colours mean."""
+def _explain(panel: Any, others: Sequence[Any], figure: Any, shades: Any) -> None:
+    """Fill the last panel with the meaning of lines, markers and colours."""
     from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
 
     lines = {
         label: handle
-        for panel in panels
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+        for other in others
+        for handle, label in zip(*other.get_legend_handles_labels(), strict=True)
     }
     grey = partial(Line2D, [], [], color="#555555", linestyle="none")
     marks = {label: grey(marker=marker) for marker, label in _MARKS.values()}
     hollow = grey(marker="o", markerfacecolor="white")
     entries = {**lines, **marks, "hollow: dominated by another": hollow}
-    legend.legend(entries.values(), entries.keys(), loc="upper left", fontsize=7.5)
-    bar = figure.colorbar(shades, ax=legend, location="bottom", shrink=0.8, aspect=25)
+    panel.legend(entries.values(), entries.keys(), loc="upper left", fontsize=7.5)
+    bar = figure.colorbar(shades, ax=panel, location="bottom", shrink=0.8, aspect=25)
     bar.set_label("share of the frames that MPM simulated", fontsize=8)

@@ -1,0 +1,179 @@
+"""The comparisons: `tradeoff`, `coarse`, `models`, `hybrid` and `crossing`, and `plan-errors`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hybridmpm._support.machine import usable_cores
+from hybridmpm.cli.progress import progress
+from hybridmpm.errors import ConfigError
+from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option
+from hybridmpm_lab.compare import coarse as coarse_modes
+from hybridmpm_lab.compare import comparison
+from hybridmpm_lab.compare import crossing as crossings
+from hybridmpm_lab.compare import hybrid as hybrids
+from hybridmpm_lab.compare import models as networks
+from hybridmpm_lab.compare import plan_errors as errors_of_plans
+from hybridmpm_lab.compare import tradeoff as tradeoffs
+from hybridmpm_lab.compare.comparison import Case
+from hybridmpm_lab.harness import chart
+from hybridmpm_lab.harness.rows import Row
+from hybridmpm_lab.harness.settings import origin_of, settings_options
+from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.timing import QUIET
+from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
+
+_COLUMNS = (
+    "scenario", "method", "label", "ms_per_frame", "ms_p95", "error", "error_se", "error_40", "error_100",
+    "error_200", "transport", "kinetic_energy", "density", "mpm_share", "failed", "on_front", "dominated_by",
+    "equal_mpm_ms",
+)  # fmt: skip
+_HYBRID_COLUMNS = (
+    "part", "scenario", "method", "label", "scenes", "mpm_share", "network", "free_fall", "rest", "contact",
+    "ratio", "ratio_se", "worst",
+)  # fmt: skip
+_CROSSING_COLUMNS = (
+    "scenario", "resolution", "compression", "particles", "method", "label", "variant", "refused",
+    "ms_per_frame", "error", "error_se", "sliced", "equal_mpm", "equal_mpm_ms", "times_slower",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Comparison:
+    """A comparison of methods on scenes, as a command."""
+
+    name: str
+    settings: type[comparison.ComparisonSettings]
+    cases: Callable[[Any], list[Case]]
+    summary: str
+    """Help of the command."""
+    columns: tuple[str, ...] = _COLUMNS
+    table: Callable[[Sequence[Case], RowStore], list[Row]] = comparison.table
+    draw: Callable[[Sequence[Row], Path], object] = chart.chart
+    parts: tuple[str, ...] = ("errors", "times")
+
+    def command(self) -> click.Command:
+        """Return the command."""
+
+        @settings_options(self.settings)
+        @click.option(
+            "--only",
+            type=click.Choice([*self.parts, "table"]),
+            help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
+            "table is made of the rows in the file of --runs.",
+        )
+        @number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts.")
+        @number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one.")
+        @runs_option
+        @json_option
+        @chart_option
+        def run(**given: Any) -> None:
+            self._run(**given)
+
+        run.__doc__ = self.summary
+        return click.command(self.name)(run)
+
+    def _run(
+        self,
+        *,
+        settings: comparison.ComparisonSettings,
+        only: str | None,
+        passes: int,
+        jobs: int,
+        runs_file: Path | None,
+        json_file: Path | None,
+        chart_file: Path | None,
+    ) -> None:
+        if only == "table" and runs_file is None:
+            raise ConfigError(
+                "--only table makes the table of runs that are there: name their file by --runs"
+            )
+        for peer in getattr(settings, "peer", ()):
+            check_peer(peer, known=SOLVERS)
+        cases, store = self.cases(settings), RowStore(settings.shared(), runs_file)
+        origin = origin_of(self.name, settings)
+        for part in self.parts:
+            if only in (None, part):
+                with progress(part.capitalize(), comparison.steps(cases, part)) as bar:
+                    comparison.measure(
+                        cases, store, origin, only=part, passes=passes, jobs=jobs, on_progress=bar.update
+                    )
+        rows = self.table(cases, store)
+        if not rows:
+            raise ConfigError(f"{runs_file} has no runs of these cases; measure them first")
+        columns = [name for name in self.columns if name in rows[0]]
+        report(rows, columns, origin, json_file, chart_file=chart_file, draw=self.draw)
+        if busy := {str(row["scenario"]) for row in rows if (row.get("slowdown") or 0) > QUIET}:
+            click.echo(f"The machine was busy while these were timed, so time them again: {', '.join(busy)}")
+
+
+tradeoff = _Comparison(
+    name="tradeoff",
+    settings=tradeoffs.TradeoffSettings,
+    cases=tradeoffs.cases,
+    summary="""Compare all methods by error and time.
+
+    Methods are MPM in full and with fewer particles, alone, showing all and fitted; softer, sleeping; each
+    network of the library, and hybrids with it. Errors are taken against the truth in scenes that no data set
+    and no fit contains. Methods that another one beats in both are dominated, all others are the Pareto
+    front. equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
+    """,
+).command()
+coarse = _Comparison(
+    name="coarse",
+    settings=coarse_modes.CoarseSettings,
+    cases=coarse_modes.cases,
+    summary="""Compare MPM with fewer particles by error and time: alone, showing all, and fitted.
+
+    Beside them stand the floors of the error (jitter: the truth with other jitter; merged: the truth shown by
+    as few particles) and its ceiling (still: the initial state held).
+    """,
+).command()
+models = _Comparison(
+    name="models",
+    settings=networks.ModelsSettings,
+    cases=networks.cases,
+    summary="""Compare networks by error and time, beside MPM and free fall.
+
+    equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
+    """,
+).command()
+hybrid = _Comparison(
+    name="hybrid",
+    settings=hybrids.HybridSettings,
+    cases=hybrids.cases,
+    summary="""Measure the share of the frames that a hybrid's network simulates, and its error over MPM's.
+
+    MPM has as few particles. Rows of the part "bound" are ratios that are not exceeded in 90 % of the scenes,
+    and the share of other scenes in which that held.
+    """,
+    columns=_HYBRID_COLUMNS,
+    table=hybrids.table,
+    draw=hybrids.chart,
+    parts=("errors",),
+).command()
+crossing = _Comparison(
+    name="crossing",
+    settings=crossings.CrossingSettings,
+    cases=crossings.cases,
+    summary="""Compare networks with the quickest MPM of equal error, over resolution and stiffness.
+
+    Networks simulate particles as far apart as in their training, at any resolution, and show all others.
+    times_slower is their time over that of the quickest MPM that errs no more: below one they pay.
+    """,
+    columns=_CROSSING_COLUMNS,
+    table=crossings.table,
+    draw=crossings.chart,
+).command()
+
+
+@click.command("plan-errors")
+@click.argument("rows_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("calibration", type=click.Path(dir_okay=False, path_type=Path))
+def plan_errors(*, rows_file: Path, calibration: Path) -> None:
+    """Write the errors of ROWS_FILE, made by `tradeoff --json`, with the shipped times into CALIBRATION."""
+    errors_of_plans.refresh(calibration, errors_of_plans.read_rows(rows_file))
+    click.echo(f"wrote {calibration}")

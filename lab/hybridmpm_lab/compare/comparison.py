@@ -1,0 +1,315 @@
+"""The comparison of methods on scenes: errors scene by scene, times by turns, and the table of both."""
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+
+from hybridmpm import metrics
+from hybridmpm.errors import SimulationError
+from hybridmpm.planner.candidates import RATIOS
+from hybridmpm.scene import Scene
+from hybridmpm_lab.compare import peers
+from hybridmpm_lab.compare.methods import Method
+from hybridmpm_lab.compare.times import FIELDS, times
+from hybridmpm_lab.compare.truth import MEASURES, Truth, errors, grid_errors, shares
+from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.rows import FIRST_SEED, Progress, Row, significant
+from hybridmpm_lab.harness.settings import scenarios_setting, setting
+from hybridmpm_lab.harness.store import Key, RowStore
+from hybridmpm_lab.harness.table import dominating, equal_error, is_on_front, row_name
+
+BOUNDS = ("jitter", "still", *(f"merged {label}" for label, r_p in RATIOS.items() if r_p < 1))
+"""Floors and ceiling of the error, which nobody can run: the truth with other jitter, the initial state held,
+the truth merged state by state."""
+RIVALS = ("mpm", "coarse")
+"""Methods that a learned one has to beat."""
+FRONTS = ("error", "transport")
+"""Errors by which rows have a Pareto front."""
+ORIGIN = ("machine", "date", "commit", "command", "solver_version", "ingredients")
+_MEANS = ("start", "particles", "mpm_share")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonSettings:
+    """Scenes, length and methods of a comparison; the defaults are those of docs/results."""
+
+    scenario: tuple[str, ...] = scenarios_setting()
+    scenes: int = setting(10, "Number of held-out scenes of each scenario.", low=1, high=1000)
+    span: int = setting(200, "Number of frames that count, and are timed.", low=40, high=10_000)
+    threads: int = setting(1, "Number of threads of every simulator of ours.", low=1, high=1024)
+    method: tuple[str, ...] = setting(
+        (), "Measure only methods whose name matches this pattern, such as 'coarse 1/*' or 'mpm 1'.", str
+    )
+
+    def shared(self) -> Row:
+        """Return the settings that runs must share to stand in one table."""
+        return {"first_seed": FIRST_SEED, "span": self.span, "threads": self.threads}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Scenes, and the methods that are compared on them."""
+
+    head: Row
+    """First fields of the rows, which tell cases apart."""
+    scene: Callable[[int], Scene]
+    """Function of a seed."""
+    timed: Callable[[], Scene]
+    """Function that returns the scene on which times are taken."""
+    methods: dict[str, Method]
+    """Methods by name."""
+    bounds: tuple[str, ...] = ()
+    """Some of `BOUNDS`."""
+    seeds: tuple[int, ...]
+    """Seeds of the scenes."""
+    warm_up: int = 0
+    """Frame before which no errors count."""
+    span: int = 200
+    """Number of frames that errors count over, and that are timed."""
+    until: int | None = None
+    """Last frame; errors count up to it, and shares from the first frame on, where given."""
+    substeps: int | None = None
+    """Substeps of the truth; None for the ground truth's."""
+    is_full: bool = True
+    """Whether all errors are measured, or the grid error alone."""
+    threads: int = 1
+    """Threads of every simulator."""
+
+    @property
+    def key(self) -> Key:
+        """Values of `head`."""
+        return tuple(self.head.values())
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the methods whose errors are measured, and of the bounds."""
+        return [name for name, one in self.methods.items() if one.stepper is None] + list(self.bounds)
+
+
+def seeds(count: int, first: int = FIRST_SEED) -> tuple[int, ...]:
+    """Return the seeds of the first test scenes."""
+    return tuple(range(first, first + count))
+
+
+def measure(
+    cases: Sequence[Case],
+    store: RowStore,
+    origin: Provenance,
+    *,
+    only: str | None = None,
+    passes: int = 9,
+    jobs: int = 1,
+    on_progress: Progress,
+) -> None:
+    """Measure what the store does not have; `on_progress` counts scenes, and each case once for its times.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    store : RowStore
+        Rows so far, by ("errors", *case.key, seed, name) and ("times", *case.key, name).
+    origin : Provenance
+    only : {"errors", "times", "table"}, optional
+        Part that is measured alone; "table" measures nothing.
+    passes : int
+        Number of times that each piece is timed; the lower quartile counts.
+    jobs : int
+        Processes that each measure the errors of one scene at a time; the errors do not depend on them.
+    """
+    if only in (None, "errors"):
+        for case, seed, found in _all_errors(cases, store, jobs, on_progress):
+            for name, row in found:
+                method = case.methods.get(name)
+                mine = origin.using(*(method.ingredients if method else ()))
+                store.add(("errors", *case.key, seed, name), mine.stamped(row))
+            on_progress(1)
+    if only in (None, "times"):
+        for case in cases:
+            names = list(case.methods)
+            if not all(("times", *case.key, name) in store for name in names):
+                for name, row in _times(case, passes):
+                    store.add(("times", *case.key, name), origin.stamped(row))
+            on_progress(1)
+
+
+def _times(case: Case, passes: int) -> Iterator[tuple[str, Row]]:
+    given = {"warm_up": case.warm_up, "span": case.span, "threads": case.threads}
+    return times(case.methods, case.timed(), passes=passes, **given)
+
+
+def steps(cases: Sequence[Case], only: str | None) -> int:
+    """Return the number of steps that `measure` reports."""
+    scenes = sum(len(case.seeds) for case in cases) if only in (None, "errors") else 0
+    return scenes + (len(cases) if only in (None, "times") else 0)
+
+
+def _all_errors(
+    cases: Sequence[Case], store: RowStore, jobs: int, on_progress: Progress
+) -> Iterator[tuple[Case, int, list[tuple[str, Row]]]]:
+    missing: list[tuple[Case, int, list[str]]] = []
+    for case in cases:
+        for seed in case.seeds:
+            names = [name for name in case.names if ("errors", *case.key, seed, name) not in store]
+            if names:
+                missing.append((case, seed, names))
+            else:
+                on_progress(1)
+    if jobs == 1:
+        for case, seed, names in missing:
+            yield case, seed, scene_errors(case, seed, names)
+        return
+    # A fresh interpreter each: threads of onnxruntime do not survive a fork.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(scene_errors, *one): one[:2] for one in missing}
+        try:
+            for done in as_completed(waiting):
+                yield *waiting[done], done.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def scene_errors(case: Case, seed: int, names: Sequence[str]) -> list[tuple[str, Row]]:
+    """Return the rows of some methods and bounds of a case in one of its scenes."""
+    truth = Truth.of(
+        case.scene(seed),
+        warm_up=case.warm_up,
+        span=case.span,
+        until=case.until,
+        substeps=case.substeps,
+        threads=case.threads,
+    )
+    head = {"impact": truth.impact, "start": truth.start}
+    return [(name, head | _one(name, case, truth)) for name in names]
+
+
+def _one(name: str, case: Case, truth: Truth) -> Row:
+    kind, _, label = name.partition(" ")
+    compared = errors if case.is_full else grid_errors
+    facts: Row = {}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            if kind == "jitter":
+                run = truth.jittered()
+            elif kind == "still":
+                run = truth.still()
+            elif kind == "merged":
+                run = metrics.merged_states(truth.states, RATIOS[label])
+            elif kind == "peer":
+                run = peers.states(label, truth)
+            else:
+                simulator = case.methods[name].simulator(truth.states.scene, case.threads)
+                run, counts = truth.rollout(simulator)
+                facts = shares(truth, counts, is_whole=case.until is not None)
+                facts["particles"] = len(simulator.coarse_positions)
+        except SimulationError:
+            return {"failed": True, "warned": bool(caught)}
+    facts |= compared(run, truth)
+    return {"failed": False, "warned": bool(caught)} | {
+        key: significant(one, 6) for key, one in facts.items()
+    }
+
+
+def table(cases: Sequence[Case], store: RowStore) -> list[Row]:
+    """Return a row for each method and bound of each case of which there is a measurement.
+
+    Each error is a mean over the scenes, with its standard error in `..._se`; all are None where the method
+    failed in a scene. `warned` and `failed` count scenes, `mpm_share` and other shares are those of
+    `truth.shares`. `ms_per_frame` is the median over pieces of 8 frames of the timed scene, each frame looked
+    at, `ms_p95` their 95th percentile, `slowdown` that of the machine meanwhile.
+
+    `on_front` is whether no other method is as quick and as accurate by `error`, `on_front_transport` the
+    same by `transport`. `dominated_by` is the quickest that is neither slower nor worse, `equal_mpm` the
+    quickest MPM that errs no more, and `equal_mpm_ms` its time, below which the method would pay.
+    `error_minus_dominator` and `error_minus_equal_mpm` are mean differences on the same scenes.
+
+    Machine, date, commit, command and ingredients are those of the errors, `timed_...` those of the time.
+    """
+    return [row for case in cases for row in _of_case(case, store)]
+
+
+def samples(case: Case, name: str, store: RowStore) -> dict[int, Row]:
+    """Return the rows of a method by seed."""
+    found = {seed: store.get(("errors", *case.key, seed, name)) for seed in case.seeds}
+    return {seed: row for seed, row in found.items() if row is not None}
+
+
+def _of_case(case: Case, store: RowStore) -> list[Row]:
+    by_scene, rows = metrics.ErrorTable(), []
+    for name in dict.fromkeys((*case.methods, *case.bounds)):
+        mine = samples(case, name, store)
+        time = store.get(("times", *case.key, name)) or {}
+        if mine and not any(row["failed"] for row in mine.values()):
+            for seed, row in mine.items():
+                by_scene.add(name, str(seed), {one: row[one] for one in MEASURES if one in row})
+        if mine or time:
+            rows.append(_row(case, name, list(mine.values()), time, by_scene))
+    real = [row for row in rows if row_name(row) not in BOUNDS]
+    rivals = [row for row in real if row["method"] in RIVALS]
+    fronts = [one for one in FRONTS if case.is_full or one == "error"]
+    for row in rows:
+        can_run = row_name(row) not in BOUNDS
+        for one in fronts:
+            name = "on_front" if one == "error" else f"on_front_{one}"
+            row[name] = can_run and is_on_front(row, real, one)
+        better = dominating(row, real) if can_run else None
+        equal = equal_error(row, rivals) if can_run else None
+        row["dominated_by"] = better and row_name(better)
+        row["equal_mpm"], row["equal_mpm_ms"] = equal and row_name(equal), equal and equal["ms_per_frame"]
+        row.update(_apart(by_scene, row, better, "error_minus_dominator"))
+        row.update(_apart(by_scene, row, equal, "error_minus_equal_mpm"))
+    return rows
+
+
+def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metrics.ErrorTable) -> Row:
+    kind, _, label = name.partition(" ")
+    method = case.methods.get(name)
+    estimates: Row = {}
+    for one in MEASURES if case.is_full else ("error", "sliced"):
+        there = name in by_scene.methods and one in by_scene.measures
+        found = by_scene.estimate(name, one) if there else None
+        estimates[one] = significant(found.mean if found else None)
+        estimates[f"{one}_se"] = significant(found.standard_error if found else None)
+    r_p = method.r_p if method else RATIOS.get(label)
+    first = known[0] if known else time
+    return {
+        **case.head,
+        "method": method.method if method else kind,
+        "label": method.label if method else label or None,
+        "variant": method and method.variant,
+        "r_p": significant(r_p),
+        "r_t": method and method.r_t,
+        "r_c": method and method.r_c,
+        "threads": time.get("threads", case.threads),
+        "warm_up": case.warm_up,
+        "scenes": len(known),
+        "failed": sum(bool(row["failed"]) for row in known),
+        "warned": sum(bool(row["warned"]) for row in known),
+        **{one: mean(known, one) for one in _MEANS},
+        **{one: time.get(one) for one in FIELDS},
+        **estimates,
+        **{one: first.get(one) for one in ORIGIN},
+        **{f"timed_{one}": time.get(one) for one in ("machine", "date", "commit")},
+    }
+
+
+def mean(rows: Sequence[Row], name: str) -> float | None:
+    """Return the mean of a field over the rows that have it; None without any."""
+    values = [row[name] for row in rows if row.get(name) is not None]
+    return significant(float(np.mean(values))) if values else None
+
+
+def _apart(by_scene: metrics.ErrorTable, row: Row, other: Row | None, name: str) -> Row:
+    """Return the mean difference of the errors of two rows on the same scenes, and its standard error."""
+    apart = None
+    if other is not None and other is not row:
+        apart = by_scene.difference(row_name(row), row_name(other), "error")
+    return {
+        name: significant(apart.mean if apart else None),
+        f"{name}_se": significant(apart.standard_error if apart else None),
+    }

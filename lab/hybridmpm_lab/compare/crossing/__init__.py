@@ -1,1 +1,0 @@
-"""Where learning pays: networks against the cheapest MPM of equal error, over resolution and stiffness."""

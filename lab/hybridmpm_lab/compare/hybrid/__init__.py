@@ -1,1 +1,0 @@
-"""Benchmarks of the hybrid simulator: its guards, its handoff and whole rollouts."""

@@ -1,0 +1,91 @@
+"""Solvers of others on the scenes of the comparison: their states, and pieces of them that can be timed."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.recording import Recording
+from hybridmpm.scene import Scene
+from hybridmpm_lab.compare.truth import Truth
+from hybridmpm_lab.harness.timing import TimedCall
+from hybridmpm_lab.speed.baselines.process import Worker
+
+_PRECISE = "serial"
+"""Setting whose errors are taken; the others add in another order and are as precise."""
+
+
+def can_simulate(scene: Scene) -> bool:
+    """Return whether the plain solvers of others take a scene: one material, and no obstacles."""
+    return not scene.obstacles and len(scene.materials) == 1
+
+
+def states(package: str, truth: Truth) -> Recording:
+    """Simulate a scene by a peer, and return the states at the truth's frames.
+
+    Peers give positions alone, so velocities are differences of two frames.
+    """
+    scene, positions, velocities = truth.states.scene, [], []
+    with Worker(package) as worker:
+        worker.call("start")
+        worker.call("make", _PRECISE, _described(scene), _substeps(scene))
+        now = 0
+        for frame in truth.states.frames.tolist():
+            worker.call("advance", _PRECISE, frame - 1 - now)
+            before = worker.call("positions", _PRECISE)
+            worker.call("advance", _PRECISE, 1)
+            positions.append(worker.call("positions", _PRECISE))
+            velocities.append((positions[-1] - before) / scene.frame_dt)
+            now = frame
+    particles = scene.sample()
+    return Recording(
+        scene=scene,
+        ids=np.arange(len(particles.x), dtype=np.uint64),
+        types=particles.types,
+        mass=particles.mass,
+        frames=truth.states.frames,
+        positions=np.clip(np.array(positions, dtype=np.float32), 0, 1),
+        velocities=np.array(velocities, dtype=np.float32),
+    )
+
+
+def pieces(
+    worker: Worker, scene: Scene, start: int, span: int, frames: int
+) -> Iterator[tuple[str, int, list[TimedCall]]]:
+    """Yield each setting of a peer, its threads, and its pieces by its own clock."""
+    solver, substeps = MpmSolver(scene, substeps="reference"), _substeps(scene)
+    solver.advance(start)
+    worker.call("start")
+    worker.call("take", solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
+    for setting, threads in worker.call("settings").items():
+        worker.call("make", setting, _described(scene), substeps)
+        calls = [
+            TimedCall(
+                prepare=partial(_prepare, worker, setting, frame),
+                call=partial(_piece, worker, setting, frames),
+            )
+            for frame in range(0, span - frames, max(span // 3, 1))
+        ]
+        yield setting, threads, calls
+
+
+def _prepare(worker: Worker, setting: str, frame: int) -> None:
+    worker.call("restore", setting)
+    worker.call("advance", setting, frame + 1)
+
+
+def _piece(worker: Worker, setting: str, frames: int) -> float:
+    return float(worker.call("advance", setting, frames)) / frames
+
+
+def _substeps(scene: Scene) -> int:
+    """Return the ground truth's substeps of a frame, at which peers run."""
+    solver = MpmSolver(scene, substeps="reference")
+    solver.advance(1)
+    report = solver.last_frame
+    return report.substeps if report else 1
+
+
+def _described(scene: Scene) -> dict[str, object]:
+    return scene.model_dump(mode="json", exclude_none=True)

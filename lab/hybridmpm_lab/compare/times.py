@@ -1,0 +1,137 @@
+"""The time of a frame of methods: pieces of one rollout, by turns."""
+
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
+
+import numpy as np
+
+from hybridmpm.coarse import CoarseSimulator
+from hybridmpm.errors import SimulationError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import Track, warmup_frames
+from hybridmpm.planner.calibrating.impact import first_frame
+from hybridmpm.recording import Recording, record
+from hybridmpm.scene import Scene
+from hybridmpm_lab.compare import peers
+from hybridmpm_lab.compare.methods import Method
+from hybridmpm_lab.harness.rows import Row, significant
+from hybridmpm_lab.harness.timing import Calibration, TimedCall, seconds_by_turns
+from hybridmpm_lab.speed.baselines.process import Worker
+
+FIELDS = ("ms_per_frame", "ms_p95", "slowdown")
+"""Fields of a row about its time."""
+PIECE = 8
+"""Frames of a piece: two carries, and one or two steps of each shipped network."""
+_APART = 2 * PIECE
+"""Frames from the start of a piece to that of the next."""
+_STEPS = 4
+"""Steps of an untrained network that are timed, evenly spread over the span."""
+
+
+def times(
+    methods: Mapping[str, Method], scene: Scene, *, warm_up: int, span: int, passes: int, threads: int
+) -> Iterator[tuple[str, Row]]:
+    """Yield the name and the fields of the time of each method on a scene; None where it fails.
+
+    The pieces lie in the `span` frames after the first impact, or after the warm-up where that is later. All
+    pieces of all methods are timed once in each of the `passes`. Of the settings of a peer the quickest
+    counts.
+    """
+    start = first_frame(scene, warm_up)
+    calls: list[TimedCall] = []
+    owners: list[tuple[str, Row]] = []
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the rows of errors count them
+        for name, method in methods.items():
+            facts: Row = {"threads": threads, "setting": None}
+            try:
+                if method.stepper is not None:
+                    mine = _steps(method.stepper(threads), scene, start, span)
+                elif method.make is not None:
+                    mine = _pieces(method.make(scene, threads), start, span)
+                else:
+                    for setting, its_threads, some in peers.pieces(
+                        stack.enter_context(Worker(method.label)), scene, start, span, PIECE
+                    ):
+                        facts = {"threads": its_threads, "setting": setting}
+                        calls += some
+                        owners += [(name, facts)] * len(some)
+                    continue
+            except SimulationError:
+                yield name, dict.fromkeys(FIELDS) | facts
+                continue
+            calls += mine
+            owners += [(name, facts)] * len(mine)
+        calibration = Calibration(threads)
+        seconds = seconds_by_turns([*calls, TimedCall(call=calibration.slowdown)], passes)
+    slowdown = significant(_quartile(seconds.pop()), 3)
+    pieces: dict[tuple[str, str | None], list[float]] = {}
+    by_setting: dict[tuple[str, str | None], Row] = {}
+    for (name, facts), spent in zip(owners, seconds, strict=True):
+        key = (name, facts["setting"])
+        pieces.setdefault(key, []).append(1e3 * _quartile(spent))
+        by_setting[key] = facts
+    quickest: dict[str, Row] = {}
+    for key, ms in sorted(pieces.items(), key=lambda item: float(np.median(item[1]))):
+        row = {
+            "ms_per_frame": significant(float(np.median(ms))),
+            "ms_p95": significant(float(np.percentile(ms, 95))),
+            "slowdown": slowdown,
+        }
+        quickest.setdefault(key[0], row | by_setting[key])
+    yield from quickest.items()
+
+
+def _pieces(simulator: CoarseSimulator, start: int, span: int) -> list[TimedCall]:
+    calls = []
+    for frame in range(start, start + span - PIECE, _APART):
+        simulator.advance(frame - simulator.frame)
+        prepare = partial(_prepare, simulator, simulator.snapshot())
+        calls.append(TimedCall(prepare=prepare, call=partial(_shown, simulator)))
+    simulator.advance(start + span - simulator.frame)
+    return calls
+
+
+def _prepare(simulator: CoarseSimulator, snapshot: bytes) -> None:
+    """Return to a state, and touch the memory that the others used meanwhile by one frame."""
+    simulator.restore(snapshot)
+    simulator.advance(1)
+    _ = simulator.positions
+
+
+def _shown(simulator: CoarseSimulator) -> float:
+    """Return the time of a frame of a piece [s], each looked at."""
+    began = time.perf_counter()
+    for _ in range(PIECE):
+        simulator.advance(1)
+        _ = simulator.positions
+    return (time.perf_counter() - began) / PIECE
+
+
+def _steps(stepper: Stepper, scene: Scene, start: int, span: int) -> list[TimedCall]:
+    """Return single steps of a network on states of MPM, whose cost does not depend on the weights."""
+    states = record(MpmSolver(scene, r_p=stepper.r_p), start + span)
+    frames = np.linspace(start, start + span, _STEPS, dtype=int).tolist()
+    return [TimedCall(call=partial(_step, stepper, states, frame)) for frame in frames]
+
+
+def _step(stepper: Stepper, states: Recording, frame: int) -> float:
+    """Return the time of a step by frame [s], the frames within it included."""
+    track = Track(stepper, states.scene, states.types)
+    for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1 : stepper.r_t]:
+        track.observe(positions)
+    began = time.perf_counter()
+    track.begin(track.predict())
+    for _ in range(stepper.r_t):
+        track.tick()
+        _ = track.positions
+    track.arrive()
+    return (time.perf_counter() - began) / stepper.r_t
+
+
+def _quartile(values: Sequence[float]) -> float:
+    return float(np.percentile(values, 25))

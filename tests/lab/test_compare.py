@@ -1,0 +1,399 @@
+"""The comparison of methods: complete rows, right errors and fronts, and runs that resume."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hybridmpm import Ball, MpmSolver, NonFiniteError, Scene, metrics, scenarios
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.physics.free_fall import FreeFall
+from hybridmpm.physics.manifest import models
+from hybridmpm.planner import store as calibrations
+from hybridmpm.planner.calibration import MEASURES as PLANNED
+from hybridmpm.planner.calibration import Calibration
+from hybridmpm.planner.candidates import loaded
+from hybridmpm_lab.commands import cli
+from hybridmpm_lab.compare import comparison, crossing, hybrid, methods, plan_errors, times, tradeoff, truth
+from hybridmpm_lab.compare.comparison import Case
+from hybridmpm_lab.compare.methods import Method
+from hybridmpm_lab.harness.provenance import provenance, shipped
+from hybridmpm_lab.harness.rows import FIRST_SEED
+from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.table import equal_error, is_on_front
+
+NAMES = ("mpm 1", "mpm 1/16", "coarse 1/16", "neural fluids_2d all shown", "hybrid fluids_2d r_c 0.8")
+
+
+def invoke(*words: str) -> Any:
+    return CliRunner().invoke(cli, words, prog_name="python -m hybridmpm_lab")
+
+
+def named(file: Path) -> dict[str, dict[str, Any]]:
+    rows = json.loads(file.read_text())
+    return {f"{row['method']} {row['label'] or ''}".strip(): row for row in rows}
+
+
+@pytest.fixture
+def drop() -> Scene:
+    """Return a ball of water whose lowest point is 0.44 m above the floor."""
+    ball = Ball(material="water", center=(0.5, 0.6), radius=0.06, velocity=(0.5, 0.0), seed=3)
+    return Scene(name="drop", dim=2, resolution=64, bodies=(ball,))
+
+
+@pytest.fixture(autouse=True)
+def few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time the largest of two scenes, not of a hundred."""
+    monkeypatch.setattr(truth, "_CROWD", 2)
+
+
+@pytest.mark.needs("ot", "metrics")
+def test_runs_gather_and_become_a_table(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    runs, file, chart = tmp_path / "runs.jsonl", tmp_path / "rows.json", tmp_path / "chart.svg"
+    options = ["--scenario", "water_2d", "--scenes", "2", "--span", "40"]
+    options += [word for name in NAMES for word in ("--method", name)]
+    more = ["--passes", "1", "--jobs", "1", "--runs", str(runs), "--json", str(file)]
+
+    def run(*last: str) -> dict[str, dict[str, Any]]:
+        result = invoke("tradeoff", *options, *more, *last)
+        assert result.exit_code == 0, result.output
+        return named(file)
+
+    unmeasured = run("--only", "errors")
+    assert unmeasured["mpm 1"]["ms_per_frame"] is None
+    assert not unmeasured["mpm 1"]["on_front"]
+    whole = runs.read_text()
+    rows = run("--only", "times")
+    assert runs.read_text().startswith(whole)
+    assert len(runs.read_text().splitlines()) == len(whole.splitlines()) + len(NAMES)
+    # The rest of an unfinished line is dropped, and measured again; nothing else is.
+    whole = runs.read_text()
+    runs.write_text(whole + whole.splitlines()[-1][:50])
+    assert run("--chart", str(chart)) == rows
+    assert runs.read_text() == whole
+    assert chart.stat().st_size > 10_000
+    assert "hollow" in chart.with_name("chart-transport.svg").read_text()
+
+    assert {name for name, row in rows.items() if row["ms_per_frame"]} == set(NAMES)
+    assert {"jitter", "still", "merged 1/16"} < set(rows)
+    for name, row in rows.items():
+        assert (row["scenes"], row["failed"], row["warm_up"]) == (2, 0, 20)
+        for measure in truth.MEASURES:
+            assert measure not in {"error_100", "error_200"} or row[measure] is None
+            assert row[measure] is None or row[measure] >= row[f"{measure}_se"] >= 0
+        words = "--scenario water_2d --scenes 2 --span 40 " + " ".join(f"--method {one}" for one in NAMES)
+        assert row["command"] == f"python -m hybridmpm_lab tradeoff {words}"
+        used = {"coarse 1/16": "levels", NAMES[3]: "fluids_2d", NAMES[4]: "fluids_2d"}.get(name)
+        assert row["ingredients"] == (used and f"{used}={shipped()[used]}")
+    mean = {name: row["error"] for name, row in rows.items()}
+    assert mean["mpm 1"] < mean["jitter"] < mean["coarse 1/16"] < mean["still"]
+    assert mean["merged 1/16"] < mean["mpm 1/16"]
+    assert (rows[NAMES[3]]["mpm_share"], rows["mpm 1"]["mpm_share"]) == (0, 1)
+    # The most accurate is on the front; the network is slower than MPM that errs less.
+    assert rows["mpm 1"]["on_front"]
+    assert rows["mpm 1"]["on_front_transport"]
+    assert rows[NAMES[3]]["dominated_by"] == rows[NAMES[3]]["equal_mpm"] == "coarse 1/16"
+    assert rows[NAMES[3]]["equal_mpm_ms"] == rows["coarse 1/16"]["ms_per_frame"]
+    apart = rows[NAMES[3]]["error_minus_equal_mpm"]
+    assert apart == pytest.approx(mean[NAMES[3]] - mean["coarse 1/16"], abs=1e-3)
+
+
+def test_wrong_options_are_named(tmp_path: Path) -> None:
+    for words, message in (
+        (("tradeoff", "--only", "table"), "--runs"),
+        (("tradeoff", "--method", "mpm 1/3", "--only", "errors"), "coarse 1/16"),
+        (("tradeoff", "--chart", str(tmp_path / "absent" / "chart.svg")), "does not exist"),
+        (("crossing", "--scenario", "water_3d", "--resolution", "512"), "no scenario of water_3d has scenes"),
+        (
+            ("models", "--model", "fluids_2d", "--scenario", "sand_3d"),
+            "no model serves sand_3d",
+        ),
+        (("models", "--model", "fluids_2d", "--model", "fluids_2d"), "two models are called fluids_2d"),
+        (("models", "--model", str(tmp_path / "none.onnx")), "none.onnx"),
+    ):
+        result = invoke(*words)
+        assert result.exit_code == 2, result.output
+        assert message in result.stderr
+
+
+def test_files_of_other_settings_and_damaged_files_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "runs.jsonl"
+    store = RowStore({"span": 200}, file)
+    store.add(("errors", 1), {"error": 0.5})
+    assert RowStore({"span": 200}, file)["errors", 1] == {"error": 0.5}
+    with pytest.raises(ConfigError, match="has rows with span = 200, not 100"):
+        RowStore({"span": 100}, file)
+    file.write_text("no rows\n")
+    with pytest.raises(DataError, match=r"runs.jsonl is no file of rows, or damaged"):
+        RowStore({"span": 200}, file)
+
+
+def test_all_methods_of_a_plan_are_compared() -> None:
+    for case in tradeoff.cases(tradeoff.TradeoffSettings()):
+        name = case.head["scenario"]
+        served = methods.serving(name)
+        assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "mpm sleeping", "coarse 1/64"} < set(
+            case.methods
+        )
+        assert {f"{kind} {one}" for one in served for kind in ("neural", "hybrid")} < set(case.methods)
+        assert [one.r_c for one in case.methods.values() if one.variant == "cosine"][0::5] == [0.0, 0.9]
+        assert case.warm_up == max(5 * models()[one].r_t for one in served)
+        assert case.bounds[:3] == ("jitter", "still", "merged 1/1.75")
+
+
+def test_rows_that_no_other_beats_are_the_front() -> None:
+    times_, errors = (1.0, 2.0, 2.0, 3.0, None), (0.5, 0.4, 0.5, 0.4, 0.1)
+    rows = [{"ms_per_frame": ms, "error": error} for ms, error in zip(times_, errors, strict=True)]
+    assert [is_on_front(row, rows) for row in rows] == [True, True, False, False, False]
+    assert equal_error({"error": 0.45}, rows) == rows[1]
+    assert equal_error({"error": 0.3}, rows) is None
+    assert equal_error({"error": None}, rows) is None
+
+
+def test_errors_count_from_the_impact_or_the_first_prediction(drop: Scene) -> None:
+    true = truth.Truth.of(drop, span=20)
+    # The ball's lowest point is 0.44 m above the floor.
+    assert true.impact * drop.frame_dt == pytest.approx(np.sqrt(2 * 0.44 / 9.81), abs=0.01)
+    assert true.states.frames.tolist() == [true.impact + 10, true.impact + 20]
+    later = truth.Truth.of(drop, warm_up=150, until=175)
+    assert (later.start, later.states.frames.tolist()) == (150, [160, 170])
+    run, counts = true.rollout(MpmSolver(drop, substeps="reference"))
+    np.testing.assert_array_equal(run.positions, true.states.positions)
+    assert truth.grid_errors(run, true)["error"] == 0
+    assert truth.shares(true, counts, is_whole=True)["mpm_share"] == 1
+    held = true.still()
+    np.testing.assert_array_equal(held.positions[1], drop.sample().x)
+    falling = methods.free_fall(1.0, 4).simulator(drop, 1)
+    assert truth.grid_errors(true.rollout(falling)[0], true)["error"] > 0.2
+
+
+def test_the_grid_errors_are_those_of_all_errors(drop: Scene) -> None:
+    true = truth.Truth.of(drop, span=40)
+    run, _ = true.rollout(MpmSolver(drop, r_p=1 / 4))
+    few, every = truth.grid_errors(run, true), truth.errors(run, true)
+    for measure, value in few.items():
+        assert value == pytest.approx(every[measure], rel=1e-4)
+    states = metrics.merged_states(true.states, 1 / 4)
+    assert truth.errors(states, true)["error"] < every["error"]
+
+
+class Wandering(FreeFall):
+    """Is lost after three steps."""
+
+    calls = 0
+
+    def step(self, history: Any, *others: Any) -> Any:
+        self.calls += 1
+        return super().step(history, *others) * np.float32(1 if self.calls <= 3 else np.nan)
+
+
+def lost(scene: Scene, threads: int) -> Any:
+    from hybridmpm.physics.simulator import NeuralPhysics
+
+    return NeuralPhysics(scene, Wandering(scene.frame_dt, r_p=1 / 16, r_t=8), show_all=False, threads=threads)
+
+
+def test_a_failure_is_counted_and_the_others_are_measured() -> None:
+    broken = Method(method="neural", label="lost", r_p=1 / 16, r_t=8, make=lost)
+    with pytest.raises(NonFiniteError, match="frame 65"):
+        lost(scenarios.water_2d(1), 1).advance(100)
+    known = methods.planned("water_2d")
+    case = Case(
+        head={"scenario": "water_2d"},
+        scene=partial(scenarios.get, "water_2d"),
+        timed=partial(scenarios.get, "water_2d", FIRST_SEED),
+        methods={one.name: one for one in (broken, known["coarse 1/64"])},
+        seeds=(FIRST_SEED,),
+        span=40,
+        is_full=False,
+    )
+    store = RowStore({})
+    comparison.measure([case], store, provenance("c"), passes=1, on_progress=lambda _: None)
+    wrong, right = comparison.table([case], store)
+    assert (wrong["failed"], wrong["error"], wrong["ms_per_frame"], wrong["dominated_by"]) == (
+        1,
+        None,
+        None,
+        None,
+    )
+    assert (right["failed"], right["on_front"], right["scenes"]) == (0, True, 1)
+    assert right["ms_per_frame"] > 0
+
+
+def test_steps_of_untrained_networks_are_timed() -> None:
+    falling = Method(method="neural", label="x", stepper=lambda _: FreeFall(0.0025, r_p=1 / 16, r_t=4))
+    scene = scenarios.get("water_2d", FIRST_SEED)
+    ((name, row),) = times.times({falling.name: falling}, scene, warm_up=20, span=20, passes=1, threads=1)
+    assert name == "neural x"
+    assert 0 < row["ms_per_frame"] <= row["ms_p95"]
+    assert row["slowdown"] >= 1
+    with pytest.raises(ConfigError, match="latency alone"):
+        falling.simulator(scene, 1)
+
+
+def test_the_timed_scene_is_crowded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(truth, "_CROWD", 100)
+    scene = truth.reference_scene("sand_3d")
+    assert MpmSolver(scene).particle_count > 0.9 * scenarios.describe("sand_3d").max_particles
+
+
+def test_labels_of_ratios() -> None:
+    assert [methods.ratio_label(r_p) for r_p in (1.0, 1 / 1.75, 0.125, 0.3)] == ["1", "1/1.75", "1/8", "0.3"]
+
+
+@pytest.mark.needs("ot", "metrics")
+def test_models_of_the_library_and_of_files(tmp_path: Path) -> None:
+    own, file = tmp_path / "own.onnx", tmp_path / "rows.json"
+    folder = Path(methods.__file__).parents[3] / "python/hybridmpm/physics/weights"
+    own.write_bytes((folder / models()["fluids_2d"].file).read_bytes())
+    words = ["--scenario", "sand_2d", "--scenes", "1", "--span", "40", "--only", "errors", "--jobs", "1"]
+    result = invoke("models", "--model", str(own), *words, "--json", str(file))
+    assert result.exit_code == 0, result.output
+    rows = named(file)
+    assert list(rows)[:3] == ["neural own", "free fall r_p 1/8, r_t 4", "mpm 1"]
+    assert rows["neural own"]["ingredients"] is None
+    assert rows["mpm 1"]["error"] < rows["neural own"]["error"] < rows["free fall r_p 1/8, r_t 4"]["error"]
+
+
+def test_hybrids_are_compared_with_mpm_of_as_few_particles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(hybrid, "FRAMES", 130)
+    file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
+    words = ["--scenario", "water_2d", "--scenes", "1", "--bounded", "2", "--jobs", "1"]
+    result = invoke("hybrid", *words, "--json", str(file), "--chart", str(chart))
+    assert result.exit_code == 0, result.output
+    rows = json.loads(file.read_text())
+    means = {(row["scenario"], row["method"], row["label"]): row for row in rows if row["part"] == "mean"}
+    hybrids = means["water_2d", "hybrid", "network"]
+    shares = [hybrids[name] for name in ("mpm_share", "network", "free_fall", "rest")]
+    assert sum(shares) == pytest.approx(1, abs=1e-3)
+    assert hybrids["free_fall"] > 0
+    base = means["water_2d", "coarse", "unfitted 1/8"]
+    assert (base["ratio"], base["mpm_share"], base["scenes"]) == (1, 1, 1)
+    assert hybrids["ratio"] == pytest.approx(hybrids["error"] / base["error"], rel=1e-3)
+    assert means["all", "hybrid", "network"]["ratio"] == hybrids["ratio"]
+    assert means["water_2d", "coarse", "unfitted 1/8, other jitter"]["ratio"] != 1
+    bounds = [row for row in rows if row["part"] == "bound"]
+    assert [row["after"] for row in bounds] == [40, 100, 200]
+    assert bounds[0]["calibrated_on"] + bounds[0]["tested_on"] == 2
+    assert chart.stat().st_size > 10_000
+
+
+def test_bounds_hold_in_nine_scenes_of_ten() -> None:
+    def halves(ratios: list[float]) -> dict[int, list[Any]]:
+        origin = dict.fromkeys(comparison.ORIGIN)
+        pairs = [({"error_40": ratio, **origin}, {"error_40": 1.0}) for ratio in ratios]
+        return {half: pairs[half::2] for half in (0, 1)}
+
+    # In 99 scenes the 90th smallest is the bound: (99 + 1) 0.9.
+    known = [1 + one / 100 for one in range(1, 100)]
+    fresh = [one + 0.105 for one in known]
+    first, *_ = hybrid._bounds(
+        "water_2d", halves([one for pair in zip(known, fresh, strict=True) for one in pair])
+    )
+    assert first["bound"] == pytest.approx(1.90)
+    assert first["held"] == pytest.approx(79 / 99, rel=1e-3)
+    assert (first["calibrated_on"], first["tested_on"]) == (99, 99)
+    # Eight scenes are too few for nine of ten.
+    (few, *_) = hybrid._bounds("water_2d", halves([1.0] * 16))
+    assert (few["bound"], few["held"]) == (None, None)
+
+
+def test_cases_of_the_crossing_change_one_thing_each() -> None:
+    found = crossing.cases(crossing.CrossingSettings(scenario=("water_2d", "sand_3d")))
+    assert len(found) == (4 + 3) + (3 + 3)
+    plain = scenarios.get("water_2d", FIRST_SEED)
+    fine, stiff = (
+        crossing.Variation(scenario="water_2d", **one)
+        for one in ({"resolution": 256}, {"resolution": 128, "compression": 0.001})
+    )
+    assert len(fine.scene(FIRST_SEED).sample().x) == pytest.approx(4 * len(plain.sample().x), rel=0.02)
+    assert fine.scene(FIRST_SEED).bodies == plain.bodies
+    scene = stiff.scene(FIRST_SEED)
+    material = scene.bodies[0].material
+    compressed = material.density * scene.potential_drop / material.stiffness(scene.potential_drop)
+    assert compressed == pytest.approx(0.001)
+    assert stiff.stiffer() == pytest.approx(13.34, abs=0.01)
+    sand = crossing.Variation(scenario="sand_3d", resolution=64, compression=0.001)
+    assert sand.stiffer() == pytest.approx(14)
+    assert [one.substeps for one in found if one.head["resolution"] == 128][:4] == [17, 17, 28, 63]
+    finest = crossing.Variation(scenario="water_2d", resolution=512)
+    many = {one.name: one for one in crossing._methods(finest, 170_000)}
+    # Of so many only plain MPM simulates all, and coarse modes have as few as at the scenario's resolution.
+    assert {name for name, one in many.items() if one.r_p > 0.5} == {"mpm 1"}
+    assert {"coarse unfitted 1/1024", "coarse unfitted 1/2048"} < set(many)
+    assert many["neural fluids_2d"].r_p == pytest.approx(1 / 8 / 16)
+
+
+def test_an_enlarged_network_has_the_neighbours_of_its_training() -> None:
+    model = loaded("fluids_2d", 1)
+    side = np.arange(0.3, 0.6, 2**1.5 / 256, dtype=np.float32)
+    x = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    history, types = np.repeat(x[None], 6, axis=0), np.full(len(x), 5, dtype=np.int64)
+    known = np.tile(np.array(scenarios.get("water_2d", 1).gravity, np.float32), (len(x), 1))
+    walls = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
+    moved = model.step(history, types, known, walls)
+    half = methods.enlarged("fluids_2d", 2.0, 1).step(history / 2, types, known / 2, walls / 2)
+    assert half == pytest.approx(moved / 2, abs=1e-6)
+
+
+def test_networks_of_a_crossing_are_compared_with_equal_errors(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
+    words = ["--scenario", "water_2d", "--resolution", "64", "--resolution", "128", "--compression", "0.005"]
+    words += ["--scenes", "1", "--span", "40", "--passes", "1", "--jobs", "1"]
+    words += [
+        word for name in ("mpm 1", "coarse 1/16", "coarse 1/32", "neural *") for word in ("--method", name)
+    ]
+    result = invoke("crossing", *words, "--json", str(file), "--chart", str(chart))
+    assert result.exit_code == 0, result.output
+    assert chart.stat().st_size > 10_000
+    rows = json.loads(file.read_text())
+    # Three cases of four methods, and the latency of the network with as many particles as cells need.
+    assert len(rows) == 3 * 4 + 1
+    learned = [row for row in rows if row["method"] == "neural"]
+    keys = ("resolution", "compression", "variant", "refused")
+    assert [tuple(row[key] for key in keys) for row in learned] == [
+        (64, None, None, True),
+        (64, None, "latency alone", True),
+        (128, None, None, False),
+        (128, 0.005, None, True),
+    ]
+    for row in learned:
+        others = [one for one in rows if all(one[key] == row[key] for key in ("resolution", "compression"))]
+        equal = next(one for one in others if f"{one['method']} {one['label']}" == row["equal_mpm"])
+        assert row["equal_mpm_ms"] == equal["ms_per_frame"]
+        assert row["times_slower"] == pytest.approx(row["ms_per_frame"] / row["equal_mpm_ms"], rel=1e-3)
+        assert equal["error"] <= (learned[2] if row["variant"] else row)["error"]
+    assert all(row["times_slower"] is None for row in rows if row["method"] != "neural")
+
+
+def test_a_calibration_of_rows(tmp_path: Path) -> None:
+    fields = dict.fromkeys(PLANNED.values(), 0.5) | {f"{field}_se": 0.1 for field in PLANNED.values()}
+    head = {"scenario": "water_2d", "scenes": 3, "commit": "abc"}
+    rows = [
+        head | fields | {"method": "mpm", "label": "1/8"},
+        head | fields | {"method": "jitter", "label": None, "error_se": None},
+        head | fields | {"method": "mpm", "label": "truth"},
+        head | fields | {"method": "hybrid", "label": "fluids_2d r_c 0.8"},
+        head | fields | {"method": "coarse", "label": "1/8", "error": None},
+    ]
+    source, file = tmp_path / "rows.json", tmp_path / "calibration.json"
+    source.write_text(json.dumps(rows))
+    result = invoke("plan-errors", str(source), str(file))
+    assert result.exit_code == 0, result.output
+    made = Calibration.model_validate_json(file.read_text())
+    # Plans take neither the truth itself, nor hybrids at a chosen r_c, nor what failed.
+    assert [one.name for one in made.errors] == ["mpm 1/8", "jitter"]
+    assert made.errors[0].means["grid_rmse"] == 0.5
+    assert "grid_rmse" not in made.errors[1].standard_errors
+    assert made.times == calibrations.shipped().times
+    with pytest.raises(DataError, match="no rows of the trade-off"):
+        plan_errors.read_rows(file)
