@@ -94,6 +94,13 @@ if TYPE_CHECKING:
     help="Share of the samples on the way from noise to data; 0 trains for one evaluation alone.",
 )
 @click.option(
+    "--spread",
+    type=click.FloatRange(0, 100),
+    default=0.0,
+    show_default=True,
+    help="Weight of the covariance of all ends in the loss, which keeps them from lying too close together.",
+)
+@click.option(
     "--bfloat16/--float32",
     default=False,
     help="Compute with numbers of 16 bits, which is quicker on processors that have such instructions.",

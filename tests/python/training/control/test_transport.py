@@ -120,6 +120,20 @@ def test_training_lowers_the_error(six: list[pasts.Past], four: list[pasts.Past]
     assert one.unexplained(samples).mean() < 0.8
 
 
+def test_ends_that_lie_too_close_cost_more_with_a_weight_on_their_spread(four: list[pasts.Past]) -> None:
+    """Ends at half of the true distance from their mean have a quarter of the covariance."""
+    spec = SPECS[3]
+    plain, weighted = (
+        TransportTrainer(spec, TransportSettings(steps=9, batch=3, spread=weight), CPU)
+        for weight in (0.0, 2.0)
+    )
+    batch, time = batch_at(0, four, spec, plain.settings)
+    middle = batch.target.mean(dim=1, keepdim=True)
+    for one in (plain, weighted):
+        one.network.forward = lambda *_inputs: (batch.target + middle) / 2  # type: ignore[method-assign]
+    assert float(weighted.loss(batch, time) - plain.loss(batch, time)) == pytest.approx(2 * 0.75, rel=1e-4)
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_an_interrupted_training_gives_the_same_weights(
     six: list[pasts.Past], four: list[pasts.Past], tmp_path: Path, dim: int

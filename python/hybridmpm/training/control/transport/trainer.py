@@ -39,6 +39,9 @@ class TransportSettings(Schedule):
     flow: float = 0.7
     """Share of the samples on the way from noise to data, in [0, 1]; the others are at the noise, from where
     one evaluation predicts the ends."""
+    spread: float = 0.0
+    """Weight of the relative error of the covariance of all ends, from 0 on. Ends that are means of what is
+    possible lie closer together than a fluid can; this weight spreads them."""
     bfloat16: bool = False
     """Whether products are computed with numbers of 16 bits."""
 
@@ -47,6 +50,8 @@ class TransportSettings(Schedule):
         whole("particles", self.particles, 1, 4096)
         if not 0.0 <= self.flow <= 1.0:
             raise ConfigError(f"flow must be in [0, 1], got {self.flow}")
+        if not 0.0 <= self.spread <= 100.0:
+            raise ConfigError(f"spread must be in [0, 100], got {self.spread}")
 
 
 class TransportTrainer(AveragedTrainer[TransportNetwork]):
@@ -84,13 +89,21 @@ class TransportTrainer(AveragedTrainer[TransportNetwork]):
         return self._descend(self.loss(batch.to(self.device), time.to(self.device)))
 
     def loss(self, batch: Batch, time: Tensor) -> Tensor:
-        """Return the mean Huber loss of the distances between predicted and true ends, over `SCALE`."""
+        """Return the mean Huber loss of the distances between predicted and true ends, over `SCALE`.
+
+        To it comes the relative error of the covariance of the ends, with the weight `spread`.
+        """
         at = time[:, None, None]
         noisy = (1 - at) * batch.noise + at * batch.target
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.bfloat16):
             found = self.network(*batch.inputs, noisy, time).float()
-        away = torch.einsum("bij,bpj->bpi", batch.frame, found - batch.target) / SCALE
-        return functional.huber_loss(away, torch.zeros_like(away), delta=0.6)
+        ends, true = (torch.einsum("bij,bpj->bpi", batch.frame, one) / SCALE for one in (found, batch.target))
+        loss = functional.huber_loss(ends, true, delta=0.6)
+        if self.settings.spread == 0.0:
+            return loss
+        wide, wanted = _covariance(ends), _covariance(true)
+        error = (wide - wanted).square().sum(dim=(1, 2)) / (wanted.square().sum(dim=(1, 2)) + 1e-8)
+        return loss + self.settings.spread * (error + 1e-8).sqrt().mean()
 
     def unexplained(self, samples: Sequence[Sample]) -> npt.NDArray[np.float32]:
         """Return for each sample the share of the ends' variance that one evaluation leaves unexplained.
@@ -130,6 +143,12 @@ class TransportTrainer(AveragedTrainer[TransportNetwork]):
         state = cls.checked(path)
         spec = TransportSpec.from_dict(json.loads(state["spec"]), where=str(path))
         return cls(spec, TransportSettings(**json.loads(state["settings"])), device).restored(state, path)
+
+
+def _covariance(places: Tensor) -> Tensor:
+    """Return the covariances (B, D, D) of places (B, P, D)."""
+    away = places - places.mean(dim=1, keepdim=True)
+    return away.transpose(1, 2) @ away / places.shape[1]
 
 
 def _new(spec: TransportSpec, device: torch.device) -> TransportNetwork:
