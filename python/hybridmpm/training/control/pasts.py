@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.mpm import MpmSolver
 from hybridmpm.control.methods.learned.features import State
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND
 from hybridmpm.training.control import scene_files

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from hybridmpm.control.goal.ways import SHORTEST_FRAMES
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.training.control.controlnet.cases import FRAMES
 
 WAY = 0.2

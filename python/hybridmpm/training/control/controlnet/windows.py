@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from hybridmpm.control.goal.cloud import EARTH
-from hybridmpm.control.goal.ways import SHORTEST_FRAMES
+from hybridmpm.control.goal.paths import SHORTEST_FRAMES
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.physics.network.edges import EdgeList
 from hybridmpm.training.physics.windows import edges_of
