@@ -6,12 +6,14 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-rust test-python test-all lint format bench validate clean
+.PHONY: help setup dev run test test-rust test-python test-all lint format bench validate clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
 
 setup: $(VENV)/.library $(VENV)/.service ## the environment in .venv, with the release build of the extension
+
+dev: setup $(VENV)/.dev ## what tests, linters and the laboratory need besides
 
 run: setup ## set up, then the service with its page on 127.0.0.1:8000
 	$(BIN)/hybridmpm serve
@@ -21,14 +23,14 @@ test: test-rust test-python ## set up, then the whole default test suite
 test-rust: ## tests of the Rust crates alone; they need no Python
 	cargo test --locked
 
-test-python: setup $(VENV)/.dev ## tests of library, service and page on all cores; lists the slowest
+test-python: dev ## tests of library, service and page on all cores; lists the slowest
 	$(BIN)/pytest --numprocesses auto --durations 10
 
 # Two of them take ten minutes and wait for most of it, so workers take tests from each other.
 test-all: test ## the default suite, then the long twins of its tests, within an hour on two cores
 	$(BIN)/pytest -m long --numprocesses auto --dist worksteal --durations 10
 
-lint: setup $(VENV)/.dev ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
+lint: dev ## ruff, mypy --strict, the stub, clippy and rustfmt; changes nothing
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -36,15 +38,15 @@ lint: setup $(VENV)/.dev ## ruff, mypy --strict, the stub, clippy and rustfmt; c
 	PYO3_PYTHON=$(CURDIR)/$(BIN)/python cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo fmt --all --check
 
-format: $(VENV)/.dev ## format Python and Rust
+format: dev ## format Python and Rust
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	cargo fmt --all
 
-bench: setup $(VENV)/.dev ## time the solver on one thread
+bench: dev ## time the solver on one thread
 	$(BIN)/python -m hybridmpm_lab speed --threads 1
 
-validate: setup $(VENV)/.dev ## compare the solver with experiments and closed forms, and write docs/results/validation
+validate: dev ## compare the solver with experiments and closed forms, and write docs/results/validation
 	$(BIN)/python -m hybridmpm_lab validate --out docs/results/validation
 
 clean: ## remove the environment and all builds
