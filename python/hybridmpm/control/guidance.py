@@ -214,9 +214,9 @@ def prepare(
     sketch : Arrow or Ellipse
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
-        baseline, one acceleration for all; "backcast", towards where the fluid may have come from;
-        "learned", towards where a network says that the fluid may have come from; "controlnet", forces that
-        the paper's diffusion generates; "none", no force. Or an object with their surface.
+        baseline, one acceleration for all; "learned", towards where a network says that the fluid may have
+        come from; "controlnet", forces that the paper's diffusion generates; "none", no force. Or an object
+        with their surface.
     frames : int in [1, 10000], optional
         Number of frames in which the goal is to be reached. Chosen from what the goal needs if not given.
     cap : float in (0, 1000]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.python.control.judged import scenes
+from tests.python.control import sketched_scenes as scenes
 
 from hybridmpm import Box, MpmSolver, Scene
 from hybridmpm.control import Arrow, follow

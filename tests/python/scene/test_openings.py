@@ -24,7 +24,6 @@ from hybridmpm import (
     SnapshotError,
     Walls,
 )
-from hybridmpm.control import Arrow, follow
 from hybridmpm.export import Style, save
 from hybridmpm.recording import record
 
@@ -290,9 +289,6 @@ def test_what_needs_a_fixed_number_of_particles_says_so() -> None:
     solver = MpmSolver(scene(JET))
     with pytest.raises(ConfigError, match=r"hybridmpm.recording.record, which follows"):
         solver.rollout(3)
-    solver.advance(30)
-    with pytest.raises(ConfigError, match="backcast needs a scene without emitters"):
-        follow(solver, Arrow(points=np.array([[0.3, 0.3], [0.5, 0.5]])), "backcast", frames=10)
 
 
 def test_recordings_have_a_column_for_each_particle_ever_present(tmp_path: Path) -> None:

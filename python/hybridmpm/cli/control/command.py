@@ -63,9 +63,8 @@ from hybridmpm.simulator import Kind, Simulator
     default="auto",
     show_default=True,
     help="Method of following the sketch: guidance without weights (analytic), the paper's constant force "
-    "(constant), towards where the fluid may have come from (backcast), "
-    "towards where a network says that it may have come from (learned), the "
-    "paper's generated forces (controlnet), or no force (none).",
+    "(constant), towards where a network says that the fluid may have come from (learned), the paper's "
+    "generated forces (controlnet), or no force (none).",
 )
 @click.option(
     "--frames",

@@ -2,7 +2,6 @@
 
 from hybridmpm._support.suggestions import did_you_mean
 from hybridmpm.control.methods.analytic import Analytic
-from hybridmpm.control.methods.backcast import Backcast
 from hybridmpm.control.methods.constant import Constant
 from hybridmpm.control.methods.controlnet import ControlNet
 from hybridmpm.control.methods.learned.plan import Learned
@@ -11,8 +10,7 @@ from hybridmpm.control.methods.none import NoControl
 from hybridmpm.errors import ConfigError
 
 METHODS: dict[str, Method] = {
-    method.name: method
-    for method in (NoControl(), Constant(), Analytic(), Backcast(), Learned(), ControlNet())
+    method.name: method for method in (NoControl(), Constant(), Analytic(), Learned(), ControlNet())
 }
 """Methods of the library by name."""
 

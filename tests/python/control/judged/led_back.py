@@ -17,8 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from hybridmpm.control import ControlNet, Following, Learned, ReversedCase, prepare, reversed_from_seed
+from hybridmpm.control import (
+    ControlNet,
+    Following,
+    Learned,
+    Method,
+    ReversedCase,
+    prepare,
+    reversed_from_seed,
+)
 from hybridmpm.errors import SketchError
+from hybridmpm_lab.control.backcast import Backcast
 
 RIVALS = ("constant", "analytic", "backcast")
 KINDS = ("oval", "arrow")
@@ -39,7 +48,7 @@ def case_of(name: str, kind: Any, seed: int) -> ReversedCase | None:
     return case if np.linalg.norm(way) >= NEAREST else None
 
 
-def judged(case: ReversedCase, method: str | Learned | ControlNet) -> Row:
+def judged(case: ReversedCase, method: str | Method) -> Row:
     """Return the final grid RMSE of a method, the time of its plan and first force, and what took over."""
     simulator = case.simulator()
     began = time.process_time()
@@ -112,6 +121,7 @@ if __name__ == "__main__":
     digest = hashlib.sha256(asked.network.read_bytes()).hexdigest()[:8] if asked.network else "of the library"
     network = None if asked.network is None else str(asked.network)
     entrant = Learned(network) if asked.method == "learned" else ControlNet(network)
-    entrants: dict[str, Any] = {method: method for method in RIVALS} | {f"{asked.method} {digest}": entrant}
+    rivals = {"constant": "constant", "analytic": "analytic", "backcast": Backcast()}
+    entrants: dict[str, Any] = rivals | {f"{asked.method} {digest}": entrant}
     found = measured(asked.file, asked.scenario, tuple(asked.seeds), entrants)
     print("\n".join(table(found, f"{asked.method} {digest}")))  # noqa: T201 - that is what it is for
