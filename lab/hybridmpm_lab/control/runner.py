@@ -1,53 +1,159 @@
-"""`measure`: all entrants on all cases, as far as they have not run before."""
+"""The runner: prepares cases, runs each method on each, and keeps the rows; an interrupted run is resumed."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
-from hybridmpm_lab.control.entrants import Entrant
-from hybridmpm_lab.control.measures.naturalness import LEAST_SEEDS
-from hybridmpm_lab.control.results import Runs
-from hybridmpm_lab.control.suite.cases import REFERENCE_SEEDS, VERSION, Case, digest
-from hybridmpm_lab.control.suite.problems import problem, uncontrolled
-from hybridmpm_lab.control.trial import CAP, HOLD, look_at, run
-from hybridmpm_lab.harness.provenance import Provenance
-from hybridmpm_lab.harness.rows import Progress, significant
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import scenarios
+from hybridmpm.control import Following, Method, Oracle, Sketch, follow, prepare, reversed_case
+from hybridmpm.control.goal.goal import Goal
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.simulator import Simulator
+from hybridmpm_lab.control.measures import distance_from_path, end_figures, force_figures
+from hybridmpm_lab.control.methods import FILLED, ORACLE, Methods, takes_part
+from hybridmpm_lab.control.naturalness import LEAST_SEEDS, features
+from hybridmpm_lab.control.suite import REFERENCE_SEEDS, VERSION, Case, digest
+from hybridmpm_lab.harness.provenance import Provenance, shipped
+from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.store import Key, RowStore
 from hybridmpm_lab.harness.timing import Calibration
 
-
-@dataclass(frozen=True, kw_only=True)
-class ControlSettings:
-    """What of the benchmark is measured."""
-
-    cases: Sequence[Case]
-    entrants: Sequence[Entrant]
-
-    def shared(self) -> dict[str, Any]:
-        """Return what runs must share to stand in one table."""
-        return {"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD}
-
-    def judged(self) -> list[str]:
-        """Return the scenarios of which naturalness is judged: those with enough reversed cases."""
-        reversed_ones = [case for case in self.cases if case.family == "reversed"]
-        names = dict.fromkeys(case.scenario for case in reversed_ones)
-        return [
-            name
-            for name in names
-            if len({case.seed for case in reversed_ones if case.scenario == name}) >= LEAST_SEEDS
-        ]
+HORIZON = 100
+"""Frames in which reversed cases are led back, as in the paper."""
+CAP, ORACLE_CAP = 15.0, 30.0
+"""Largest acceleration of a particle, by methods and by the oracle [g]."""
+HOLD = 20
+"""Frames for which the goal is kept after it was reached."""
+_LOOKS = 4
+"""Frames of each run whose features count for naturalness, at equal distances."""
+_APART = 25
+"""Frames between two looks at an uncontrolled scene."""
+MEASURES = (
+    "error", "nrmse", "node_error", "transport", "inside", "inside_later", "centroid_error", "path_error",
+    "rms_g", "peak_g", "bound_g", "rms_ratio", "handed_over", "plan_ms", "first_frame_ms", "total_ms",
+    "slowdown",
+)  # fmt: skip
+"""Figures of a run, in the order of the rows; each may be None. `measure` adds `slowdown`."""
+_NETWORKS = {"learned": "transport", "controlnet": "controlnet"}
 
 
-def count_missing(settings: ControlSettings, runs: Runs) -> int:
-    """Return the number of steps that `measure` has before it."""
-    trials = sum(len(_missing(case, settings, runs)) for case in settings.cases)
-    seeds = (set(REFERENCE_SEEDS) - runs.reference_seeds(name) for name in settings.judged())
-    return trials + sum(map(len, seeds))
+def settings() -> Row:
+    """Return the settings that runs must share to be compared."""
+    return {"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD}
 
 
-def measure(settings: ControlSettings, runs: Runs, origin: Provenance, on_progress: Progress) -> None:
-    """Run what is missing, and add it to the runs one by one; `on_progress` counts them.
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A case made ready: the state that was drawn on, and the known end."""
 
-    `slowdown` of a run is the larger slowdown of the machine before and after it.
+    case: Case
+    simulator: MpmSolver
+    """State on which the sketch was drawn; methods get copies."""
+    sketch: Sketch
+    meant: Sketch
+    """The sketch that runs are judged by; in the family `hand` the one before a hand drew it."""
+    truth: npt.NDArray[np.float32] | None = None
+    """True positions (N, D) [m] at the end of control; None outside of the reversed family."""
+    oracle: Method | None = None
+
+    @property
+    def frames(self) -> int | None:
+        """Number of frames in which the goal is to be reached; None where it follows from the goal."""
+        return None if self.truth is None else HORIZON
+
+    @cached_property
+    def goal(self) -> Goal:
+        """Goal of the sketch."""
+        return prepare(self.simulator, self.sketch, method="none", frames=self.frames).goal
+
+    @cached_property
+    def judged(self) -> Goal:
+        """Goal of the meant sketch."""
+        return prepare(self.simulator, self.meant, method="none", frames=self.frames).goal
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One run of a method on a case."""
+
+    row: Row
+    looks: list[list[float]]
+    """Features of some frames, (4, 13); empty without a run."""
+    end: npt.NDArray[np.floating] | None
+    """Positions at the end (N, D) [m]; None where the run failed."""
+
+
+def problem(case: Case) -> Problem:
+    """Simulate a case up to its sketch; raises `SimulationError`."""
+    if case.family == "reversed":
+        found = reversed_case(
+            scenarios.get(case.scenario, case.seed),
+            control_frame=_control_frame(case.seed),
+            frames=HORIZON,
+            start="live",
+            kind=case.kind,
+            cap=ORACLE_CAP,
+            substeps="cfl",
+        )
+        return Problem(case, found.simulator(), found.sketch, found.sketch, found.target, Oracle(found))
+    start = case.start()
+    solver = MpmSolver(start.scene)
+    solver.advance(start.frame)
+    return Problem(case, solver, start.sketch, start.sketch if start.meant is None else start.meant)
+
+
+def run(problem: Problem, name: str, method: Method | None) -> Trial:
+    """Let a method follow the sketch of a case, and measure the result.
+
+    Raises
+    ------
+    ConfigError
+        The method is broken: it raised something else than a SimulationError, or its law gave no force.
+    """
+    case = problem.case
+    head = {
+        "scenario": case.scenario,
+        "family": case.family,
+        "sketch": case.kind,
+        "seed": case.seed,
+        "bodies": len(problem.simulator.scene.bodies),
+        "method": name,
+    }
+    looks: list[list[float]] = []
+    end: npt.NDArray[np.floating] | None = None
+    figures: Row = {}
+    failed = None
+    if name == FILLED:
+        end = problem.goal.paths.places
+        figures = end_figures(problem.simulator, problem.judged, problem.truth, end, end)
+    else:
+        try:
+            figures, looks, end = _followed(problem, name, method or problem.oracle or name)
+        except Exception as error:
+            # A wrong force raises an error of both kinds.
+            if isinstance(error, ConfigError) or not isinstance(error, SimulationError):
+                raise ConfigError(
+                    f"the method {name} is broken, in {'/'.join(map(str, vars(case).values()))}: "
+                    f"{type(error).__name__}: {error}. plan(simulator, task) must return a law, whose "
+                    "force(simulator, index) returns None, (D,) or (N, D) in m/s^2"
+                ) from error
+            failed = str(error)
+    rounded = {measure: significant(figures.get(measure)) for measure in MEASURES}
+    return Trial(head | rounded | {"failed": failed}, looks, end)
+
+
+def measure(
+    cases: Sequence[Case], methods: Methods, store: RowStore, origin: Provenance, on_progress: Progress
+) -> None:
+    """Run what the store lacks, and add it run by run; `on_progress` counts runs, see `count_missing`.
+
+    `slowdown` of a run is the larger slowdown of the machine before and after it. For scenarios with enough
+    reversed cases, looks at uncontrolled scenes are added.
 
     Raises
     ------
@@ -59,23 +165,121 @@ def measure(settings: ControlSettings, runs: Runs, origin: Provenance, on_progre
         The file of runs cannot be written to.
     """
     calibration = Calibration(threads=1)
-    for case in settings.cases:
-        missing = _missing(case, settings, runs)
-        if missing:
-            ready = problem(case)
-            before = calibration.slowdown()
-            for entrant in missing:
-                trial = run(ready, entrant)
+    for case in cases:
+        if names := _missing(case, methods, store):
+            ready, before = problem(case), calibration.slowdown()
+            for name in names:
+                trial = run(ready, name, methods[name])
                 after = calibration.slowdown()
                 row = trial.row | {"slowdown": significant(max(before, after), 3)}
-                runs.add(origin.stamped(row), trial.looks)
+                row = origin.using(*_weights(name, case.scenario)).stamped(row)
+                store.add(run_key(case, name), {"run": row, "looks": trial.looks})
                 before = after
                 on_progress(1)
-    for name in settings.judged():
-        for seed in sorted(set(REFERENCE_SEEDS) - runs.reference_seeds(name)):
-            runs.add_reference(name, seed, [look_at(solver) for solver in uncontrolled(name, seed)])
-            on_progress(1)
+    for scenario, seed in _missing_references(cases, store):
+        looks = [_look(solver) for solver in _uncontrolled(scenario, seed)]
+        store.add(("reference", scenario, seed), {"looks": looks})
+        on_progress(1)
 
 
-def _missing(case: Case, settings: ControlSettings, runs: Runs) -> list[Entrant]:
-    return [one for one in settings.entrants if one.enters(case.family) and not runs.has(case, one.name)]
+def count_missing(cases: Sequence[Case], methods: Methods, store: RowStore) -> int:
+    """Return the number of steps that `measure` will count."""
+    runs = sum(len(_missing(case, methods, store)) for case in cases)
+    return runs + len(_missing_references(cases, store))
+
+
+def run_key(case: Case, name: str) -> Key:
+    """Return the key of a run in the store; its row has `run`, and `looks` (K, 13)."""
+    return case.family, case.scenario, case.kind, case.seed, name
+
+
+def rows_of(cases: Sequence[Case], methods: Methods, store: RowStore) -> list[Row]:
+    """Return the rows of the runs that the store has."""
+    keys = (run_key(case, name) for case in cases for name in methods)
+    return [store[key]["run"] for key in keys if key in store]
+
+
+def _missing(case: Case, methods: Methods, store: RowStore) -> list[str]:
+    return [name for name in methods if takes_part(name, case.family) and run_key(case, name) not in store]
+
+
+def _missing_references(cases: Sequence[Case], store: RowStore) -> list[tuple[str, int]]:
+    seeds: dict[str, set[int]] = {}
+    for case in cases:
+        if case.family == "reversed":
+            seeds.setdefault(case.scenario, set()).add(case.seed)
+    names = [name for name, mine in seeds.items() if len(mine) >= LEAST_SEEDS]
+    wanted = [(name, seed) for name in names for seed in REFERENCE_SEEDS]
+    return [one for one in wanted if ("reference", *one) not in store]
+
+
+def _weights(name: str, scenario: str) -> list[str]:
+    """Return the networks that a method may use, of the keys of `shipped`."""
+    network = _NETWORKS.get(name.partition("-")[0])
+    file = f"{network}_{scenarios.describe(scenario).dim}d"
+    return [file] if file in shipped() else []
+
+
+def _followed(
+    problem: Problem, name: str, method: Method | str
+) -> tuple[Row, list[list[float]], npt.NDArray[np.floating]]:
+    """Return figures, features of some frames, and the positions at the end."""
+    twin = problem.simulator.copy()
+    cap = ORACLE_CAP if name == ORACLE else CAP
+    start = time.perf_counter()
+    following = follow(
+        twin, problem.sketch, method, frames=problem.frames, cap=cap, hold=HOLD, seed=problem.case.seed
+    )
+    spent, looks = _run(following, start)
+    guidance, result = following.guidance, following.result
+    frames, end = guidance.frames, result.positions[guidance.frames]
+    figures: Row = {
+        **end_figures(twin, problem.judged, problem.truth, end, result.positions[-1]),
+        **force_figures(guidance.goal, [result.force_at(index) for index in range(frames)]),
+        **spent,
+        "handed_over": float(guidance.method != name),
+        "plan_ms": guidance.planning_ms,
+    }
+    if problem.case.kind == "arrow":
+        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
+    return figures, looks, end
+
+
+def _run(following: Following, start: float) -> tuple[Row, list[list[float]]]:
+    """Compute all frames; return the times of the sketch's frames, and features of some of them."""
+    frames = following.guidance.frames
+    moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}
+    looks, aside = [], 0.0
+    spent: Row = {}
+    for done, _ in enumerate(following, start=1):
+        now = time.perf_counter()
+        if done == 1:
+            spent["first_frame_ms"] = 1000 * (now - start)
+        if done == frames:
+            spent["total_ms"] = 1000 * (now - start - aside)
+        if done in moments:
+            looks.append(_look(following.simulator))
+            aside += time.perf_counter() - now
+    return spent, looks
+
+
+def _uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:
+    """Simulate a scene without control, and yield its solver in eight frames.
+
+    They span the frames that reversed cases are led through and those that would follow by themselves: from a
+    horizon before the start of control to a horizon after it.
+    """
+    start = _control_frame(seed)
+    solver = MpmSolver(scenarios.get(scenario, seed))
+    for frame in range(start - HORIZON + _APART, start + HORIZON + 1, _APART):
+        solver.advance(frame - solver.frame)
+        yield solver
+
+
+def _look(simulator: Simulator) -> list[float]:
+    return [float(f"{value:.5g}") for value in features(simulator)]
+
+
+def _control_frame(seed: int) -> int:
+    """Draw the frame at which control starts in a reversed case."""
+    return int(np.random.default_rng(seed).integers(HORIZON, 2 * HORIZON, endpoint=True))

@@ -1,43 +1,51 @@
-"""The suite of control: every case is valid, and the same whenever it is drawn."""
+"""The suite of control: valid cases that never change, and measures of runs whose result is known."""
 
 import dataclasses
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hybridmpm import scenarios
+from hybridmpm import Box, MpmSolver, Scene, scenarios
 from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.room import Room
-from hybridmpm_lab.control.entrants import entrant
-from hybridmpm_lab.control.suite.cases import FAMILIES, KINDS, SCENARIOS, Case, cases, digest
-from hybridmpm_lab.control.suite.problems import problem
-from hybridmpm_lab.control.trial import run
+from hybridmpm_lab.control.measures import distance_from_path, end_figures, force_figures
+from hybridmpm_lab.control.naturalness import FEATURES, auc, features, real_against_real
+from hybridmpm_lab.control.runner import Problem, problem, run
+from hybridmpm_lab.control.suite import Case, cases, digest
+from hybridmpm_lab.control.table import ratio_of_means
 
-FREE = [case for case in cases() if case.family != "reversed"]
+pytestmark = pytest.mark.needs("ot", "metrics")
 
-
-def test_the_suite_has_the_sketches_that_the_documentation_promises() -> None:
-    assert len(set(cases())) == len(cases()) == 4 * 2 * 50 + 10 * (7 + 5 + 7 + 5) + 30
-    for family in FAMILIES:
-        for scenario in SCENARIOS[family]:
-            for kind in KINDS[family]:
-                mine = [case for case in cases([family], [scenario]) if case.kind == kind]
-                assert len(mine) == {"reversed": 50, "hand": 5}.get(family, 10)
-                assert len(cases([family], [scenario], seeds=3)) == 3 * len(KINDS[family])
+DRAWN = [case for case in cases() if case.family != "reversed"]
+OVAL = Ellipse(np.array([0.5, 0.6]), np.array([0.12, 0.1]), 0.3)
 
 
-def test_its_seeds_are_those_of_tests_alone() -> None:
-    assert min(case.seed for case in cases()) > 1_100_000
+@pytest.fixture(scope="module")
+def block() -> MpmSolver:
+    """Return a block of water in free fall, after one frame."""
+    body = Box(lower=(0.3, 0.3), upper=(0.5, 0.45), material="water", velocity=(0.5, 0.2))
+    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=[body]))
+    solver.advance(1)
+    return solver
 
 
-def test_the_digest_is_the_same_each_time_and_tells_versions_apart() -> None:
-    before = digest()
-    digest.cache_clear()
-    assert digest() == before != digest(0)
+def test_the_suite_has_670_sketches_of_seeds_of_tests() -> None:
+    every = cases()
+    assert len(set(every)) == len(every) == 670
+    assert min(case.seed for case in every) > 1_100_000
+    counts = {family: len(cases([family])) for family in dict.fromkeys(case.family for case in every)}
+    assert counts == {"reversed": 400, "free": 70, "bent": 50, "obstacles": 70, "gather": 50, "hand": 30}
+    assert len(cases(["reversed"], ["sand_3d"], seeds=3)) == 6
+
+
+def test_the_digest_is_that_of_the_published_suite() -> None:
+    assert digest() == "04d0bff9518f3813"
 
 
 def test_every_start_fits_its_scenario_and_its_sketch_the_room() -> None:
-    for case in FREE:
+    for case in DRAWN:
         start = case.start()
         info = scenarios.describe(case.scenario)
         volume = sum(body.measure for body in start.scene.bodies)
@@ -48,18 +56,12 @@ def test_every_start_fits_its_scenario_and_its_sketch_the_room() -> None:
         assert (np.abs(points - 0.5) < 0.45).all()
         inside = np.append(middle, [0.5] * (info.dim - 2))[None]
         assert Room(start.scene, 0.0).is_free(inside).all(), case
+        assert bool(start.scene.obstacles) == (case.family == "obstacles" or "ramps" in case.scenario)
 
 
-def test_obstacles_lie_between_or_belong_to_the_scenario() -> None:
-    for case in FREE:
-        has_obstacles = bool(case.start().scene.obstacles)
-        assert has_obstacles == (case.family == "obstacles" or "ramps" in case.scenario)
-
-
-def test_what_is_read_from_a_hand_is_near_to_what_it_meant() -> None:
-    found = [case.start() for case in cases(["hand"])]
-    assert len({start.meant is start.sketch for start in found}) == 1
-    for start in found:
+def test_the_reading_of_a_hand_is_near_to_the_sketch_before_it() -> None:
+    for case in cases(["hand"]):
+        start = case.start()
         assert start.meant is not None
         assert start.sketch.kind == start.meant.kind
         if isinstance(start.meant, Ellipse):
@@ -71,37 +73,116 @@ def test_what_is_read_from_a_hand_is_near_to_what_it_meant() -> None:
             np.testing.assert_allclose(ends, start.meant.points[[0, -1]], atol=0.04)
 
 
-def test_a_hand_is_judged_by_what_it_meant() -> None:
+def test_a_hand_is_judged_by_the_sketch_before_it() -> None:
     ready = problem(Case("hand", "water_2d", "oval", 1_245_000))
-    trial = run(ready, entrant("filled"))
     assert ready.meant is not ready.sketch
-    # The floor is what the reading alone is off.
-    assert 0 < trial.row["transport"] < 0.03
+    # The floor is the error of the reading alone.
+    assert 0 < run(ready, "filled", None).row["transport"] < 0.03
     meant = dataclasses.replace(ready, sketch=ready.meant)
-    assert run(meant, entrant("filled")).row["transport"] < 1e-6
+    assert run(meant, "filled", None).row["transport"] < 1e-6
 
 
 def test_a_case_is_the_same_to_the_bit_each_time() -> None:
     case = Case("gather", "sand_3d", "oval", 1_240_001)
     one, two = problem(case), problem(case)
     np.testing.assert_array_equal(one.simulator.positions, two.simulator.positions)
-    assert one.simulator.frame == 5
-    assert one.truth is None
+    assert (one.simulator.frame, one.truth, one.frames) == (5, None, None)
 
 
-def test_a_reversed_case_knows_where_it_came_from() -> None:
-    case = cases(["reversed"], ["water_2d"], seeds=1)[0]
-    ready = problem(case)
+def test_the_oracle_leads_a_reversed_case_back_to_its_truth() -> None:
+    ready = problem(cases(["reversed"], ["water_2d"], seeds=1)[0])
     assert ready.truth is not None
+    assert ready.frames == 100
     moved = np.linalg.norm(ready.simulator.positions.mean(axis=0) - ready.truth.mean(axis=0))
     assert moved > 0.05
-    assert ready.frames == 100
+    row = run(ready, "oracle", None).row
+    assert row["error"] < 0.3
+    assert row["transport"] < 0.01
 
 
 @pytest.mark.long
 def test_every_sketch_can_be_followed_from_its_start() -> None:
-    for case in FREE:
+    for case in DRAWN:
         ready = problem(case)
         needs = prepare(ready.simulator, ready.sketch, method="none").needs()
         assert not [one for one in needs.obstructions if one.reason in {"wall", "obstacle"}], case
         assert needs.acceleration < 7, case
+
+
+def test_a_filled_sketch_has_all_of_its_mass_inside_and_no_distance(block: MpmSolver) -> None:
+    row = run(Problem(Case("free", "water_2d", "oval", 0), block, OVAL, OVAL), "filled", None).row
+    assert (row["inside"], row["inside_later"]) == (1.0, 1.0)
+    assert row["transport"] == pytest.approx(0, abs=1e-6)
+    assert row["centroid_error"] == pytest.approx(0, abs=1e-6)
+    assert row["error"] is None
+    assert row["rms_g"] is None
+
+
+def test_the_truth_has_no_error_and_a_shift_of_it_its_length(block: MpmSolver) -> None:
+    goal = prepare(block, OVAL, method="none", frames=80).goal
+    truth = block.positions
+    exact = end_figures(block, goal, truth, truth, None)
+    assert exact["error"] == exact["nrmse"] == exact["node_error"] == 0
+    assert exact["transport"] == pytest.approx(0, abs=1e-6)
+    shifted = end_figures(block, goal, truth, truth + np.float32([0.03, 0.04]), None)
+    assert shifted["transport"] == pytest.approx(0.05, rel=1e-4)
+
+
+def test_the_centroid_error_is_the_distance_from_the_tip(block: MpmSolver) -> None:
+    goal = prepare(block, Arrow(np.array([[0.4, 0.4], [0.5, 0.4]])), method="none", frames=80).goal
+    found = end_figures(block, goal, None, block.positions + np.float32([0.1, 0.1]), None)
+    assert found["centroid_error"] == pytest.approx(0.1, rel=1e-4)
+    assert found["inside"] is None
+
+
+def test_the_distance_from_a_path_is_that_of_its_nearest_points() -> None:
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    points = np.array([[0.5, 0.2], [1.1, 0.5], [1.3, 1.4]])
+    assert distance_from_path(points, path) == pytest.approx((0.2 + 0.1 + 0.5) / 3)
+
+
+def test_forces_and_their_bound_are_those_of_the_formula(block: MpmSolver) -> None:
+    goal = prepare(block, Arrow(np.array([[0.4, 0.4], [0.55, 0.5]])), method="none", frames=80).goal
+    d, u, g, t = np.array([0.15, 0.1]), goal.cloud.mean_velocity, np.array([0.0, -9.81]), 0.2
+    first, last = 6 * d / t**2 - 4 * u / t - g, -6 * d / t**2 + 2 * u / t - g
+    bound = np.sqrt((first @ first + first @ last + last @ last) / 3) / 9.81
+    found = force_figures(goal, [np.float32([3.0, 4.0])] * 80)
+    assert found["rms_g"] == found["peak_g"] == pytest.approx(5 / 9.81)
+    assert found["bound_g"] == pytest.approx(bound, rel=1e-6)
+    assert found["rms_ratio"] == pytest.approx(5 / 9.81 / bound, rel=1e-6)
+
+
+def test_features_of_two_turning_blocks_are_those_of_the_formula() -> None:
+    side = (np.arange(30) + 0.5) / 256
+    x = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    both = np.concatenate([x + 0.2, x + 0.6])
+    centre = np.repeat([[0.2], [0.6]], 900, axis=0) + side.mean()
+    turning = 3.0 * (both - centre)[:, ::-1] * [-1, 1]
+    scene = SimpleNamespace(spacing=1 / 256, resolution=128, dim=2)
+    blocks: Any = SimpleNamespace(positions=both, velocities=turning, scene=scene)
+    found = dict(zip(FEATURES, features(blocks), strict=True))
+    assert found["pieces"] == pytest.approx(np.log(2))
+    assert found["fill_50"] == pytest.approx(1, abs=0.01)
+    assert found["curl_50"] == pytest.approx(np.log(np.sqrt(2) * 3 + 0.1), abs=0.01)
+    assert found["divergence_95"] == pytest.approx(np.log(0.1), abs=0.01)
+    assert 0.1 < found["surface"] < 0.4
+
+
+def test_the_classifier_separates_different_sets_and_no_equal_ones() -> None:
+    rng = np.random.default_rng(0)
+
+    def seeds(shift: float) -> list[np.ndarray]:
+        # Frames of a seed resemble each other.
+        return [rng.normal(shift, 1, 13) + rng.normal(0, 0.3, (4, 13)) for _ in range(100)]
+
+    real = seeds(0.0)
+    assert real_against_real(real) == pytest.approx(0.5, abs=0.05)
+    assert auc(seeds(1.0)[:50], real) > 0.95
+    assert auc(real[:50], real[50:]) == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_ratio_of_means_has_no_error_where_all_pairs_have_that_ratio() -> None:
+    constant = np.array([1.0, 1.2, 0.8])
+    pairs = np.column_stack([0.6 * constant, constant])
+    np.testing.assert_allclose(ratio_of_means(pairs), (0.6, 0), atol=1e-12)
+    np.testing.assert_allclose(ratio_of_means(np.array([[0.5, 1.0], [0.7, 1.0]])), (0.6, 0.1))

@@ -1,4 +1,4 @@
-"""The list of all cases: families, scenarios and seeds, and a digest that tells suites apart."""
+"""The cases of the suite: families, scenarios and seeds, and a digest of all of them."""
 
 import functools
 import hashlib
@@ -11,10 +11,10 @@ import numpy as np
 
 from hybridmpm import scenarios
 from hybridmpm.control import Ellipse
-from hybridmpm_lab.control.suite.starts import Start, drawn_start
+from hybridmpm_lab.control.starts import Start, drawn_start
 
 VERSION = 2
-"""Version of the suite; raised whenever a case is another one than before."""
+"""Version of the suite; raised whenever a case changes."""
 
 Family = Literal["reversed", "free", "bent", "obstacles", "gather", "hand"]
 Kind = Literal["oval", "arrow"]
@@ -23,33 +23,18 @@ FAMILIES: tuple[Family, ...] = get_args(Family)
 SETTINGS = ("water_2d", "sand_2d", "water_3d", "sand_3d")
 """Scenarios of the reversed family, the paper's four settings."""
 _OPEN = tuple(name for name in scenarios.NAMES if "ramps" not in name)
+_BOTH: tuple[Kind, ...] = get_args(Kind)
+_SUITE: dict[Family, tuple[tuple[str, ...], tuple[Kind, ...], range]] = {
+    "reversed": (SETTINGS, _BOTH, range(1_200_000, 1_200_060)),
+    "free": (scenarios.NAMES, ("oval",), range(1_210_000, 1_210_010)),
+    "bent": (_OPEN, ("arrow",), range(1_220_000, 1_220_010)),
+    "obstacles": (scenarios.NAMES, ("oval",), range(1_230_000, 1_230_010)),
+    "gather": (_OPEN, ("oval",), range(1_240_000, 1_240_010)),
+    "hand": (("water_2d", "sand_2d", "water_sand_2d"), _BOTH, range(1_245_000, 1_245_005)),
+}
+"""Scenarios, kinds of sketches and seeds of each family.
 
-SCENARIOS: dict[Family, tuple[str, ...]] = {
-    "reversed": SETTINGS,
-    "free": scenarios.NAMES,
-    "bent": _OPEN,
-    "obstacles": scenarios.NAMES,
-    "gather": _OPEN,
-    "hand": ("water_2d", "sand_2d", "water_sand_2d"),
-}
-"""Scenarios of each family. Ramps leave no room for a shape on a bent way, or for a letter."""
-KINDS: dict[Family, tuple[Kind, ...]] = {
-    "reversed": ("oval", "arrow"),
-    "free": ("oval",),
-    "bent": ("arrow",),
-    "obstacles": ("oval",),
-    "gather": ("oval",),
-    "hand": ("oval", "arrow"),
-}
-"""Kinds of sketches in each family."""
-_SEEDS: dict[Family, range] = {
-    "reversed": range(1_200_000, 1_200_060),
-    "free": range(1_210_000, 1_210_010),
-    "bent": range(1_220_000, 1_220_010),
-    "obstacles": range(1_230_000, 1_230_010),
-    "gather": range(1_240_000, 1_240_010),
-    "hand": range(1_245_000, 1_245_005),
-}
+Ramps leave no room for a shape on a bent path, or for a letter."""
 _MOST = 50
 """Largest number of sketches of each kind in a family and scenario."""
 _STILL: dict[str, tuple[int, ...]] = {
@@ -58,10 +43,10 @@ _STILL: dict[str, tuple[int, ...]] = {
     "water_3d": (0, 5, 14, 17, 25, 40),
     "sand_3d": (0, 3, 14, 19, 27, 33, 37, 41, 53),
 }
-"""Reversed seeds, counted from the first, that are left out. In the front view their centre of mass moves by
-less than 5 cm in the 100 frames, so that a sketch would ask for nothing."""
+"""Reversed seeds, counted from the first, that are left out: in the front view their centre of mass moves by
+less than 5 cm in the 100 frames, and a sketch would describe no motion."""
 REFERENCE_SEEDS = range(1_250_000, 1_250_100)
-"""Seeds of the uncontrolled scenes that naturalness is judged by."""
+"""Seeds of the uncontrolled scenes that naturalness is measured against."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +59,7 @@ class Case:
     seed: int
 
     def start(self) -> Start:
-        """Return scene, frame and sketch; for families other than `reversed`, whose sketch needs a run."""
+        """Return scene, frame and sketch; not for `reversed`, whose sketch follows from a run."""
         return drawn_start(self.family, self.scenario, self.kind, self.seed)
 
 
@@ -84,25 +69,25 @@ def cases(
     """Return the cases of some families and scenarios, at most `seeds` of each kind of sketch."""
     return [
         Case(family, scenario, kind, seed)
-        for family in FAMILIES
+        for family, (mine, kinds, _) in _SUITE.items()
         if family in families
-        for scenario in SCENARIOS[family]
+        for scenario in mine
         if scenario in names
-        for kind in KINDS[family]
+        for kind in kinds
         for seed in _seeds(family, scenario)[:seeds]
     ]
 
 
 def _seeds(family: Family, scenario: str) -> list[int]:
     left_out = _STILL[scenario] if family == "reversed" else ()
-    return [seed for index, seed in enumerate(_SEEDS[family]) if index not in left_out][:_MOST]
+    return [seed for index, seed in enumerate(_SUITE[family][2]) if index not in left_out][:_MOST]
 
 
 @functools.cache
 def digest(version: int = VERSION) -> str:
-    """Return a hash of the whole suite: of its scenes and sketches, and of the seeds of reversed cases.
+    """Return a hash of all scenes and sketches, and of the seeds of reversed cases.
 
-    It also tells versions of numpy apart that draw other numbers from the same seed.
+    It changes with versions of numpy that draw other numbers from the same seed.
     """
     entries = [[version, REFERENCE_SEEDS.start, REFERENCE_SEEDS.stop], *map(_entry, cases())]
     return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()[:16]

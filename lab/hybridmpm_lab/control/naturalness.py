@@ -1,17 +1,18 @@
-"""Does it look like fluid? A classifier of frames tells controlled fluid from fluid that is left alone.
+"""Naturalness: how well a classifier separates controlled frames from frames of fluid left alone.
 
-Each frame becomes 13 numbers (`features`). Logistic regression learns to tell two sets of frames apart from
-all seeds but one of each set, and scores the frames of those. `auc` is the chance that it scores a frame of
-the first set higher than one of the second. 0.5: nobody can tell by these numbers; 1: always.
+Each frame becomes 13 numbers (`features`). Logistic regression is fitted to two sets of frames, without one
+seed of each set, and scores the frames of these. `auc` is the chance that a frame of the first set has a
+higher score than one of the second: 0.5 where the sets cannot be told apart, 1 where they always can.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.coarse.splines import Stencils
+from hybridmpm.simulator import Simulator
 
 FEATURES = (
     *(f"fill_{percent}" for percent in (5, 25, 50, 75, 95)),
@@ -21,9 +22,9 @@ FEATURES = (
 )
 """Names of the 13 numbers of a frame."""
 LEAST_SEEDS = 50
-"""Fewest seeds in each set."""
+"""Smallest number of seeds in each set."""
 TOLERANCE = 0.05
-"""The classifier counts if it tells two sets of fluid left alone apart by no more than this, from 0.5 on."""
+"""Largest distance from 0.5 of the AUC of two sets of fluid left alone at which the classifier is valid."""
 
 _SURFACE = 0.75
 """Fill below which a particle lies at the surface; at a flat one it is a half."""
@@ -38,50 +39,37 @@ _SPLITS = 16
 _Floats = npt.NDArray[np.float64]
 
 
-def features(
-    x: npt.NDArray[np.floating], v: npt.NDArray[np.floating], *, spacing: float, resolution: int
-) -> _Floats:
-    """Return the 13 numbers of a frame, in the order of `FEATURES`.
+def features(simulator: Simulator) -> _Floats:
+    """Return the 13 numbers of the present frame, in the order of `FEATURES`.
 
-    Parameters
-    ----------
-    x, v : (N, D)
-        Positions [m] and velocities [m/s].
-    spacing : float
-        Distance of particles at rest [m].
-    resolution : int
-        Cells of the grid along each axis.
-
-    Returns
-    -------
-    float64 (13,)
-        5, 25, 50, 75 and 95 % quantiles of the fill, i.e. of the volume of particles over the volume of grid
-        around each; share of the particles with a fill below 0.75; logarithm of the number of pieces, sets of
-        particles less than 1.7 spacings apart; and the logarithms of the 50 and 95 % quantiles, over grid
-        nodes, of |divergence|, |curl| and shear of the velocity [1/s], plus 0.1.
+    They are the 5, 25, 50, 75 and 95 % quantiles of the fill, i.e. of the volume of particles over the
+    volume of grid around each; the share of the particles with a fill below 0.75; the logarithm of the number
+    of pieces, sets of particles less than 1.7 spacings apart; and the logarithms of the 50 and 95 %
+    quantiles, over grid nodes, of |divergence|, |curl| and shear of the velocity [1/s], plus 0.1.
     """
-    stencils = Stencils.at(x, resolution)
+    x, scene = simulator.positions, simulator.scene
+    stencils = Stencils.at(x, scene.resolution)
     count = stencils.scatter(np.ones(len(x)))
-    fill = stencils.gather(count) * (spacing * resolution) ** x.shape[1]
-    rates = _rates(stencils, count, v, resolution)
+    fill = stencils.gather(count) * (scene.spacing * scene.resolution) ** scene.dim
+    rates = _rates(stencils, count, simulator.velocities, scene.resolution)
     return np.array(
         [
             *np.quantile(fill, (0.05, 0.25, 0.5, 0.75, 0.95)),
             np.mean(fill < _SURFACE),
-            np.log(_pieces(x, _REACH * spacing)),
+            np.log(_pieces(x, _REACH * scene.spacing)),
             *(value for rate in rates for value in np.log(np.quantile(rate, (0.5, 0.95)) + _QUIET)),
         ]
     )
 
 
 def auc(first: Sequence[_Floats], second: Sequence[_Floats]) -> float:
-    """Return how well held-out frames of two sets can be told apart; 0.5: not at all.
+    """Return how well held-out frames of two sets can be told apart, from 0.5 (not at all) to 1.
 
     Parameters
     ----------
     first, second : sequences of float (K, 13)
-        Frames of each seed. In each round one seed of each set is held out; sets of different lengths are
-        gone through until every seed was held out.
+        Frames of each seed. Each round holds out one seed of each set; the shorter set is repeated until
+        every seed was held out.
     """
     ones, others = [], []
     for index in range(max(len(first), len(second))):
@@ -89,14 +77,17 @@ def auc(first: Sequence[_Floats], second: Sequence[_Floats]) -> float:
         training = [
             np.concatenate([*one[:k], *one[k + 1 :]]) for one, k in zip((first, second), held, strict=True)
         ]
-        score = _trained(*training)
+        score = _fitted(*training)
         ones.append(score(first[held[0]]))
         others.append(score(second[held[1]]))
-    return _area(np.concatenate(ones), np.concatenate(others))
+    # Equal scores count half.
+    high, low = np.concatenate(ones), np.sort(np.concatenate(others))
+    below = np.searchsorted(low, high, "left") + np.searchsorted(low, high, "right")
+    return float(below.mean() / 2 / len(low))
 
 
 def real_against_real(seeds: Sequence[_Floats]) -> float:
-    """Return the mean `auc` of random halves of uncontrolled seeds; 0.5 if the classifier is sound."""
+    """Return the mean `auc` of random halves of uncontrolled seeds; 0.5 for a valid classifier."""
     rng = np.random.default_rng(0)
     half = len(seeds) // 2
     found = []
@@ -110,12 +101,12 @@ def real_against_real(seeds: Sequence[_Floats]) -> float:
 def _rates(
     stencils: Stencils, count: _Floats, v: npt.NDArray[np.floating], resolution: int
 ) -> tuple[_Floats, _Floats, _Floats]:
-    """Return |divergence|, |curl| and shear (K,) [1/s] in nodes whose neighbours all hold mass."""
+    """Return |divergence|, |curl| and shear (K,) [1/s] in nodes whose neighbours all have mass."""
     dim = v.shape[1]
-    held = count > 0.05 * count.max()
-    inner = held.copy()
+    filled = count > 0.05 * count.max()
+    inner = filled.copy()
     for axis in range(dim):
-        inner &= np.roll(held, 1, axis) & np.roll(held, -1, axis)
+        inner &= np.roll(filled, 1, axis) & np.roll(filled, -1, axis)
     if not inner.any():
         nothing = np.zeros(1)
         return nothing, nothing, nothing
@@ -146,8 +137,8 @@ def _pieces(x: npt.NDArray[np.floating], reach: float) -> int:
         labels = lowest
 
 
-def _trained(first: _Floats, second: _Floats) -> "_Score":
-    """Fit logistic regression by Newton's method, both sets of the same weight."""
+def _fitted(first: _Floats, second: _Floats) -> Callable[[_Floats], _Floats]:
+    """Fit logistic regression by Newton's method, both sets of the same weight; return the score."""
     both = np.concatenate([first, second])
     mean, scale = both.mean(axis=0), np.maximum(both.std(axis=0), 1e-9)
     rows = np.column_stack([(both - mean) / scale, np.ones(len(both))])
@@ -161,21 +152,4 @@ def _trained(first: _Floats, second: _Floats) -> "_Score":
         slope = rows.T @ (share * (chance - wanted)) + ridge @ w
         bend = (rows * (share * chance * (1 - chance))[:, None]).T @ rows + ridge
         w -= np.linalg.solve(bend + 1e-9 * np.eye(len(w)), slope)
-    return _Score(mean, scale, w)
-
-
-class _Score:
-    """A linear score of frames (K, 13)."""
-
-    def __init__(self, mean: _Floats, scale: _Floats, w: _Floats) -> None:
-        self._mean, self._scale, self._w = mean, scale, w
-
-    def __call__(self, frames: _Floats) -> _Floats:
-        return np.asarray((frames - self._mean) / self._scale @ self._w[:-1] + self._w[-1])
-
-
-def _area(ones: _Floats, others: _Floats) -> float:
-    """Return the chance that one of `ones` is above one of `others`; equal scores count half."""
-    ordered = np.sort(others)
-    below = np.searchsorted(ordered, ones, "left") + np.searchsorted(ordered, ones, "right")
-    return float(below.mean() / 2 / len(others))
+    return lambda frames: np.asarray((frames - mean) / scale @ w[:-1] + w[-1])

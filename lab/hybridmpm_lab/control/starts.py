@@ -1,8 +1,8 @@
-"""Scenes and sketches of the families that need no simulation to be drawn."""
+"""Starts of the families that need no run to be drawn: a scene, its age in frames, and a sketch."""
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from hybridmpm.control.sketch.synthetic_sketches import distort, random_hand
 from hybridmpm.scene import BallObstacle, Box, BoxObstacle, Polygon, Scene, SegmentObstacle
 
 _Floats = npt.NDArray[np.float64]
+_Corners = tuple[_Floats, _Floats]
 
 _SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4, "hand": 5}
 _AMOUNT = {2: 0.052, 3: 0.00145}
@@ -23,9 +24,9 @@ _AMOUNT = {2: 0.052, 3: 0.00145}
 _CENTERS = np.array([0.35, 0.4]), np.array([0.65, 0.65])
 """Corners of the box in which free ovals have their centres [m]."""
 _BESIDE = 0.16
-"""Distance of an oval's centre from the ramp that it lies behind [m]."""
+"""Distance of an oval's centre from the ramp beside it [m]."""
 _CLEAR = 0.07
-"""Distance of such a centre from all ramps [m], as far as there is one."""
+"""Wanted distance of such a centre from all ramps [m]."""
 # Letters as strokes, boxes (left, bottom, right, top) in units of the letter's height.
 _BAR = 0.2
 _LETTERS = (
@@ -34,6 +35,8 @@ _LETTERS = (
     ((0.0, 0.0, _BAR, 1.0), (_BAR, 0.8, 0.6, 1.0), (_BAR, 0.4, 0.6, 0.6), (_BAR, 0.0, 0.6, _BAR)),
 )
 """The letters H, U and E."""
+_FRAME = ((0, 0, 1, 0.15), (0, 0.85, 1, 1), (0, 0.15, 0.15, 0.85), (0.85, 0.15, 1, 0.85))
+"""Four bars, the ring of 3D scenes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +47,21 @@ class Start:
     frame: int
     sketch: Sketch
     meant: Sketch | None = None
-    """What a hand meant, where the sketch is what is read from its picture."""
+    """The sketch before a hand drew it, where `sketch` is read from the hand's picture."""
 
 
 def drawn_start(family: str, scenario: str, kind: str, seed: int) -> Start:
-    """Draw a start of a family from a seed; the same seed gives the same start."""
-    rng = np.random.default_rng([_SALT[family], scenarios.NAMES.index(scenario), seed])
+    """Draw a start of a family; the same seed gives the same start."""
+    draw = _Drawing(
+        scenario, seed, np.random.default_rng([_SALT[family], scenarios.NAMES.index(scenario), seed])
+    )
     if family == "hand":
-        return _by_hand(_Drawing(scenario, seed, rng), kind)
-    draw = {"free": _free, "bent": _bent, "obstacles": _obstacles, "gather": _gathered}[family]
-    return draw(_Drawing(scenario, seed, rng))
+        return _by_hand(draw, kind)
+    return {"free": _free, "bent": _bent, "obstacles": _obstacles, "gather": _gathered}[family](draw)
 
 
 class _Drawing:
-    """What the parts of a start are drawn with."""
+    """The scenario, the random numbers, and the parts that all families are drawn from."""
 
     def __init__(self, scenario: str, seed: int, rng: np.random.Generator) -> None:
         self.scenario, self.seed, self.rng = scenario, seed, rng
@@ -70,37 +74,43 @@ class _Drawing:
         return scenarios.get(self.scenario, self.seed)
 
     def scene(self, bodies: Sequence[Any], obstacles: Sequence[Any] = ()) -> Scene:
-        return Scene(
-            name=f"{self.scenario} seed {self.seed}",
-            dim=self.dim,
-            bodies=tuple(bodies),
-            obstacles=tuple(obstacles),
-        )
+        name = f"{self.scenario} seed {self.seed}"
+        return Scene(name=name, dim=self.dim, bodies=tuple(bodies), obstacles=tuple(obstacles))
 
-    def boxes(self, corners: Sequence[tuple[_Floats, _Floats]], **fields: Any) -> list[Box]:
-        """Return bodies between pairs of corners (D,), of the scenario's materials by turns."""
+    def corners(self, left: float, bottom: float, right: float, top: float, depth: float) -> _Corners:
+        """Return the corners (D,) of a box in the middle of the depth."""
+        lower, upper = (left, bottom, 0.5 - depth / 2), (right, top, 0.5 + depth / 2)
+        return np.array(lower[: self.dim]), np.array(upper[: self.dim])
+
+    def boxes(self, corners: Iterable[_Corners], **fields: Any) -> list[Box]:
+        """Return bodies of the scenario's materials, by turns."""
         return [
             Box(
                 lower=_rounded(lower),
                 upper=_rounded(upper),
-                material=self.materials[index % len(self.materials)],
+                material=material,
                 seed=int(self.rng.integers(2**31)),
                 **fields,
             )
-            for index, (lower, upper) in enumerate(corners)
+            for (lower, upper), material in zip(corners, itertools.cycle(self.materials), strict=False)
         ]
 
-    def block(self, left: float, bottom: float, width: float) -> list[tuple[_Floats, _Floats]]:
-        """Return a block of the whole amount, cut in two along the height where there are two materials."""
+    def block(self, left: float, bottom: float, width: float) -> list[_Corners]:
+        """Return a block of the whole amount, cut in two along the height for two materials."""
         depth = 0.1 if self.dim == 3 else 1.0
         height = _AMOUNT[self.dim] / width / depth
-        count = len(self.materials)
-        lower = np.array([left, bottom, 0.5 - depth / 2][: self.dim])
-        upper = np.array([left + width, bottom + height, 0.5 + depth / 2][: self.dim])
-        levels = np.linspace(bottom, bottom + height, count + 1)
+        levels = np.linspace(bottom, bottom + height, len(self.materials) + 1)
         return [
-            (_with_height(lower, low), _with_height(upper, high)) for low, high in itertools.pairwise(levels)
+            self.corners(left, low, left + width, high, depth) for low, high in itertools.pairwise(levels)
         ]
+
+    def strokes(self, boxes: Sequence[Sequence[float]], corner: _Floats, size: float, depth: float) -> Scene:
+        """Return a scene of boxes given in units of `size` from a corner on."""
+        x, y = corner
+        units = ([size * edge for edge in box] for box in boxes)
+        return self.scene(
+            self.boxes([self.corners(x + a, y + b, x + c, y + d, depth) for a, b, c, d in units])
+        )
 
     def oval(self, scene: Scene, center: _Floats | None = None) -> Ellipse:
         """Draw an oval of 0.7 to 1.6 times the fluid's volume."""
@@ -110,10 +120,8 @@ class _Drawing:
         mean = math.sqrt(volume / math.pi) if self.dim == 2 else (volume / math.pi * 3 / 4) ** (1 / 3)
         axes = mean * np.array([math.sqrt(aspect), 1 / math.sqrt(aspect)])
         drawn = rng.uniform(*_CENTERS)
-        angle, width = rng.uniform(0, math.pi), rng.uniform(7, 15)
-        return Ellipse(
-            drawn if center is None else center, axes, angle, None if self.dim == 2 else float(width)
-        )
+        angle, width = rng.uniform(0, math.pi), float(rng.uniform(7, 15))
+        return Ellipse(drawn if center is None else center, axes, angle, None if self.dim == 2 else width)
 
 
 def _free(draw: _Drawing) -> Start:
@@ -129,14 +137,14 @@ def _free(draw: _Drawing) -> Start:
         width = 0.3 if draw.is_sand else 0.8
         left = rng.uniform(0.1, 0.6) if draw.is_sand else 0.1
         height = _AMOUNT[2] * rng.uniform(0.95, 1.15) / width
-        parts = np.linspace(left, left + width, len(draw.materials) + 1)
-        corners = [(np.array([a, 0.1]), np.array([b, 0.1 + height])) for a, b in itertools.pairwise(parts)]
-        scene, frame = draw.scene(draw.boxes(corners)), 250 if "sand" in draw.materials else 100
+        parts = itertools.pairwise(np.linspace(left, left + width, len(draw.materials) + 1))
+        scene = draw.scene(draw.boxes([draw.corners(a, 0.1, b, 0.1 + height, 1.0) for a, b in parts]))
+        frame = 250 if "sand" in draw.materials else 100
     return Start(scene, frame, draw.oval(scene))
 
 
 def _by_hand(draw: _Drawing, kind: str) -> Start:
-    """Draw a start of `free`, and what is read from a hand's picture of an oval or of an arrow upwards."""
+    """Draw a start of `free`, and the reading of a hand's picture of an oval or of an arrow upwards."""
     start, rng = _free(draw), draw.rng
     meant = start.sketch
     if kind == "arrow":
@@ -161,33 +169,28 @@ def _bent(draw: _Drawing) -> Start:
 
 
 def _obstacles(draw: _Drawing) -> Start:
-    """Draw an obstacle, fluid on one side of it, and an oval on the other."""
+    """Draw fluid on one side of an obstacle and an oval on the other: a post, a ball or a plate."""
     rng = draw.rng
     if draw.has_ramps:
         scene = draw.of_scenario()
         return Start(scene, 250, draw.oval(scene, _beside_a_ramp(draw, scene)))
-    deep = [(), (0.1, 0.9)][draw.dim - 2]
-    frame = 10 if draw.dim == 3 and not draw.is_sand else 100
     shape = draw.seed % 3
-    if shape == 0:  # a post between the fluid and the oval
-        height = rng.uniform(0.32, 0.45)
-        solid: Any = _box_obstacle((0.47, 0.1, *deep[:1]), (0.52, height, *deep[1:]))
+    left, width = (0.35, 0.3) if draw.dim == 2 else (0.43, 0.15)
+    if shape == 0:
+        solid: Any = _box_obstacle(draw.corners(0.47, 0.1, 0.52, rng.uniform(0.32, 0.45), 0.8))
         center = rng.uniform([0.68, 0.32], [0.73, 0.45])
         left, width = 0.13, 0.26 if draw.dim == 2 else 0.15
-    elif shape == 1:  # a ball under the oval
+    elif shape == 1:
         radius = rng.uniform(0.08, 0.11)
         middle = rng.uniform([0.45, 0.36], [0.55, 0.4])
         solid = BallObstacle(center=_rounded(np.append(middle, [0.5] * (draw.dim - 2))), radius=radius)
         center = np.array([middle[0] + rng.uniform(-0.05, 0.05), middle[1] + radius + 0.17])
-        left, width = (0.35, 0.3) if draw.dim == 2 else (0.43, 0.15)
-    else:  # a plate under the oval
+    else:
         level = rng.uniform(0.34, 0.4)
-        depth = (0.3, 0.7) if draw.dim == 3 else ()
-        solid = _box_obstacle((0.3, level, *depth[:1]), (0.7, level + 0.036, *depth[1:]))
+        solid = _box_obstacle(draw.corners(0.3, level, 0.7, level + 0.036, 0.4))
         center = np.array([rng.uniform(0.42, 0.58), level + 0.2])
-        left, width = (0.35, 0.3) if draw.dim == 2 else (0.43, 0.15)
     scene = draw.scene(draw.boxes(draw.block(left, 0.11, width)), [solid])
-    return Start(scene, frame, draw.oval(scene, center))
+    return Start(scene, 10 if draw.dim == 3 and not draw.is_sand else 100, draw.oval(scene, center))
 
 
 def _beside_a_ramp(draw: _Drawing, scene: Scene) -> _Floats:
@@ -206,27 +209,23 @@ def _beside_a_ramp(draw: _Drawing, scene: Scene) -> _Floats:
 
 
 def _gathered(draw: _Drawing) -> Start:
-    """Draw two puddles, a ring or a letter, none of which an affine map brings into the oval."""
+    """Draw two puddles, a ring or a letter, which no affine map brings into the oval."""
     rng, dim = draw.rng, draw.dim
-    shape = draw.seed % 3
+    shape, frame = draw.seed % 3, 5
     if shape == 0:
         width = rng.uniform(0.15, 0.22) if dim == 2 else rng.uniform(0.09, 0.12)
-        deep = (0.45, 0.55) if dim == 3 else ()
         height = 0.1 + _AMOUNT[dim] / 2 / width / (0.1 if dim == 3 else 1.0)
         sides = [(0.1, 0.1 + width), (0.9 - width, 0.9)]
-        corners = [(np.array([a, 0.1, *deep[:1]]), np.array([b, height, *deep[1:]])) for a, b in sides]
-        scene = draw.scene(draw.boxes(corners))
+        scene = draw.scene(draw.boxes([draw.corners(a, 0.1, b, height, 0.1) for a, b in sides]))
         frame = 10 if dim == 3 and not draw.is_sand else 150 if draw.is_sand else 60
     elif shape == 1:
-        scene, frame = _ring(draw), 5
+        scene = _ring(draw)
     else:
         letter = _LETTERS[int(rng.integers(len(_LETTERS)))]
         height = 0.32 if dim == 2 else 0.3
         corner = rng.uniform([0.2, 0.2], [0.5, 0.4])
         area = sum((right - left) * (top - bottom) for left, bottom, right, top in letter) * height**2
-        depth = _AMOUNT[3] / area
-        scene = draw.scene(draw.boxes([_stroke(one, corner, height, depth, dim) for one in letter]))
-        frame = 5
+        scene = draw.strokes(letter, corner, height, _AMOUNT[3] / area)
     return Start(scene, frame, draw.oval(scene))
 
 
@@ -234,9 +233,7 @@ def _ring(draw: _Drawing) -> Scene:
     """Draw a ring, in 3D a frame of four bars."""
     center = draw.rng.uniform([0.35, 0.35], [0.6, 0.5])
     if draw.dim == 3:
-        bars = ((0, 0, 1, 0.15), (0, 0.85, 1, 1), (0, 0.15, 0.15, 0.85), (0.85, 0.15, 1, 0.85))
-        depth = _AMOUNT[3] / (0.28**2 * 0.51)
-        return draw.scene(draw.boxes([_stroke(one, center - 0.14, 0.28, depth, 3) for one in bars]))
+        return draw.strokes(_FRAME, center - 0.14, 0.28, _AMOUNT[3] / (0.28**2 * 0.51))
     outer, hole = 0.19, math.sqrt(0.19**2 - _AMOUNT[2] / math.pi)
     bodies = []
     for index, material in enumerate(draw.materials):
@@ -249,21 +246,8 @@ def _ring(draw: _Drawing) -> Scene:
     return draw.scene(bodies)
 
 
-def _stroke(
-    box: Sequence[float], corner: _Floats, size: float, depth: float, dim: int
-) -> tuple[_Floats, _Floats]:
-    """Return the corners (D,) of a stroke given in units of `size` from a corner on."""
-    left, bottom, right, top = size * np.array(box)
-    lower = np.array([corner[0] + left, corner[1] + bottom, 0.5 - depth / 2][:dim])
-    return lower, np.array([corner[0] + right, corner[1] + top, 0.5 + depth / 2][:dim])
-
-
-def _box_obstacle(lower: tuple[float, ...], upper: tuple[float, ...]) -> BoxObstacle:
-    return BoxObstacle(lower=_rounded(np.array(lower)), upper=_rounded(np.array(upper)))
-
-
-def _with_height(corner: _Floats, height: float) -> _Floats:
-    return np.concatenate([corner[:1], [height], corner[2:]])
+def _box_obstacle(corners: _Corners) -> BoxObstacle:
+    return BoxObstacle(lower=_rounded(corners[0]), upper=_rounded(corners[1]))
 
 
 def _rounded(corner: _Floats) -> tuple[float, ...]:

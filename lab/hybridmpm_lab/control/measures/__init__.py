@@ -1,1 +1,0 @@
-"""What is measured of a fluid that has followed a sketch."""

@@ -1,0 +1,69 @@
+"""Methods under comparison: the library's, the rivals of the suite, and methods of one's own."""
+
+import importlib
+import re
+
+from hybridmpm.control import METHODS, ControlNet, Method
+from hybridmpm.errors import ConfigError
+from hybridmpm_lab.control.backcast import Backcast
+
+CONSTANT = "constant"
+"""The paper's baseline, which all others are compared with."""
+ORACLE = "oracle"
+"""The reversed forces themselves, which no sketch contains; in the reversed family only."""
+FILLED = "filled"
+"""No run: the particles lie in the places that the sketch gives them by optimal matching."""
+_NAMED: dict[str, Method | None] = {**METHODS, "backcast": Backcast(), ORACLE: None, FILLED: None}
+NAMES = tuple(_NAMED)
+"""Names of all methods but those of one's own, in the order of the tables."""
+_CONTROLNET = re.compile(r"controlnet-(\d{1,2})")
+
+Methods = dict[str, Method | None]
+"""Methods by name; None for the oracle, which comes with each case, and for the filled sketch."""
+
+
+def methods_of(names: tuple[str, ...]) -> Methods:
+    """Return methods, the constant force first unless its place is given.
+
+    A name is one of `NAMES`, `controlnet-4` for `controlnet` with four evaluations of its network a frame, or
+    `MODULE:ATTRIBUTE`: an object with the surface of `hybridmpm.control.Method`, or a class or function
+    that returns one without arguments.
+
+    Raises
+    ------
+    ConfigError
+        There is no such name, module or attribute, or the attribute is no method.
+    """
+    return dict(map(_method, names if CONSTANT in names else (CONSTANT, *names)))
+
+
+def takes_part(name: str, family: str) -> bool:
+    """Return whether a method runs on the cases of a family."""
+    return name != ORACLE or family == "reversed"
+
+
+def _method(name: str) -> tuple[str, Method | None]:
+    if name in NAMES:
+        return name, _NAMED[name]
+    if (steps := _CONTROLNET.fullmatch(name)) is not None:
+        return name, ControlNet(steps=int(steps[1]))
+    module, colon, attribute = name.partition(":")
+    if not colon:
+        raise ConfigError(
+            f"method must be one of {', '.join(NAMES)} or MODULE:ATTRIBUTE for a method of your own, got "
+            f"{name!r}"
+        )
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+        made = found() if isinstance(found, type) or not hasattr(found, "plan") else found
+        own, is_method = made.name, callable(made.plan)
+    except Exception as error:
+        raise ConfigError(
+            f"the method {name} cannot be made ({type(error).__name__}: {error}); give a method with `name` "
+            "and `plan(simulator, task)`, or a class or function without arguments, in a module on PYTHONPATH"
+        ) from error
+    if not is_method or not isinstance(own, str) or own in NAMES:
+        raise ConfigError(
+            f"the method {name} must have a function `plan` and a `name` of its own, got {own!r}"
+        )
+    return own, made

@@ -1,1 +1,0 @@
-"""The suite: which sketches are drawn on which states of which scenes."""
