@@ -5,29 +5,21 @@ from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from hybridmpm.scene.fields import Length, Point, Points, Record, Seed, Velocity, corner_faults, raise_faults
+from hybridmpm.scene.fields import Point, Points, Seed, Velocity
 from hybridmpm.scene.materials import Material
+from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Shaped
 
 
-class _Body(Record):
+class _Body(Shaped):
     material: Material
     velocity: Velocity | None = Field(None, description="Initial velocity, D numbers [m/s]; zero if absent.")
     seed: Seed = Field(0, description="Seed of the jitter of particle positions.")
 
 
-class Box(_Body):
+class Box(BoxShape, _Body):
     """Axis-aligned box of material."""
-
-    shape: Literal["box"] = "box"
-    lower: Point = Field(description="Corner with the smallest coordinates [m].")
-    upper: Point = Field(description="Corner with the largest coordinates [m].")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "Box":
-        raise_faults("Box", corner_faults(self.lower, self.upper))
-        return self
 
     @property
     def bounds(self) -> tuple[Points, Points]:
@@ -37,11 +29,7 @@ class Box(_Body):
     @property
     def measure(self) -> float:
         """Area in 2D [m^2], volume in 3D [m^3]."""
-        return math.prod(b - a for a, b in zip(self.lower, self.upper, strict=True))
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"lower": self.lower, "upper": self.upper}
+        return math.prod(self.extents)
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
@@ -49,12 +37,8 @@ class Box(_Body):
         return np.asarray(((x > lower) & (x < upper)).all(axis=1))
 
 
-class Ball(_Body):
+class Ball(BallShape, _Body):
     """Disc in 2D, ball in 3D."""
-
-    shape: Literal["ball"] = "ball"
-    center: Point = Field(description="Centre of the ball, D coordinates [m].")
-    radius: Length = Field(description="Radius of the ball [m].")
 
     @property
     def bounds(self) -> tuple[Points, Points]:
@@ -67,41 +51,20 @@ class Ball(_Body):
         """Area in 2D [m^2], volume in 3D [m^3]."""
         return math.pi * self.radius**2 if len(self.center) == 2 else 4 / 3 * math.pi * self.radius**3
 
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"center": self.center}
-
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
         inside: npt.NDArray[np.bool_] = ((x - np.array(self.center)) ** 2).sum(axis=1) < self.radius**2
         return inside
 
 
-class Cylinder(_Body):
+class Cylinder(CylinderShape, _Body):
     """Cylinder with flat ends, 3D only."""
-
-    shape: Literal["cylinder"] = "cylinder"
-    start: Point = Field(description="Centre of one end, D coordinates [m].")
-    end: Point = Field(description="Centre of the other end, D coordinates [m].")
-    radius: Length = Field(description="Radius of the cylinder [m].")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> "Cylinder":
-        if self.start == self.end:
-            raise_faults("Cylinder", [(("end",), "must differ from start")])
-        return self
-
-    @property
-    def length(self) -> float:
-        """Distance of the ends [m]."""
-        return math.dist(self.start, self.end)
 
     @property
     def bounds(self) -> tuple[Points, Points]:
         """Lower and upper corner of the bounding box [m]."""
         start, end = np.array(self.start), np.array(self.end)
-        along = (end - start) / self.length
-        reach = self.radius * np.sqrt(np.maximum(1.0 - along**2, 0.0))
+        reach = self.radius * np.sqrt(np.maximum(1.0 - self.direction**2, 0.0))
         return np.minimum(start, end) - reach, np.maximum(start, end) + reach
 
     @property
@@ -109,13 +72,9 @@ class Cylinder(_Body):
         """Volume [m^3]."""
         return math.pi * self.radius**2 * self.length
 
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"start": self.start, "end": self.end}
-
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 3) lie strictly inside; shape (N,)."""
-        along = (np.array(self.end) - np.array(self.start)) / self.length
+        along = self.direction
         from_start = x - np.array(self.start)
         height = from_start @ along
         beside = ((from_start - height[:, None] * along) ** 2).sum(axis=1)
@@ -141,10 +100,6 @@ class Polygon(_Body):
         """Area [m^2] by the shoelace formula; exact where the outline does not cross itself."""
         x, y = np.array(self.vertices).T
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {f"vertices[{i}]": vertex for i, vertex in enumerate(self.vertices)}
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 2) lie inside; shape (N,)."""

@@ -6,14 +6,15 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from hybridmpm import _core
-from hybridmpm.scene.fields import Direction, Length, Point, Record, corner_faults, raise_faults
+from hybridmpm.scene.fields import Direction, Length, Point, raise_faults
 from hybridmpm.scene.materials import Friction
 from hybridmpm.scene.motion import Motion
+from hybridmpm.scene.shapes import BallShape, BoxShape, CylinderShape, Segment, Shaped
 
 Contact = Literal["sticky", "slip", "separating"]
 
 
-class _Obstacle(Record):
+class _Obstacle(Shaped):
     contact: Contact = Field(
         "separating",
         description="Contact with material. sticky: the material moves with the obstacle. slip: it slides "
@@ -43,23 +44,13 @@ class _Obstacle(Record):
         raise NotImplementedError
 
 
-class SegmentObstacle(_Obstacle):
+class SegmentObstacle(Segment, _Obstacle):
     """Ramp: all points within thickness / 2 of the segment from `start` to `end`."""
 
     shape: Literal["segment"] = "segment"
     start: Point = Field(description="First end of the segment, D coordinates [m].")
     end: Point = Field(description="Second end of the segment, D coordinates [m].")
     thickness: Length = Field(description="Thickness of the ramp [m].")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> "SegmentObstacle":
-        if self.start == self.end:
-            raise_faults("SegmentObstacle", [(("end",), "must differ from start")])
-        return self
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"start": self.start, "end": self.end}
 
     @property
     def smallest_extent(self) -> float:
@@ -72,41 +63,20 @@ class SegmentObstacle(_Obstacle):
         )
 
 
-class BoxObstacle(_Obstacle):
+class BoxObstacle(BoxShape, _Obstacle):
     """Axis-aligned solid box."""
-
-    shape: Literal["box"] = "box"
-    lower: Point = Field(description="Corner with the smallest coordinates [m].")
-    upper: Point = Field(description="Corner with the largest coordinates [m].")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "BoxObstacle":
-        raise_faults("BoxObstacle", corner_faults(self.lower, self.upper))
-        return self
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"lower": self.lower, "upper": self.upper}
 
     @property
     def smallest_extent(self) -> float:
         """Shortest side of the box [m]."""
-        return min(b - a for a, b in zip(self.lower, self.upper, strict=True))
+        return min(self.extents)
 
     def _at_rest(self) -> _core.Obstacle:
         return _core.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
 
 
-class BallObstacle(_Obstacle):
+class BallObstacle(BallShape, _Obstacle):
     """Solid disc in 2D, ball in 3D."""
-
-    shape: Literal["ball"] = "ball"
-    center: Point = Field(description="Centre of the ball, D coordinates [m].")
-    radius: Length = Field(description="Radius of the ball [m].")
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"center": self.center}
 
     @property
     def smallest_extent(self) -> float:
@@ -117,28 +87,13 @@ class BallObstacle(_Obstacle):
         return _core.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
 
 
-class CylinderObstacle(_Obstacle):
+class CylinderObstacle(CylinderShape, _Obstacle):
     """Solid cylinder with flat ends, 3D only."""
-
-    shape: Literal["cylinder"] = "cylinder"
-    start: Point = Field(description="Centre of one end, D coordinates [m].")
-    end: Point = Field(description="Centre of the other end, D coordinates [m].")
-    radius: Length = Field(description="Radius of the cylinder [m].")
-
-    @model_validator(mode="after")
-    def _has_length(self) -> "CylinderObstacle":
-        if self.start == self.end:
-            raise_faults("CylinderObstacle", [(("end",), "must differ from start")])
-        return self
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"start": self.start, "end": self.end}
 
     @property
     def smallest_extent(self) -> float:
         """Diameter, or length where that is less [m]."""
-        return min(2 * self.radius, math.dist(self.start, self.end))
+        return min(2 * self.radius, self.length)
 
     def _at_rest(self) -> _core.Obstacle:
         return _core.Obstacle.cylinder(
@@ -160,10 +115,6 @@ class HalfSpaceObstacle(_Obstacle):
         if math.hypot(*self.normal) < 1e-6:
             raise_faults("HalfSpaceObstacle", [(("normal",), "must be at least 1e-6 long")])
         return self
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"point": self.point, "normal": self.normal}
 
     @property
     def smallest_extent(self) -> float:

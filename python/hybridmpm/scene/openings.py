@@ -14,13 +14,12 @@ from hybridmpm.scene.fields import (
     Point,
     Points,
     Range,
-    Record,
     Seed,
     Velocity,
-    corner_faults,
     raise_faults,
 )
 from hybridmpm.scene.materials import Material
+from hybridmpm.scene.shapes import BallShape, BoxShape, Shaped
 
 EmitterStatus = Literal["waiting", "running", "blocked", "full", "ended"]
 """What an emitter did in the latest frame.
@@ -36,7 +35,7 @@ class ParticleLimitWarning(UserWarning):
     """An emitter pauses because the scene already has `max_particles` particles."""
 
 
-class _Emitter(Record):
+class _Emitter(Shaped):
     material: Material
     velocity: Velocity = Field(
         description="Velocity of the material that leaves the opening, D numbers [m/s]; not zero."
@@ -70,10 +69,6 @@ class _Emitter(Record):
     @property
     def bounds(self) -> tuple[Points, Points]:
         """Lower and upper corner of the opening's bounding box [m]."""
-        raise NotImplementedError
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
         raise NotImplementedError
 
     def sites(self, spacing: float) -> Points:
@@ -111,10 +106,6 @@ class RectangularEmitter(_Emitter):
         """Lower and upper corner of the opening [m]."""
         return np.array(self.lower), np.array(self.upper)
 
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"lower": self.lower, "upper": self.upper, "velocity": self.velocity}
-
     def sites(self, spacing: float) -> Points:
         """Return the points (n, D) of a layer [m]: as many as fit into the opening, `spacing` [m] apart."""
         middle, extent = (np.array(self.lower) + self.upper) / 2, np.subtract(self.upper, self.lower)
@@ -135,10 +126,6 @@ class RoundEmitter(_Emitter):
         reach = self.radius * np.sqrt(np.maximum(1.0 - self.direction**2, 0.0))
         return self.center - reach, self.center + reach
 
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"center": self.center, "velocity": self.velocity}
-
     def sites(self, spacing: float) -> Points:
         """Return the points (n, D) of a layer [m]: as many as fit into the opening, `spacing` [m] apart."""
         row = _offsets(2 * self.radius, spacing)
@@ -152,37 +139,16 @@ class RoundEmitter(_Emitter):
 Emitter = Annotated[RectangularEmitter | RoundEmitter, Field(discriminator="shape")]
 
 
-class BoxSink(Record):
+class BoxSink(BoxShape):
     """Axis-aligned box that removes the particles which end a frame inside of it."""
-
-    shape: Literal["box"] = "box"
-    lower: Point = Field(description="Corner with the smallest coordinates [m].")
-    upper: Point = Field(description="Corner with the largest coordinates [m].")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "BoxSink":
-        raise_faults("BoxSink", corner_faults(self.lower, self.upper))
-        return self
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"lower": self.lower, "upper": self.upper}
 
     def to_native(self) -> _core.Obstacle:
         """Build the core's shape of the sink."""
         return _core.Obstacle.box(self.lower, self.upper)
 
 
-class BallSink(Record):
+class BallSink(BallShape):
     """Disc in 2D, ball in 3D, that removes the particles which end a frame inside of it."""
-
-    shape: Literal["ball"] = "ball"
-    center: Point = Field(description="Centre of the ball, D coordinates [m].")
-    radius: Length = Field(description="Radius of the ball [m].")
-
-    def vector_fields(self) -> dict[str, tuple[float, ...]]:
-        """By field name, the vectors that must have as many numbers as the scene has dimensions."""
-        return {"center": self.center}
 
     def to_native(self) -> _core.Obstacle:
         """Build the core's shape of the sink."""

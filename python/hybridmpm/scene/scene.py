@@ -37,6 +37,12 @@ MIN_CELLS_BETWEEN_WALLS = 4
 """Smallest distance [cells] of opposite walls, so that no grid node feels both."""
 _MAX_RESOLUTION_3D = 512
 """Largest resolution in 3D [cells/m]; the dense grid takes 2.3 GB there, and eight times as much at twice."""
+_SHAPES_OF_ONE_DIMENSION = {
+    ("bodies", "polygon"): (2, "box, ball and cylinder"),
+    ("bodies", "cylinder"): (3, "box, ball and polygon"),
+    ("obstacles", "cylinder"): (3, "segment, box, ball and half_space"),
+}
+"""The dimension of shapes that have only one, and the shapes of the other dimension."""
 YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
 """What the YAML loader raises: besides its own errors those of conversions, e.g. a date in month 13."""
 
@@ -103,41 +109,30 @@ class Scene(Record):
         return self
 
     def _dimension_faults(self) -> list[Fault]:
-        vectors: list[tuple[tuple[str | int, ...], tuple[float, ...] | None]] = [
+        vectors: list[tuple[tuple[str | int, ...], tuple[float, ...]]] = [
             (("gravity",), self.gravity),
             (("walls", "lower"), self.walls.lower),
             (("walls", "upper"), self.walls.upper),
         ]
         faults: list[Fault] = []
-        for i, body in enumerate(self.bodies):
-            where = ("bodies", i, body.shape)
-            vectors += [((*where, field), value) for field, value in body.vector_fields().items()]
-            vectors.append(((*where, "velocity"), body.velocity))
-            if body.shape == "polygon" and self.dim == 3:
-                text = "polygon is for dim 2 only; dim 3 allows box, ball and cylinder"
-                faults.append(((*where, "shape"), text))
-            if body.shape == "cylinder" and self.dim == 2:
-                text = "cylinder is for dim 3 only; dim 2 allows box, ball and polygon"
-                faults.append(((*where, "shape"), text))
+        for group in ("bodies", "obstacles", "emitters", "sinks"):
+            for i, part in enumerate(getattr(self, group)):
+                where = (group, i, part.shape)
+                vectors += [((*where, field), value) for field, value in part.vector_fields().items()]
+                allowed = _SHAPES_OF_ONE_DIMENSION.get((group, part.shape))
+                if allowed is not None and allowed[0] != self.dim:
+                    text = f"{part.shape} is for dim {allowed[0]} only; dim {self.dim} allows {allowed[1]}"
+                    faults.append(((*where, "shape"), text))
         for i, obstacle in enumerate(self.obstacles):
-            fields = obstacle.vector_fields().items()
-            vectors += [(("obstacles", i, obstacle.shape, field), value) for field, value in fields]
-            if obstacle.shape == "cylinder" and self.dim == 2:
-                text = "cylinder is for dim 3 only; dim 2 allows segment, box, ball and half_space"
-                faults.append((("obstacles", i, "cylinder", "shape"), text))
             if obstacle.motion is not None:
                 wrong = obstacle.motion.dimension_faults(self.dim)
                 faults += [
                     (("obstacles", i, obstacle.shape, "motion", *field), text) for field, text in wrong
                 ]
-        parts = [("emitters", self.emitters), ("sinks", self.sinks)]
-        for name, part in ((name, part) for name, group in parts for part in enumerate(group)):
-            fields = part[1].vector_fields().items()
-            vectors += [((name, part[0], part[1].shape, field), value) for field, value in fields]
         return faults + [
             (where, f"must have dim = {self.dim} numbers, got {len(vector)}")
             for where, vector in vectors
-            if vector is not None and len(vector) != self.dim
+            if len(vector) != self.dim
         ]
 
     def _range_faults(self) -> list[Fault]:
