@@ -1,11 +1,11 @@
-"""Forces: external accelerations as fields in time, checked in one place whoever simulates.
+"""Forces: external accelerations as fields in time, checked here for all simulators.
 
 A force is given to `advance` in one of five forms; `Simulator.advance` lists them. N is the number of
 particles, D the dimension, T the number of frames of the call. In formulas a force is the acceleration added
 to gravity, in m/s^2, so that a particle of any mass moves alike.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
 
@@ -19,11 +19,11 @@ _Floats = npt.NDArray[np.float32]
 
 
 class Forced(Protocol):
-    """What a force needs to know of a simulator."""
+    """The part of a simulator that checks of forces read."""
 
     @property
     def scene(self) -> Scene:
-        """The scene that it simulates."""
+        """The scene of the simulator."""
 
     @property
     def frame(self) -> int:
@@ -39,9 +39,9 @@ class Forced(Protocol):
 
 
 OfIds: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike]
-"""Ids (K,) and the accelerations of the particles that they name, (K, D) or (T, K, D) [m/s^2]."""
+"""Ids (K,) and the accelerations of these particles, (K, D) or (T, K, D) [m/s^2]."""
 Function: TypeAlias = Callable[[Any], npt.ArrayLike | OfIds | None]
-"""Called with the simulator before each frame; answers with the force of that frame."""
+"""Called with the simulator before each frame; returns the force of that frame."""
 Force: TypeAlias = npt.ArrayLike | OfIds | Function | None
 
 
@@ -88,7 +88,7 @@ class ArrayForce:
 
 @dataclass(frozen=True)
 class _ForceOfIds:
-    """A force on the particles that ids (K,) name; accelerations (K, D) or (T, K, D)."""
+    """A force on the particles of ids (K,); accelerations (K, D) or (T, K, D)."""
 
     simulator: Forced
     ids: npt.NDArray[np.uint64]
@@ -97,9 +97,9 @@ class _ForceOfIds:
     array = None
 
     def at(self, index: int) -> _Floats:
-        """Return (N, D) for the particles that are there now."""
+        """Return (N, D) for the present particles."""
         rows = self.accelerations[index] if self.accelerations.ndim == 3 else self.accelerations
-        return _spread(self.simulator, self.ids, rows)
+        return total_force([(self.ids, rows)], self.simulator.ids, self.simulator.scene.dim)
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ class _ForceOfState:
     by_frame = True
     array = None
 
-    def at(self, index: int) -> _Floats | None:  # noqa: ARG002 - the state tells the frame
-        """Ask the function, and check what it answers."""
+    def at(self, index: int) -> _Floats | None:  # noqa: ARG002 - the frame is part of the state
+        """Call the function, and check its return value."""
         where = f"the force function's answer before frame {self.simulator.frame + 1}"
         try:
             answer = self.function(self.simulator)
@@ -125,6 +125,48 @@ class _ForceOfState:
             raise ForceError(f"{where} must be an acceleration, not another function")
         checked = _checked(answer, self.simulator, 1, where, one_frame=True)
         return checked.at(0)
+
+
+def locate(
+    ids: npt.NDArray[np.uint64], among: npt.NDArray[np.uint64]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Return the places (K,) of ids (K,) among ascending ids (N,), and which of them are there (K,)."""
+    places = np.searchsorted(among, ids)
+    there = places < len(among)
+    there[there] = among[places[there]] == ids[there]
+    return places, there
+
+
+def total_force(
+    forces: Iterable[npt.ArrayLike | OfIds | None], ids: npt.NDArray[np.uint64], dim: int
+) -> _Floats:
+    """Return the sum of forces.
+
+    Parameters
+    ----------
+    forces : iterable of forces
+        Each (D,), (N, D), None or a pair of ids (K,) and accelerations (K, D) [m/s^2]. Ids of particles that
+        are not among `ids` are ignored, and particles without an id in a pair get nothing of it.
+    ids : (N,)
+        Particles, ascending.
+    dim : int
+        Dimension D.
+
+    Returns
+    -------
+    float32 (N, D)
+        Acceleration of each particle [m/s^2].
+    """
+    total = np.zeros((len(ids), dim), dtype=np.float32)
+    force: Any
+    for force in forces:
+        if _is_pair(force):
+            named, accelerations = (np.asarray(part) for part in force)
+            places, there = locate(named, ids)
+            total[places[there]] += accelerations[there]
+        elif force is not None:
+            total += np.asarray(force, dtype=np.float32)
+    return total
 
 
 def checked_force(force: Force, simulator: Forced, frames: int, name: str = "force") -> CheckedForce:
@@ -144,8 +186,8 @@ def checked_force(force: Force, simulator: Forced, frames: int, name: str = "for
     Raises
     ------
     ForceError
-        The force is none of these forms, has a wrong shape or is not finite. The message says what is
-        allowed.
+        The force is none of these forms, has a wrong shape or is not finite. The message lists the allowed
+        shapes.
     """
     if callable(force):
         return _ForceOfState(simulator, force)
@@ -177,7 +219,7 @@ def _is_pair(force: Any) -> bool:
         return False
     try:
         return np.ndim(force[0]) == 1 and np.ndim(force[1]) in (2, 3)
-    except Exception:  # noqa: BLE001 - rows of different lengths, or foreign code; `_numbers` tells what is wrong
+    except Exception:  # noqa: BLE001 - rows of different lengths, or foreign code; `_numbers` raises the error
         return False
 
 
@@ -208,7 +250,7 @@ def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_f
 
 
 def _numbers(value: Any, name: str) -> _Floats:
-    """Convert to float32; whatever foreign code raises on the way becomes a `ForceError`."""
+    """Convert to float32; any error of the conversion becomes a `ForceError`."""
     try:
         given = np.asarray(value)
         # What float32 cannot hold becomes infinite, and is refused as that.
@@ -243,14 +285,3 @@ def _refusal(
     if is_open:
         text += ". Particles come and go in this scene, so rows without ids are for one frame only"
     return text
-
-
-def _spread(simulator: Forced, ids: npt.NDArray[np.uint64], rows: _Floats) -> _Floats:
-    """Give each present particle (N, D) the row of its id; none to the particles that no id names."""
-    present = simulator.ids
-    force = np.zeros((len(present), simulator.scene.dim), dtype=np.float32)
-    places = np.searchsorted(present, ids)
-    there = places < len(present)
-    there[there] = present[places[there]] == ids[there]
-    force[places[there]] = rows[there]
-    return force

@@ -14,6 +14,7 @@ from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
 from hybridmpm.control.trajectory import ControlledTrajectory, Ending, SketchResult
 from hybridmpm.errors import ConfigError
+from hybridmpm.force import total_force
 from hybridmpm.simulator import Simulator
 
 
@@ -158,9 +159,7 @@ class Following(Iterator[ControlledFrame]):
             return np.zeros(cloud.dim, dtype=np.float32)
         if not isinstance(force, tuple):
             return np.asarray(force)
-        all_rows = np.zeros(cloud.x.shape, dtype=np.float32)
-        all_rows[np.searchsorted(cloud.ids, force[0])] = force[1]
-        return all_rows
+        return total_force([force], cloud.ids, cloud.dim)
 
     def _result(self, ending: Ending) -> ControlledTrajectory:
         goal = self.guidance.goal

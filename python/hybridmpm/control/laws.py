@@ -14,6 +14,7 @@ from hybridmpm.control.goal.paths import SHORTEST_FRAMES, Motion
 from hybridmpm.control.goal.room import RoomGrid
 from hybridmpm.control.reversal.retrace import Retraced
 from hybridmpm.errors import SnapshotError
+from hybridmpm.force import locate
 from hybridmpm.simulator import Simulator
 
 AHEAD_FRAMES = 24
@@ -149,10 +150,8 @@ class Tracked:
         if not simulator.scene.is_open:
             return self._tracks.force(x, v, self.weight, time)
         present = simulator.ids
-        rows = np.searchsorted(self.ids, present).astype(np.uint32)
-        known = rows < len(self.ids)
-        known[known] = self.ids[rows[known]] == present[known]
-        rows = rows[known]
+        places, known = locate(present, self.ids)
+        rows = places[known].astype(np.uint32)
         force = self._tracks.force(x[known], v[known], self.weight[rows], time, rows)
         return present[known], force
 

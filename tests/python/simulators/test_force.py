@@ -16,6 +16,7 @@ from hybridmpm import (
     Scene,
     Simulator,
 )
+from hybridmpm.force import total_force
 
 Make = Callable[[], Simulator]
 T = 30
@@ -280,3 +281,12 @@ def test_forces_on_a_batch(falling_block: Scene, spring: Scene) -> None:
     assert list(caught.value.failures) == [0]
     assert isinstance(caught.value.failures[0], ForceError)
     assert [member.frame for member in batch] == [14, 17, 17]
+
+
+def test_forces_of_all_forms_add_up() -> None:
+    ids = np.array([2, 3, 7], dtype=np.uint64)
+    rows = np.arange(6, dtype=np.float32).reshape(3, 2)
+    some = (np.array([7, 5, 2], dtype=np.uint64), np.float32([[10, 0], [20, 0], [0, 30]]))
+    found = total_force([(1.0, 2.0), None, rows, some], ids, 2)
+    np.testing.assert_array_equal(found, rows + np.array([[1, 32], [1, 2], [11, 2]]))
+    np.testing.assert_array_equal(total_force([], ids, 2), np.zeros((3, 2)))
