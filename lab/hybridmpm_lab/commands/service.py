@@ -5,65 +5,23 @@ from pathlib import Path
 
 import click
 
-from hybridmpm_lab.commands.options import (
-    json_option,
-    measured,
-    number_option,
-    numbers_option,
-    report,
-    source,
-)
-from hybridmpm_lab.service.service import PARTS, ServiceSettings, measure
+from hybridmpm_lab.commands.options import json_option, measured, report
+from hybridmpm_lab.harness.settings import origin_of, settings_options
+from hybridmpm_lab.service.measurements import ServiceSettings, measure
 
 _COLUMNS = ("measure", "sessions", "viewers", "value", "unit", "aim")
-_MOST_SESSIONS = 16
-"""Sessions that a service takes by default."""
 
 
 @click.command()
-@click.option(
-    "--part",
-    "parts",
-    type=click.Choice(PARTS),
-    multiple=True,
-    help="Part of the benchmark. May be given several times. If absent, all of it.",
-)
-@numbers_option(
-    "--sessions", 1, _MOST_SESSIONS, ServiceSettings.sessions, "Number of sessions with one viewer each."
-)
-@numbers_option("--viewers", 1, 500, ServiceSettings.viewers, "Number of viewers of one session.")
-@number_option(
-    "--kept", 1, _MOST_SESSIONS, ServiceSettings.kept, "Number of sessions that a restart brings back."
-)
-@click.option(
-    "--seconds",
-    type=click.FloatRange(0.2, 3600),
-    default=ServiceSettings.seconds,
-    show_default=True,
-    help="Length of each measurement of frames.",
-)
-@number_option("--repeats", 1, 1000, ServiceSettings.repeats, "Number of sketches and of pushes.")
+@settings_options(ServiceSettings)
 @json_option
-def service(
-    *,
-    parts: tuple[str, ...],
-    sessions: tuple[int, ...],
-    viewers: tuple[int, ...],
-    kept: int,
-    seconds: float,
-    repeats: int,
-    json_file: Path | None,
-) -> None:
-    """Measure how long the service lets its clients wait.
+def service(settings: ServiceSettings, json_file: Path | None) -> None:
+    """Measure how long the clients of the service wait.
 
-    The service runs as a process of its own on this machine, beside the clients. A table tells how evenly
-    frames come, how soon a sketch and a push are seen, how soon hostile uploads are refused, how soon
-    sessions are back after `kill -9`, and what a slow client costs the others.
+    The service runs as a process of its own on this machine, beside the clients. The rows are the intervals
+    of frames, the time until a sketch and a push are seen, until hostile uploads are refused, and until
+    sessions are back after `kill -9`, and the cost of a slow client.
     """
-    settings = ServiceSettings(
-        parts=parts or PARTS, sessions=sessions, viewers=viewers, kept=kept, seconds=seconds, repeats=repeats
-    )
-    options = {"part": parts, "sessions": sessions, "viewers": viewers, "kept": (kept,)}
-    origin = source("service", **options, seconds=(seconds,), repeats=(repeats,))
-    rows = measured(partial(measure, settings), settings.count, origin)
+    origin = origin_of("service", settings)
+    rows = measured(partial(measure, settings), len(settings.part), origin)
     report(rows, _COLUMNS, origin, json_file)

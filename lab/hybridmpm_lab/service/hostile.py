@@ -1,4 +1,4 @@
-"""Uploads that are made to cost the server much: it has to refuse each, soon and in few words."""
+"""Uploads that are made to cost the server much: it should refuse each soon and briefly."""
 
 import json
 import random
@@ -14,10 +14,10 @@ _BOMB_SIZE = 20_000
 
 @dataclass(frozen=True)
 class Upload:
-    """A body that is no honest request."""
+    """A hostile body."""
 
-    link: str
-    """Link of a session that it is sent to; "sessions" for the address where sessions are created."""
+    target: str
+    """Last part of its address: "sessions", or a resource of a session."""
     content: bytes
     is_picture: bool = False
     """Whether it is sent as the PNG of a sketch; else it is sent as JSON."""

@@ -1,4 +1,4 @@
-"""A small twin of the load test, and its messages where the service fails."""
+"""A small twin of the load test, and its errors where the service fails."""
 
 import asyncio
 import json
@@ -14,11 +14,12 @@ import pytest
 from click.testing import CliRunner
 from websockets.asyncio.server import ServerConnection, serve
 
-from hybridmpm import ConfigError, SimulationError
+from hybridmpm import SimulationError
+from hybridmpm.stream_frames import Frame, encode
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.service import reactions, server, service
+from hybridmpm_lab.service import measurements, server
 from hybridmpm_lab.service.hostile import uploads
-from hybridmpm_lab.service.slow_client import SlowClient
+from hybridmpm_lab.service.slow_client import slowly_watching
 from hybridmpm_lab.service.viewers import Viewer, watching
 
 IS_LINUX = sys.platform == "linux"
@@ -31,12 +32,13 @@ def run(file: Path, *options: str) -> dict[tuple[str, int, int], float | None]:
     rows = json.loads(file.read_text())
     assert all(row["measure"] in result.output for row in rows)
     assert all(row["command"].startswith("python -m hybridmpm_lab service --") for row in rows)
+    assert all({"machine", "threads", "date", "commit", "solver_version"} <= set(row) for row in rows)
     figures = {(row["measure"], row["sessions"], row["viewers"]): row["value"] for row in rows}
     assert len(figures) == len(rows)
     return figures
 
 
-def test_a_small_twin_of_the_benchmark(tmp_path: Path) -> None:
+def test_a_small_twin_of_the_measurement(tmp_path: Path) -> None:
     parts = ["--part", "intervals", "--part", "push", "--part", "hostile"]
     sizes = ["--sessions", "2", "--viewers", "3", "--seconds", "0.2", "--repeats", "1"]
     figures: Any = run(tmp_path / "service.json", *parts, *sizes)
@@ -48,17 +50,17 @@ def test_a_small_twin_of_the_benchmark(tmp_path: Path) -> None:
         0 < figures["push to moved particles, p50", 1, 1] <= figures["push to moved particles, worst", 1, 1]
     )
     assert figures["hostile upload, slowest answer", 1, 0] > 0
-    # A refusal holds at least the fields of a problem.
+    # A refusal has at least the fields of a problem.
     assert 0.1 < figures["hostile upload, largest answer", 1, 0] < 64
     assert not [measure for measure, *_ in figures if "restart" in measure or "1 KB/s" in measure]
 
 
 @pytest.mark.long
-def test_the_other_parts_of_the_benchmark(tmp_path: Path) -> None:
+def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
     parts = [word for name in ("slow-client", "real-time", "sketch", "restart") for word in ("--part", name)]
     figures: Any = run(tmp_path / "service.json", *parts, "--kept", "2", "--seconds", "1", "--repeats", "3")
-    # A player makes up for at most a tenth of a second at once.
-    assert 0 < figures["least time scale, asked for 1, coarse level 1/16", 8, 1] < 1.2
+    # A player catches up at most a tenth of a second at once.
+    assert 0 < figures["least time scale, coarse 1/16, aim 1", 8, 1] < 1.2
     assert figures["sketch to the first steered frame, first sketch", 1, 1] > 0
     sketch = [figures[f"sketch to the first steered frame, {which}", 1, 1] for which in ("p50", "worst")]
     assert 0 < sketch[0] <= sketch[1]
@@ -66,38 +68,15 @@ def test_the_other_parts_of_the_benchmark(tmp_path: Path) -> None:
     ratio = figures["frame interval p99 beside a client at 1 KB/s, over without", 4, 1]
     sides = [figures[f"frame interval p99 {side} a client at 1 KB/s", 4, 1] for side in ("beside", "without")]
     assert ratio == pytest.approx(sides[0] / sides[1], rel=1e-3)
-    held = figures["memory held for a client at 1 KB/s", 4, 1]
-    # Frames of some seconds stay with the system.
-    assert held > 0.1 if IS_LINUX else held is None
+    growth = figures["memory held for a client at 1 KB/s", 4, 1]
+    # Frames of some seconds are queued by the system.
+    assert growth > 0.1 if IS_LINUX else growth is None
 
 
-def test_each_crowd_is_measured_once() -> None:
-    settings = service.ServiceSettings()
-    assert settings.crowds == [(1, 1), (4, 1), (16, 1), (1, 20), (1, 100)]
-    assert settings.count == 5 + 6
-    assert service.ServiceSettings(parts=("push",)).count == 1
-
-
-def test_a_service_that_does_not_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_service_that_does_not_start_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server.sys, "executable", "false")
-    with pytest.raises(SimulationError, match="ended with exit code 1 before it listened"):
-        server.Server()
-
-
-@pytest.mark.parametrize(
-    ("missing", "told"),
-    [
-        ("websockets", r"needs websockets: pip install 'hybridmpm\[bench\]'"),
-        ("hybridmpm_service", "the service is not installed"),
-    ],
-)
-def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, missing: str, told: str) -> None:
-    known = service.importlib.util.find_spec
-    monkeypatch.setattr(
-        service.importlib.util, "find_spec", lambda name: None if name == missing else known(name)
-    )
-    with pytest.raises(ConfigError, match=told):
-        next(service.measure(service.ServiceSettings(), lambda _: None))
+    with pytest.raises(SimulationError, match="ended with code 1 before it listened"), server.running():
+        pass
 
 
 def watched(send: Callable[[ServerConnection], Any], use: Callable[[Viewer], Any]) -> Any:
@@ -106,35 +85,34 @@ def watched(send: Callable[[ServerConnection], Any], use: Callable[[Viewer], Any
     async def run() -> Any:
         async with serve(send, "127.0.0.1", 0) as running:
             port = next(iter(running.sockets)).getsockname()[1]
-            async with watching(f"127.0.0.1:{port}", {"stream": "/stream"}) as viewer:
+            session: Any = SimpleNamespace(id="1")
+            async with watching(f"http://127.0.0.1:{port}", session) as viewer:
                 return await use(viewer)
 
     return asyncio.run(run())
 
 
-def frame(time: float, flags: int = 0) -> bytes:
-    head = np.zeros(32, np.uint8)
-    head[6] = flags
-    head[16:24] = np.frombuffer(np.float64(time).tobytes(), np.uint8)
-    return head.tobytes() + b"xyxy"
+def frame(time: float, *, steered: bool = False) -> bytes:
+    positions = np.zeros((1, 2), np.float32)
+    return encode(Frame(number=1, time=time, solver_ms=0.0, steered=steered, positions=positions))
 
 
-def test_a_viewer_notes_when_frames_come() -> None:
+def test_a_viewer_records_when_frames_come() -> None:
     async def send(stream: ServerConnection) -> None:
         await stream.recv()
         await stream.send('{"type":"hello"}')
         for index in range(3):
-            await stream.send(frame(0.01 * index, flags=index == 2))
+            await stream.send(frame(0.01 * index, steered=index == 2))
             await asyncio.sleep(0.02)
         await stream.wait_closed()
 
     async def use(viewer: Viewer) -> None:
-        steered = viewer.expect(reactions._is_steered)
-        await viewer.send(type="play")
-        assert await viewer.arrival(steered) == viewer.arrivals[-1]
+        steered = viewer.expect(lambda one: one.steered)
+        await viewer.send("play")
+        assert await viewer.arrival(steered) > 0
         assert len(viewer.intervals()) == 2
         assert viewer.time_scale() == pytest.approx(20 / viewer.intervals().sum())
-        viewer.begin()
+        viewer.forget()
         with pytest.raises(SimulationError, match="fewer than two frames"):
             viewer.intervals()
 
@@ -142,10 +120,10 @@ def test_a_viewer_notes_when_frames_come() -> None:
 
 
 @pytest.mark.parametrize(
-    ("message", "told"),
-    [('{"type":"problem","status":422}', "422"), (None, "closed a stream with code 4404")],
+    ("message", "error"),
+    [('{"type":"problem","status":422}', "422"), (None, "closed a stream: .*4404")],
 )
-def test_a_viewer_tells_why_no_frame_comes(message: str | None, told: str) -> None:
+def test_a_viewer_reports_why_no_frame_comes(message: str | None, error: str) -> None:
     async def send(stream: ServerConnection) -> None:
         if message is None:
             await stream.close(4404)
@@ -154,7 +132,7 @@ def test_a_viewer_tells_why_no_frame_comes(message: str | None, told: str) -> No
             await stream.wait_closed()
 
     async def use(viewer: Viewer) -> None:
-        with pytest.raises(SimulationError, match=told):
+        with pytest.raises(SimulationError, match=error):
             await viewer.arrival(viewer.expect(lambda _: True))
 
     watched(send, use)
@@ -169,23 +147,27 @@ def test_a_slow_client_that_is_refused_measures_nothing() -> None:
     async def run() -> None:
         async with await asyncio.start_server(refuse, "127.0.0.1", 0) as running:
             port = running.sockets[0].getsockname()[1]
-            async with SlowClient(f"127.0.0.1:{port}", "/stream"):
+            async with slowly_watching(port, "/stream"):
                 await asyncio.sleep(0.1)
 
-    with pytest.raises(SimulationError, match=r"answers a slow client HTTP/1\.1 403 Forbidden"):
+    with pytest.raises(SimulationError, match=r"refuses a slow client: HTTP/1\.1 403 Forbidden"):
         asyncio.run(run())
 
 
 @pytest.mark.parametrize("status", [200, 500])
 def test_a_hostile_upload_has_to_be_refused(monkeypatch: pytest.MonkeyPatch, status: int) -> None:
-    links = {"self": "/s", "sketches": "/s/sketches", "trajectories": "/s/trajectories"}
+    created = {"id": "1", "frame": 0}
 
     def answer(request: httpx.Request) -> httpx.Response:
         made = request.url.path == "/v1/sessions" and b"scenario" in request.content
-        return httpx.Response(201, json={"links": links}) if made else httpx.Response(status)
+        return httpx.Response(201, json=created) if made else httpx.Response(status)
 
-    mock = httpx.AsyncClient(transport=httpx.MockTransport(answer), base_url="http://service")
-    monkeypatch.setattr(reactions, "client", lambda _address: mock)
-    monkeypatch.setattr(reactions, "uploads", lambda: uploads()[2:3])
+    def client(**options: Any) -> httpx.AsyncClient:
+        return real(**options, transport=httpx.MockTransport(answer))
+
+    real = httpx.AsyncClient
+    monkeypatch.setattr(httpx, "AsyncClient", client)
+    monkeypatch.setattr(measurements, "uploads", lambda: uploads()[2:3])
+    service: Any = SimpleNamespace(address="http://service")
     with pytest.raises(SimulationError, match=f"answers a hostile upload with {status}"):
-        reactions.hostile_uploads(SimpleNamespace(address="service"))
+        asyncio.run(measurements.hostile_uploads(service))

@@ -1,0 +1,345 @@
+"""The measurements of the service, each against a running server."""
+
+import asyncio
+import random
+import time
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import click
+import httpx
+import numpy as np
+
+from hybridmpm._support.machine import usable_cores
+from hybridmpm.client import AsyncClient, AsyncSession, ServiceError
+from hybridmpm.errors import SimulationError
+from hybridmpm.stream_frames import Frame
+from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.settings import setting
+from hybridmpm_lab.service.hostile import uploads
+from hybridmpm_lab.service.server import Server, running
+from hybridmpm_lab.service.slow_client import slowly_watching
+from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
+
+PARTS = ("slow-client", "intervals", "real-time", "sketch", "push", "hostile", "restart")
+"""The measurements, in their order."""
+_SPEED = 0.25
+"""Simulated seconds per second at which frames are watched."""
+_REAL_TIME: Row = {"coarse": "1/16"}
+_REAL_TIME_SESSIONS, _SLOW_SESSIONS = 8, 4
+_ROUNDS = 2
+"""Times that the slow client comes and goes, so that a disturbance of the machine hits both sides."""
+_RESTING: Row = {
+    "scene": {
+        "name": "resting",
+        "dim": 2,
+        "gravity": [0.0, 0.0],
+        "bodies": [{"shape": "box", "lower": [0.35, 0.35], "upper": [0.6, 0.6], "material": "water"}],
+    }
+}
+"""Water in free space, about as many particles as in water_2d; it moves only when pushed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceSettings:
+    """Size and length of the measurements."""
+
+    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", PARTS)
+    sessions: tuple[int, ...] = setting(
+        (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
+    )
+    viewers: tuple[int, ...] = setting((1, 20, 100), "Number of viewers of one session.", low=1, high=500)
+    kept: int = setting(8, "Number of sessions that are restored after a restart.", low=1, high=16)
+    seconds: float = setting(20.0, "Length of each measurement of frames [s].", click.FloatRange(0.2, 3600))
+    repeats: int = setting(20, "Number of sketches and of pushes.", low=1, high=1000)
+
+
+def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
+    """Measure a service on this machine, and yield the rows; `on_progress` counts parts.
+
+    A row has `measure`, `sessions`, `viewers` (of each session), `value`, `unit`, and `aim`: the largest
+    value, or for a time scale the least, that the service should reach; None where there is no aim.
+
+    Raises
+    ------
+    SimulationError
+        The service ends, refuses what it should do, does what it should refuse, or does not answer for a
+        minute.
+    """
+    seconds, repeats = settings.seconds, settings.repeats
+    alone = [(count, 1) for count in settings.sessions]
+    crowds = dict.fromkeys([*alone, *((1, count) for count in settings.viewers)])
+    live: dict[str, list[Callable[[Server], Coroutine[None, None, list[Row]]]]] = {
+        # First: memory that other parts have used and released would hide what a slow client takes.
+        "slow-client": [partial(slow_client, seconds=seconds)],
+        "intervals": [partial(frame_intervals, crowd=crowd, seconds=seconds) for crowd in crowds],
+        "real-time": [partial(real_time, seconds=seconds)],
+        "sketch": [partial(sketch, repeats=repeats)],
+        "push": [partial(push, repeats=repeats)],
+        "hostile": [hostile_uploads],
+    }
+    if set(settings.part) & set(live):
+        with running() as server:
+            for name in (name for name in live if name in settings.part):
+                for part in live[name]:
+                    yield from asyncio.run(part(server))
+                on_progress(1)
+    if "restart" in settings.part:
+        yield from restart(settings.kept, seconds)
+        on_progress(1)
+
+
+async def frame_intervals(server: Server, crowd: tuple[int, int], seconds: float) -> list[Row]:
+    """Measure the intervals of frames that reach viewers, of water_2d at a quarter of real time.
+
+    `crowd` is the number of sessions, and of viewers of each. The aim is for many of either.
+    """
+    sessions, viewers = crowd
+    async with playing(server.address, _bodies(sessions), viewers=viewers, speed=_SPEED) as watchers:
+        await _warm_up(watchers, seconds)
+        start, computed = time.perf_counter(), time.process_time()
+        await asyncio.sleep(seconds)
+        load = (time.process_time() - computed) / (time.perf_counter() - start)
+        times = _intervals(watchers)
+    aim = 40.0 if sessions >= 16 or viewers >= 100 else None
+    rows = [
+        _row(f"frame interval p{share}", np.percentile(times, share), "ms", limit, crowd)
+        for share, limit in ((50, None), (95, None), (99, aim))
+    ]
+    return [*rows, _row("load of the viewers", load, "cores", None, crowd)]
+
+
+async def real_time(server: Server, seconds: float) -> list[Row]:
+    """Measure the time scale of eight sessions of water_2d in the coarse mode 1/16 that aim at 1."""
+    bodies = [body | _REAL_TIME for body in _bodies(_REAL_TIME_SESSIONS)]
+    async with playing(server.address, bodies, speed=1.0) as watchers:
+        await _warm_up(watchers, seconds)
+        await asyncio.sleep(seconds)
+        scales = [viewer.time_scale() for viewer in watchers]
+    return [
+        _row(f"{name} time scale, coarse 1/16, aim 1", value, "simulated s/s", 1.0, (len(bodies), 1))
+        for name, value in (("mean", np.mean(scales)), ("least", np.min(scales)))
+    ]
+
+
+async def slow_client(server: Server, seconds: float) -> list[Row]:
+    """Measure the cost of a client at 1 KB/s: the others' frame intervals, and memory.
+
+    Four sessions of water_2d play at a quarter of real time, each with a viewer that keeps up. The slow
+    client watches the first of them for `seconds` [s], stays away for as long, and so on. It connects anew
+    every six seconds, since the server drops it after five. The memory is the largest growth of the process
+    over the most before the client came, with the frames that the system queues for the client.
+    """
+    without, beside, growth = [], [], []
+    async with playing(server.address, _bodies(_SLOW_SESSIONS), speed=_SPEED) as watchers:
+        await _warm_up(watchers, seconds)
+        for _ in range(_ROUNDS):
+            before = await _most(server.memory, seconds)
+            without.append(_intervals(watchers))
+            async with slowly_watching(server.port, watchers[0].path) as slow:
+                _forget(watchers)
+                most = await _most(lambda: server.memory(slow.port), seconds)
+                beside.append(_intervals(watchers))
+            if before is not None and most is not None:
+                growth.append((most - before) / 2**20)
+            _forget(watchers)
+    p99 = [np.percentile(np.concatenate(times), 99) for times in (without, beside)]
+    name, crowd = "frame interval p99", (_SLOW_SESSIONS, 1)
+    return [
+        _row(f"{name} without a client at 1 KB/s", p99[0], "ms", None, crowd),
+        _row(f"{name} beside a client at 1 KB/s", p99[1], "ms", None, crowd),
+        _row(f"{name} beside a client at 1 KB/s, over without", p99[1] / p99[0], "-", 1.05, crowd),
+        _row("memory held for a client at 1 KB/s", max(growth, default=None), "MiB", 2.0, crowd),
+    ]
+
+
+async def sketch(server: Server, repeats: int) -> list[Row]:
+    """Measure the time from an arrow to the first frame that it steers, as a viewer sees it.
+
+    The session is water_2d and plays at a quarter of real time; the method is analytic guidance. The first
+    sketch of the process, which loads modules, has a row of its own.
+    """
+
+    async def act(session: AsyncSession, _viewer: Viewer) -> None:
+        await session.steer([[0.4, 0.3], [0.55, 0.45]], kind="arrow", method="analytic")
+
+    first, *later = await _reactions(server, _bodies(1)[0], act, lambda frame: frame.steered, 1 + repeats)
+    name = "sketch to the first steered frame"
+    return [_row(f"{name}, first sketch", first, "ms"), *_summary(name, later)]
+
+
+async def push(server: Server, repeats: int) -> list[Row]:
+    """Measure the time from a push to the first frame with moved particles, in a fluid at rest."""
+
+    async def act(_session: AsyncSession, viewer: Viewer) -> None:
+        await viewer.send("push", point=[0.47, 0.47], velocity=[1.5, 0.5], radius=0.1)
+
+    rest: list[np.ndarray] = []
+
+    def shows(frame: Frame) -> bool:
+        if not rest:
+            rest.append(frame.positions)
+        return not np.array_equal(frame.positions, rest[0])
+
+    return _summary("push to moved particles", await _reactions(server, _RESTING, act, shows, repeats))
+
+
+async def hostile_uploads(server: Server) -> list[Row]:
+    """Measure the slowest and the largest answer to uploads that are made to cost much.
+
+    Raises
+    ------
+    SimulationError
+        The service does not refuse one of them.
+    """
+    seconds, sizes = [], []
+    async with (
+        AsyncClient(server.address, timeout=WAIT) as client,
+        httpx.AsyncClient(base_url=server.address, timeout=WAIT) as http,
+    ):
+        session = await client.create(**_bodies(1)[0])
+        for one in uploads():
+            path = "/v1/sessions" if one.target == "sessions" else f"/v1/sessions/{session.id}/{one.target}"
+            body: Row = {"content": one.content, "headers": {"Content-Type": "application/json"}}
+            if one.is_picture:
+                body = {"files": {"sketch": ("sketch.png", one.content, "image/png")}}
+            start = time.perf_counter()
+            answer = await http.post(path, **body)
+            seconds.append(time.perf_counter() - start)
+            sizes.append(len(answer.content) / 1024)
+            if not answer.is_client_error:
+                raise SimulationError(f"the service answers a hostile upload with {answer.status_code}")
+        await session.delete()
+    return [
+        _row("hostile upload, slowest answer", max(seconds), "s", 1.0, (1, 0)),
+        _row("hostile upload, largest answer", max(sizes), "KB", 64.0, (1, 0)),
+    ]
+
+
+def restart(sessions: int, seconds: float) -> list[Row]:
+    """Measure the time from a restart after `kill -9` until all sessions answer again.
+
+    The sessions of water_2d are kept on disk, and have played for `seconds` [s] at a quarter of real time
+    when the service is killed. The time includes the start of the new process.
+    """
+    with TemporaryDirectory() as folder:
+        flags = ("--state-folder", str(Path(folder) / "state"))
+        with running(*flags) as server:
+            ids = asyncio.run(_played(server, sessions, seconds))
+        start = time.perf_counter()
+        with running(*flags) as server:
+            asyncio.run(_all_answer(server.address, ids))
+            took = time.perf_counter() - start
+    return [_row("restart after kill -9, until all sessions answer", took, "s", 3.0, (sessions, 0))]
+
+
+async def _reactions(
+    server: Server,
+    body: Row,
+    act: Callable[[AsyncSession, Viewer], Awaitable[None]],
+    shows: Callable[[Frame], bool],
+    repeats: int,
+) -> list[float]:
+    """Act on a session that plays, and return how long a frame took each time to show it [ms]."""
+    pause, times = random.Random(0), []
+    async with AsyncClient(server.address, timeout=WAIT) as client:
+        session = await client.create(**body)
+        async with watching(server.address, session) as viewer:
+            for _ in range(repeats):
+                calm = viewer.expect(lambda frame: not shows(frame))
+                await viewer.send("reset")
+                await viewer.send("play")
+                await viewer.arrival(calm)
+                # At random, so that the player is met in all its phases.
+                await asyncio.sleep(pause.uniform(0.0, 0.3))
+                shown = viewer.expect(shows)
+                start = time.perf_counter()
+                await act(session, viewer)
+                times.append(1e3 * (await viewer.arrival(shown) - start))
+        await session.delete()
+    return times
+
+
+async def _played(server: Server, sessions: int, seconds: float) -> list[str]:
+    """Kill a server while its sessions play, and return their ids."""
+    async with AsyncClient(server.address, timeout=WAIT) as client, AsyncExitStack() as stack:
+        made = [await client.create(**body) for body in _bodies(sessions)]
+        for session in made:
+            viewer = await stack.enter_async_context(watching(server.address, session))
+            await viewer.send("play")
+            await viewer.arrival(viewer.expect(lambda _: True))
+        await asyncio.sleep(seconds)
+        server.process.kill()
+    return [session.id for session in made]
+
+
+async def _all_answer(address: str, ids: Sequence[str]) -> None:
+    """Wait until every session answers; raises a `ServiceError` where one is lost, or late by a minute."""
+    end = time.perf_counter() + WAIT
+    async with AsyncClient(address, timeout=WAIT) as client:
+        for session_id in ids:
+            while True:
+                try:
+                    await client.session(session_id)
+                except ServiceError as error:
+                    if error.status != httpx.codes.SERVICE_UNAVAILABLE or time.perf_counter() > end:
+                        raise
+                    await asyncio.sleep(0.005)
+                else:
+                    break
+
+
+async def _warm_up(watchers: Sequence[Viewer], seconds: float) -> None:
+    await asyncio.sleep(min(1.0, seconds))
+    _forget(watchers)
+
+
+def _forget(watchers: Sequence[Viewer]) -> None:
+    for viewer in watchers:
+        viewer.forget()
+
+
+def _intervals(watchers: Sequence[Viewer]) -> np.ndarray:
+    return np.concatenate([viewer.intervals() for viewer in watchers])
+
+
+async def _most(memory: Callable[[], int | None], seconds: float) -> int | None:
+    """Return the largest memory within a time [bytes]."""
+    end, most = time.perf_counter() + seconds, memory()
+    while time.perf_counter() < end:
+        await asyncio.sleep(min(0.05, seconds))
+        most = None if most is None else max(most, memory() or 0)
+    return most
+
+
+def _bodies(sessions: int) -> list[Row]:
+    return [{"scenario": "water_2d", "seed": seed} for seed in range(sessions)]
+
+
+def _summary(name: str, times: Sequence[float]) -> list[Row]:
+    """Return the median and the largest of some times [ms]."""
+    return [
+        _row(f"{name}, p50", np.percentile(times, 50), "ms"),
+        _row(f"{name}, worst", max(times), "ms", 50.0),
+    ]
+
+
+def _row(
+    measure: str,
+    value: float | np.floating | None,
+    unit: str,
+    aim: float | None = None,
+    crowd: tuple[int, int] = (1, 1),
+) -> Row:
+    """Return a row; `crowd` is the number of sessions, and of viewers of each."""
+    row = {
+        "measure": measure,
+        "sessions": crowd[0],
+        "viewers": crowd[1],
+        "value": significant(None if value is None else float(value)),
+    }
+    return row | {"unit": unit, "aim": aim, "threads": usable_cores()}
