@@ -1,5 +1,6 @@
 """How tests are dealt out to processes, and networks that need no training for whatever serves networks."""
 
+import dataclasses
 import hashlib
 import importlib.util
 import os
@@ -90,8 +91,9 @@ class _ByFile(LoadScopeScheduling):
 @pytest.fixture(scope="session")
 def model_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder of models for water_2d, with r_p = 1/4 and r_t = 4: `FALLING` and `BROKEN`."""
+    from hybridmpm._support.networks import NetworkFolder
     from hybridmpm.physics import NetworkSpec
-    from hybridmpm.physics.manifest import Entry, write_entry
+    from hybridmpm.physics.manifest import Entry
 
     spec = NetworkSpec(
         scenarios=("water_2d",), latent=1, layers=1, hidden_layers=1, radius=0.03, r_p=1 / 4, r_t=4
@@ -113,7 +115,7 @@ def model_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             parameters=0,
             solver_versions=(SOLVER_VERSION,),
         )
-        write_entry(name, entry, folder)
+        NetworkFolder(folder).write_entry(name, dataclasses.asdict(entry))
     return folder
 
 
@@ -125,7 +127,7 @@ def _model(spec: "NetworkSpec", factor: float) -> bytes:
     """
     import onnx
 
-    from hybridmpm._support.onnx_file import OPSET
+    from hybridmpm._support.networks import OPSET
     from hybridmpm.physics import Normalization
     from hybridmpm.physics.model_info import ModelInfo
 

@@ -1,12 +1,11 @@
-"""Files that are written whole or not at all, and files whose digest is known."""
+"""Files that are written whole or not at all."""
 
-import hashlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from hybridmpm.errors import DataError, ExportError
+from hybridmpm.errors import ExportError
 
 
 @contextmanager
@@ -29,24 +28,3 @@ def replacing(path: Path) -> Iterator[Path]:
         raise ExportError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         part.unlink(missing_ok=True)
-
-
-def read_checked(path: Path, sha256: str) -> bytes:
-    """Return the bytes of a file that comes with the library, if its SHA-256 is the one known to it.
-
-    Raises
-    ------
-    DataError
-        The file is missing or another one; the message then has both digests.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"cannot read {path}: {error.strerror or error}; install the library anew") from None
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != sha256:
-        raise DataError(
-            f"{path} is damaged or another file: its SHA-256 is {digest}, the manifest has {sha256}; install "
-            "the library anew"
-        )
-    return data

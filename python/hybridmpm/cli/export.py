@@ -46,25 +46,24 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
         from hybridmpm.training.control.controlnet.export import export_controlnet  # noqa: PLC0415
         from hybridmpm.training.control.transport.export import export_transport  # noqa: PLC0415
         from hybridmpm.training.export import export_checkpoint  # noqa: PLC0415
-        from hybridmpm.training.publish import publish  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"exporting needs {error.name}; install it with: pip install 'hybridmpm[train]'"
         ) from None
-    files = [] if out is None else [out]
-    kind = checkpoints.read(checkpoint).get("kind")
-    if kind in {"transport", "controlnet"}:
-        made = (export_transport if kind == "transport" else export_controlnet)(checkpoint)
-        data, parameters = made.data, made.parameters
-        files += [] if name is None else made.publish(name)
-    else:
-        data, info = export_checkpoint(checkpoint, errors, name=name)
-        parameters = info.parameters
-        files += [] if name is None else publish(name, data, info)
+    match checkpoints.read(checkpoint).get("kind"):
+        case "transport":
+            made = export_transport(checkpoint)
+        case "controlnet":
+            made = export_controlnet(checkpoint)
+        case _:
+            made = export_checkpoint(checkpoint, errors, name=name)
+    files = [] if name is None else made.publish(name)
     if out is not None:
         with replacing(out) as part:
-            part.write_bytes(data)
-    click.echo(f"{parameters} parameters, {len(data) / 1e3:.0f} kB: wrote {', '.join(map(str, files))}")
+            part.write_bytes(made.data)
+        files.insert(0, out)
+    size = f"{made.parameters} parameters, {len(made.data) / 1e3:.0f} kB"
+    click.echo(f"{size}: wrote {', '.join(map(str, files))}")
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:

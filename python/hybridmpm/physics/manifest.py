@@ -1,28 +1,24 @@
-"""The models that come with the library: a manifest with the digest of each file."""
+"""The learned simulators that come with the library."""
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
 
 from hybridmpm import scenarios
-from hybridmpm._support.files import read_checked
-from hybridmpm._support.suggestions import did_you_mean
+from hybridmpm._support.networks import NetworkFolder
 from hybridmpm.errors import ConfigError, DataError
 
 WEIGHTS = Path(__file__).parent / "weights"
-_MANIFEST = "manifest.json"
+"""Folder of their files."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A model of the manifest."""
+    """A model in the manifest."""
 
     file: str
     sha256: str
     scenarios: tuple[str, ...]
-    """Whose scenes it serves."""
+    """Scenarios in the training data."""
     r_p: float
     r_t: int
     latent: int
@@ -31,29 +27,25 @@ class Entry:
     """[m]."""
     parameters: int
     solver_versions: tuple[int, ...]
-    """Of the solvers that made its data; see `hybridmpm.SOLVER_VERSION`."""
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read what `dataclasses.asdict` gives."""
-        lists = {key: tuple(data[key]) for key in ("scenarios", "solver_versions")}
-        return cls(**{**data, **lists})
+    """Solver versions of the training data; see `hybridmpm.SOLVER_VERSION`."""
 
 
 def models(folder: Path = WEIGHTS) -> dict[str, Entry]:
-    """Return the models by name, those to be preferred first.
+    """Return the models by name, in order of preference.
 
     Raises
     ------
     DataError
         The manifest is missing or damaged.
     """
-    path = folder / _MANIFEST
-    try:
-        plain = json.loads(path.read_text(encoding="utf-8"))
-        return {name: Entry.from_dict(entry) for name, entry in plain.items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise DataError(f"{path} is missing or damaged: {error!r}; install the library anew") from None
+    found = {}
+    for name, plain in NetworkFolder(folder).entries().items():
+        try:
+            lists = {key: tuple(plain[key]) for key in ("scenarios", "solver_versions")}
+            found[name] = Entry(**{**plain, **lists})
+        except (TypeError, KeyError) as error:
+            raise DataError(f"the entry {name} in {folder} is damaged: {error!r}") from None
+    return found
 
 
 def default_model(scenario: str, folder: Path = WEIGHTS) -> str:
@@ -64,7 +56,7 @@ def default_model(scenario: str, folder: Path = WEIGHTS) -> str:
     UnknownScenarioError
         There is no such scenario.
     ConfigError
-        No model serves it; the message lists what the models serve.
+        No model serves it; the message lists the scenarios that are served.
     """
     scenarios.describe(scenario)
     known = models(folder)
@@ -76,23 +68,5 @@ def default_model(scenario: str, folder: Path = WEIGHTS) -> str:
 
 
 def read_model(name: str, folder: Path = WEIGHTS) -> bytes:
-    """Return the bytes of a model's file, once its digest has been checked.
-
-    Raises
-    ------
-    ConfigError
-        There is no model of this name; the message lists the names.
-    DataError
-        The file is missing, or is not the one that the manifest names: the message has both digests.
-    """
-    known = models(folder)
-    if name not in known:
-        listed = ", ".join(known) or "none yet"
-        raise ConfigError(f"there is no model {name!r}; known are {listed}{did_you_mean(name, known)}")
-    return read_checked(folder / known[name].file, known[name].sha256)
-
-
-def write_entry(name: str, entry: Entry, folder: Path = WEIGHTS) -> None:
-    """Add a model to the manifest, or replace the one of this name in its place."""
-    entries = {key: asdict(value) for key, value in models(folder).items()} | {name: asdict(entry)}
-    (folder / _MANIFEST).write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+    """Return the bytes of a model's file; errors as `NetworkFolder.read`."""
+    return NetworkFolder(folder).read(name)

@@ -1,20 +1,18 @@
 """`NeuralModel`: a trained network under onnxruntime."""
 
-import hashlib
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
 from hybridmpm._core import RadiusGraph, radius_graph
-from hybridmpm._support.onnx_file import session
-from hybridmpm.errors import ConfigError, DataError, GraphSizeError
+from hybridmpm._support.networks import NetworkFolder, ServedNetwork
+from hybridmpm.errors import ConfigError, GraphSizeError
 from hybridmpm.physics.answer_gate import answer_weights
 from hybridmpm.physics.free_fall import free_fall
-from hybridmpm.physics.manifest import read_model
-from hybridmpm.physics.model_info import ModelInfo
+from hybridmpm.physics.manifest import WEIGHTS
+from hybridmpm.physics.model_info import FORMAT, ModelInfo
 from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.scene import Material, Scene, Water
@@ -27,58 +25,15 @@ _NEAR = 1e-3
 """Relative difference of lengths and times that count as the same."""
 
 
-class NeuralModel:
-    """A trained network, its features and its integrator, under onnxruntime; a `Stepper`.
+class NeuralModel(ServedNetwork):
+    """A trained network, its features and its integrator, under onnxruntime; a `Stepper`."""
 
-    Safe to share between threads and simulators: it remembers nothing between steps.
+    FORMAT = FORMAT
+    FOLDER = NetworkFolder(WEIGHTS)
 
-    Parameters
-    ----------
-    data : bytes
-        An ONNX file that `hybridmpm export` wrote.
-    where : str
-        Begins the messages of errors.
-    name : str, optional
-        Name or path that `load` finds the same model by, for snapshot files.
-    threads : int in [1, 1024]
-
-    Raises
-    ------
-    DataError
-        The file is damaged, has another format or opset, or keeps weights in other files.
-    ConfigError
-        The network was trained on features of another version, or `threads` is out of range.
-    """
-
-    def __init__(self, data: bytes, *, where: str, name: str | None = None, threads: int = 1) -> None:
-        self._session = session(data, threads=threads, where=where)
-        properties = self._session.get_modelmeta().custom_metadata_map
-        self._info = ModelInfo.from_properties(properties, where=where)
-        self._where = where
-        self.name = name
-        """Name or path that `load` finds it by; None for bytes from elsewhere."""
-        self.sha256 = hashlib.sha256(data).hexdigest()
-        """SHA-256 of the file."""
+    def _described(self, plain: dict[str, Any]) -> None:
+        self._info = ModelInfo.from_metadata(plain, where=self._where)
         self._relaxation = Relaxation(self.spec)
-
-    @classmethod
-    def load(cls, name: str | Path, *, threads: int = 1) -> Self:
-        """Load a model that comes with the library, by name, or a file whose name ends in .onnx.
-
-        Raises
-        ------
-        DataError, ConfigError
-            As the constructor; there is no such model or file; or the file of a name is not the one whose
-            SHA-256 the library knows.
-        """
-        path = Path(name)
-        if path.suffix != ".onnx":
-            return cls(read_model(str(name)), where=f"model {name}", name=str(name), threads=threads)
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise DataError(f"cannot read {path}: {error.strerror or error}") from None
-        return cls(data, where=str(path), name=str(path), threads=threads)
 
     @property
     def info(self) -> ModelInfo:

@@ -1,7 +1,6 @@
 """Exporting a trained simulator as one ONNX file, with features and integrator; serving it needs no torch."""
 
 import copy
-import datetime as dt
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm.errors import DataError
+from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.physics.track import warmup_frames
@@ -19,6 +19,7 @@ from hybridmpm.training import checkpoint
 from hybridmpm.training.onnx_program import exported
 from hybridmpm.training.physics.network.edges import SortedEdges
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
+from hybridmpm.training.publish import Exported, parameters_of, training_record
 
 INPUTS = ("history", "types", "acceleration", "walls", "senders", "receivers", "arrivals", "mask", "share")
 OUTPUTS = ("positions",)
@@ -83,16 +84,16 @@ _KEPT = ("scenario", "method", "label", "ms_per_frame", "error_40", "error_100",
 
 def export_checkpoint(
     path: Path, errors: Sequence[Mapping[str, Any]] = (), *, name: str | None = None
-) -> tuple[bytes, ModelInfo]:
-    """Return the network of a checkpoint as an ONNX model, and its description.
+) -> Exported:
+    """Return the network of a checkpoint as an ONNX model.
 
     Parameters
     ----------
     path : Path
         Checkpoint that `hybridmpm train` wrote.
     errors : sequence of mappings
-        Rows of `python -m hybridmpm_lab models`. The model stores the rows of its own scenarios and warm-up that are
-        of this network, of the bounds, or of MPM at its r_p.
+        Rows of `python -m hybridmpm_lab models`. The model stores the rows of its own scenarios and warm-up
+        that are of this network, of the bounds, or of MPM at its r_p.
     name : str, optional
         Name of this network in the rows; if absent, the rows of all networks count as its own.
 
@@ -103,25 +104,51 @@ def export_checkpoint(
     ConfigError
         The network has other features than those of this library; the message names both versions.
     """
-    state = checkpoint.read(path)
-    steps, seconds = checkpoint.spent(state)
-    simulator, about = _simulator(state, path), dict(state["about"])
+    simulator = _simulator(checkpoint.read(path), path)
     info = ModelInfo(
         spec=simulator.spec,
         scales=simulator.scales,
-        parameters=sum(parameter.numel() for parameter in simulator.parameters()),
-        training={
-            "command": about.get("command", ""),
-            "data": about.get("data", ""),
-            "solver_versions": about.get("solver_versions", "1"),
-            "machine": about.get("machine", ""),
-            "seconds": f"{seconds:.0f}",
-            "steps": str(steps),
-            "exported": dt.datetime.now(dt.UTC).date().isoformat(),
-        },
+        parameters=parameters_of(simulator),
+        training=training_record(path),
         errors=_own_rows(errors, simulator.spec, name),
     )
-    return to_onnx(simulator, info), info
+    return exported_model(to_onnx(simulator, info), info)
+
+
+def exported_model(data: bytes, info: ModelInfo) -> Exported:
+    """Return an ONNX model with the card and the manifest entry that follow from its description."""
+    spec = info.spec
+    return Exported(
+        data=data,
+        training={**info.training, "solver_versions": ", ".join(map(str, info.solver_versions))},
+        parameters=info.parameters,
+        folder=NeuralModel.FOLDER,
+        rows={
+            "serves": ", ".join(spec.scenarios),
+            "network": f"latent {spec.latent}, {spec.layers} layers, {spec.hidden_layers} hidden ReLU "
+            f"layers; {info.parameters} parameters",
+            "radius": f"{spec.radius:.4g} m, {spec.radius / spec.spacing:.2f} spacings",
+            "particles": f"r_p = {spec.r_p:.4g}",
+            "step": f"r_t = {spec.r_t} frames of {spec.frame_dt * 1e3:g} ms",
+        },
+        errors=_error_table(info.errors),
+        entry={
+            **{key: getattr(spec, key) for key in ("scenarios", "r_p", "r_t", "latent", "layers", "radius")},
+            "parameters": info.parameters,
+            "solver_versions": info.solver_versions,
+        },
+    )
+
+
+def _error_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    if not rows:
+        return "Not measured."
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [columns, ["---"] * len(columns)]
+    for row in rows:
+        values = (row.get(column, "") for column in columns)
+        cells.append([f"{value:.4g}" if isinstance(value, float) else str(value) for value in values])
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
 
 
 def _own_rows(rows: Sequence[Mapping[str, Any]], spec: NetworkSpec, name: str | None) -> list[dict[str, Any]]:

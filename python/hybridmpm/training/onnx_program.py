@@ -11,7 +11,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from hybridmpm._support.onnx_file import OPSET
+from hybridmpm._support.networks import OPSET
 
 
 def exported(

@@ -77,15 +77,15 @@ def test_a_training_goes_on_and_is_finetuned(
     monkeypatch.setattr(
         "hybridmpm.training.export.to_onnx", lambda one, _info: exported.append(one.network) or b""
     )
-    _, info = export_checkpoint(fine / "checkpoint.pt")
-    first, second = info.training["command"].split("; ")
+    made = export_checkpoint(fine / "checkpoint.pt")
+    first, second = made.training["command"].split("; ")
     assert first.startswith("hybridmpm train physics --scenario water_2d --latent 4")
     assert first.endswith("--until 6")
     assert second.startswith(f"hybridmpm train physics --finetune {file}")
-    assert info.training["steps"] == "8"
-    assert info.solver_versions == (1, SOLVER_VERSION)
+    assert made.training["steps"] == "8"
+    assert made.entry["solver_versions"] == (1, SOLVER_VERSION)
     assert checkpoint.spent(state)[1] == pytest.approx(before["seconds"] + state["seconds"], abs=0.1)
-    assert info.spec.r_t == 8
+    assert made.entry["r_t"] == 8
     (network,) = exported
     assert torch.equal(weights_of(network.state_dict()), weights(fine / "checkpoint.pt"))
 
@@ -131,7 +131,7 @@ def test_a_network_of_the_library_is_finetuned_without_relaxations(train: Train,
     assert 0 < max(change) < 0.01, "a training of one step begins with the weights of the network"
     assert json.loads(state["scales"])["noise_std"] == pytest.approx(served.info.scales.noise_std, rel=0.5)
     about = state["about"]
-    assert about["command"].startswith(served.info.training["command"] + "; hybridmpm train physics")
+    assert about["command"].startswith(served.made.training["command"] + "; hybridmpm train physics")
     assert int(about["steps_before"]) == int(served.info.training["steps"]) > 0
 
 

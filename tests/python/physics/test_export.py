@@ -12,12 +12,13 @@ import torch
 from click.testing import Result
 
 from hybridmpm import ConfigError, NeuralPhysics, radius_graph, scenarios
-from hybridmpm._support.onnx_file import OPSET
+from hybridmpm._support.networks import OPSET
 from hybridmpm.physics import NetworkSpec, NeuralModel, manifest
+from hybridmpm.training.export import exported_model
 from hybridmpm.training.physics.network.graph_network import GraphNetwork
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
 from hybridmpm.training.physics.windows import edges_of
-from hybridmpm.training.publish import MAX_BYTES, publish
+from hybridmpm.training.publish import MAX_BYTES
 
 ALLOWED = {
     *("Add", "Sub", "Mul", "Div", "Neg", "Sqrt", "ReduceSum", "MatMul", "Gemm", "Relu", "LayerNormalization"),
@@ -189,11 +190,11 @@ def test_command_refuses_what_it_cannot_use(
 def test_publishing_adds_model_entry_and_card(tmp_path: Path, model_file: Path, model: NeuralModel) -> None:
     (tmp_path / "manifest.json").write_text("{}")
     data = model_file.read_bytes()
-    files = publish("water-small", data, model.info, tmp_path)
+    files = exported_model(data, model.info).publish("water-small", tmp_path)
     assert [file.name for file in files] == ["water-small.onnx", "water-small.md", "manifest.json"]
     assert manifest.read_model("water-small", tmp_path) == data
-    publish("second", data, model.info, tmp_path)
-    publish("water-small", data, model.info, tmp_path)
+    exported_model(data, model.info).publish("second", tmp_path)
+    exported_model(data, model.info).publish("water-small", tmp_path)
     assert list(manifest.models(tmp_path)) == ["water-small", "second"]
     assert manifest.default_model("water_ramps_2d", tmp_path) == "water-small"
     assert manifest.models(tmp_path)["water-small"].solver_versions == (1, 2)
@@ -207,9 +208,9 @@ def test_publishing_adds_model_entry_and_card(tmp_path: Path, model_file: Path, 
     ):
         assert text in card
     with pytest.raises(ConfigError, match="a letter first; got 'Water'"):
-        publish("Water", data, model.info, tmp_path)
+        exported_model(data, model.info).publish("Water", tmp_path)
     with pytest.raises(ConfigError, match="at most 8000000 bytes, got 8000001"):
-        publish("large", bytes(8_000_001), model.info, tmp_path)
+        exported_model(bytes(8_000_001), model.info).publish("large", tmp_path)
 
 
 def test_the_papers_network_is_small_enough_to_ship() -> None:

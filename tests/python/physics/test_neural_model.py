@@ -26,7 +26,7 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.physics import NeuralModel, manifest
-from hybridmpm.training.publish import publish
+from hybridmpm.training.export import exported_model
 
 Inputs = Callable[..., dict[str, Any]]
 
@@ -35,7 +35,7 @@ Inputs = Callable[..., dict[str, Any]]
 def weights(tmp_path: Path, model_file: Path, model: NeuralModel) -> Path:
     """Return a folder with one published model, `small`."""
     (tmp_path / "manifest.json").write_text("{}")
-    publish("small", model_file.read_bytes(), model.info, tmp_path)
+    exported_model(model_file.read_bytes(), model.info).publish("small", tmp_path)
     return tmp_path
 
 

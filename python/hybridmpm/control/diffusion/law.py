@@ -6,7 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.control.diffusion.network import network_of
+from hybridmpm._support.networks import cached
+from hybridmpm.control.diffusion.network import ControlNetwork
 from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.diffusion.samplers import Solver
 from hybridmpm.control.goal.cloud import Floats
@@ -48,7 +49,7 @@ class Diffused:
 
     def force(self, simulator: Simulator, index: int) -> npt.NDArray[np.float32]:
         """Return (N, D)."""
-        nodes, network = Nodes.recalled(self.nodes), network_of(self.network)
+        nodes, network = Nodes.recalled(self.nodes), cached(ControlNetwork, self.network)
         x, v = nodes.gathered(simulator.positions), nodes.gathered(simulator.velocities)
         step = min(index, self.frames - 1) / self.frames
         field = network.field(

@@ -1,34 +1,27 @@
 """`ControlNetwork`: a trained Fluid ControlNet under onnxruntime, with its sampler."""
 
-import functools
-import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm._core import radius_graph
-from hybridmpm._support.onnx_file import session
+from hybridmpm._support.networks import NetworkFolder, ServedNetwork, damage
 from hybridmpm.control.diffusion.samplers import Solver, sampled
-from hybridmpm.control.manifest import read_network
 from hybridmpm.control.sketch.render import render
 from hybridmpm.control.sketch.sketch import RASTER_SIZE, Sketch
-from hybridmpm.errors import DataError
 from hybridmpm.physics.model import edge_inputs
 from hybridmpm.physics.spec import NetworkSpec
 
-FORMAT = 1
-"""Version of the network's inputs and of the metadata of its file."""
+FORMAT = "controlnet 1"
+"""Kind and version of the network's inputs and of the metadata of its file."""
 INPUTS = (
     "x", "v", "types", "senders", "receivers", "arrivals", "mask", "noisy", "step", "picture", "time",
 )  # fmt: skip
 OUTPUT = "clean"
 SIDE = 64
 """Side of the picture of a sketch that a network sees [pixels]."""
-WEIGHTS = Path(__file__).parent / "weights"
-"""Folder of the networks that come with the library."""
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -44,47 +37,17 @@ def picture_of(sketch: Sketch) -> npt.NDArray[np.uint8]:
     return np.asarray(means.round().astype(np.uint8).transpose(2, 0, 1))
 
 
-class ControlNetwork:
-    """A trained Fluid ControlNet. Safe to share between threads: it remembers nothing.
+class ControlNetwork(ServedNetwork):
+    """A trained Fluid ControlNet."""
 
-    Parameters
-    ----------
-    data : bytes
-        An ONNX file that `hybridmpm export` wrote.
-    where : str
-        Begins the messages of errors.
-    threads : int in [1, 1024]
+    FORMAT = FORMAT
+    FOLDER = NetworkFolder(Path(__file__).parent / "weights")
 
-    Raises
-    ------
-    DataError
-        The file is damaged, or no Fluid ControlNet of this format.
-    ConfigError
-        The network was trained on features of another version, or `threads` is out of range.
-    """
-
-    def __init__(self, data: bytes, *, where: str, threads: int = 1) -> None:
-        self._session = session(data, threads=threads, where=where)
-        properties = self._session.get_modelmeta().custom_metadata_map
-        self.spec, self.scale, self.frames, self.training = _told(properties, where)
-
-    @classmethod
-    def load(cls, name: str | Path, *, threads: int = 1) -> Self:
-        """Load a network that comes with the library, by name, or a file whose name ends in .onnx.
-
-        Raises
-        ------
-        DataError, ConfigError
-            As the constructor; or there is no such network or file.
-        """
-        path = Path(name)
-        if path.suffix != ".onnx":
-            return cls(read_network(str(name), WEIGHTS), where=f"network {name}", threads=threads)
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise DataError(f"cannot read {path}: {error.strerror or error}") from None
-        return cls(data, where=str(path), threads=threads)
+    def _described(self, plain: dict[str, Any]) -> None:
+        with damage(self._where):
+            spec, self.training = dict(plain["spec"]), dict(plain["training"])
+            self.scale, self.frames = float(plain["scale"]), int(plain["frames"])
+        self.spec = NetworkSpec.from_dict(spec, where=self._where)
 
     def field(
         self,
@@ -141,34 +104,3 @@ class ControlNetwork:
 
         clean = sampled(denoised, noise, steps=steps, solver=solver)
         return (np.asarray(clean) * self.scale).astype(np.float32)
-
-
-@functools.lru_cache(maxsize=4)
-def network_of(name: str) -> ControlNetwork:
-    """Return a network by name or file, loaded once; errors as `ControlNetwork.load`."""
-    return ControlNetwork.load(name)
-
-
-def properties_of(
-    spec: NetworkSpec, scale: float, frames: int, training: Mapping[str, str]
-) -> dict[str, str]:
-    """Return texts for the metadata of a network's file, which `ControlNetwork` reads."""
-    return {
-        "format": f"controlnet {FORMAT}",
-        "spec": json.dumps(spec.to_dict()),
-        "scale": repr(scale),
-        "frames": str(frames),
-        "training": json.dumps(dict(training)),
-    }
-
-
-def _told(properties: Mapping[str, str], where: str) -> tuple[NetworkSpec, float, int, dict[str, Any]]:
-    there = properties.get("format", "none")
-    if there != f"controlnet {FORMAT}":
-        raise DataError(f"{where} has format {there}; this library serves format controlnet {FORMAT}")
-    try:
-        spec, training = json.loads(properties["spec"]), dict(json.loads(properties["training"]))
-        scale, frames = float(properties["scale"]), int(properties["frames"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{where}: its metadata is damaged: {error!r}; export it anew") from None
-    return NetworkSpec.from_dict(spec, where=where), scale, frames, training

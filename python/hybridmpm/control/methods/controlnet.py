@@ -4,15 +4,13 @@ import numpy as np
 
 from hybridmpm._support.arguments import whole
 from hybridmpm.control.diffusion.law import Diffused
-from hybridmpm.control.diffusion.network import WEIGHTS, ControlNetwork, network_of, picture_of
+from hybridmpm.control.diffusion.network import ControlNetwork, picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.diffusion.samplers import SOLVERS, Solver
 from hybridmpm.control.diffusion.schedule import MAX_STEPS
-from hybridmpm.control.manifest import networks
-from hybridmpm.control.methods.foreign import why_foreign
 from hybridmpm.control.methods.method import FallBack, Task
-from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.scene import Scene
+from hybridmpm.control.methods.serving import serving
+from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 
 STEPS = 1
@@ -69,7 +67,8 @@ class ControlNet:
         FallBack
             There is no network for the scene or for the horizon, or it fails.
         """
-        name, network = self._serving(simulator.scene)
+        network = serving(ControlNetwork, self._network, simulator.scene)
+        name = str(network.name)
         ratio = task.frames / network.frames
         if max(ratio, 1 / ratio) > _OTHER_HORIZON:
             raise FallBack(f"{name} is trained for {network.frames} frames, not for {task.frames}")
@@ -96,17 +95,3 @@ class ControlNet:
         if not np.isfinite(force).all():
             raise FallBack("the network's answer is not finite")
         return law
-
-    def _serving(self, scene: Scene) -> tuple[str, ControlNetwork]:
-        """Return the first network that serves a scene, and its name."""
-        reasons = []
-        try:
-            for name in networks(WEIGHTS) if self._network is None else [self._network]:
-                network = network_of(name)
-                foreign = why_foreign(scene, network.spec.scenarios)
-                if foreign is None:
-                    return name, network
-                reasons.append(f"{name} cannot serve this scene: {foreign}")
-        except (DataError, ConfigError) as error:
-            raise FallBack(f"there is no network: {error}") from error
-        raise FallBack("; ".join(reasons) or "no network comes with this library")

@@ -9,9 +9,10 @@ import numpy as np
 import onnx
 import torch
 
+from hybridmpm._support.networks import metadata, read_network
 from hybridmpm.errors import DataError
-from hybridmpm.physics.manifest import read_model
-from hybridmpm.physics.model_info import ModelInfo
+from hybridmpm.physics.model import NeuralModel
+from hybridmpm.physics.model_info import FORMAT, ModelInfo
 from hybridmpm.physics.spec import Normalization
 from hybridmpm.training import checkpoint
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
@@ -42,13 +43,8 @@ class Beginning:
         ConfigError
             There is no network of this name, or it has other features than those of this library.
         """
-        if place.suffix == ".onnx":
-            try:
-                return cls._of_network(place.read_bytes(), where=str(place))
-            except OSError as error:
-                raise DataError(f"cannot read {place}: {error.strerror or error}") from None
-        if not place.suffix and not place.exists():
-            return cls._of_network(read_model(str(place)), where=f"model {place}")
+        if place.suffix == ".onnx" or not (place.suffix or place.exists()):
+            return cls._of_network(*read_network(place, NeuralModel.FOLDER))
         trainer = Trainer.load(place, torch.device("cpu"))
         return cls(
             simulator=trainer.simulator,
@@ -57,13 +53,13 @@ class Beginning:
         )
 
     @classmethod
-    def _of_network(cls, data: bytes, *, where: str) -> Self:
+    def _of_network(cls, data: bytes, where: str) -> Self:
         try:
             model = onnx.load_from_string(data)
         except Exception as error:  # noqa: BLE001 - protobuf's own errors share no other parent
             raise DataError(f"{where} is no ONNX model, or damaged or cut off: {error}") from None
         properties = {one.key: one.value for one in model.metadata_props}
-        info = ModelInfo.from_properties(properties, where=where)
+        info = ModelInfo.from_metadata(metadata(properties, FORMAT, where=where), where=where)
         simulator = LearnedSimulator(info.spec, info.scales)
         held = {
             one.name.removeprefix(_PREFIX): torch.from_numpy(onnx.numpy_helper.to_array(one).copy())

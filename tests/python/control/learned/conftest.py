@@ -6,9 +6,9 @@ from pathlib import Path
 import onnx
 import pytest
 
-from hybridmpm._support.onnx_file import OPSET
+from hybridmpm._support.networks import OPSET, to_properties
 from hybridmpm.control.methods.learned.features import PLANES, channels, numbers, of_particle
-from hybridmpm.control.methods.learned.network import properties_of
+from hybridmpm.control.methods.learned.network import FORMAT
 from hybridmpm.control.methods.learned.spec import CELLS, TransportSpec
 
 NetworkFile = Callable[..., Path]
@@ -39,7 +39,7 @@ def network_file(tmp_path: Path) -> NetworkFile:
             }}
         """
         model = onnx.parser.parse_model(text)
-        properties = properties_of(spec, {"command": "by hand"})
+        properties = to_properties(FORMAT, spec=spec.to_dict(), training={"command": "by hand"})
         onnx.helper.set_model_props(model, properties)
         onnx.checker.check_model(model)
         path = tmp_path / f"stay_{scenario}_{factor}_{noise}.onnx"

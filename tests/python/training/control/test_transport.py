@@ -8,18 +8,18 @@ import pytest
 import torch
 from click.testing import CliRunner, Result
 
+from hybridmpm._support.networks import NetworkFolder
 from hybridmpm.cli import cli
-from hybridmpm.control import manifest
 from hybridmpm.control.methods.learned.network import TransportNetwork as ServedNetwork
 from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
 from hybridmpm.training.control import pasts, scene_files
-from hybridmpm.training.control.published import Exported
 from hybridmpm.training.control.transport.export import export_transport
 from hybridmpm.training.control.transport.supply import Source, Supply, batch_at
 from hybridmpm.training.control.transport.trainer import TransportSettings, TransportTrainer
 from hybridmpm.training.control.transport.windows import batch_of, drawn
+from hybridmpm.training.publish import Exported
 
 CPU = torch.device("cpu")
 SPECS = {dim: TransportSpec(scenarios=(f"water_{dim}d",), width=4) for dim in (2, 3)}
@@ -208,11 +208,11 @@ def _published(made: Exported, folder: Path) -> None:
     (folder / "manifest.json").write_text("{}", encoding="utf-8")
     written = made.publish("mine", folder)
     assert [path.name for path in written] == ["mine.onnx", "mine.md", "manifest.json"]
-    assert manifest.read_network("mine", folder) == made.data
+    assert NetworkFolder(folder).read("mine") == made.data
     (folder / "mine.onnx").write_bytes(made.data[:-1])
     with pytest.raises(DataError, match="SHA-256"):
-        manifest.read_network("mine", folder)
-    with pytest.raises(DataError, match="no network 'other'; known are mine"):
-        manifest.read_network("other", folder)
+        NetworkFolder(folder).read("mine")
+    with pytest.raises(ConfigError, match="no model 'other'; known are mine"):
+        NetworkFolder(folder).read("other")
     with pytest.raises(ConfigError, match="lower-case"):
         made.publish("Mine!", folder)

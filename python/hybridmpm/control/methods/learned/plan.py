@@ -1,7 +1,6 @@
 """`Learned`: a network proposes where each particle is to be, guidance leads it there."""
 
 import dataclasses
-import functools
 
 import numpy as np
 import numpy.typing as npt
@@ -12,13 +11,11 @@ from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.laws import Tracked
-from hybridmpm.control.manifest import networks
 from hybridmpm.control.methods.learned.features import Aim, State
 from hybridmpm.control.methods.learned.guard import objection
-from hybridmpm.control.methods.learned.network import WEIGHTS, TransportNetwork
+from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.method import FallBack, Task
-from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.scene import Scene
+from hybridmpm.control.methods.serving import serving
 from hybridmpm.scene.particle_types import SAND
 from hybridmpm.simulator import Simulator
 
@@ -65,7 +62,7 @@ class Learned:
             The plan cannot be trusted, or there is none.
         """
         goal = task.goal
-        network = self._serving(simulator.scene)
+        network = serving(TransportNetwork, self._network, simulator.scene)
         aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
         try:
             found = network.ends(
@@ -87,25 +84,6 @@ class Learned:
         if (reason := objection(places, paths, task)) is not None:
             raise FallBack(reason)
         return dataclasses.replace(task, resolution=_FINER * task.resolution).tracked(paths)
-
-    def _serving(self, scene: Scene) -> TransportNetwork:
-        """Return the first network that serves a scene."""
-        reasons = []
-        try:
-            for name in networks(WEIGHTS) if self._network is None else [self._network]:
-                network = _network(name)
-                foreign = network.spec.foreign(scene)
-                if foreign is None:
-                    return network
-                reasons.append(f"{name} cannot serve this scene: {foreign}")
-        except (DataError, ConfigError) as error:
-            raise FallBack(f"there is no network: {error}") from error
-        raise FallBack("; ".join(reasons) or "no network comes with this library")
-
-
-@functools.lru_cache(maxsize=4)
-def _network(name: str) -> TransportNetwork:
-    return TransportNetwork.load(name)
 
 
 def _groups(goal: Goal) -> npt.NDArray[np.uint32]:

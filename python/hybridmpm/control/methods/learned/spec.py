@@ -1,4 +1,4 @@
-"""`TransportSpec`: what a transport network is, besides its weights."""
+"""`TransportSpec`: the settings of a transport network besides its weights."""
 
 import math
 from collections.abc import Mapping
@@ -7,9 +7,7 @@ from typing import Any, Self
 
 from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
-from hybridmpm.control.methods.foreign import why_foreign
 from hybridmpm.errors import ConfigError
-from hybridmpm.scene import Scene
 
 FEATURES_VERSION = 1
 """Raised when the same inputs give other features; checkpoints and models of another version are refused."""
@@ -29,7 +27,7 @@ class TransportSpec:
     """
 
     scenarios: tuple[str, ...]
-    """Whose scenes it is trained on."""
+    """Scenarios in the training data."""
     width: int = 24
     """Channels on the finest cells, in [4, 256]; a multiple of 4."""
     shortest: float = 0.1
@@ -65,10 +63,6 @@ class TransportSpec:
     def clipped(self, seconds: float) -> float:
         """Return the time nearest to `seconds` among those that the network is trained on [s]."""
         return min(max(seconds, self.shortest), self.longest)
-
-    def foreign(self, scene: Scene) -> str | None:
-        """Tell in which way a scene is of another kind than those of the training; None if it is not."""
-        return why_foreign(scene, self.scenarios)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data that `from_dict` reads."""

@@ -6,13 +6,14 @@ import torch
 from torch import Tensor, nn
 
 from hybridmpm import scenarios
-from hybridmpm.control.diffusion.network import INPUTS, OUTPUT, SIDE, WEIGHTS, properties_of
+from hybridmpm._support.networks import to_properties
+from hybridmpm.control.diffusion.network import FORMAT, INPUTS, OUTPUT, SIDE, ControlNetwork
 from hybridmpm.training.control.controlnet.cases import FRAMES
 from hybridmpm.training.control.controlnet.trainer import Conditioned, ControlNetTrainer
 from hybridmpm.training.control.controlnet.ways import WAY, field_of
-from hybridmpm.training.control.published import Exported, told
 from hybridmpm.training.onnx_program import exported
 from hybridmpm.training.physics.network.edges import SortedEdges
+from hybridmpm.training.publish import Exported, parameters_of, training_record
 
 
 class _Served(nn.Module):
@@ -64,14 +65,24 @@ def export_controlnet(path: Path) -> Exported:
         The network has other features than those of this library; the message names both versions.
     """
     trainer = ControlNetTrainer.load(path)
-    training = told(path, trainer.average)
-    properties = properties_of(trainer.spec, trainer.scale, FRAMES, training)
+    training, count = training_record(path), parameters_of(trainer.average)
+    properties = to_properties(
+        FORMAT,
+        spec=trainer.spec.to_dict(),
+        scale=trainer.scale,
+        frames=FRAMES,
+        training=training | {"parameters": str(count)},
+    )
     return Exported(
         data=to_onnx(trainer.average, trainer.scale, properties),
         training=training,
-        folder=WEIGHTS,
-        answers="the accelerations of control nodes in a frame, given a sketch",
-        method="controlnet",
+        parameters=count,
+        folder=ControlNetwork.FOLDER,
+        rows={
+            "answers": "the accelerations of control nodes in a frame, given a sketch",
+            "parameters": str(count),
+        },
+        errors="See `docs/results/control.md`, method `controlnet`.",
     )
 
 

@@ -4,13 +4,15 @@ from pathlib import Path
 
 import torch
 
+from hybridmpm._support.networks import to_properties
 from hybridmpm.control.methods.learned.features import PLANES, channels, numbers, of_particle
-from hybridmpm.control.methods.learned.network import INPUTS, OUTPUT, WEIGHTS, properties_of
+from hybridmpm.control.methods.learned.network import FORMAT, INPUTS, OUTPUT
+from hybridmpm.control.methods.learned.network import TransportNetwork as ServedNetwork
 from hybridmpm.control.methods.learned.spec import CELLS
-from hybridmpm.training.control.published import Exported, told
 from hybridmpm.training.control.transport.network import TransportNetwork
 from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.onnx_program import exported
+from hybridmpm.training.publish import Exported, parameters_of, training_record
 
 
 def export_transport(path: Path) -> Exported:
@@ -24,13 +26,20 @@ def export_transport(path: Path) -> Exported:
         The network has other features than those of this library; the message names both versions.
     """
     trainer = TransportTrainer.load(path, torch.device("cpu"))
-    training = told(path, trainer.average)
+    training, count = training_record(path), parameters_of(trainer.average)
+    properties = to_properties(
+        FORMAT, spec=trainer.spec.to_dict(), training=training | {"parameters": str(count)}
+    )
     return Exported(
-        data=to_onnx(trainer.average, trainer.spec.dim, properties_of(trainer.spec, training)),
+        data=to_onnx(trainer.average, trainer.spec.dim, properties),
         training=training,
-        folder=WEIGHTS,
-        answers="where each particle of a fluid may have come from, given an oval or an arrow",
-        method="learned",
+        parameters=count,
+        folder=ServedNetwork.FOLDER,
+        rows={
+            "answers": "where each particle of a fluid may have come from, given an oval or an arrow",
+            "parameters": str(count),
+        },
+        errors="See `docs/results/control.md`, method `learned`.",
     )
 
 
