@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import substeps_by_material
-from hybridmpm.mpm.fullness import FULL, filled_share
-from hybridmpm.mpm.softness import SOFT, settled_compression
+from hybridmpm.mpm.scene_warnings import FULL, SOFT, filled_share, settled_compression
 from hybridmpm.scene import Scene, Water
 
 DEAR = 3.0

@@ -110,7 +110,7 @@ class MpmBatch(Sequence[MpmSolver]):
             failures = self._advance_members(frames, dict(enumerate(one.array for one in checked)))
         _raise_failures(failures)
         for member in self._members:
-            member._tell_limit(stacklevel=3)  # noqa: SLF001 - as its own `advance` does
+            member._warn(stacklevel=3)  # noqa: SLF001 - as its own `advance` does
 
     def _advance_by_frame(self, frames: int, forces: Sequence[CheckedForce]) -> dict[int, SimulationError]:
         """Advance frame by frame, since some forces depend on the state; members that fail stay behind."""

@@ -1,14 +1,20 @@
-"""From a scene and settings to the compiled solver, and to the particles that it carries."""
+"""The compiled solver, upsampler and emitters of a scene."""
 
 import math
 
+import numpy as np
+
 from hybridmpm import _core
 from hybridmpm.coarse import CoarseLevel, Upsampler, merge
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.coarse.upsampler import Few
-from hybridmpm.errors import ConfigError
-from hybridmpm.mpm.emission import native_emitters
+from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Emitter, Scene
+from hybridmpm.scene.sampling import JITTER
+
+_PATTERNS = 16
+"""Number of layers with jitter of their own; they are used in turn."""
 
 
 def native_solver(
@@ -21,7 +27,7 @@ def native_solver(
     level: CoarseLevel,
     threads: int,
 ) -> _core.Solver:
-    """Build the solver of a scene's particles, merged as a coarse level says; see `MpmSolver` for the settings."""
+    """Return the solver of a scene's particles at a coarse level; see `MpmSolver` for the settings."""
     particles = merge(scene.sample(), level.r_p)
     materials = [
         material.softened(factor, scene.potential_drop) if factor < 1 else material
@@ -39,7 +45,7 @@ def native_solver(
         obstacles=[obstacle.to_native() for obstacle in scene.obstacles],
         emitters=native_emitters(scene, level.r_p),
         sinks=[sink.to_native() for sink in scene.sinks],
-        # A part of them must not leave room for more material than all of them.
+        # The limit of the scene's own particles, in particles of this size.
         max_particles=max(math.ceil(level.r_p * scene.max_particles), len(particles.x)),
         x=particles.x,
         v=particles.v,
@@ -56,17 +62,17 @@ def native_solver(
 
 
 def upsampler_of(scene: Scene, few: Few, solver: _core.Solver, level: CoarseLevel) -> Upsampler:
-    """Return who carries all particles of a scene along with few that start as a solver's.
+    """Return the upsampler from coarse particles, which start as a solver's, to all particles of a scene.
 
     Raises
     ------
     ConfigError
-        There is nothing to carry.
+        At `r_p` = 1 the solver's particles are those of the scene.
     """
     if level.r_p == 1:
         raise ConfigError(
-            "show_all=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates all particles of "
-            "the scene itself, so there is nothing to carry"
+            "show_all=True needs r_p below 1, such as 1/16: at r_p = 1 the solver simulates and shows all "
+            "particles of the scene itself"
         )
     return Upsampler(
         scene,
@@ -75,4 +81,47 @@ def upsampler_of(scene: Scene, few: Few, solver: _core.Solver, level: CoarseLeve
         native_emitters(scene),
         affine_share=level.affine_share,
         relaxation=level.relaxation,
+    )
+
+
+def native_emitters(scene: Scene, r_p: float = 1.0) -> list[_core.Emitter]:
+    """Build the core's emitters; a layer is one spacing thick, its back lies on the opening.
+
+    At a ratio `r_p` below 1 particles are larger and fewer, and layers thicker; the flow of mass is that of
+    the scene's own emitters.
+
+    Raises
+    ------
+    SceneError
+        An obstacle at rest is in front of an opening.
+    """
+    materials = scene.materials
+    return [
+        _native_emitter(scene, index, emitter, materials.index(emitter.material), r_p)
+        for index, emitter in enumerate(scene.emitters)
+    ]
+
+
+def _native_emitter(scene: Scene, index: int, emitter: Emitter, material: int, r_p: float) -> _core.Emitter:
+    spacing = spacing_at(scene, r_p)
+    sites = emitter.sites(spacing) + 0.5 * spacing * emitter.direction
+    for number, obstacle in enumerate(scene.obstacles):
+        solid = obstacle.to_native()
+        if obstacle.motion is None and (solid.signed_distance(sites.astype(np.float32)) <= 0).any():
+            text = f"must open into free space, but obstacles[{number}] is in front of it"
+            raise SceneError.of([(f"emitters[{index}]", text)])
+    rng = np.random.default_rng(emitter.seed)
+    # Of the material that the scene's own layers bring while this one moves on by its thickness.
+    own_layer = len(emitter.sites(scene.spacing)) * scene.spacing**scene.dim
+    volume = own_layer * (spacing / scene.spacing) / len(sites)
+    return _core.Emitter(
+        material=material,
+        velocity=emitter.velocity,
+        spacing=spacing,
+        sites=sites.astype(np.float32),
+        jitter=(spacing * rng.uniform(-JITTER, JITTER, (_PATTERNS, *sites.shape))).astype(np.float32),
+        mass=emitter.material.density * volume,
+        volume=volume,
+        start=emitter.start,
+        stop=emitter.stop,
     )

@@ -1,19 +1,20 @@
-"""`MpmSolver`: a scene and the compiled MLS-MPM solver that moves it."""
+"""`MpmSolver`: MLS-MPM on a scene."""
 
 import copy
 import math
 import warnings
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag, float32, whole
-from hybridmpm.coarse import CoarseLevel, Upsampler, coarse_level
+from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level
 from hybridmpm.coarse.upsampler import Few
+from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import (
     CoarseWarning,
     ConfigError,
@@ -25,47 +26,48 @@ from hybridmpm.errors import (
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import native_solver, upsampler_of
 from hybridmpm.mpm.cost import costly_materials
-from hybridmpm.mpm.frames import Frames
-from hybridmpm.mpm.fullness import full_box
+from hybridmpm.mpm.scene_warnings import full_box, soft_materials
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.mpm.softness import soft_materials
-from hybridmpm.mpm.state import MpmState
+from hybridmpm.mpm.stepper import MpmStepper
+from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import ParticleLimitWarning, Scene
+from hybridmpm.scene.openings import EmitterStatus
+from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
 Substeps = Literal["cfl", "reference"] | int
 MAX_SUBSTEPS = 20_000
 
 
-class MpmSolver(MpmState):
-    """MLS-MPM (Hu et al. 2018) on a scene. Safe to share between threads: calls wait for each other.
+class MpmSolver(CoarseSimulator):
+    """MLS-MPM (Hu et al. 2018) on a scene. Safe to share between threads: one call runs at a time.
 
     Parameters
     ----------
     scene : Scene
     substeps : "cfl", "reference" or int in [1, 20000]
-        "cfl": the fewest that the CFL bound allows. "reference": floor(frame_dt / (0.02 dx)) + 1 a frame,
+        "cfl": the fewest that the CFL law allows. "reference": floor(frame_dt / (0.02 dx)) + 1 a frame,
         the ground truth's rule. An integer: that many equal substeps a frame.
     cfl : float in (0, 1], optional
         CFL number of "cfl" substeps; each material's own if absent, 1.5 times below its measured limit.
     allow_unstable : bool
         Let a fixed number of substeps go above the stability limit.
     sleep : Sleep, optional
-        Let regions at rest sleep: their particles keep still and cost nothing until something moves near
-        them, a force acts on them or a moving obstacle approaches. Not for ground truth.
+        Let regions at rest sleep. Their particles keep still and cost nothing until matter moves near them, a
+        force acts on them or a moving obstacle approaches. Not for ground truth.
     r_p : float in (0, 1]
-        Ratio of the particles to those of the scene: they are merged (`downsampling.merge`), and the grid is
-        coarsened until a cell holds two (`downsampling.coarse_resolution`).
-    carry : bool
-        With `r_p` below 1: carry all particles of the scene along with the few that are simulated
-        (`downsampling.Upsampler`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
-        the whole scene, and forces are given for them; `coarse_positions` are those of the few.
-    coarse level : str or CoarseLevel, optional
-        Name of a fitted level, such as "1/16" (`coarse.coarse_table` lists them): so large a part of the
-        particles simulates, on the grid, with the moduli and at the step that `python -m hybridmpm_lab fit coarse levels` found,
-        and carries all others. Or the settings themselves. Not together with `substeps`, `cfl` or `r_p`. A
-        frame that fails at the coarse level's step is done again at the safe one (`redone_frames`).
+        Ratio of the particles simulated to those of the scene. Particles are merged (`coarse.merge`), and the
+        grid is coarsened until a cell holds two (`coarse.coarse_resolution`).
+    show_all : bool
+        With `r_p` below 1: show all particles of the scene, interpolated from those simulated
+        (`coarse.Upsampler`). `positions`, `velocities`, `ids`, `mass` and `materials` are then those of the
+        whole scene, and forces are given for them; `coarse_positions` are those simulated.
+    coarse : str or CoarseLevel, optional
+        Coarse mode. Name of a fitted level, such as "1/16" (`coarse.coarse_table` lists them), or its
+        settings: ratio of the particles, grid, moduli and step, fitted for the smallest error in a given
+        time. All particles are shown. Not together with `substeps`, `cfl` or `r_p`. A frame that fails at the
+        coarse level's step is done again at the safe one (`redone_frames`).
     threads : int in [1, 1024]
         The result does not depend on it, to the bit.
 
@@ -87,8 +89,8 @@ class MpmSolver(MpmState):
     SoftMaterialWarning
         A material is compressed by its own weight by a tenth or more.
     CoarseWarning
-        The scene is or becomes faster than those that the coarse level was fitted to, an obstacle or the layer of all
-        matter at rest is thinner than a cell of its grid, or a frame had to be done again.
+        The scene is or becomes faster than those that the coarse level was fitted to, an obstacle or the
+        layer of all matter at rest is thinner than a cell of its grid, or a frame had to be done again.
 
     Notes
     -----
@@ -96,10 +98,11 @@ class MpmSolver(MpmState):
     raises `NonFiniteError`, `DomainError`, `InvertedError` or `StepSizeError`, and the state is the one
     before that frame.
 
-    Emitters and sinks act at the end of each frame and so change N: those that stay keep their order, new
-    ones come last, and `ids` tells who is who. An emitter that finds `max_particles` in the scene stops, with
-    a `ParticleLimitWarning`.
+    Emitters and sinks act at the end of each frame and change N: particles that stay keep their order and
+    their `ids`, and new ones come last. An emitter stops at `max_particles`, with a `ParticleLimitWarning`.
     """
+
+    kind: ClassVar[Kind] = "mpm"
 
     def __init__(
         self,
@@ -131,7 +134,7 @@ class MpmSolver(MpmState):
                 _checked(coarse, scene) if isinstance(coarse, CoarseLevel) else coarse_level(scene, coarse)
             )
             show_all = True
-        self._limit_told = self._redone_told = self._speed_told = False
+        self._warned: frozenset[str] = frozenset()
         build = partial(
             native_solver,
             scene,
@@ -142,11 +145,11 @@ class MpmSolver(MpmState):
             threads=whole("threads", threads, 1, 1024),
         )
         solver = build(cfl=cfl if coarse is None else self._level.cfl)
-        self._frames = Frames(
+        self._stepper = MpmStepper(
             solver,
             upsampler_of(scene, solver, solver, self._level) if flag("show_all", show_all) else None,
             safe=None if self._level.cfl is None else partial(build, cfl=None),
-            fastest=math.inf if self._level.fastest is None else self._level.fastest,
+            speed_warning=math.inf if self._level.fastest is None else self._level.fastest,
         )
         if substeps == "cfl":
             for text in costly_materials(scene, self.resolution, cfl):
@@ -164,34 +167,132 @@ class MpmSolver(MpmState):
             return [f"coarse level {self.coarse.name!r}"]
         if self.r_p == 1:
             return []
-        return [f"r_p = {self.r_p:.4g}, all carried along" if self._upsampler else f"r_p = {self.r_p:.4g}"]
+        return [f"r_p = {self.r_p:.4g}, all shown" if self._upsampler else f"r_p = {self.r_p:.4g}"]
 
     @property
     def _solver(self) -> _core.Solver:
         """The compiled solver of the particles simulated."""
-        return self._frames.solver
+        return self._stepper.solver
+
+    @property
+    def _few(self) -> _core.Solver:
+        return self._solver
+
+    @property
+    def _upsampler(self) -> Upsampler | None:
+        return self._stepper.upsampler
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that this solver was made from."""
+        return self._scene
+
+    @property
+    def resolution(self) -> int:
+        """Grid cells per metre; fewer than the scene's where `r_p` or `coarse` asks for a coarser grid."""
+        return self._solver.resolution
+
+    @property
+    def frame(self) -> int:
+        """Number of frames since the start."""
+        return self._solver.frame
+
+    @property
+    def r_p(self) -> float:
+        """Ratio of the particles to those of the scene, in (0, 1]."""
+        return self._level.r_p
+
+    @property
+    def coarse(self) -> CoarseLevel | None:
+        """Settings of the fitted coarse level; None without `coarse`."""
+        return None if self._level.name is None else self._level
+
+    @property
+    def redone_frames(self) -> tuple[int, ...]:
+        """Numbers of the frames that failed at a coarse level's step and were done again at the safe one.
+
+        Counted are those since this solver was made or loaded, up to the present frame.
+        """
+        return self._stepper.redone
+
+    @property
+    def r_t(self) -> int:
+        """1: MPM makes every frame."""
+        return 1
+
+    @property
+    def mode(self) -> Mode:
+        """Simulator of the next frame: always "mpm"."""
+        return "mpm"
+
+    @property
+    def log(self) -> tuple[Decision, ...]:
+        """Empty: MPM simulates every frame."""
+        return ()
+
+    @property
+    def emitters(self) -> tuple[EmitterStatus, ...]:
+        """Status of each emitter in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
+        return cast("tuple[EmitterStatus, ...]", tuple((self._upsampler or self._few).emitters))
+
+    @property
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Indices (n,) into the scene's materials of the particles simulated; a snapshot, read-only."""
+        return self._solver.material
+
+    @property
+    def affine(self) -> npt.NDArray[np.float32]:
+        """APIC matrices C (n, D, D) [1/s] of the particles simulated; a snapshot, read-only."""
+        return self._solver.affine
+
+    @property
+    def volume_ratio(self) -> npt.NDArray[np.float32]:
+        """Volume over rest volume (n,) [-] of those simulated, J of water, det F of solids; read-only."""
+        return self._solver.volume_ratio
+
+    @property
+    def pressure(self) -> npt.NDArray[np.float32]:
+        """Pressure -tr(sigma) / D (n,) [Pa] of those simulated, above 0 in compression; read-only."""
+        return self._solver.pressure
+
+    def pressure_samples(self) -> PressureSamples:
+        """Return the pressures of the n particles simulated."""
+        spacing = self.scene.spacing / self.r_p ** (1 / self.dim)
+        return PressureSamples(self.coarse_positions, self.pressure, float(spacing))
+
+    @property
+    def asleep(self) -> npt.NDArray[np.bool_]:
+        """Whether each particle simulated (n,) sleeps; all False without a `Sleep`; read-only."""
+        return self._solver.asleep
+
+    @property
+    def last_frame(self) -> _core.FrameReport | None:
+        """Substeps of the latest frame; None before the first."""
+        return self._stepper.last
+
+    def diagnostics(self) -> _core.Diagnostics:
+        """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
+        return self._solver.diagnostics()
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
-        carrying = self._upsampler is not None
+        shows_all = self._upsampler is not None
         by_particle = force.array is not None and force.array.ndim > 1
-        if force.by_frame or (carrying and (by_particle or path is not None)):
+        if force.by_frame or (shows_all and (by_particle or path is not None)):
             super()._advance(frames, force, path)
-        elif carrying:
-            self._frames.advance(frames, force.array)
+        elif shows_all:
+            self._stepper.advance(frames, force.array)
         else:
-            # The core goes through all frames in one call.
+            # The core computes all frames in one call.
             self._solver.advance(frames, force.array, path)
-        self._tell_limit(stacklevel=4)
-        self._tell_redone(stacklevel=4)
-        self._tell_speed(stacklevel=4)
+        self._warn(stacklevel=4)
 
     def _advance_few(self, force: npt.NDArray[np.float32] | None) -> None:
-        self._frames.advance(1, force)
+        self._stepper.advance(1, force)
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
         super().cancel_by(flag)
-        self._frames.cancel_by(flag)
+        self._stepper.cancel_by(flag)
 
     def prescribe(
         self,
@@ -202,7 +303,7 @@ class MpmSolver(MpmState):
         affine: bool = True,
         deform: bool = False,
     ) -> _core.MotionReport:
-        """Put the particles where somebody else, e.g. a network, says that they are at the end of a frame.
+        """Put the particles at given positions and velocities, e.g. a network's, at the end of a frame.
 
         Parameters
         ----------
@@ -215,8 +316,8 @@ class MpmSolver(MpmState):
             Take the affine matrices C from grid velocities, given by a substep's transfers; else C is 0.
         deform : bool
             Deform the materials by C over the frames since the present one, with the return mapping of sand;
-            else J, F and the like stay as they are. Nothing leads the stress back while motion is prescribed,
-            so the errors of C add up: within 20 frames J of water strays by ten times its own variation.
+            else J, F and the like stay as they are. Errors of C add up while motion is prescribed: within 20
+            frames the error of J of water is ten times its own variation.
 
         Raises
         ------
@@ -227,8 +328,7 @@ class MpmSolver(MpmState):
         """
         if self._upsampler is not None:
             raise ConfigError(
-                "prescribe is for solvers without show_all=True: nothing tells how the particles that are "
-                "carried would have moved meanwhile"
+                "prescribe is for solvers without show_all=True: the motion of the particles shown is unknown"
             )
         return self._solver.prescribe(
             float32("x", x, "(N, D)"),
@@ -239,7 +339,7 @@ class MpmSolver(MpmState):
         )
 
     def upsampler_for(self, few: Few) -> Upsampler:
-        """Return who carries all particles of the scene along with few that somebody else moves.
+        """Return an upsampler from coarse particles, moved by another simulator, to all of the scene.
 
         Parameters
         ----------
@@ -253,44 +353,35 @@ class MpmSolver(MpmState):
         """
         return upsampler_of(self._scene, few, self._solver, self._level)
 
-    def _tell_limit(self, stacklevel: int) -> None:
-        """Warn, once, where an emitter has stopped because of `max_particles`."""
-        if not self._limit_told and "full" in self.emitters:
-            self._limit_told = True
-            warnings.warn(
-                f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}",
-                ParticleLimitWarning,
-                stacklevel=stacklevel,
+    def _warn(self, stacklevel: int) -> None:
+        """Warn, each once, of a stopped emitter, a repeated frame and fast matter."""
+        if "full" in self.emitters:
+            text = f"an emitter has stopped: the scene holds max_particles = {self._scene.max_particles}"
+            self._warn_once("limit", ParticleLimitWarning, text, stacklevel)
+        if self.redone_frames:
+            text = (
+                f"frame {self.redone_frames[0]} failed at the step of coarse level {self._level.name!r} and "
+                "was done again at the safe step; `redone_frames` lists such frames. If there are many, the "
+                "scene is outside of what the coarse level was fitted to: take a coarse level of more "
+                "particles"
             )
+            self._warn_once("redone", CoarseWarning, text, stacklevel)
+        if self._stepper.too_fast is not None:
+            text = (
+                f"matter moves at {self._stepper.too_fast:.2g} m/s, but coarse level {self._level.name!r} "
+                f"was fitted up to {self._level.fastest:.2g} m/s: its error may be larger than the table "
+                "says; take a coarse level of more particles"
+            )
+            self._warn_once("speed", CoarseWarning, text, stacklevel)
 
-    def _tell_redone(self, stacklevel: int) -> None:
-        """Warn, once, where a frame had to be done again."""
-        if not self._redone_told and self.redone_frames:
-            self._redone_told = True
-            warnings.warn(
-                f"frame {self.redone_frames[0]} failed at the step of coarse level {self._level.name!r} and was done "
-                "again at the safe step; `redone_frames` lists such frames. If there are many, the scene is "
-                "outside of what the coarse level was fitted to: take a coarse level of more particles",
-                CoarseWarning,
-                stacklevel=stacklevel,
-            )
-
-    def _tell_speed(self, stacklevel: int) -> None:
-        """Warn, once, where all matter together moves faster than the coarse level was fitted to."""
-        speed = self._frames.too_fast
-        if not self._speed_told and speed is not None:
-            self._speed_told = True
-            warnings.warn(
-                f"matter moves at {speed:.2g} m/s, but coarse level {self._level.name!r} was fitted up to "
-                f"{self._level.fastest:.2g} m/s: its error may be larger than the table says; take a coarse level of "
-                "more particles",
-                CoarseWarning,
-                stacklevel=stacklevel,
-            )
+    def _warn_once(self, key: str, category: type[Warning], text: str, stacklevel: int) -> None:
+        if key not in self._warned:
+            self._warned |= {key}
+            warnings.warn(text, category, stacklevel=stacklevel + 1)
 
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
-        return self._frames.snapshot()
+        return self._stepper.snapshot()
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene.
@@ -300,7 +391,7 @@ class MpmSolver(MpmState):
         SnapshotError
             The bytes are damaged or of another scene; the present state is then untouched.
         """
-        self._frames.restore(data)
+        self._stepper.restore(data)
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
@@ -347,7 +438,7 @@ class MpmSolver(MpmState):
     def copy(self) -> Self:
         """Return an independent solver in the same state."""
         twin = copy.copy(self)
-        twin._frames = self._frames.copy()  # noqa: SLF001 - of this very class
+        twin._stepper = self._stepper.copy()  # noqa: SLF001 - of this very class
         return twin
 
     def reset(self) -> None:
@@ -356,21 +447,19 @@ class MpmSolver(MpmState):
 
 
 def _refuse_beside_coarse(**given: bool) -> None:
-    """Refuse settings that a coarse level chooses."""
+    """Raise `ConfigError` for settings that a coarse level chooses."""
     for name, is_given in given.items():
         if is_given:
             raise ConfigError(f"{name} is chosen by the level: drop {name}, or give no coarse level")
 
 
 def _checked(level: CoarseLevel, scene: Scene) -> CoarseLevel:
-    """Return a coarse level that somebody made for a scene, or raise `ConfigError`."""
+    """Return a coarse level of the caller's that fits a scene, or raise `ConfigError`."""
     if level.name is None:
-        raise ConfigError(
-            "a coarse level needs a name, by which messages and files call it: use level.named(...)"
-        )
+        raise ConfigError("a coarse level needs a name, for messages and files: use level.named(...)")
     if len(level.moduli) != len(scene.materials):
         raise ConfigError(
-            f"the coarse level {level.name!r} has {len(level.moduli)} moduli, but the scene has {len(scene.materials)} "
-            f"material{'s' * (len(scene.materials) > 1)}: give one factor for each"
+            f"the coarse level {level.name!r} has {len(level.moduli)} moduli, but the scene has "
+            f"{len(scene.materials)} material{'s' * (len(scene.materials) > 1)}: give one factor for each"
         )
     return level

@@ -28,7 +28,7 @@ from hybridmpm import (
 from hybridmpm.cli import cli
 from hybridmpm.coarse import CoarseLevel, coarse_level, coarse_resolution, coarse_table
 from hybridmpm.coarse.bounds import fastest_impact, settled_potential
-from hybridmpm.mpm.frames import Frames
+from hybridmpm.mpm.stepper import MpmStepper
 from hybridmpm.simulators import make
 from hybridmpm.snapshots import read_state, write_state
 
@@ -251,7 +251,7 @@ class FailsAtFrame:
 def test_a_frame_that_fails_is_done_again_at_the_safe_step() -> None:
     solver = MpmSolver(scenarios.water_2d(0), coarse="1/16")
     untroubled = solver.copy()
-    frames = solver._frames
+    frames = solver._stepper
     frames.solver = FailsAtFrame(frames.solver, 6)  # type: ignore[assignment]
     with pytest.warns(CoarseWarning, match=r"frame 6 failed at the step of coarse level '1/16'"):
         solver.advance(10, force=(0.5, 0.0))
@@ -268,12 +268,12 @@ def test_a_frame_that_fails_is_done_again_at_the_safe_step() -> None:
 
 def test_a_frame_that_fails_again_is_an_error() -> None:
     solver = MpmSolver(scenarios.water_2d(0), coarse="1/16")
-    inner = solver._frames.solver
+    inner = solver._stepper.solver
 
     def safe() -> object:
         return FailsAtFrame(inner.copy(), 3)
 
-    frames = Frames(FailsAtFrame(inner, 3), None, safe)  # type: ignore[arg-type]
+    frames = MpmStepper(FailsAtFrame(inner, 3), None, safe)  # type: ignore[arg-type]
     with pytest.raises(InvertedError):
         frames.advance(5, None)
     assert (frames.solver.frame, frames.redone) == (2, ())

@@ -70,6 +70,6 @@ def test_a_cancelled_frame_of_a_level_is_not_done_again_at_the_safe_step() -> No
     flag.set()
     with pytest.raises(FrameCancelledError, match="frame 6 was cancelled"):
         solver.advance(5)
-    assert solver._frames._safe is None  # nor is the solver made that would do it
+    assert solver._stepper._safe is None  # nor is the solver made that would do it
     assert solver.redone_frames == ()
     assert solver.snapshot() == before

@@ -1,6 +1,7 @@
-"""Frames of the compiled solver and of the particles that it carries."""
+"""`MpmStepper`: frames of the compiled solver and of the particles shown with it."""
 
 import math
+import struct
 from collections.abc import Callable
 from typing import Self
 
@@ -9,25 +10,29 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.coarse import Upsampler
-from hybridmpm.errors import FrameCancelledError, SimulationError
-from hybridmpm.mpm import joint_state
+from hybridmpm.coarse.upsampler import refuse_other_upsampler
+from hybridmpm.errors import FrameCancelledError, SimulationError, SnapshotError
+
+_PREFIX = struct.Struct("<8sQ")
+"""Magic, length of the solver's state."""
+_MAGIC = b"HMPMBOTH"
 
 _Floats = npt.NDArray[np.float32]
 
 
-class Frames:
-    """A solver that goes on by frames, with the particles that it carries if it does.
+class MpmStepper:
+    """Advances the compiled solver by frames, and the particles shown with it.
 
     Parameters
     ----------
     solver : _core.Solver
     upsampler : Upsampler or None
-        Who carries along what the solver moves.
+        Upsampler to the particles shown, if any.
     safe : callable, optional
         Makes a solver of the same scene at frame 0 that takes shorter substeps. A frame that fails is then
         done again by that one, from the same state.
-    fastest : float
-        Speed of all matter together [m/s] above which somebody wants to be told.
+    speed_warning : float
+        Root mean square of the particles' speeds [m/s] above which `too_fast` is set.
     """
 
     def __init__(
@@ -35,16 +40,16 @@ class Frames:
         solver: _core.Solver,
         upsampler: Upsampler | None,
         safe: Callable[[], _core.Solver] | None = None,
-        fastest: float = math.inf,
+        speed_warning: float = math.inf,
     ) -> None:
         self.solver, self.upsampler = solver, upsampler
         self._make_safe = safe
         self._safe: _core.Solver | None = None
         self._cancel: _core.CancelFlag | None = None
         self._redone: dict[int, _core.FrameReport | None] = {}
-        self._fastest = fastest
+        self._speed_warning = speed_warning
         self.too_fast: float | None = None
-        """Root mean square of the speeds [m/s] when it was first seen above `fastest`; None until then."""
+        """Root mean square of the speeds [m/s] when it first exceeded `speed_warning`; None until then."""
 
     @property
     def redone(self) -> tuple[int, ...]:
@@ -53,7 +58,7 @@ class Frames:
 
     @property
     def last(self) -> _core.FrameReport | None:
-        """How the latest frame was cut into substeps; None before the first."""
+        """Substeps of the latest frame; None before the first."""
         return self._redone.get(self.solver.frame, self.solver.last_frame)
 
     def advance(self, frames: int, force: _Floats | None) -> None:
@@ -81,13 +86,13 @@ class Frames:
 
     def _watch_speed(self) -> None:
         report = self.solver.last_frame
-        if self.too_fast is None and report is not None and report.max_speed > self._fastest:
+        if self.too_fast is None and report is not None and report.max_speed > self._speed_warning:
             totals = self.solver.diagnostics()
             speed = math.sqrt(2 * totals.kinetic_energy / totals.mass) if totals.mass else 0.0
-            self.too_fast = speed if speed > self._fastest else None
+            self.too_fast = speed if speed > self._speed_warning else None
 
     def _redo(self, make: Callable[[], _core.Solver], force: _Floats | None) -> None:
-        """Do the frame again that has just failed; it may fail again, and nothing has changed then."""
+        """Repeat the frame that has just failed; where it fails again, nothing has changed."""
         if self._safe is None:
             self._safe = make()
             if self._cancel is not None:
@@ -98,27 +103,52 @@ class Frames:
         self._redone[self.solver.frame] = self._safe.last_frame
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:
-        """Let a flag end the frame that is being computed, by whichever solver."""
+        """Let a flag end the frame that is being computed, by either solver."""
         self._cancel = flag
         for solver in (self.solver, self._safe):
             if solver is not None:
                 solver.cancel_by(flag)
 
     def snapshot(self) -> bytes:
-        """Return the complete state."""
-        return joint_state.encode(self.solver, self.upsampler)
+        """Return the solver's state, joined by the upsampler's if there is one; each has its own checksum."""
+        state = self.solver.snapshot()
+        if self.upsampler is None:
+            return state
+        return _PREFIX.pack(_MAGIC, len(state)) + state + self.upsampler.snapshot()
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene, or change nothing and raise `SnapshotError`."""
-        joint_state.restore(self.solver, self.upsampler, data)
+        state, shown = _parted(data)
+        refuse_other_upsampler(saved=shown is not None, here=self.upsampler is not None)
+        before = self.solver.snapshot()
+        self.solver.restore(state)
+        if self.upsampler is not None and shown is not None:
+            try:
+                self.upsampler.restore(shown)
+            except SnapshotError:
+                self.solver.restore(before)
+                raise
         self._redone = {frame: report for frame, report in self._redone.items() if frame <= self.solver.frame}
 
     def copy(self) -> Self:
-        """Return independent frames in the same state."""
+        """Return an independent stepper in the same state."""
         solver = self.solver.copy()
         upsampler = None if self.upsampler is None else self.upsampler.copy(solver)
-        twin = type(self)(solver, upsampler, self._make_safe, self._fastest)
-        # The compiled copy obeys the same flag.
+        twin = type(self)(solver, upsampler, self._make_safe, self._speed_warning)
+        # The compiled copy has the same flag.
         twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
         twin.too_fast = self.too_fast
         return twin
+
+
+def _parted(data: bytes) -> tuple[bytes, bytes | None]:
+    """Return the state of the solver, and that of the upsampler if there is one."""
+    if not data.startswith(_MAGIC):
+        return data, None
+    if len(data) < _PREFIX.size:
+        raise SnapshotError("snapshot refused: it is cut off after a few bytes")
+    _, length = _PREFIX.unpack_from(data)
+    end = _PREFIX.size + length
+    if end > len(data):
+        raise SnapshotError("snapshot refused: it is cut off within the state of the solver")
+    return data[_PREFIX.size : end], data[end:]
