@@ -1,6 +1,6 @@
-"""The constants that are searched: where the search of a coarse level begins, how far it goes, and what they cost."""
+"""The constants of a coarse level: where their search begins, their bounds, and the time of a frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, Self
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from hybridmpm.coarse import CoarseLevel, FittedLevel, coarse_resolution
 from hybridmpm.scene import Scene
-from hybridmpm_lab.fitting.outcome import Outcome
+from hybridmpm_lab.fitting.cases import Outcome
 
 RATIOS = {"1/64": 1 / 64, "1/32": 1 / 32, "1/16": 1 / 16, "1/8": 1 / 8, "1/4": 1 / 4}
 """Ratios r_p of the coarse levels by name."""
@@ -23,6 +23,11 @@ class Target:
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
     name: str
+
+    @classmethod
+    def of(cls, entry: FittedLevel) -> Self:
+        """Return the target of a level of a table."""
+        return cls(entry.material, entry.dim, entry.name)
 
     @property
     def scenario(self) -> str:
@@ -52,9 +57,10 @@ _NANOSECONDS = {("water", 2): (18, 57, 21), ("sand", 2): (21, 53, 20)} | {
     ("water", 3): (81, 152, 73),
     ("sand", 3): (44, 141, 71),
 }
-"""On one core of an AMD EPYC: a substep of one of the few, its part in a carry, that of one of the many."""
+"""Times on one core of an AMD EPYC: of a coarse particle in a substep and in an upsampling, and of a shown
+particle in an upsampling."""
 _EVERY = 4
-"""Frames from one carry to the next."""
+"""Frames from one upsampling to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,10 +75,10 @@ class Constants:
 
     @classmethod
     def start(cls, target: Target) -> Self:
-        """Return the point that a search begins with.
+        """Return the first point of a search.
 
-        It is where a first search by hand led: moduli as much lower as cells are wider, in 3D a twelfth of
-        water's and a quarter of sand's, but at the resolution of the scene.
+        A search by hand led there: moduli are lower by the factor by which cells are wider, in 3D a twelfth
+        of water's and a quarter of sand's; at the resolution of the scene they are 0.6.
         """
         per_cell = 1.6 if target.dim == 2 else 1.8
         wider = (target.r_p * 2**target.dim / per_cell) ** (1 / target.dim)
@@ -89,26 +95,20 @@ class Constants:
 
     @classmethod
     def at(cls, target: Target, offset: Floats) -> Self:
-        """Return the point at an offset (5,) from the start, held within the bounds of the space."""
+        """Return the point at an offset (5,) from the start, clipped to the bounds of the space."""
         start, largest = cls.start(target), _LARGEST_CFL[target.material]
         return cls(
-            particles_per_cell=_held(start.particles_per_cell * np.exp(offset[0]), _FEWEST_PER_CELL, 6.0),
-            modulus=_held(start.modulus * np.exp(offset[1]), 0.02, 1.0),
-            cfl=_held(start.cfl + largest * offset[2], 0.5 * largest, largest),
-            affine_share=_held(start.affine_share + offset[3], 0.0, 1.0),
-            relaxation=_held(start.relaxation * np.exp(offset[4]), 0.25, 8.0),
+            particles_per_cell=_clipped(start.particles_per_cell * np.exp(offset[0]), _FEWEST_PER_CELL, 6.0),
+            modulus=_clipped(start.modulus * np.exp(offset[1]), 0.02, 1.0),
+            cfl=_clipped(start.cfl + largest * offset[2], 0.5 * largest, largest),
+            affine_share=_clipped(start.affine_share + offset[3], 0.0, 1.0),
+            relaxation=_clipped(start.relaxation * np.exp(offset[4]), 0.25, 8.0),
         )
 
     @classmethod
     def of(cls, entry: FittedLevel) -> Self:
         """Return the constants of a coarse level of a table."""
-        return cls(
-            particles_per_cell=entry.particles_per_cell,
-            modulus=entry.modulus,
-            cfl=entry.cfl,
-            affine_share=entry.affine_share,
-            relaxation=entry.relaxation,
-        )
+        return cls(**{field.name: getattr(entry, field.name) for field in fields(cls)})
 
     def level(self, target: Target, scene: Scene) -> CoarseLevel:
         """Return the coarse level of a scene of the target's scenario, unbounded by depth."""
@@ -127,12 +127,12 @@ SCALE = np.array([0.2, 0.5, 0.1, 0.2, 0.5])
 """First standard deviations of the offsets."""
 
 
-def milliseconds(target: Target, outcome: Outcome, carried: int) -> float:
-    """Return the time of a frame [ms] by counted work, which does not depend on who else uses the machine."""
+def milliseconds(target: Target, outcome: Outcome, shown: int) -> float:
+    """Return the time of a frame [ms] by counted work, which does not depend on the load of the machine."""
     substep, spread, gather = _NANOSECONDS[target.material, target.dim]
-    carry = outcome.simulated * spread + carried * gather
-    return 1e-6 * (outcome.substeps * outcome.simulated * substep + carry / _EVERY)
+    upsampling = outcome.simulated * spread + shown * gather
+    return 1e-6 * (outcome.substeps * outcome.simulated * substep + upsampling / _EVERY)
 
 
-def _held(value: float, low: float, high: float) -> float:
+def _clipped(value: float, low: float, high: float) -> float:
     return float(np.clip(value, low, high))

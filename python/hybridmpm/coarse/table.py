@@ -1,4 +1,4 @@
-"""The table of fitted coarse levels that comes with the library; `python -m hybridmpm_lab fit coarse levels` writes it."""
+"""The table of fitted coarse levels that comes with the library; `python -m hybridmpm_lab fit` writes it."""
 
 from functools import cache
 from pathlib import Path
