@@ -15,7 +15,6 @@ from hybridmpm._core import (
     Diagnostics,
     FrameReport,
     RadiusGraph,
-    VerletList,
     __version__,
     radius_graph,
 )
@@ -134,7 +133,6 @@ __all__ = [
     "StepSizeError",
     "ThinObstacleWarning",
     "UnknownScenarioError",
-    "VerletList",
     "Wall",
     "WallFaces",
     "Walls",

@@ -39,18 +39,15 @@ __all__ = [
     "StepSizeError",
     "Timing",
     "Tracks",
-    "VerletList",
     "__version__",
     "advance_all",
     "answer_weights",
     "cpu_features",
     "grid_mass",
-    "hand_out_times",
     "least_acceleration",
     "limit_instructions",
     "match_to_region",
     "radius_graph",
-    "relaxed",
 ]
 
 SOLVER_VERSION: int
@@ -958,57 +955,6 @@ def radius_graph(
     """
 
 @final
-class VerletList:
-    """Graphs of points that move little from frame to frame (Verlet 1967, doi:10.1103/PhysRev.159.98).
-
-    Pairs within radius + skin are found once, and serve until a point has moved by half the skin. Graphs
-    are those of `radius_graph`, to the bit.
-
-    Parameters
-    ----------
-    radius : float > 0
-        [m], rounded to float32.
-    skin : float > 0
-        [m]: with a wide one the pairs serve longer, but are more.
-    inclusive, self_edges, max_edges, threads
-        As for `radius_graph`.
-
-    Raises
-    ------
-    ConfigError
-        A length is not finite and positive, or `threads` is 0.
-    """
-
-    def __new__(
-        cls,
-        radius: float,
-        skin: float,
-        *,
-        inclusive: bool = True,
-        self_edges: bool = False,
-        max_edges: int | None = None,
-        threads: int = 1,
-    ) -> VerletList: ...
-    def graph(
-        self,
-        x: npt.NDArray[np.float32],
-        types: npt.NDArray[np.integer] | None = None,
-        *,
-        kinematic: int = 3,
-        out: RadiusGraph | None = None,
-    ) -> RadiusGraph:
-        """Return the graph of points; arguments, result and errors as of `radius_graph`."""
-
-    @property
-    def radius(self) -> float:
-        """Metres [m]."""
-    @property
-    def skin(self) -> float:
-        """Metres [m]."""
-    @property
-    def rebuilds(self) -> int:
-        """How often the pairs were found anew."""
-
 def answer_weights(
     history: npt.NDArray[np.float32],
     known_acceleration: npt.NDArray[np.float32],
@@ -1065,56 +1011,6 @@ def answer_weights(
         Arrays that do not fit together, or a number out of range.
     """
 
-def relaxed(
-    x: npt.NDArray[np.float32],
-    answer_weight: npt.NDArray[np.float32],
-    starts: npt.NDArray[np.uint32],
-    senders: npt.NDArray[np.uint32],
-    *,
-    radius: float,
-    rest_density: float,
-    strength: float,
-    rounds: int,
-    lower: Sequence[float],
-    upper: Sequence[float],
-) -> npt.NDArray[np.float32]:
-    """Move points that have crowded together apart, as in Neural SPH (Toshev et al. 2024, arXiv:2402.06275).
-
-    The kernel is (1 - d/R)^2, and a density the sum of it over the edges into a point. Each pair moves apart
-    by equal and opposite displacements, in proportion to the sum of both densities' excess over that of rest
-    and to the kernel's slope. A point that is NaN stays so, and moves no other.
-
-    Parameters
-    ----------
-    x : float32 (N, 2) or (N, 3)
-        Points [m].
-    answer_weight : float32 (N,)
-        Part of its displacement that each point moves by, as of `answer_weights`; 0 holds it.
-    starts, senders : uint32 (N + 1,) and (E,)
-        Edges, as in `RadiusGraph`; also those of an earlier state of the points.
-    radius : float > 0
-        Radius of the graph, R [m].
-    rest_density : float > 0
-        Density of points at rest [-].
-    strength : float
-        Displacement over R that one neighbour at distance 0 gives at twice the density of rest.
-    rounds : int >= 0
-        How often densities are computed and points moved.
-    lower, upper : D floats
-        Corners of the box that nothing leaves [m].
-
-    Returns
-    -------
-    float32, like x
-        Points after the last round [m].
-
-    Raises
-    ------
-    ConfigError
-        Arrays that do not fit together, or a number out of range.
-    """
-
-@final
 class FreeSpace:
     """The room between walls and obstacles on a coarse grid, for shortest ways and lines of sight.
 
@@ -1296,35 +1192,6 @@ class Tracks:
         ConfigError
             Arrays that do not fit together.
         """
-
-def hand_out_times(
-    *, threads: int = 2, work: float = 20e-6, pause: float = 0.0, repeats: int = 40
-) -> dict[str, float]:
-    """Time short pieces of work that threads share, as the stages of a substep are.
-
-    A call is `pause` on the calling thread alone and then `work` for each thread, cut into four items a
-    thread. 200 calls in a row are timed, the ways by turns.
-
-    Parameters
-    ----------
-    threads : int >= 2
-        Threads that share the work, the calling one among them.
-    work, pause : float in [0, 1e-3]
-        Time that the work takes each thread, and time that the calling thread computes alone before it [s].
-    repeats : int >= 1
-
-    Returns
-    -------
-    dict
-        Seconds of a call, the lower quartile of the repetitions: "alone" on the calling thread, shared by the
-        "team" of a substep, by the "pool" that batches and large graphs use, and by "rayon" with all calls
-        inside one job of a pool.
-
-    Raises
-    ------
-    ConfigError
-        A number is out of range, or the system grants no more threads.
-    """
 
 def cpu_features() -> list[str]:
     """Instruction sets of this processor that matter for speed, e.g. "avx2", "fma"."""

@@ -37,15 +37,12 @@ _BUILD_COLUMNS = ("build_ns", "build_ratio")
 _SCALING_COLUMNS = (
     "series", "dim", "particles", "resolution", "threads", "ms_per_substep", "ns_per_particle_substep",
 )  # fmt: skip
-_HAND_OUT_COLUMNS = (
-    "series", "threads", "work_us", "pause_us", "alone_us", "team_us", "pool_us", "rayon_us",
-)  # fmt: skip
 _SLEEPING_COLUMNS = ("particles", "frame", "asleep", "ms_awake", "ms_sleeping", "ratio", "error", "floor")
 _BATCH_COLUMNS = (
     "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
 )  # fmt: skip
 _NEIGHBORS_COLUMNS = (
-    "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "ms_verlet",
+    "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused",
 )  # fmt: skip
 _NEIGHBORS_PEER_COLUMNS = ("peer", "peer_ms", "ratio")
 
@@ -177,11 +174,8 @@ def scaling(
         "scaling", particles=particles, resolution=resolution, threads=(threads,), repeats=(repeats,)
     )
     rows = measured(partial(scaling_bench.measure, settings), settings.count, origin)
-    scenes, loads = rows[: -len(scaling_bench.LOADS)], rows[-len(scaling_bench.LOADS) :]
     save(rows, json_file, chart_file, scaling_bench.chart)
-    print_table(scenes, _SCALING_COLUMNS)
-    click.echo()
-    print_table(loads, _HAND_OUT_COLUMNS)
+    print_table(rows, _SCALING_COLUMNS)
     print_origin(origin)
 
 
@@ -240,8 +234,7 @@ def neighbors(
 ) -> None:
     """Time the radius graph of clouds of points.
 
-    The clouds are in 2D and 3D. Timed are a fresh graph (ms), one into the memory of the last (ms_reused),
-    and one from a Verlet list of points that have moved a little (ms_verlet).
+    The clouds are in 2D and 3D. Timed are a fresh graph (ms) and one into the memory of the last (ms_reused).
     """
     settings = neighbors_bench.NeighborsSettings(
         particles=particles, threads=threads, repeats=repeats, peer=peer

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._core import VerletList, radius_graph
+from hybridmpm._core import radius_graph
 from hybridmpm._support import charts
 from hybridmpm.errors import SimulationError
 from hybridmpm_lab.harness.rows import Progress, Row
@@ -26,8 +26,6 @@ PEER = "scipy"
 
 REACH = {2: 2.5, 3: 2.0}
 """Radius in mean distances of points: about 18 neighbours in 2D and 28 in 3D, fewer at walls."""
-SKIN = 0.2
-"""Skin of the Verlet list in radii; the points then move by a twentieth of the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +51,7 @@ def measure(settings: NeighborsSettings, on_progress: Progress) -> Iterator[Row]
     """Measure 2D and 3D clouds of each size and yield a row for each number of threads.
 
     `ms` is the time of a fresh graph from positions, `ms_reused` that of a graph into the arrays and memory
-    of the last, `ms_verlet` that of a graph from the candidates of a Verlet list that still hold. The peer's
-    time includes building its tree. `on_progress` counts rows.
+    of the last. The peer's time includes building its tree. `on_progress` counts rows.
 
     Raises
     ------
@@ -98,7 +95,7 @@ def _case(dim: int, particles: int, settings: NeighborsSettings, peer: ModuleTyp
     ms = [1e3 * min(mine) for mine in times]
     theirs = ms[-1] if compared is not None else None
     for index, threads in enumerate(settings.threads):
-        fresh, reused, verlet = ms[3 * index : 3 * index + 3]
+        fresh, reused = ms[2 * index : 2 * index + 2]
         yield {
             "dim": dim,
             "particles": len(x),
@@ -107,7 +104,6 @@ def _case(dim: int, particles: int, settings: NeighborsSettings, peer: ModuleTyp
             "threads": threads,
             "ms": round(fresh, 4),
             "ms_reused": round(reused, 4),
-            "ms_verlet": round(verlet, 4),
             "peer": compared.NAME if compared is not None else None,
             "peer_ms": None if theirs is None else round(theirs, 4),
             "ratio": None if theirs is None else round(theirs / fresh, 2),
@@ -115,14 +111,11 @@ def _case(dim: int, particles: int, settings: NeighborsSettings, peer: ModuleTyp
 
 
 def _ours(x: npt.NDArray[np.float32], radius: float, threads: int) -> list[Callable[[], object]]:
-    """Return three calls: for a fresh graph, for one that reuses memory, and for one from a Verlet list."""
-    neighbors = VerletList(radius, SKIN * radius, threads=threads)
-    kept, listed = radius_graph(x, radius, threads=threads), neighbors.graph(x)
-    moved = x + np.float32(0.05 * radius)
+    """Return two calls: for a fresh graph, and for one that reuses memory."""
+    kept = radius_graph(x, radius, threads=threads)
     return [
         partial(radius_graph, x, radius, threads=threads),
         partial(radius_graph, x, radius, threads=threads, out=kept),
-        partial(neighbors.graph, moved, out=listed),
     ]
 
 

@@ -1,11 +1,10 @@
-"""How cost grows: with the particles, with the cells that they touch, and with work that threads share."""
+"""Growth of the cost with the particles and with the cells of the grid."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hybridmpm._core import hand_out_times
 from hybridmpm._support import charts
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Box, Scene
@@ -23,8 +22,6 @@ _SHARE = {2: 0.4, 3: 0.2}
 """Part of the box that a block fills, by dimension."""
 _BLOB_RADIUS = 8
 """Radius of the blob [cells]; it has about 17 000 particles."""
-LOADS = ((0.0, 0.0), (20e-6, 0.0), (20e-6, 20e-6))
-"""Work of each thread and, before it, of one thread alone [s]: a substep has both, of about this length."""
 _RUN_UP = 5
 """Frames before the measurement."""
 _PER_MEASUREMENT = 5_000_000
@@ -40,22 +37,20 @@ class ScalingSettings:
     resolutions: tuple[int, ...] = (64, 128, 256, 512)
     """Cells along each axis of the grids that hold the same blob."""
     threads: int = 1
-    """Threads of the solver. Work is handed out to as many, but to two at least."""
+    """Threads of the solver."""
     repeats: int = 5
     """Number of timings, whose lower quartile is reported."""
 
     @property
     def count(self) -> int:
         """Number of rows."""
-        return 2 * len(self.particles) + len(self.resolutions) + len(LOADS)
+        return 2 * len(self.particles) + len(self.resolutions)
 
 
 def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
-    """Measure blocks of water that grow, a blob in grids that grow, and work that threads share.
+    """Measure blocks of water that grow and a blob in grids that grow; yield a row for each scene.
 
-    Yields a row for each scene, then those of the series "hand_out": times of short work on one thread
-    (`alone_us`), shared by the team of a substep (`team_us`), by the pool of batches and large graphs
-    (`pool_us`), and inside one job of a pool of rayon (`rayon_us`). `on_progress` counts rows.
+    `on_progress` counts rows.
     """
     blocks = [block(dim, particles) for dim in (2, 3) for particles in settings.particles]
     blobs = [blob(resolution) for resolution in settings.resolutions]
@@ -74,18 +69,6 @@ def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
                 "ns_per_particle_substep": round(per_substep * 1e9 / solver.particle_count, 2),
             }
             on_progress(1)
-    threads = max(2, settings.threads)
-    for work, pause in LOADS:
-        ways = hand_out_times(threads=threads, work=work, pause=pause, repeats=5 * settings.repeats)
-        yield {
-            "series": "hand_out",
-            "threads": threads,
-            "work_us": round(work * 1e6),
-            "pause_us": round(pause * 1e6),
-            **{f"{way}_us": round(ways[way] * 1e6, 2) for way in ("alone", "team", "pool", "rayon")},
-        }
-        on_progress(1)
-
 
 def _timed(solver: MpmSolver) -> TimedSimulation:
     solver.advance(_RUN_UP)

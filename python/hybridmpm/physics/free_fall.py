@@ -1,14 +1,12 @@
-"""Networks that predict nothing: what every model has to beat."""
+"""Free fall, the baseline that every learned model has to beat."""
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm._core import radius_graph
 from hybridmpm._support.arguments import whole
 from hybridmpm.coarse.merging import checked_ratio
 from hybridmpm.errors import ConfigError
-from hybridmpm.physics.relaxation import Relaxation
-from hybridmpm.physics.spec import MAX_STRIDE, NetworkSpec
+from hybridmpm.physics.spec import MAX_STRIDE
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import KINEMATIC
 
@@ -62,34 +60,6 @@ class FreeFall:
     ) -> npt.NDArray[np.float32]:
         """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
         return free_fall(history, types, acceleration, walls, self._frame_dt * self._r_t)
-
-
-class RelaxedFreeFall(FreeFall):
-    """Free fall, followed by the relaxation of density of a network: what the network does unlearned.
-
-    All particles take part in it, also those of a body that falls freely.
-
-    Parameters
-    ----------
-    spec : NetworkSpec
-        The network.
-    """
-
-    def __init__(self, spec: NetworkSpec) -> None:
-        super().__init__(spec.frame_dt, r_p=spec.r_p, r_t=spec.r_t)
-        self._radius, self._relaxation = spec.radius, Relaxation(spec)
-
-    def step(
-        self,
-        history: npt.NDArray[np.float32],
-        types: npt.NDArray[np.int64],
-        acceleration: npt.NDArray[np.float32],
-        walls: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
-        """Return positions (N, D) [m] one step later; arguments as in `Stepper`."""
-        fallen = super().step(history, types, acceleration, walls)
-        graph = radius_graph(np.ascontiguousarray(history[-1]), self._radius, types, kinematic=KINEMATIC)
-        return self._relaxation(fallen, (types != KINEMATIC).astype(np.float32), graph, walls)
 
 
 def free_fall(

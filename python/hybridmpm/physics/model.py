@@ -13,7 +13,6 @@ from hybridmpm.physics.answer_gate import answer_weights
 from hybridmpm.physics.free_fall import free_fall
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm.physics.model_info import FORMAT, ModelInfo
-from hybridmpm.physics.relaxation import Relaxation
 from hybridmpm.physics.spec import NetworkSpec
 from hybridmpm.scene import Material, Scene, Water
 from hybridmpm.scene.particle_types import KINEMATIC, NAMES
@@ -33,7 +32,6 @@ class NeuralModel(ServedNetwork):
 
     def _described(self, plain: dict[str, Any]) -> None:
         self._info = ModelInfo.from_metadata(plain, where=self._where)
-        self._relaxation = Relaxation(self.spec)
 
     @property
     def info(self) -> ModelInfo:
@@ -133,7 +131,7 @@ class NeuralModel(ServedNetwork):
             return free_fall(*state, self.spec.step_dt)
         feed = dict(zip(("history", "types", "acceleration", "walls"), state, strict=True))
         (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": weight})
-        return self._relaxation(np.asarray(moved, dtype=np.float32), weight, graph, walls)
+        return np.asarray(moved, dtype=np.float32)
 
 
 def _constants(material: Material, scene: Scene) -> dict[str, float]:

@@ -57,8 +57,6 @@ class NetworkSpec:
     """Particles over those of the scene, in (0, 1]."""
     r_t: int = 1
     """Frames that one network step spans, in [1, 64]."""
-    relaxations: int = 0
-    """Relaxations of density after each network step, in [0, 16]; the paper's network has none."""
     grid_cells: int = 0
     """Cells of the grid branch along each axis of the unit box, in [4, 64], or 0 without such a branch, as in
     the paper."""
@@ -69,7 +67,6 @@ class NetworkSpec:
         whole("layers", self.layers, 1, _MAX_LAYERS)
         whole("hidden_layers", self.hidden_layers, 1, _MAX_HIDDEN)
         whole("r_t", self.r_t, 1, MAX_STRIDE)
-        whole("relaxations", self.relaxations, 0, 16)
         if self.grid_cells != 0:
             whole("grid_cells", self.grid_cells, *GRID_CELLS)
         if not (0.0 < self.r_p <= 1.0):
@@ -123,7 +120,8 @@ class NetworkSpec:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data that `from_dict` reads."""
-        return {"features": FEATURES_VERSION, **dataclasses.asdict(self), "scenarios": list(self.scenarios)}
+        fields = dataclasses.asdict(self) | {"scenarios": list(self.scenarios)}
+        return {"features": FEATURES_VERSION, **fields, "relaxations": 0}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], *, where: str) -> Self:
@@ -132,12 +130,18 @@ class NetworkSpec:
         Raises
         ------
         ConfigError
-            Features of another version, or missing or unknown keys; the message begins with `where`.
+            Features of another version, relaxations of density after a step, or missing or unknown keys; the
+            message begins with `where`.
         """
         plain = dict(data)
         version = plain.pop("features", None)
         if version != FEATURES_VERSION:
             raise ConfigError(f"{where} has features version {version}; this library has {FEATURES_VERSION}")
+        relaxations = plain.pop("relaxations", 0)
+        if relaxations != 0:
+            raise ConfigError(
+                f"{where} has {relaxations} relaxations of density after each step; this library has none"
+            )
         try:
             return cls(**plain)
         except TypeError as error:

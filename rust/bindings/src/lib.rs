@@ -8,7 +8,6 @@ mod convert;
 mod error;
 mod graph;
 mod guidance;
-mod hand_out;
 mod neural;
 mod pools;
 mod scene;
@@ -107,19 +106,16 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<solver::PySolver>()?;
     module.add_class::<solver::PyCarrier>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
-    module.add_class::<graph::PyVerletList>()?;
     module.add_class::<guidance::PyFreeSpace>()?;
     module.add_class::<guidance::PyMatching>()?;
     module.add_class::<guidance::PyTiming>()?;
     module.add_class::<guidance::PyTracks>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
-    module.add_function(wrap_pyfunction!(hand_out::hand_out_times, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::match_to_region, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::least_acceleration, module)?)?;
     module.add_function(wrap_pyfunction!(neural::answer_weights, module)?)?;
-    module.add_function(wrap_pyfunction!(neural::relaxed, module)?)?;
     module.add_function(wrap_pyfunction!(limit_instructions, module)?)?;
     module.add_function(wrap_pyfunction!(cpu_features, module)?)
 }

@@ -9,9 +9,7 @@ mod rows;
 mod scan;
 mod search;
 mod settings;
-mod verlet;
 
 pub use error::GraphError;
 pub use search::Search;
 pub use settings::GraphSettings;
-pub use verlet::VerletList;

@@ -1,6 +1,6 @@
 //! Graphs against the comparison of all pairs, whatever the cloud of points.
 
-use neighbors::{GraphError, GraphSettings, Search, VerletList};
+use neighbors::{GraphError, GraphSettings, Search};
 use proptest::prelude::*;
 use threads::Pool;
 
@@ -114,25 +114,6 @@ proptest! {
     fn equals_brute_force_3d(x in clouds(3), settings in settings(), flags: u64) {
         same_as_brute_force::<3>(&x, &settings, flags);
     }
-
-    #[test]
-    fn verlet_list_equals_a_fresh_graph(
-        x in clouds(2), settings in settings(), skin in 0.001f32..0.5, steps in prop::collection::vec(-0.2f32..0.2, 12)
-    ) {
-        let pool = Pool::new(2).unwrap();
-        let mut list = VerletList::<2>::new(settings, skin).unwrap();
-        let (mut x, mut fresh) = (x, Search::<2>::new());
-        for (frame, step) in steps.into_iter().enumerate() {
-            for (i, s) in x.iter_mut().enumerate() {
-                *s += step * skin * ((i + frame) % 5) as f32;
-            }
-            let expected = search(&mut fresh, &x, None, &settings, &pool);
-            let edges = list.find(&x, None, &pool).unwrap();
-            let mut senders = vec![0; edges];
-            list.write_senders(&mut senders, &pool);
-            prop_assert_eq!(Graph { starts: list.starts().to_vec(), senders }, expected);
-        }
-    }
 }
 
 /// A jittered lattice with several thousand points, more than one piece of work for each thread.
@@ -170,22 +151,6 @@ fn threads_do_not_change_a_large_graph() {
 }
 
 #[test]
-fn candidates_serve_until_a_point_has_moved_half_the_skin() {
-    let pool = Pool::new(1).unwrap();
-    let mut list = VerletList::<2>::new(GraphSettings::new(0.05), 0.02).unwrap();
-    let mut x = jittered::<2>(20);
-    for (moved, rebuilds) in [(0.0, 1), (0.009, 1), (0.0009, 1), (0.0009, 2), (0.009, 2)] {
-        x[17] += moved;
-        list.find(&x, None, &pool).unwrap();
-        assert_eq!(list.rebuilds(), rebuilds, "after {moved} m");
-    }
-    list.find(&x[2..], None, &pool).unwrap();
-    assert_eq!(list.rebuilds(), 3);
-    x[3] = f32::NAN;
-    assert!(list.find(&x, None, &pool).is_err());
-}
-
-#[test]
 fn nonsense_is_named() {
     let pool = Pool::new(1).unwrap();
     let error = |x: &[f32], fixed: Option<&[bool]>, settings: &GraphSettings| {
@@ -211,8 +176,4 @@ fn nonsense_is_named() {
     };
     let edges = error(&[0.0; 6], None, &few).to_string();
     assert!(edges.contains("3 points has more than max_edges = 5"));
-    for (radius, skin) in [(0.1, 0.0), (f32::NAN, 0.1), (3.0e38, 3.0e38)] {
-        let refused = VerletList::<3>::new(GraphSettings::new(radius), skin);
-        assert!(matches!(refused, Err(GraphError::Length { .. })));
-    }
 }

@@ -1,9 +1,7 @@
-//! What knows about networks: where their answers count, what follows them, and the signal that guards them.
+//! Answer gate of the learned simulators, and the signal of the safeguard.
 
 mod answer_gate;
 mod history;
-mod relaxation;
 
 pub use answer_gate::AnswerGate;
 pub use history::{AccelerationHistory, HistorySettings, SafeguardError, Signal};
-pub use relaxation::Relaxation;

@@ -117,15 +117,15 @@ def test_what_does_not_fit_is_refused(train: Train, tmp_path: Path) -> None:
         assert message in " ".join(result.stderr.split()), result.stderr
 
 
-def test_a_network_of_the_library_is_finetuned_without_relaxations(train: Train, tmp_path: Path) -> None:
+def test_a_network_of_the_library_is_finetuned(train: Train, tmp_path: Path) -> None:
     out = tmp_path / "fine"
-    begin = ("--finetune", "fluids_3d_fast", "--scenario", "sand_3d", "--relaxations", 0)
+    begin = ("--finetune", "fluids_3d", "--scenario", "sand_3d")
     result = train(*begin, "--steps", 1, "--batch", 1, "--unroll", 1, "--noise", 0.15, "--out", out)
     assert result.exit_code == 0, result.output
-    state, served = checkpoint.read(out / "checkpoint.pt"), NeuralModel.load("fluids_3d_fast")
+    state, served = checkpoint.read(out / "checkpoint.pt"), NeuralModel.load("fluids_3d")
     spec = NetworkSpec.from_dict(json.loads(state["spec"]), where="checkpoint")
-    assert spec == dataclasses.replace(served.spec, scenarios=("sand_3d",), relaxations=0)
-    held = onnx.load_from_string(read_model("fluids_3d_fast")).graph.initializer
+    assert spec == dataclasses.replace(served.spec, scenarios=("sand_3d",))
+    held = onnx.load_from_string(read_model("fluids_3d")).graph.initializer
     before = {one.name.removeprefix("simulator.network."): onnx.numpy_helper.to_array(one) for one in held}
     change = [abs(part.numpy() - before[name]).max() for name, part in state["weights"].items()]
     assert 0 < max(change) < 0.01, "a training of one step begins with the weights of the network"
@@ -136,7 +136,7 @@ def test_a_network_of_the_library_is_finetuned_without_relaxations(train: Train,
 
 
 def test_damaged_networks_are_not_finetuned(train: Train, tmp_path: Path) -> None:
-    file, data = tmp_path / "one.onnx", read_model("fluids_3d_fast")
+    file, data = tmp_path / "one.onnx", read_model("fluids_3d")
     foreign = onnx.load_from_string(data)
     foreign.graph.initializer[0].name = "another"
     cases = [

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, GraphSizeError, VerletList, radius_graph
+from hybridmpm import ConfigError, GraphSizeError, radius_graph
 
 
 def test_edges_are_ordered_by_receiver_and_hold_no_self_edge() -> None:
@@ -116,25 +116,6 @@ def test_too_many_edges_are_refused() -> None:
         radius_graph(x, 0.1, max_edges=9899)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_verlet_list_gives_the_fresh_graphs_and_searches_seldom(dim: int) -> None:
-    rng = np.random.default_rng(dim)
-    x, v = rng.random((800, dim), dtype=np.float32), rng.normal(size=(800, dim)).astype(np.float32)
-    types = rng.integers(3, 7, 800)
-    neighbors = VerletList(0.08, 0.02, threads=2)
-    assert (neighbors.radius, neighbors.skin) == (np.float32(0.08), np.float32(0.02))
-    out = radius_graph(x[:1], 1.0)
-    for frame in range(40):
-        expected = radius_graph(x, 0.08, types)
-        graph = neighbors.graph(x, types, out=out if frame % 2 else None)
-        assert np.array_equal(graph.starts, expected.starts)
-        assert np.array_equal(graph.senders, expected.senders)
-        x += np.float32(0.0005) * v
-    assert 2 <= neighbors.rebuilds <= 10
-    other = np.zeros((3, 5 - dim), np.float32)
-    assert neighbors.graph(other).senders.tolist() == [1, 2, 0, 2, 0, 1]
-
-
 def test_bad_options_are_named() -> None:
     x = np.zeros((2, 2), np.float32)
     with pytest.raises(ConfigError, match=r"types must be integers of shape \(N,\), got float64"):
@@ -143,10 +124,6 @@ def test_bad_options_are_named() -> None:
         radius_graph(x, 0.1, np.zeros(3, int))
     with pytest.raises(ConfigError, match="threads must be at least 1"):
         radius_graph(x, 0.1, threads=0)
-    with pytest.raises(ConfigError, match="skin must be finite and > 0 m, got -1"):
-        VerletList(0.1, -1.0)
-    with pytest.raises(ConfigError, match=r"x\[1\] must be finite"):
-        VerletList(0.1, 0.1).graph(np.array([[0, 0], [np.inf, 0]], np.float32))
 
 
 def test_threads_may_search_side_by_side() -> None:

@@ -37,7 +37,6 @@ def make_simulator(*, scale: float = 0.2, seed: int = 0, **changes: Any) -> Lear
         "radius": 0.0275,
         "r_p": 1 / 8,
         "r_t": 4,
-        "relaxations": 3,
     }
     spec = NetworkSpec(**{**settings, **changes})
     scales = Normalization(
@@ -118,8 +117,8 @@ def simulator() -> LearnedSimulator:
 
 @pytest.fixture(scope="session")
 def simulator_3d() -> LearnedSimulator:
-    """Return a small network for sand in 3D, without relaxation, with a grid branch."""
-    return make_simulator(scenarios=("sand_3d",), radius=0.03, hidden_layers=1, relaxations=0, grid_cells=6)
+    """Return a small network for sand in 3D, with a grid branch."""
+    return make_simulator(scenarios=("sand_3d",), radius=0.03, hidden_layers=1, grid_cells=6)
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from hybridmpm.training.physics.windows import edges_of
 Inputs = Callable[..., dict[str, Any]]
 
 SPEC = NetworkSpec(
-    scenarios=("water_2d",), latent=8, layers=2, hidden_layers=1, radius=0.03, r_p=1 / 8, r_t=4, relaxations=2
+    scenarios=("water_2d",), latent=8, layers=2, hidden_layers=1, radius=0.03, r_p=1 / 8, r_t=4
 )
 WALLS = torch.tensor([[0.1, 0.1], [0.9, 0.9]])
 GRAVITY = torch.tensor([0.0, -9.81])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from hybridmpm import ConfigError, Scene, scenarios
-from hybridmpm.physics.free_fall import FreeFall, RelaxedFreeFall
-from hybridmpm.physics.spec import NetworkSpec
+from hybridmpm import ConfigError, Scene
+from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.scene.particle_types import KINEMATIC, WATER
 
 G = np.array([0.0, -9.81])
@@ -58,22 +57,3 @@ def test_bad_settings_are_named(drop: Scene) -> None:
     with pytest.raises(ConfigError, match=r"frames of 0\.005 s, those of drop last 0\.0025 s"):
         FreeFall(frame_dt=0.005).check(drop)
     FreeFall(frame_dt=drop.frame_dt).check(drop)
-
-
-@pytest.mark.parametrize("rounds", [0, 3])
-def test_relaxation_spreads_what_falls_together(rounds: int) -> None:
-    spec = NetworkSpec(scenarios=("water_2d",), radius=0.02, r_p=0.25, r_t=4, relaxations=rounds)
-    rng = np.random.default_rng(0)
-    x = rng.uniform(0.4, 0.45, (200, 2)).astype(np.float32)
-    history = np.repeat(x[None], 6, axis=0)
-    types = np.full(200, WATER, dtype=np.int64)
-    types[:5] = KINEMATIC
-    push = np.tile(G.astype(np.float32), (200, 1))
-    fallen = FreeFall(spec.frame_dt, r_p=0.25, r_t=4).step(history, types, push, WALLS)
-    after = RelaxedFreeFall(spec).step(history, types, push, WALLS)
-    np.testing.assert_array_equal(after[:5], x[:5])
-    if rounds == 0:
-        np.testing.assert_array_equal(after, fallen)
-    else:
-        assert after[5:].std(axis=0).min() > 1.02 * fallen[5:].std(axis=0).min()
-    RelaxedFreeFall(spec).check(scenarios.water_2d(0))

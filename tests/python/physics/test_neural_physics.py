@@ -49,7 +49,7 @@ def falling(r_t: int = 4, *, show_all: bool = True) -> NeuralPhysics:
 @pytest.mark.parametrize("r_t", [1, 4, 16])
 def test_zero_decoder_is_free_fall(simulator_of: Any, torch_stepper: Any, r_t: int) -> None:
     """A network that answers zero leaves the known acceleration: g within 2 %, here to rounding."""
-    simulator = simulator_of(scale=0.0, r_t=r_t, relaxations=0)
+    simulator = simulator_of(scale=0.0, r_t=r_t)
     simulator.acceleration_mean.zero_()
     physics = NeuralPhysics(FALL, torch_stepper(simulator))
     physics.advance(5 * r_t)
@@ -105,7 +105,7 @@ def test_the_copying_test(simulator_of: Any, torch_stepper: Any, monkeypatch: py
     monkeypatch.setattr(
         "hybridmpm.training.physics.network.simulator.answer_weights", lambda *_, **__: everywhere
     )
-    simulator = simulator_of(relaxations=0)
+    simulator = simulator_of()
     scene, steps, r_t = scenarios.water_ramps_2d(2), 30, 4
     truth = MpmSolver(scene, r_p=1 / 8).rollout((5 + steps) * r_t)[::r_t].astype(np.float64)
     answers = iter(_residuals(truth, simulator))

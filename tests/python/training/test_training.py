@@ -34,7 +34,6 @@ SPEC = NetworkSpec(
     radius=0.04,
     r_p=1 / 16,
     r_t=4,
-    relaxations=2,
 )
 
 
@@ -66,8 +65,7 @@ def weights_of(trainer: Trainer) -> np.ndarray:
 
 
 def test_two_hundred_steps_halve_the_loss(trajectories: Trajectories) -> None:
-    bare = dataclasses.replace(SPEC, relaxations=0)
-    trainer = trainer_of(trajectories, bare, noise=0.02, learning_rate=3e-3, final_rate=1e-3)
+    trainer = trainer_of(trajectories, noise=0.02, learning_rate=3e-3, final_rate=1e-3)
     windows = windows_of(trajectories, 1)
     losses = [trainer.step(windows) for _ in range(200)]
     assert np.mean(losses[-40:]) < 0.5 * np.mean(losses[:10])
@@ -281,7 +279,7 @@ def test_a_network_that_knows_the_accelerations_rolls_out_to_the_recorded_positi
     trajectories: Trajectories, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trajectory = trajectories[0]
-    trainer = trainer_of(trajectories, dataclasses.replace(SPEC, relaxations=0))
+    trainer = trainer_of(trajectories)
     simulator, path = trainer.simulator, trajectory.positions.astype(np.float64)
     known = np.array([0.0, -9.81]) * SPEC.step_dt**2
     state = iter(range(HISTORY, len(path)))
@@ -304,7 +302,7 @@ def test_a_network_that_knows_the_accelerations_rolls_out_to_the_recorded_positi
 
 
 def test_the_zero_network_is_free_fall(trajectories: Trajectories) -> None:
-    trainer = trainer_of(trajectories, dataclasses.replace(SPEC, relaxations=0))
+    trainer = trainer_of(trajectories)
     scales = dataclasses.replace(trainer.simulator.scales, acceleration_mean=(0.0, 0.0))
     simulator = Trainer(trainer.spec, scales, trainer.settings, CPU).simulator
     with torch.no_grad():
@@ -396,7 +394,6 @@ def test_a_checkpoint_of_other_features_is_refused(trajectories: Trajectories, t
         ({"r_t": 0}, "r_t must be in"),
         ({"r_p": 0.0}, r"r_p must be in \(0, 1\], got 0"),
         ({"radius": float("nan")}, r"radius must be in \(0, 1\] m"),
-        ({"relaxations": 17}, r"relaxations must be in \[0, 16\], got 17"),
         ({"scenarios": ()}, "at least one scenario"),
         ({"scenarios": ("lava",)}, "lava"),
         ({"scenarios": ("water_2d", "water_3d")}, "one dimension.*water_2d, water_3d"),

@@ -101,13 +101,6 @@ does not lower the error (docs/results/hybrid.md)."""
     help="Number of frames in a step of the network.",
 )
 @click.option(
-    "--relaxations",
-    type=click.IntRange(0, 16),
-    default=0,
-    show_default=True,
-    help="Number of relaxations of density after each step of the network; the paper's network has none.",
-)
-@click.option(
     "--grid-cells",
     type=click.IntRange(0, GRID_CELLS[1]),
     help="Number of cells along each axis of a grid by which far particles act on each other; 0 is without, "
@@ -232,10 +225,7 @@ def physics(
 
 
 def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | None") -> NetworkSpec:
-    """Return the description of the network: by the options, or that of the weights it begins with.
-
-    Of the latter, relaxations may change: they have no weights.
-    """
+    """Return the description of the network: by the options, or that of the weights it begins with."""
     options = ctx.params
     if beginning is not None:
         older = beginning.simulator.spec
@@ -247,12 +237,10 @@ def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | No
             options["finetune"],
             instead="leave it out or leave out --finetune",
         )
-        given = ctx.get_parameter_source("relaxations") is ParameterSource.COMMANDLINE
-        relaxations = options["relaxations"] if given else older.relaxations
-        return dataclasses.replace(older, scenarios=names or older.scenarios, relaxations=relaxations)
+        return dataclasses.replace(older, scenarios=names or older.scenarios)
     if not names:
         raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
-    shape = {key: options[key] for key in (*_SHAPE, "relaxations")}
+    shape = {key: options[key] for key in _SHAPE}
     bare = NetworkSpec(scenarios=names, **shape | {"radius": 1.0, "grid_cells": 0})
     if shape["radius"] is None:
         shape["radius"] = round(_SPACINGS[bare.dim] * bare.spacing, 6)

@@ -1,8 +1,7 @@
-//! `radius_graph`, `VerletList` and their records.
+//! `radius_graph` and its record.
 
 mod finder;
 mod record;
-mod verlet;
 
 use neighbors::{GraphError, GraphSettings};
 use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -12,9 +11,8 @@ use pyo3::types::PyDict;
 use crate::convert::{array, describe, slice_of};
 use crate::error::{GraphSizeError, config_error};
 use crate::pools::shared_pool;
-use finder::Direct;
+use finder::Finder;
 pub use record::PyRadiusGraph;
-pub use verlet::PyVerletList;
 
 #[expect(
     clippy::too_many_arguments,
@@ -45,7 +43,7 @@ pub fn py_radius_graph<'py>(
     };
     let pool = shared_pool(threads)?;
     let Some(out) = out else {
-        let mut finder = Direct::borrowed(points.dim());
+        let mut finder = Finder::borrowed(points.dim());
         finder.set(settings);
         let graph = PyRadiusGraph::found(py, &points, &mut finder, &pool);
         finder.give_back();

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PySlice;
 use threads::Pool;
 
-use super::finder::{Direct, Finder};
+use super::finder::Finder;
 use super::{Points, in_use, raised};
 
 /// Edges between points at most a radius apart.
@@ -26,7 +26,7 @@ struct Held {
     receivers: Option<Py<PyArray1<u32>>>,
     radius: f32,
     /// What has found a graph into these arrays, to be used for the next one.
-    search: Option<Direct>,
+    search: Option<Finder>,
 }
 
 impl PyRadiusGraph {
@@ -34,7 +34,7 @@ impl PyRadiusGraph {
     pub(super) fn found<'py>(
         py: Python<'py>,
         points: &Points<'_>,
-        finder: &mut dyn Finder,
+        finder: &mut Finder,
         pool: &Pool,
     ) -> PyResult<Bound<'py, Self>> {
         let mut held = Held {
@@ -61,23 +61,12 @@ impl PyRadiusGraph {
         let mut held = self.held()?;
         let mut search = match held.search.take() {
             Some(search) if search.dim() == points.dim() => search,
-            _ => Direct::new(points.dim()),
+            _ => Finder::new(points.dim()),
         };
         search.set(settings);
         let done = held.overwrite(py, points, &mut search, pool);
         held.search = Some(search);
         done
-    }
-
-    /// Overwrites this graph with one that `finder` finds.
-    pub(super) fn take_from(
-        &self,
-        py: Python<'_>,
-        points: &Points<'_>,
-        finder: &mut dyn Finder,
-        pool: &Pool,
-    ) -> PyResult<()> {
-        self.held()?.overwrite(py, points, finder, pool)
     }
 
     fn held(&self) -> PyResult<MutexGuard<'_, Held>> {
@@ -90,7 +79,7 @@ impl Held {
         &mut self,
         py: Python<'_>,
         points: &Points<'_>,
-        finder: &mut dyn Finder,
+        finder: &mut Finder,
         pool: &Pool,
     ) -> PyResult<()> {
         // Some room to spare, as the next graph may be a little larger.
@@ -103,7 +92,7 @@ impl Held {
         &mut self,
         py: Python<'_>,
         points: &Points<'_>,
-        finder: &mut dyn Finder,
+        finder: &mut Finder,
         pool: &Pool,
         spare: usize,
     ) -> PyResult<()> {

@@ -1,10 +1,8 @@
-//! What surrounds the networks: `answer_weights`, `relaxed`, `AccelerationHistory`.
+//! What surrounds the networks: `answer_weights`, `AccelerationHistory`.
 
 mod answer_gate;
 mod edges;
 mod history;
-mod relaxation;
 
 pub use answer_gate::answer_weights;
 pub use history::{PyAccelerationHistory, PyAccelerationSignal};
-pub use relaxation::relaxed;

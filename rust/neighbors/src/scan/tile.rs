@@ -65,20 +65,6 @@ impl<const D: usize> Tile<D> {
         self.end(count);
     }
 
-    /// Takes candidates from among points, N times D coordinates.
-    pub fn gather(&mut self, candidates: &[u32], points: &[f32]) {
-        self.resize(candidates.len());
-        self.points.as_flattened_mut()[..candidates.len()].copy_from_slice(candidates);
-        let (points, _) = points.as_chunks::<D>();
-        for axis in 0..D {
-            let x = self.x[axis].as_flattened_mut();
-            for (x, &candidate) in x.iter_mut().zip(candidates) {
-                *x = points[candidate as usize][axis];
-            }
-        }
-        self.end(candidates.len());
-    }
-
     fn resize(&mut self, count: usize) {
         self.groups = count.div_ceil(LANES);
         // Whole groups are copied, so that the last of a run may reach beyond them.

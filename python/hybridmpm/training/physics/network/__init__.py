@@ -1,1 +1,1 @@
-"""The network that steps a fluid, in torch: features, message passing, relaxation of density, one step."""
+"""The network that steps a fluid, in torch: features, message passing, one step."""

@@ -3,14 +3,12 @@
 import torch
 from torch import Tensor, nn
 
-from hybridmpm.physics.relaxation import rest_density
 from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.physics.network.answer_gate import answer_weights
 from hybridmpm.training.physics.network.edges import Edges
 from hybridmpm.training.physics.network.features import edge_features, node_features
 from hybridmpm.training.physics.network.graph_network import GraphNetwork
-from hybridmpm.training.physics.network.relaxation import relaxation
 
 
 class LearnedSimulator(nn.Module):
@@ -29,7 +27,6 @@ class LearnedSimulator(nn.Module):
         super().__init__()
         self.spec, self.scales = spec, scales
         self.network = GraphNetwork(spec)
-        self._rest = rest_density(spec)
         for name in ("velocity_mean", "velocity_std", "acceleration_mean", "acceleration_std"):
             self.register_buffer(name, torch.tensor(getattr(scales, name), dtype=torch.float32))
 
@@ -72,13 +69,9 @@ class LearnedSimulator(nn.Module):
         *,
         answer: Tensor,
     ) -> Tensor:
-        """Return positions (N, D) [m] after the Euler step of an answer (N, D) and relaxations of density."""
+        """Return positions (N, D) [m] after the Euler step of an answer (N, D)."""
         weight = self.answer_weights(history, types, acceleration, walls, graph)
-        x = self.moved(history, types, acceleration, walls, answer=answer, weight=weight)
-        for _ in range(self.spec.relaxations):
-            relaxed = within(x + weight * relaxation(x, graph, self.spec.radius, self._rest), walls)
-            x = torch.where(weight > 0.0, relaxed, x)
-        return x
+        return self.moved(history, types, acceleration, walls, answer=answer, weight=weight)
 
     def moved(
         self,
@@ -99,7 +92,7 @@ class LearnedSimulator(nn.Module):
     def answer_weights(
         self, history: Tensor, types: Tensor, acceleration: Tensor, walls: Tensor, graph: Edges
     ) -> Tensor:
-        """Return the weight (N, 1) in [0, 1] of answer and relaxation; parameters as in `forward`.
+        """Return the weight (N, 1) in [0, 1] of the answer; parameters as in `forward`.
 
         The weight is 0 for kinematic particles and where nothing happens to a body, since an undisturbed one
         falls freely. Served models get it from `hybridmpm.physics.answer_gate`.
