@@ -12,12 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "MAX_SUBSTEPS",
+    "SNAPSHOT_VERSION",
     "SOLVER_VERSION",
+    "UPSAMPLER_VERSION",
     "AccelerationHistory",
     "AccelerationSignal",
     "BatchError",
     "CancelFlag",
-    "Carrier",
     "ConfigError",
     "Diagnostics",
     "DomainError",
@@ -39,9 +41,11 @@ __all__ = [
     "StepSizeError",
     "Timing",
     "Tracks",
+    "Upsampler",
     "__version__",
     "advance_all",
     "answer_weights",
+    "cfl_substeps",
     "cpu_features",
     "grid_mass",
     "least_acceleration",
@@ -50,12 +54,18 @@ __all__ = [
     "radius_graph",
 ]
 
+MAX_SUBSTEPS: int
+"""Most substeps of a frame; frames that need more are refused."""
+SNAPSHOT_VERSION: int
+"""Version of the layout of `Solver.snapshot`."""
 SOLVER_VERSION: int
-"""Which truth the solver computes: raised whenever the same scene gives other bits, on purpose.
+"""Version of the results: raised whenever the same scene gives other bits, on purpose.
 
-Snapshots are taken by solvers of their own version only. Data sets and networks say with which they were
-made.
+A snapshot is restored by solvers of the same version only. Data sets and networks name the version that they
+were made with.
 """
+UPSAMPLER_VERSION: int
+"""Version of `Upsampler.snapshot`, raised with its layout and with the bits of an update."""
 __version__: str
 
 class SimulationError(Exception):
@@ -276,8 +286,8 @@ class Obstacle:
     def signed_distance(self, x: npt.NDArray[np.float32], time: float = 0.0) -> npt.NDArray[np.float32]:
         """Distance [m] of points (N, D) to the surface at a time [s], negative inside; shape (N,)."""
 
-    def carry(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
-        """Where points (N, D) [m] of time 0 that move with the solid are at a time [s]; (N, D) [m]."""
+    def moved(self, x: npt.NDArray[np.float32], time: float) -> npt.NDArray[np.float32]:
+        """Positions (N, D) [m] at a time [s] of points of the solid that are at `x` (N, D) [m] at time 0."""
 
 @final
 class Emitter:
@@ -712,12 +722,12 @@ class Solver:
         """Return an independent solver in the same state."""
 
 @final
-class Carrier:
-    """All N particles of a scene, carried along by n few; see `hybridmpm.downsampling.Carrier`.
+class Upsampler:
+    """All N particles of a scene, moved with n coarse particles; see `hybridmpm.coarse.Upsampler`.
 
-    Thread safe: calls on one carrier wait for each other, with the GIL released. Methods that take the few
-    take their `ids` (n,), ascending, positions `x` (n, D) [m], velocity gradients `affine` (n, D, D) [1/s],
-    if known, and masses `mass` (n,) [kg].
+    Thread safe: calls on one upsampler wait for each other, with the GIL released. Methods that take the coarse
+    particles take their `ids` (n,), ascending, positions `x` (n, D) [m], velocity gradients `affine` (n, D, D)
+    [1/s], if known, and masses `mass` (n,) [kg].
     """
 
     def __new__(
@@ -734,21 +744,22 @@ class Carrier:
         material: npt.NDArray[np.uint8],
         mass: npt.NDArray[np.float32],
         volume: npt.NDArray[np.float32],
-    ) -> Carrier:
+    ) -> Upsampler:
         """Take the particles of a scene at frame 0.
 
         Parameters
         ----------
         solver : Solver
-            Solver of the scene at frame 0 with the grid of the few. Its particles are the few.
+            Solver of the scene at frame 0, on the coarse grid; its particles are the coarse ones.
         resolution : int
             Cells per metre of the scene's own grid.
         affine_share : float in [0, 1]
-            Part of the affine motion of the few that those that are carried take over.
+            Part of the affine motion of coarse particles that is interpolated.
         relaxation : float in [0, 8]
-            How far particles slide apart at a carry [cells] per density in excess and cell.
+            Displacement of shown particles in a pass of the density relaxation [cells] per excess density and
+            cell.
         emitters : sequence of Emitter
-            Emitters of the particles that are carried, one for each of the solver's.
+            Emitters of shown particles, one for each of the solver's.
         max_particles : int, optional
             Emitters add no particles beyond this number.
         x, v, material, mass, volume
@@ -762,11 +773,11 @@ class Carrier:
 
     @property
     def every(self) -> int:
-        """Frames from one carry to the next."""
+        """Frames from one update to the next."""
 
     @property
     def frame(self) -> int:
-        """Frame of the latest carry."""
+        """Frame of the latest update."""
 
     @property
     def particle_count(self) -> int:
@@ -774,7 +785,7 @@ class Carrier:
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending; a snapshot, read-only."""
+        """Permanent ids (N,) of the particles, ascending; a snapshot, read-only."""
 
     @property
     def mass(self) -> npt.NDArray[np.float32]:
@@ -786,9 +797,9 @@ class Carrier:
 
     @property
     def emitters(self) -> list[str]:
-        """What each emitter did in the latest frame."""
+        """Status of each emitter in the latest frame."""
 
-    def carry(
+    def update(
         self,
         frame: int,
         *,
@@ -797,12 +808,12 @@ class Carrier:
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
     ) -> None:
-        """Carry all particles to a frame after the latest carry, at whose end the few are as given.
+        """Move all particles to the end of a frame after the latest update, with the coarse particles then.
 
         Raises
         ------
         ConfigError
-            The frame is not after the latest carry, or the arrays disagree or are not finite.
+            The frame is not after the latest update, or the arrays disagree or are not finite.
         """
 
     def positions(
@@ -814,7 +825,7 @@ class Carrier:
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """Return positions (N, D) [m] at a frame from the latest carry on; raises as `carry`."""
+        """Return positions (N, D) [m] at a frame from the latest update on; raises as `update`."""
 
     def velocities(
         self,
@@ -826,19 +837,19 @@ class Carrier:
         affine: npt.NDArray[np.float32] | None = None,
         mass: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """Return velocities (N, D) [m/s] at such a frame; `v` (n, D) are those of the few."""
+        """Return velocities (N, D) [m/s] at such a frame; `v` (n, D) are those of the coarse particles."""
 
     def gather_force(self, force: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Return accelerations (n, D) [m/s^2] of the few at the latest carry, from the many's (N, D)."""
+        """Convert accelerations (N, D) [m/s^2] to those (n, D) of the coarse particles at the latest update."""
 
     def snapshot(self) -> bytes:
-        """Complete state, without the few."""
+        """Complete state, without that of the simulator of the coarse particles."""
 
     def restore(self, data: bytes) -> None:
-        """Take the state of a snapshot of the same scene; raises `SnapshotError`."""
+        """Restore the state of a snapshot of the same scene; raises `SnapshotError`."""
 
-    def copy(self) -> Carrier:
-        """Return an independent carrier in the same state."""
+    def copy(self) -> Upsampler:
+        """Return an independent upsampler in the same state."""
 
 def advance_all(
     solvers: Sequence[Solver],
@@ -864,6 +875,40 @@ def advance_all(
         Some scenes failed and are in the state before their failed frame; all others have advanced.
     ConfigError
         An argument is out of range or has a wrong shape; nothing has moved.
+    """
+
+def cfl_substeps(
+    materials: Sequence[Material],
+    *,
+    dim: int,
+    resolution: int,
+    frame_dt: float,
+    speed: float = 0.0,
+    cfl: float | None = None,
+) -> int:
+    """Number of substeps of a frame that the CFL law gives, for a solver with `substeps="cfl"`.
+
+    A solver takes as many in its first frame. The number may exceed `MAX_SUBSTEPS`, which solvers refuse.
+
+    Parameters
+    ----------
+    materials : sequence of Material
+        Materials of the scene.
+    dim : 2 or 3
+    resolution : int >= 1
+        Grid cells per metre.
+    frame_dt : float
+        Length of a frame [s].
+    speed : float >= 0
+        Largest speed of particles plus that of obstacles [m/s].
+    cfl : float in (0, 1], optional
+        CFL number of waves and motion; if absent, waves take `Material.default_cfl`, and a particle crosses at
+        most 0.55 of a cell in a substep.
+
+    Raises
+    ------
+    ConfigError
+        An argument is out of range.
     """
 
 def grid_mass(

@@ -291,7 +291,7 @@ def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Moti
     dim, time = len(motion.velocity or ()), 0.85
     low, high = (0.3, 0.2, 0.1)[:dim], (0.5, 0.7, 0.6)[:dim]
     box = BoxObstacle(lower=low, upper=high, motion=motion)
-    carried = box.to_native().carry
+    moved = box.to_native().moved
 
     def placed(obstacle: Any) -> Any:
         return _call(
@@ -299,8 +299,8 @@ def test_moving_obstacles_are_where_the_solver_has_them(page: Page, motion: Moti
         )
 
     corners = [[(low, high)[(bits >> axis) & 1][axis] for axis in range(dim)] for bits in range(2**dim)]
-    assert placed(box)["corners"] == pytest.approx(carried(np.float32(corners), time), abs=1e-6)
-    start, end = carried(np.float32([low, high]), time)
+    assert placed(box)["corners"] == pytest.approx(moved(np.float32(corners), time), abs=1e-6)
+    start, end = moved(np.float32([low, high]), time)
     ramp = placed(SegmentObstacle(start=low, end=high, thickness=0.02, motion=motion))
     assert ramp["start"] == pytest.approx(start, abs=1e-6)
     assert ramp["end"] == pytest.approx(end, abs=1e-6)

@@ -70,6 +70,7 @@ def measure(settings: ScalingSettings, on_progress: Progress) -> Iterator[Row]:
             }
             on_progress(1)
 
+
 def _timed(solver: MpmSolver) -> TimedSimulation:
     solver.advance(_RUN_UP)
     start = solver.snapshot()

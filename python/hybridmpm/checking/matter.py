@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 
+from hybridmpm._native import MAX_SUBSTEPS
 from hybridmpm.checking.report import Finding
-from hybridmpm.mpm.cost import substeps_by_material
+from hybridmpm.mpm.cost import cfl_substeps
 from hybridmpm.mpm.scene_warnings import FULL, SOFT, filled_share, settled_compression
 from hybridmpm.scene import Scene, Water
 
@@ -11,8 +12,6 @@ DEAR = 3.0
 """How many times the substeps of all others a material asks for where it is said to be dear."""
 MANY_SUBSTEPS = 50
 """Substeps a frame from which on the only material of a scene is said to be dear."""
-_MOST_SUBSTEPS = 20_000
-"""Substeps in one frame above which the core refuses it, as in rust/mpm/src/substep/timestep.rs."""
 UNEQUAL = 100.0
 """Ratio of densities from which on something is said."""
 
@@ -66,18 +65,18 @@ def _unequal(scene: Scene) -> Iterator[Finding]:
 
 
 def _dear(scene: Scene, resolution: int) -> Iterator[Finding]:
-    counts = substeps_by_material(scene, resolution, None)
+    counts = [cfl_substeps(scene, [material], resolution) for material in scene.materials]
     for index, (material, count) in enumerate(zip(scene.materials, counts, strict=True)):
         others = max((other for place, other in enumerate(counts) if place != index), default=0)
-        if count > _MOST_SUBSTEPS and resolution == scene.resolution:
+        if count > MAX_SUBSTEPS and resolution == scene.resolution:
             # On coarser grids moduli may be lowered, too; there the first frame tells.
             yield Finding(
                 severity="error",
                 field=scene.made_of(material),
                 problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a frame, "
-                f"and at most {_MOST_SUBSTEPS} are taken",
-                advice=f"make it {(count / _MOST_SUBSTEPS) ** 2:.2g} times softer or denser, or frames "
-                f"{count / _MOST_SUBSTEPS:.2g} times shorter",
+                f"and at most {MAX_SUBSTEPS} are taken",
+                advice=f"make it {(count / MAX_SUBSTEPS) ** 2:.2g} times softer or denser, or frames "
+                f"{count / MAX_SUBSTEPS:.2g} times shorter",
             )
         elif count > (DEAR * others if others else MANY_SUBSTEPS - 1):
             compared = f"; all others need {others}" if others else ""

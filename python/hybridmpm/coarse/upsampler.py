@@ -87,7 +87,7 @@ class Upsampler:
     ) -> None:
         particles = scene.sample()
         self._few = few
-        self._native = _core.Carrier(
+        self._native = _core.Upsampler(
             solver,
             resolution=scene.resolution,
             affine_share=affine_share,
@@ -152,7 +152,7 @@ class Upsampler:
         """
         frame = self._few.frame
         if frame % self.every == 0 and frame > self._native.frame:
-            self._native.carry(frame, **self._state())
+            self._native.update(frame, **self._state())
 
     def gather_force(self, force: _Floats) -> _Floats:
         """Return the accelerations (n, D) [m/s^2] of the few that those of the many, (N, D), stand for.

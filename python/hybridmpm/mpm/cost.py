@@ -1,26 +1,26 @@
-"""What a frame will cost, told from its scene alone, and the materials that make it slow."""
+"""Cost of a frame, estimated from its scene alone, and the materials that make it slow."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hybridmpm import _native
 from hybridmpm.scene import Material, Motion, Scene
 
 MANY_SUBSTEPS = 200
-"""Substeps of a frame from which on the scene is said to be slow."""
-_SPEED_CFL = 0.55
-"""Part of a cell that a particle may cross in a substep, as in rust/mpm/src/substep/timestep.rs."""
+"""Substeps of a frame from which on a material counts as costly."""
 
 
 @dataclass(frozen=True)
 class FrameCost:
-    """About how much work the first frame of a scene is for MPM, as its CFL bound cuts it into substeps."""
+    """Approximate work of MPM in the first frame of a scene, with the substeps of the CFL law."""
 
     particles: int
     """Number of particles."""
     substeps: int
-    """Number of substeps: what materials, speeds at the start and moving obstacles ask for."""
+    """Number of substeps for the materials, the initial speeds and the moving obstacles."""
 
     @property
     def particle_substeps(self) -> int:
@@ -29,29 +29,59 @@ class FrameCost:
 
 
 def frame_cost(scene: Scene) -> FrameCost:
-    """Estimate what a frame of a scene costs, without making a particle.
+    """Estimate the cost of a frame of a scene, without sampling particles.
 
-    Particles in overlapping bodies are counted twice. Speeds that come later, e.g. by a force, may ask for
-    more substeps.
+    Particles in overlapping bodies are counted twice. Higher speeds in later frames, e.g. under a force, may
+    need more substeps.
     """
     particles = math.ceil(sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim)
-    steps = [_step(material, scene, scene.resolution, None) for material in scene.materials]
     speed = max((float(np.linalg.norm(body.velocity or 0.0)) for body in scene.bodies), default=0.0)
     speed += max((_speed_of_obstacle(obstacle.motion) for obstacle in scene.obstacles), default=0.0)
-    if speed > 0.0:
-        steps.append(_SPEED_CFL * scene.dx / speed)
-    return FrameCost(particles=particles, substeps=math.ceil(scene.frame_dt / min(steps)))
+    substeps = cfl_substeps(scene, scene.materials, scene.resolution, speed=speed)
+    return FrameCost(particles=particles, substeps=substeps)
+
+
+def cfl_substeps(
+    scene: Scene,
+    materials: Sequence[Material],
+    resolution: int,
+    *,
+    speed: float = 0.0,
+    cfl: float | None = None,
+) -> int:
+    """Return the number of substeps of a frame of a scene by the CFL law.
+
+    Parameters
+    ----------
+    scene : Scene
+    materials : sequence of Material
+        Materials that count, such as `scene.materials`, one of them, or softer ones.
+    resolution : int
+        Grid cells per metre.
+    speed : float
+        Largest speed of particles plus that of obstacles [m/s].
+    cfl : float in (0, 1], optional
+        CFL number of all materials and of motion; each has its own if absent.
+    """
+    return _native.cfl_substeps(
+        [material.to_native(scene.potential_drop) for material in materials],
+        dim=scene.dim,
+        resolution=resolution,
+        frame_dt=scene.frame_dt,
+        speed=speed,
+        cfl=cfl,
+    )
 
 
 def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[str]:
-    """Return a sentence for each material whose waves alone ask for `MANY_SUBSTEPS` in a frame.
+    """Return a sentence for each material whose waves alone need `MANY_SUBSTEPS` in a frame.
 
-    `resolution` is the grid's, in cells per metre; `cfl` is the CFL number of all materials, None for that of
-    each.
+    `resolution` is that of the grid, in cells per metre; `cfl` is the CFL number of all materials, None for
+    that of each.
     """
     texts = []
-    counts = substeps_by_material(scene, resolution, cfl)
-    for material, substeps in zip(scene.materials, counts, strict=True):
+    for material in scene.materials:
+        substeps = cfl_substeps(scene, [material], resolution, cfl=cfl)
         if substeps >= MANY_SUBSTEPS:
             native = material.to_native(scene.potential_drop)
             texts.append(
@@ -60,22 +90,6 @@ def costly_materials(scene: Scene, resolution: int, cfl: float | None) -> list[s
                 f"{scene.frame_dt * 1e3:g} ms; make it denser or softer, or take a coarser grid"
             )
     return texts
-
-
-def substeps_by_material(scene: Scene, resolution: int, cfl: float | None) -> list[int]:
-    """Return how many substeps a frame the waves of each material of `Scene.materials` ask for.
-
-    Parameters are those of `costly_materials`.
-    """
-    return [
-        math.ceil(scene.frame_dt / _step(material, scene, resolution, cfl)) for material in scene.materials
-    ]
-
-
-def _step(material: Material, scene: Scene, resolution: int, cfl: float | None) -> float:
-    """Return the longest substep [s] that the waves of a material allow."""
-    native = material.to_native(scene.potential_drop)
-    return (cfl or native.default_cfl) / (resolution * native.signal_speed(scene.dim))
 
 
 def _speed_of_obstacle(motion: Motion | None) -> float:

@@ -37,7 +37,6 @@ from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
 Substeps = Literal["cfl", "reference"] | int
-MAX_SUBSTEPS = 20_000
 
 
 class MpmSolver(CoarseSimulator):
@@ -119,7 +118,7 @@ class MpmSolver(CoarseSimulator):
     ) -> None:
         self._scene = checked_scene(scene)
         self._substeps: Substeps = (
-            substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, MAX_SUBSTEPS)
+            substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, _native.MAX_SUBSTEPS)
         )
         self._cfl = cfl
         if not isinstance(sleep, Sleep | None):

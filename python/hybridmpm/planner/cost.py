@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from hybridmpm.coarse import CoarseLevel, choice, coarse_level, coarse_table
 from hybridmpm.coarse.bounds import fastest_impact
 from hybridmpm.errors import CoarseWarning
-from hybridmpm.mpm.cost import frame_cost
+from hybridmpm.mpm.cost import cfl_substeps, frame_cost
 from hybridmpm.planner.calibration import Calibration, MaterialTimes
 from hybridmpm.planner.candidates import Candidate, softened, solvers
 from hybridmpm.scene import Scene
 
-_SPEED_CFL = 0.55
-"""Part of a cell that a particle may cross in a substep, as in rust/mpm/src/substep/timestep.rs."""
 _CATCHING = threading.Lock()
 """Threads that catch warnings at the same time would leave each other's filters behind."""
 
@@ -59,22 +57,18 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
     level = _level(candidate, scene)
     count = particle_count(scene)
     few = max(round(level.r_p * count), len(scene.bodies), 1)
+    materials = [
+        material.softened(factor, scene.potential_drop) if factor < 1 else material
+        for material, factor in zip(scene.materials, level.moduli, strict=True)
+    ]
     fastest = speed * fastest_impact(scene)
-    steps = [scene.frame_dt]
-    for material, factor in zip(scene.materials, level.moduli, strict=True):
-        softer = material.softened(factor, scene.potential_drop) if factor < 1 else material
-        native = softer.to_native(scene.potential_drop)
-        cfl = native.default_cfl if level.cfl is None else level.cfl
-        steps.append(cfl / (level.resolution * native.signal_speed(scene.dim)))
-    if fastest > 0:
-        steps.append((_SPEED_CFL if level.cfl is None else level.cfl) / (level.resolution * fastest))
     return Work(
         particles=few,
         shown=count if candidate.show_all else few,
         resolution=level.resolution,
         cells=filled_cells(scene, count, level.resolution),
         obstacles=len(scene.obstacles),
-        substeps=math.ceil(scene.frame_dt / min(steps) - 1e-6),
+        substeps=cfl_substeps(scene, materials, level.resolution, speed=fastest, cfl=level.cfl),
         moduli=tuple(candidate.softer * factor for factor in level.moduli),
     )
 

@@ -121,7 +121,7 @@ class PerspectiveView:
 
     def _moved_shells(self, time: float) -> list[Field]:
         """Return the surface points of each moving obstacle at a time [s] that lie between the walls."""
-        moved = [solid.carry(shell, time) for solid, shell in self._moving]
+        moved = [solid.moved(shell, time) for solid, shell in self._moving]
         return [x[((x >= self._lower) & (x <= self._upper)).all(axis=1)] for x in moved]
 
     def _draw_background(self) -> tuple[Colors, npt.NDArray[np.int64]]:

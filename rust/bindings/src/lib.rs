@@ -93,6 +93,9 @@ fn name_of(set: mpm::Instructions) -> &'static str {
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("SOLVER_VERSION", mpm::SOLVER_VERSION)?;
+    module.add("MAX_SUBSTEPS", mpm::MAX_SUBSTEPS)?;
+    module.add("SNAPSHOT_VERSION", mpm::SNAPSHOT_VERSION)?;
+    module.add("UPSAMPLER_VERSION", mpm::UPSAMPLER_VERSION)?;
     error::register(module)?;
     module.add_class::<scene::PyMaterial>()?;
     module.add_class::<scene::PyObstacle>()?;
@@ -104,13 +107,14 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<neural::PyAccelerationSignal>()?;
     module.add_class::<solver::PyCancelFlag>()?;
     module.add_class::<solver::PySolver>()?;
-    module.add_class::<solver::PyCarrier>()?;
+    module.add_class::<solver::PyUpsampler>()?;
     module.add_class::<graph::PyRadiusGraph>()?;
     module.add_class::<guidance::PyFreeSpace>()?;
     module.add_class::<guidance::PyMatching>()?;
     module.add_class::<guidance::PyTiming>()?;
     module.add_class::<guidance::PyTracks>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
+    module.add_function(wrap_pyfunction!(solver::cfl_substeps, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::match_to_region, module)?)?;

@@ -6,7 +6,6 @@
 //! Python.
 
 mod boundary;
-mod carrying;
 mod diagnostics;
 mod error;
 mod force;
@@ -22,11 +21,11 @@ mod snapshot;
 mod solver;
 mod state;
 mod substep;
+mod upsampling;
 mod version;
 mod volume;
 
 pub use boundary::{Contact, ContactKind, Motion, Obstacle, Placed, Shape, Swing, Walls};
-pub use carrying::{CARRY_EVERY, Carrier, CarryConstants, Few};
 pub use diagnostics::Diagnostics;
 pub use error::MpmError;
 pub use force::Force;
@@ -37,6 +36,10 @@ pub use measure::grid_mass;
 pub use openings::{Emitter, EmitterStatus, Openings};
 pub use particles::Sleep;
 pub use settings::SolverSettings;
+pub use snapshot::SNAPSHOT_VERSION;
 pub use solver::{CancelFlag, MotionReport, PrescribeOptions, Solver};
-pub use substep::{Bound, DEFAULT_SPEED_CFL, FrameReport, Substeps, reference_substeps};
+pub use substep::{
+    Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, Substeps, cfl_substeps, reference_substeps,
+};
+pub use upsampling::{CoarseParticles, UPSAMPLER_VERSION, Upsampler, UpsamplingConstants};
 pub use version::SOLVER_VERSION;

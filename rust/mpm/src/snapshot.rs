@@ -11,8 +11,8 @@ use crate::state::SolverState;
 use crate::version::SOLVER_VERSION;
 
 const MAGIC: &[u8; 8] = b"HMPMSNAP";
-/// Version of the layout.
-const VERSION: u32 = 4;
+/// Version of the layout of snapshots.
+pub const SNAPSHOT_VERSION: u32 = 4;
 /// The last version of the layout that did not name the solver's, which was 1.
 const WITHOUT_SOLVER: u32 = 3;
 /// Magic, both versions, fingerprint, frame, speed.
@@ -25,7 +25,7 @@ pub(crate) fn encode<const D: usize>(
 ) -> Vec<u8> {
     let mut out = Vec::new();
     out.extend_from_slice(MAGIC);
-    out.extend_from_slice(&VERSION.to_le_bytes());
+    out.extend_from_slice(&SNAPSHOT_VERSION.to_le_bytes());
     out.extend_from_slice(&SOLVER_VERSION.to_le_bytes());
     out.extend_from_slice(&fingerprint(settings).to_le_bytes());
     out.extend_from_slice(&state.frame.to_le_bytes());
@@ -62,10 +62,10 @@ pub(crate) fn decode<const D: usize>(
     let version = reader.u32();
     let solver = match version {
         WITHOUT_SOLVER => 1,
-        VERSION => reader.u32(),
+        SNAPSHOT_VERSION => reader.u32(),
         _ => {
             return Err(refuse(format!(
-                "it has version {version}, this build reads version {VERSION}"
+                "it has version {version}, this build reads version {SNAPSHOT_VERSION}"
             )));
         }
     };

@@ -85,10 +85,10 @@ def test_the_core_places_solids_by_the_documented_formula() -> None:
     c, s = math.cos(turn * clock), math.sin(turn * clock)
     corner = np.array([[0.6, 0.5]], dtype=np.float32)
     expected = center + velocity * clock + np.array([[c, -s], [s, c]]) @ (corner[0] - center)
-    carried = solid.carry(corner, time)
-    np.testing.assert_allclose(carried[0], expected, atol=1e-6)
-    assert solid.signed_distance(carried, time) == pytest.approx(0, abs=1e-6)
-    np.testing.assert_allclose(solid.carry(corner, 0.0), corner, atol=1e-7)
+    moved = solid.moved(corner, time)
+    np.testing.assert_allclose(moved[0], expected, atol=1e-6)
+    assert solid.signed_distance(moved, time) == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose(solid.moved(corner, 0.0), corner, atol=1e-7)
     with pytest.raises(_native.ConfigError, match="angular_velocity needs a center"):
         solid.moving(angular_velocity=[1.0])
 

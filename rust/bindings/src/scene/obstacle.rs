@@ -180,7 +180,7 @@ impl PyObstacle {
         Ok(distances.into_pyarray(py))
     }
 
-    fn carry<'py>(
+    fn moved<'py>(
         &self,
         py: Python<'py>,
         x: &Bound<'py, PyAny>,
@@ -188,10 +188,10 @@ impl PyObstacle {
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let x = self.points(x)?;
         let points = slice_of("x", &x)?.chunks_exact(self.dim());
-        let carried: Vec<f32> = with_placed!(self, time, placed => {
-            points.map(|x| placed.carry(&Vector::from_column_slice(x))).flat_map(|x| x.data.0[0]).collect()
+        let moved: Vec<f32> = with_placed!(self, time, placed => {
+            points.map(|x| placed.moved(&Vector::from_column_slice(x))).flat_map(|x| x.data.0[0]).collect()
         });
-        carried.into_pyarray(py).reshape([x.shape()[0], self.dim()])
+        moved.into_pyarray(py).reshape([x.shape()[0], self.dim()])
     }
 }
 

@@ -1,6 +1,6 @@
-//! What there is in either dimension: a solver, a carrier.
+//! Solver and upsampler of either dimension.
 
-/// The same thing in the plane or in space.
+/// A type in the plane or in space.
 #[derive(Clone)]
 pub enum Any<P, S> {
     Plane(P),
@@ -8,9 +8,9 @@ pub enum Any<P, S> {
 }
 
 pub type AnySolver = Any<mpm::Solver<2>, mpm::Solver<3>>;
-pub type AnyCarrier = Any<Box<mpm::Carrier<2>>, Box<mpm::Carrier<3>>>;
+pub type AnyUpsampler = Any<Box<mpm::Upsampler<2>>, Box<mpm::Upsampler<3>>>;
 
-/// Runs one expression on the thing of whichever dimension.
+/// Evaluates an expression in the dimension of its operand.
 macro_rules! with_any {
     ($any:expr, $thing:ident => $body:expr) => {
         match $any {

@@ -1,13 +1,15 @@
 //! From the arguments of Python's constructor to a solver.
 
-use mpm::{Contact, Material, Openings, Particles, Sleep, SolverSettings, Substeps, Walls};
+use mpm::{
+    Contact, Material, MpmError, Openings, Particles, Sleep, SolverSettings, Substeps, Walls,
+};
 use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use super::any::AnySolver;
 use crate::convert::{array, describe, slice_of, vector};
 use crate::error::{NativeError, config_error};
-use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyObstacle};
+use crate::scene::{AnyEmitter, AnyObstacle, PyEmitter, PyMaterial, PyObstacle};
 
 /// "cfl", "reference" or a count.
 pub fn parse_substeps(
@@ -33,6 +35,37 @@ pub fn parse_substeps(
             describe(argument)
         ))),
     }
+}
+
+/// Number of substeps of a frame that the CFL law gives.
+#[pyfunction]
+#[pyo3(signature = (materials, *, dim, resolution, frame_dt, speed=0.0, cfl=None))]
+pub fn cfl_substeps(
+    materials: Vec<PyRef<'_, PyMaterial>>,
+    dim: usize,
+    resolution: usize,
+    frame_dt: f32,
+    speed: f32,
+    cfl: Option<f32>,
+) -> Result<u64, NativeError> {
+    let refused = |name, allowed, value: &dyn std::fmt::Debug| {
+        Err(NativeError(MpmError::parameter(name, allowed, value)))
+    };
+    if !matches!(dim, 2 | 3) {
+        return refused("dim", "2 or 3", &dim);
+    }
+    if resolution == 0 {
+        return refused("resolution", "at least 1", &resolution);
+    }
+    if !(frame_dt > 0.0 && frame_dt.is_finite()) {
+        return refused("frame_dt", "finite and > 0 s", &frame_dt);
+    }
+    if !(speed >= 0.0 && speed.is_finite()) {
+        return refused("speed", "finite and >= 0 m/s", &speed);
+    }
+    let materials: Vec<Material> = materials.iter().map(|material| material.inner).collect();
+    let count = mpm::cfl_substeps(frame_dt, resolution, dim, &materials, speed, cfl);
+    Ok(count.map_err(NativeError)? as u64)
 }
 
 /// Arrays of the initial particles, of the right types and numbers of axes.

@@ -1,17 +1,18 @@
-//! `Solver`, its reports, batches of solvers, and particles that a solver carries.
+//! `Solver`, its reports, batches of solvers, and `Upsampler`.
 
 mod any;
 mod batch;
 mod build;
 mod cancel;
-mod carrier;
 mod class;
 mod force;
 mod held;
 mod report;
+mod upsampler;
 
 pub use batch::advance_all;
+pub use build::cfl_substeps;
 pub use cancel::PyCancelFlag;
-pub use carrier::PyCarrier;
 pub use class::PySolver;
 pub use report::{PyDiagnostics, PyFrameReport, PyMotionReport};
+pub use upsampler::PyUpsampler;

@@ -158,7 +158,7 @@ impl<const D: usize> Pose<D> {
     }
 
     /// Where a point that was here at time 0 and moves with the solid is now.
-    pub fn carry(&self, x: &Vector<D>) -> Vector<D> {
+    pub fn apply(&self, x: &Vector<D>) -> Vector<D> {
         self.turn(&(x - self.start)) + self.center
     }
 
@@ -190,13 +190,13 @@ mod tests {
         let pose = Motion::new(velocity, &[quarter], center, None)
             .unwrap()
             .pose(1.0);
-        let carried = pose.carry(&Vector::<2>::new(0.7, 0.5));
+        let moved = pose.apply(&Vector::<2>::new(0.7, 0.5));
         assert!(
-            (carried - Vector::<2>::new(0.6, 0.7)).norm() < 1e-6,
-            "{carried}"
+            (moved - Vector::<2>::new(0.6, 0.7)).norm() < 1e-6,
+            "{moved}"
         );
-        assert!((pose.at_start(&carried) - Vector::<2>::new(0.7, 0.5)).norm() < 1e-6);
-        let speed = pose.velocity_at(&carried);
+        assert!((pose.at_start(&moved) - Vector::<2>::new(0.7, 0.5)).norm() < 1e-6);
+        let speed = pose.velocity_at(&moved);
         assert!(
             (speed - Vector::<2>::new(0.1 - 0.2 * quarter, 0.0)).norm() < 1e-6,
             "{speed}"
@@ -209,10 +209,10 @@ mod tests {
         let pose = Motion::<3>::new(Vector::zeros(), &turn, Vector::zeros(), None)
             .unwrap()
             .pose(1.0);
-        let carried = pose.carry(&Vector::<3>::new(1.0, 2.0, 0.0));
+        let moved = pose.apply(&Vector::<3>::new(1.0, 2.0, 0.0));
         assert!(
-            (carried - Vector::<3>::new(0.0, 2.0, -1.0)).norm() < 1e-6,
-            "{carried}"
+            (moved - Vector::<3>::new(0.0, 2.0, -1.0)).norm() < 1e-6,
+            "{moved}"
         );
     }
 
@@ -233,10 +233,10 @@ mod tests {
             let point = Vector::<3>::new(0.1, 0.9, 0.3);
             let (time, step) = (0.45, 1e-3);
             let now = motion.pose(time);
-            let difference = (motion.pose(time + step).carry(&point)
-                - motion.pose(time - step).carry(&point))
+            let difference = (motion.pose(time + step).apply(&point)
+                - motion.pose(time - step).apply(&point))
                 / 2e-3;
-            let exact = now.velocity_at(&now.carry(&point));
+            let exact = now.velocity_at(&now.apply(&point));
             assert!((difference - exact).norm() < 1e-3, "{difference} {exact}");
             assert!(exact.norm() <= motion.speed((point - center).norm()) + 1e-6);
         }
@@ -250,7 +250,7 @@ mod tests {
         });
         let motion =
             Motion::<2>::new(Vector::<2>::new(1.0, 0.0), &[], Vector::zeros(), swing).unwrap();
-        let at = |time| motion.pose(time).carry(&Vector::zeros()).x;
+        let at = |time| motion.pose(time).apply(&Vector::zeros()).x;
         assert!(at(0.0).abs() < 1e-7 && at(0.5).abs() < 1e-6);
         // From one end to the other: twice the amplitude, T / (2 pi) times the largest speed.
         assert!((at(0.25) + 2.0 * 0.5 / std::f32::consts::TAU).abs() < 1e-6);

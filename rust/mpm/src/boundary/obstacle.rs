@@ -134,7 +134,7 @@ impl<const D: usize> Placed<'_, D> {
     }
 
     /// Where the point of the solid is that was at `x` at time 0.
-    pub fn carry(&self, x: &Vector<D>) -> Vector<D> {
-        self.pose.map_or(*x, |pose| pose.carry(x))
+    pub fn moved(&self, x: &Vector<D>) -> Vector<D> {
+        self.pose.map_or(*x, |pose| pose.apply(x))
     }
 }

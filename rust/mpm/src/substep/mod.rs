@@ -13,5 +13,6 @@ pub use grid_update::GridForces;
 pub use p2g::{P2gStep, for_each_row, scatter_row};
 pub use stages::{Stage, Substep};
 pub use timestep::{
-    Bound, DEFAULT_SPEED_CFL, FrameReport, StepChooser, Substeps, reference_substeps,
+    Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, StepChooser, Substeps, cfl_substeps,
+    reference_substeps,
 };

@@ -3,12 +3,12 @@
 use crate::error::MpmError;
 use crate::material::Material;
 
-/// Part of a cell that a particle may cross in a step, unless the caller names another.
+/// Part of a cell that a particle may cross in a substep, unless the caller gives another CFL number.
 pub const DEFAULT_SPEED_CFL: f32 = 0.55;
-/// The same, above which fixed substeps are refused.
+/// Part of a cell per substep above which fixed substeps are refused.
 const SPEED_LIMIT: f32 = 0.8;
-/// More substeps in one frame than this mean that speeds have no bound.
-const MOST_SUBSTEPS: f32 = 20_000.0;
+/// Most substeps in a frame; more mean unbounded speeds.
+pub const MAX_SUBSTEPS: u32 = 20_000;
 
 /// Who chooses the substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,6 +71,23 @@ pub struct FrameReport {
 pub fn reference_substeps(frame_dt: f32, dx: f32) -> u32 {
     // The quotient is an integer on the usual grids; keep rounding from dropping below it.
     (f64::from(frame_dt) / (0.02 * f64::from(dx)) + 1.0e-4).floor() as u32 + 1
+}
+
+/// Number of substeps of a frame that the CFL law gives for materials on a grid, at a largest speed [m/s].
+///
+/// The first frame has as many; speeds that change within a frame change it. It may exceed `MAX_SUBSTEPS`, which a solver
+/// refuses.
+pub fn cfl_substeps(
+    frame_dt: f32,
+    resolution: usize,
+    dim: usize,
+    materials: &[Material],
+    speed: f32,
+    cfl: Option<f32>,
+) -> Result<f32, MpmError> {
+    let dx = 1.0 / resolution as f32;
+    let chooser = StepChooser::new(Substeps::Cfl(cfl), frame_dt, dx, dim, materials)?;
+    Ok(chooser.cfl_substeps(cfl, speed))
 }
 
 /// Chooses the substeps of one scene.
@@ -174,6 +191,22 @@ impl StepChooser {
         Ok((dt, bound))
     }
 
+    /// Number of equal substeps of a whole frame at a largest speed [m/s].
+    fn cfl_substeps(&self, cfl: Option<f32>, speed: f32) -> f32 {
+        let limit = self
+            .cfl_limits(cfl, speed)
+            .into_iter()
+            .fold(f32::INFINITY, f32::min);
+        (self.frame_dt / limit).ceil().max(1.0)
+    }
+
+    /// Longest substeps [s] by the signal speed of the materials and by the largest speed.
+    fn cfl_limits(&self, cfl: Option<f32>, speed: f32) -> [f32; 2] {
+        let sound = cfl.map_or(self.default_dt, |cfl| cfl * self.dx / self.signal_speed);
+        let motion = cfl.unwrap_or(DEFAULT_SPEED_CFL) * self.dx / speed;
+        [sound, motion]
+    }
+
     fn under_cfl(
         &self,
         cfl: Option<f32>,
@@ -181,15 +214,12 @@ impl StepChooser {
         speed: f32,
         moving: Bound,
     ) -> Result<(f32, Bound), MpmError> {
-        let sound = cfl.map_or(self.default_dt, |cfl| cfl * self.dx / self.signal_speed);
-        let motion = cfl.unwrap_or(DEFAULT_SPEED_CFL) * self.dx / speed;
-        let (limit, bound) = if sound <= motion {
-            (sound, Bound::Sound)
-        } else {
-            (motion, moving)
+        let (limit, bound) = match self.cfl_limits(cfl, speed) {
+            [sound, motion] if sound <= motion => (sound, Bound::Sound),
+            [_, motion] => (motion, moving),
         };
         let count = (remaining / limit).ceil().max(1.0);
-        if count > MOST_SUBSTEPS || !count.is_finite() {
+        if count > MAX_SUBSTEPS as f32 || !count.is_finite() {
             let (signal, speed, remedy) = match bound {
                 Bound::Speed => (
                     "particles",
@@ -203,7 +233,7 @@ impl StepChooser {
                     "take a softer or denser material, or shorter frames",
                 ),
             };
-            let most = MOST_SUBSTEPS;
+            let most = MAX_SUBSTEPS as f32;
             return Err(MpmError::TooFast {
                 signal,
                 speed,
@@ -255,6 +285,24 @@ mod tests {
                 .1,
             Bound::Reference
         );
+    }
+
+    #[test]
+    fn the_count_of_a_frame_is_that_of_its_first_substep() {
+        let water = Material::water(1000.0, 277_778.0, 0.25, 0.0, true).unwrap();
+        for (cfl, speed) in [
+            (None, 0.0),
+            (None, 40.0),
+            (Some(0.5), 1.0),
+            (Some(0.1), 90.0),
+        ] {
+            let chooser = chooser(Substeps::Cfl(cfl));
+            let (dt, _) = chooser.next(0.0025, speed, 0.0).unwrap();
+            let count = cfl_substeps(0.0025, 128, 2, &[water], speed, cfl).unwrap();
+            assert_eq!(0.0025 / count, dt, "{cfl:?}, {speed} m/s");
+        }
+        let count = cfl_substeps(0.0025, 128, 2, &[water], 1.0e6, None).unwrap();
+        assert!(count > MAX_SUBSTEPS as f32);
     }
 
     #[test]

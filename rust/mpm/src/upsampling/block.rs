@@ -1,13 +1,13 @@
-//! Carried particles that are computed together.
+//! Blocks of shown particles for vector instructions.
 
 use crate::linalg::{LANES, Lanes, Vector};
 
-/// One carried particle.
+/// A shown particle.
 #[derive(Debug, Clone, Copy)]
-pub struct Carried<const D: usize> {
+pub struct Shown<const D: usize> {
     /// Position [m].
     pub x: Vector<D>,
-    /// Mean velocity since the carry before [m/s]; that of its flight where nothing carries it.
+    /// Mean velocity since the update before [m/s]; that of free flight away from coarse particles.
     pub v: Vector<D>,
     /// [kg]
     pub mass: f32,
@@ -17,9 +17,9 @@ pub struct Carried<const D: usize> {
     pub material: u8,
 }
 
-/// Up to `LANES` carried particles, one array for each of their numbers.
+/// Up to `LANES` shown particles, one array for each component.
 ///
-/// Lanes behind the last particle hold one without volume at the place of the first.
+/// Lanes behind the last particle repeat the position of the first with mass and volume 0.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Block<const D: usize> {
@@ -32,8 +32,8 @@ pub struct Block<const D: usize> {
 
 impl<const D: usize> Block<D> {
     /// `particles` are 1 to `LANES`.
-    pub fn new(particles: &[Carried<D>]) -> Self {
-        let first = Carried {
+    pub fn new(particles: &[Shown<D>]) -> Self {
+        let first = Shown {
             v: Vector::zeros(),
             mass: 0.0,
             volume: 0.0,
@@ -49,8 +49,8 @@ impl<const D: usize> Block<D> {
         }
     }
 
-    pub fn get(&self, lane: usize) -> Carried<D> {
-        Carried {
+    pub fn get(&self, lane: usize) -> Shown<D> {
+        Shown {
             x: self.position(lane),
             v: self.velocity(lane),
             mass: self.mass[lane],
@@ -78,13 +78,13 @@ impl<const D: usize> Block<D> {
     }
 }
 
-/// Particles in blocks, in their order.
-pub fn blocks<const D: usize>(particles: &[Carried<D>]) -> Vec<Block<D>> {
+/// Groups particles into blocks, in order.
+pub fn blocks<const D: usize>(particles: &[Shown<D>]) -> Vec<Block<D>> {
     particles.chunks(LANES).map(Block::new).collect()
 }
 
-/// The first `count` particles of some blocks.
-pub fn particles<const D: usize>(blocks: &[Block<D>], count: usize) -> Vec<Carried<D>> {
+/// Returns the first `count` particles of blocks.
+pub fn particles<const D: usize>(blocks: &[Block<D>], count: usize) -> Vec<Shown<D>> {
     (0..count)
         .map(|index| blocks[index / LANES].get(index % LANES))
         .collect()

@@ -1,11 +1,11 @@
-//! Carried particles stay between the walls and outside of obstacles.
+//! Walls and obstacles for shown particles.
 
 use super::block::Block;
 use crate::boundary::{Obstacles, Walls};
 use crate::grid::{Layout, Stencils};
 use crate::linalg::{LANES, Vector};
 
-/// What is put back behind a wall lies within a layer of so many cells.
+/// Thickness [cells] of the layer inside a wall to which particles are put back.
 const LAYER: f32 = 0.5;
 
 /// All surfaces of a scene, for single particles.
@@ -20,9 +20,10 @@ pub struct Surfaces<const D: usize> {
 }
 
 impl<const D: usize> Surfaces<D> {
-    /// Puts back what has passed a wall, the farther inside the farther it had passed.
+    /// Puts back particles that have passed a wall; depth inside grows with the distance passed.
     ///
-    /// Put onto the wall itself, all that passes two walls at once would end in one point, where no density parts it.
+    /// Put onto the walls themselves, particles that pass two walls at once would end in one point, and density
+    /// relaxation could not separate them.
     pub fn keep_between_walls(&self, block: &mut Block<D>) {
         let mut outside = false;
         for axis in 0..D {
@@ -43,7 +44,7 @@ impl<const D: usize> Surfaces<D> {
         let mut particle = block.get(lane);
         for axis in 0..D {
             let (lower, upper) = (self.walls.lower[axis], self.walls.upper[axis]);
-            // A velocity without bound, as of a network gone wrong, must not make a position that is no number.
+            // An unbounded velocity, such as a diverging network gives, must not make a position of NaN.
             let wall = particle.x[axis].max(lower).min(upper);
             if wall.to_bits() != particle.x[axis].to_bits() {
                 let side = if wall > lower { -1.0 } else { 1.0 };
@@ -65,7 +66,7 @@ impl<const D: usize> Surfaces<D> {
         block.set(lane, &particle.x, &particle.v);
     }
 
-    /// Moves what got into an obstacle back to its surface.
+    /// Moves particles inside an obstacle to its surface.
     pub fn push_out(&self, block: &mut Block<D>) {
         if !self.obstacles.any() {
             return;
@@ -82,12 +83,12 @@ impl<const D: usize> Surfaces<D> {
         }
     }
 
-    /// Both, for all particles of some blocks.
-    pub fn hold(&self, block: &mut Block<D>) {
+    /// Does both for the particles of a block.
+    pub fn confine(&self, block: &mut Block<D>) {
         self.keep_between_walls(block);
         if self.obstacles.any() {
             self.push_out(block);
-            // What lay between an obstacle and a wall.
+            // Particles between an obstacle and a wall may have been pushed past the wall.
             self.keep_between_walls(block);
         }
     }

@@ -1,23 +1,23 @@
-//! The few particles that carry.
+//! Coarse particles, and their displacements between updates.
 
-use super::field::Mover;
+use super::field::Sample;
 use crate::error::MpmError;
 use crate::linalg::{Matrix, Vector};
 
-/// The few particles at one instant; N of each, vectors as N x D numbers.
+/// Coarse particles at one instant; N of each, vectors as N x D numbers.
 #[derive(Debug, Clone, Copy)]
-pub struct Few<'a> {
-    /// Numbers that they keep for good, ascending.
+pub struct CoarseParticles<'a> {
+    /// Permanent ids, ascending.
     pub ids: &'a [u64],
     /// Positions [m].
     pub x: &'a [f32],
-    /// Gradients of the velocity around them, as APIC's matrices, N x D x D by rows [1/s]; None where unknown.
+    /// Velocity gradients, APIC's matrices, N x D x D by rows [1/s]; None if unknown.
     pub affine: Option<&'a [f32]>,
     /// Masses [kg].
     pub mass: &'a [f32],
 }
 
-impl Few<'_> {
+impl CoarseParticles<'_> {
     /// Refuses arrays of different lengths and numbers that are not finite.
     pub(super) fn check<const D: usize>(&self) -> Result<(), MpmError> {
         let n = self.ids.len();
@@ -59,28 +59,28 @@ impl Few<'_> {
     }
 }
 
-/// What a carrier remembers of the few: where they were at the latest carry.
+/// Coarse particles at the latest update.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Past<const D: usize> {
+pub struct Previous<const D: usize> {
     pub ids: Vec<u64>,
     pub x: Vec<Vector<D>>,
     pub affine: Vec<Matrix<D>>,
 }
 
-impl<const D: usize> Past<D> {
-    /// Of few that have been checked.
-    pub fn of(few: &Few<'_>) -> Self {
-        let all = 0..few.ids.len();
+impl<const D: usize> Previous<D> {
+    /// Copies particles that have been checked.
+    pub fn of(coarse: &CoarseParticles<'_>) -> Self {
+        let all = 0..coarse.ids.len();
         Self {
-            ids: few.ids.to_vec(),
-            x: all.clone().map(|index| few.position(index)).collect(),
-            affine: all.map(|index| few.gradient(index)).collect(),
+            ids: coarse.ids.to_vec(),
+            x: all.clone().map(|index| coarse.position(index)).collect(),
+            affine: all.map(|index| coarse.gradient(index)).collect(),
         }
     }
 
-    /// By what those that are still there have moved since, in `dt` [s], with a part of their affine motion.
-    pub fn movers(&self, now: &Few<'_>, dt: f32, affine_share: f32) -> Vec<Mover<D>> {
-        let mut movers = Vec::with_capacity(self.ids.len());
+    /// Displacements [m] in `dt` [s] of the particles that still exist, with a part of their affine motion.
+    pub fn samples(&self, now: &CoarseParticles<'_>, dt: f32, affine_share: f32) -> Vec<Sample<D>> {
+        let mut samples = Vec::with_capacity(self.ids.len());
         let mut index = 0;
         for (then, id) in self.ids.iter().enumerate() {
             while index < now.ids.len() && now.ids[index] < *id {
@@ -88,7 +88,7 @@ impl<const D: usize> Past<D> {
             }
             if now.ids.get(index) == Some(id) {
                 let mean = (self.affine[then] + now.gradient(index)) * 0.5;
-                movers.push(Mover {
+                samples.push(Sample {
                     x: self.x[then],
                     shift: now.position::<D>(index) - self.x[then],
                     gradient: mean * (affine_share * dt),
@@ -96,13 +96,13 @@ impl<const D: usize> Past<D> {
                 });
             }
         }
-        movers
+        samples
     }
 
-    /// The present velocities `v`, N x D [m/s], as motion, with a part of the affine motion.
-    pub fn velocities(now: &Few<'_>, v: &[f32], affine_share: f32) -> Vec<Mover<D>> {
+    /// Present velocities `v`, N x D [m/s], with a part of the affine motion.
+    pub fn velocities(now: &CoarseParticles<'_>, v: &[f32], affine_share: f32) -> Vec<Sample<D>> {
         (0..now.ids.len())
-            .map(|index| Mover {
+            .map(|index| Sample {
                 x: now.position(index),
                 shift: Vector::from_column_slice(&v[index * D..][..D]),
                 gradient: now.gradient(index) * affine_share,

@@ -1,6 +1,6 @@
-//! `Carrier`: all particles of a scene, carried by few.
+//! `Upsampler`: all particles of a scene, moved with coarse particles.
 
-use mpm::{Carrier, CarryConstants, EmitterStatus, Few, Openings};
+use mpm::{CoarseParticles, EmitterStatus, Openings, Upsampler, UpsamplingConstants};
 use numpy::{
     IntoPyArray, Ix1, Ix2, Ix3, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
@@ -8,7 +8,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-use super::any::{AnyCarrier, AnySolver, with_any};
+use super::any::{AnySolver, AnyUpsampler, with_any};
 use super::build::{Arrays, same_dim};
 use super::class::PySolver;
 use super::held::Held;
@@ -16,23 +16,23 @@ use crate::convert::{array, read_only, slice_of, vectors};
 use crate::error::{NativeError, config_error};
 use crate::scene::{AnyEmitter, PyEmitter};
 
-/// All particles of a scene, carried by few.
-#[pyclass(frozen, name = "Carrier", module = "hybridmpm._native")]
-pub struct PyCarrier {
-    held: Held<AnyCarrier>,
+/// All particles of a scene, moved with coarse particles.
+#[pyclass(frozen, name = "Upsampler", module = "hybridmpm._native")]
+pub struct PyUpsampler {
+    held: Held<AnyUpsampler>,
     dim: usize,
     every: u64,
 }
 
-/// The few as Python gives them.
-struct FewArrays<'py> {
+/// Arrays of coarse particles.
+struct CoarseArrays<'py> {
     ids: PyReadonlyArray1<'py, u64>,
     x: PyReadonlyArray2<'py, f32>,
     affine: Option<PyReadonlyArray3<'py, f32>>,
     mass: PyReadonlyArray1<'py, f32>,
 }
 
-impl<'py> FewArrays<'py> {
+impl<'py> CoarseArrays<'py> {
     fn new(
         dim: usize,
         ids: &Bound<'py, PyAny>,
@@ -59,9 +59,9 @@ impl<'py> FewArrays<'py> {
         Ok(arrays)
     }
 
-    fn few(&self) -> PyResult<Few<'_>> {
+    fn coarse(&self) -> PyResult<CoarseParticles<'_>> {
         let affine = self.affine.as_ref();
-        Ok(Few {
+        Ok(CoarseParticles {
             ids: slice_of("ids", &self.ids)?,
             x: slice_of("x", &self.x)?,
             affine: affine.map(|a| slice_of("affine", a)).transpose()?,
@@ -70,20 +70,20 @@ impl<'py> FewArrays<'py> {
     }
 }
 
-impl PyCarrier {
-    /// A number for each particle, as `write` fills them in.
+impl PyUpsampler {
+    /// A number for each particle, written by `write`.
     fn read<T: Clone + Default + Send>(
         &self,
         py: Python<'_>,
-        write: impl Fn(&AnyCarrier, &mut [T]) + Sync,
+        write: impl Fn(&AnyUpsampler, &mut [T]) + Sync,
     ) -> Vec<T> {
-        let size = |any: &AnyCarrier| with_any!(any, carrier => carrier.count());
+        let size = |any: &AnyUpsampler| with_any!(any, upsampler => upsampler.count());
         self.held.read(py, size, write)
     }
 }
 
 #[pymethods]
-impl PyCarrier {
+impl PyUpsampler {
     #[new]
     #[pyo3(signature = (solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=Vec::new(), max_particles=None, x, v, material, mass, volume),
         text_signature = "(solver, *, resolution, affine_share=0.5, relaxation=2.0, emitters=(), max_particles=None, x, v, material, mass, volume)")]
@@ -108,46 +108,46 @@ impl PyCarrier {
         let dim = solver.dimension();
         let arrays = Arrays::new(dim, x, v, material, mass, volume, None)?;
         let particles = arrays.particles()?;
-        let constants = CarryConstants {
+        let constants = UpsamplingConstants {
             affine_share,
             relaxation,
         };
-        /// The carrier in the dimension of one variant of the enumerations.
+        /// Builds the upsampler in the dimension of one variant of the enumerations.
         macro_rules! build {
-            ($variant:ident, $few:ident) => {{
+            ($variant:ident, $coarse:ident) => {{
                 let opening = |e: &PyEmitter| match &e.inner {
                     AnyEmitter::$variant(e) => Some(e.clone()),
                     _ => None,
                 };
                 let emitters = same_dim("emitters", dim, &emitters, opening)?;
-                let mut settings = $few.settings().clone();
+                let mut settings = $coarse.settings().clone();
                 let coarse_resolution = std::mem::replace(&mut settings.resolution, resolution);
                 settings.openings = Openings {
                     emitters,
                     max_particles: max_particles.unwrap_or(usize::MAX),
                     ..settings.openings
                 };
-                let count = $few.count();
+                let count = $coarse.count();
                 let (mut x, mut mass) = (vec![0.0; count * dim], vec![0.0; count]);
-                $few.write_positions(&mut x);
-                $few.write_masses(&mut mass);
-                let few = Few {
-                    ids: $few.ids(),
+                $coarse.write_positions(&mut x);
+                $coarse.write_masses(&mut mass);
+                let coarse = CoarseParticles {
+                    ids: $coarse.ids(),
                     x: &x,
                     affine: None,
                     mass: &mass,
                 };
-                let carrier = py.detach(|| {
-                    Carrier::new(&settings, coarse_resolution, constants, particles, &few)
+                let upsampler = py.detach(|| {
+                    Upsampler::new(&settings, coarse_resolution, constants, particles, &coarse)
                 });
-                AnyCarrier::$variant(Box::new(carrier.map_err(NativeError)?))
+                AnyUpsampler::$variant(Box::new(upsampler.map_err(NativeError)?))
             }};
         }
         let inner = match &solver.twin(py) {
-            AnySolver::Plane(few) => build!(Plane, few),
-            AnySolver::Space(few) => build!(Space, few),
+            AnySolver::Plane(coarse) => build!(Plane, coarse),
+            AnySolver::Space(coarse) => build!(Space, coarse),
         };
-        let every = with_any!(&inner, carrier => carrier.every());
+        let every = with_any!(&inner, upsampler => upsampler.every());
         Ok(Self {
             held: Held::new(inner),
             dim,
@@ -163,13 +163,13 @@ impl PyCarrier {
     #[getter]
     fn frame(&self, py: Python<'_>) -> u64 {
         self.held
-            .detached(py, |any| with_any!(any, carrier => carrier.frame()))
+            .detached(py, |any| with_any!(any, upsampler => upsampler.frame()))
     }
 
     #[getter]
     fn particle_count(&self, py: Python<'_>) -> usize {
         self.held
-            .detached(py, |any| with_any!(any, carrier => carrier.count()))
+            .detached(py, |any| with_any!(any, upsampler => upsampler.count()))
     }
 
     #[getter]
@@ -201,7 +201,7 @@ impl PyCarrier {
     }
 
     #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
-    fn carry<'py>(
+    fn update<'py>(
         &self,
         py: Python<'py>,
         frame: u64,
@@ -210,13 +210,13 @@ impl PyCarrier {
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<()> {
-        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
-        let few = arrays.few()?;
-        let carried = self.held.detached(
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let coarse = arrays.coarse()?;
+        let updated = self.held.detached(
             py,
-            |any| with_any!(any, carrier => carrier.carry(&few, frame)),
+            |any| with_any!(any, upsampler => upsampler.update(&coarse, frame)),
         );
-        Ok(carried.map_err(NativeError)?)
+        Ok(updated.map_err(NativeError)?)
     }
 
     #[pyo3(signature = (frame, *, ids, x, affine=None, mass))]
@@ -229,12 +229,12 @@ impl PyCarrier {
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
-        let few = arrays.few()?;
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let coarse = arrays.coarse()?;
         let shown = self.held.detached(py, |any| {
-            with_any!(any, carrier => {
-                let mut out = vec![0.0; carrier.count() * self.dim];
-                carrier.write_positions(&few, frame, &mut out).map(|()| out)
+            with_any!(any, upsampler => {
+                let mut out = vec![0.0; upsampler.count() * self.dim];
+                upsampler.write_positions(&coarse, frame, &mut out).map(|()| out)
             })
         });
         vectors(py, self.dim, shown.map_err(NativeError)?)
@@ -255,14 +255,14 @@ impl PyCarrier {
         affine: Option<&Bound<'py, PyAny>>,
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let arrays = FewArrays::new(self.dim, ids, x, affine, mass)?;
-        let few = arrays.few()?;
+        let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
+        let coarse = arrays.coarse()?;
         let v = array::<f32, Ix2>("v", &format!("float32 of shape (N, {})", self.dim), v)?;
         let v = slice_of("v", &v)?;
         let shown = self.held.detached(py, |any| {
-            with_any!(any, carrier => {
-                let mut out = vec![0.0; carrier.count() * self.dim];
-                carrier.write_velocities(&few, v, frame, &mut out).map(|()| out)
+            with_any!(any, upsampler => {
+                let mut out = vec![0.0; upsampler.count() * self.dim];
+                upsampler.write_velocities(&coarse, v, frame, &mut out).map(|()| out)
             })
         });
         vectors(py, self.dim, shown.map_err(NativeError)?)
@@ -281,7 +281,7 @@ impl PyCarrier {
         let force = slice_of("force", &force)?;
         let gathered = self.held.detached(
             py,
-            |any| with_any!(any, carrier => carrier.gather_force(force)),
+            |any| with_any!(any, upsampler => upsampler.gather_force(force)),
         );
         vectors(py, self.dim, gathered.map_err(NativeError)?)
     }
@@ -289,14 +289,15 @@ impl PyCarrier {
     fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         let data = self
             .held
-            .detached(py, |any| with_any!(any, carrier => carrier.snapshot()));
+            .detached(py, |any| with_any!(any, upsampler => upsampler.snapshot()));
         PyBytes::new(py, &data)
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
-        let restored = self
-            .held
-            .detached(py, |any| with_any!(any, carrier => carrier.restore(data)));
+        let restored = self.held.detached(
+            py,
+            |any| with_any!(any, upsampler => upsampler.restore(data)),
+        );
         Ok(restored.map_err(NativeError)?)
     }
 

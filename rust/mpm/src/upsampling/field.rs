@@ -1,18 +1,18 @@
-//! What the few particles move by, as a field on the nodes of their grid.
+//! Field of the motion of coarse particles on the nodes of their grid.
 
 use wide::f32x4;
 
 use crate::grid::{CHUNK, Layout, PADDING, SMALLEST_MASS, Stencil};
 use crate::linalg::{Kernel, Matrix, Quad, Vector, run_wide};
 
-/// A particle that carries others.
+/// Motion of a coarse particle.
 #[derive(Debug, Clone, Copy)]
-pub struct Mover<const D: usize> {
-    /// Where it begins [m].
+pub struct Sample<const D: usize> {
+    /// Position at the beginning [m].
     pub x: Vector<D>,
-    /// What it moves by [m], or its velocity [m/s].
+    /// Displacement [m], or velocity [m/s].
     pub shift: Vector<D>,
-    /// How `shift` changes from place to place, per metre.
+    /// Gradient of `shift`, per metre.
     pub gradient: Matrix<D>,
     /// [kg]
     pub mass: f32,
@@ -22,14 +22,14 @@ pub struct Mover<const D: usize> {
 #[derive(Debug, Clone)]
 pub struct Field<const D: usize> {
     pub layout: Layout<D>,
-    /// Lanes 0..D hold the motion, lane 3 is 1 where there is any mass; all is 0 elsewhere.
+    /// Motion in lanes 0..D; lane 3 is 1 at nodes with mass. All lanes are 0 elsewhere.
     pub nodes: Vec<f32x4>,
     dirty: DirtyChunks,
 }
 
 /// Chunks of nodes that are not zero.
 ///
-/// They are listed, for a grid has many more chunks than few particles touch.
+/// They are listed because a grid has many more chunks than coarse particles touch.
 #[derive(Debug, Clone)]
 struct DirtyChunks {
     is_dirty: Vec<bool>,
@@ -60,11 +60,11 @@ impl<const D: usize> Field<D> {
         }
     }
 
-    /// Takes the motion of these particles, in their order, in place of that before.
-    pub fn spread(&mut self, movers: &[Mover<D>]) {
+    /// Replaces the field by the motion of particles, summed in their order.
+    pub fn scatter(&mut self, samples: &[Sample<D>]) {
         self.clear();
-        run_wide(Spread {
-            movers,
+        run_wide(Scatter {
+            samples,
             layout: self.layout,
             nodes: &mut self.nodes,
             dirty: &mut self.dirty,
@@ -77,7 +77,7 @@ impl<const D: usize> Field<D> {
                 } else {
                     f32x4::ZERO
                 };
-                // The product with the inverse need not be exactly 1.
+                // Mass times its inverse need not be exactly 1.
                 node.as_mut_array()[3] = if mass > SMALLEST_MASS { 1.0 } else { 0.0 };
             }
         }
@@ -92,28 +92,28 @@ impl<const D: usize> Field<D> {
 }
 
 /// Adds mass and mass times motion to the nodes.
-struct Spread<'a, const D: usize> {
-    movers: &'a [Mover<D>],
+struct Scatter<'a, const D: usize> {
+    samples: &'a [Sample<D>],
     layout: Layout<D>,
     nodes: &'a mut [f32x4],
     dirty: &'a mut DirtyChunks,
 }
 
-impl<const D: usize> Kernel for Spread<'_, D> {
+impl<const D: usize> Kernel for Scatter<'_, D> {
     type Output = ();
 
     #[inline(always)]
     fn run<Q: Quad>(self) {
         let resolution = self.layout.resolution as f32;
         let dx = self.layout.dx();
-        for mover in self.movers {
-            let xi = mover.x * resolution + Vector::from_element(PADDING as f32);
+        for sample in self.samples {
+            let xi = sample.x * resolution + Vector::from_element(PADDING as f32);
             let stencil = Stencil::at(&xi);
             let mut start = 0;
-            let mut lowest = [0.0, 0.0, 0.0, mover.mass];
+            let mut lowest = [0.0, 0.0, 0.0, sample.mass];
             let mut per_step = [[0.0; 4]; D];
             for row in 0..D {
-                lowest[row] = mover.mass * mover.shift[row];
+                lowest[row] = sample.mass * sample.shift[row];
             }
             for axis in 0..D {
                 let length = if axis == D - 1 {
@@ -124,7 +124,7 @@ impl<const D: usize> Kernel for Spread<'_, D> {
                 start = start * length + stencil.base[axis];
                 let offset = xi[axis] - stencil.base[axis] as f32;
                 for row in 0..D {
-                    per_step[axis][row] = mover.mass * dx * mover.gradient[(row, axis)];
+                    per_step[axis][row] = sample.mass * dx * sample.gradient[(row, axis)];
                     lowest[row] -= per_step[axis][row] * offset;
                 }
             }

@@ -1,23 +1,23 @@
-//! Emitters and sinks among carried particles.
+//! Emitters and sinks for shown particles.
 //!
-//! They act as among the few, by the same rules and in the same frames, on the particles of the scene.
+//! The rules and frames are those for coarse particles; emitted particles have the spacing of the scene.
 
-use super::block::{Block, Carried, blocks, particles};
+use super::block::{Block, Shown, blocks, particles};
 use super::surfaces::Surfaces;
 use crate::openings::{Crowd, Opening, Openings, Population};
 
-/// Carried particles at the end of a frame, for sinks and emitters to act on.
-pub struct CarriedEnd<'a, const D: usize> {
+/// Shown particles at the end of a frame, for sinks and emitters to act on.
+pub struct ShownEnd<'a, const D: usize> {
     pub blocks: &'a mut Vec<Block<D>>,
     pub population: &'a mut Population,
     pub surfaces: &'a Surfaces<D>,
-    /// Frames done, this one among them.
+    /// Frames done, including this one.
     pub frame: u64,
     /// Length of a frame [s].
     pub frame_dt: f32,
 }
 
-impl<const D: usize> CarriedEnd<'_, D> {
+impl<const D: usize> ShownEnd<'_, D> {
     /// Lets sinks and then emitters act.
     pub fn exchange(&mut self, openings: &Openings<D>) {
         let mut all = particles(self.blocks, self.population.ids.len());
@@ -31,9 +31,9 @@ impl<const D: usize> CarriedEnd<'_, D> {
         }
     }
 
-    /// Removes what is inside of sinks; the others keep their order. Whether there was any.
-    fn drain(&mut self, all: &mut Vec<Carried<D>>, openings: &Openings<D>) -> bool {
-        let inside = |p: &Carried<D>| {
+    /// Removes the particles inside sinks; the others keep their order. Returns whether any was removed.
+    fn drain(&mut self, all: &mut Vec<Shown<D>>, openings: &Openings<D>) -> bool {
+        let inside = |p: &Shown<D>| {
             openings
                 .sinks
                 .iter()
@@ -50,7 +50,7 @@ impl<const D: usize> CarriedEnd<'_, D> {
     }
 
     /// Adds the layers of an emitter that have become due.
-    fn emit(&mut self, index: usize, all: &mut Vec<Carried<D>>, openings: &Openings<D>) {
+    fn emit(&mut self, index: usize, all: &mut Vec<Shown<D>>, openings: &Openings<D>) {
         let emitter = &openings.emitters[index];
         let mut flow = self.population.flows[index];
         let opening = Opening {
@@ -66,7 +66,7 @@ impl<const D: usize> CarriedEnd<'_, D> {
         });
         self.population.flows[index] = flow;
         self.population.add(added.len(), emitter.mass);
-        all.extend(added.iter().map(|&x| Carried {
+        all.extend(added.iter().map(|&x| Shown {
             x,
             v: emitter.velocity,
             mass: emitter.mass,

@@ -1,17 +1,17 @@
-//! Matter on the nodes of a grid, counted in integers.
+//! Deposit of particle volumes or masses on the nodes of a grid, in fixed point.
 //!
-//! Their sums do not depend on their order, so neither particles have to be sorted nor nodes to be shared out among
-//! threads.
+//! Sums of integers do not depend on their order, so that particles need not be sorted, nor nodes divided among threads,
+//! for equal bits.
 
 use super::super::block::Block;
 use crate::grid::{CHUNK, Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use threads::Team;
 
-/// Counts of one full cell. A node holds 65 535 cells before it overflows.
+/// Count of one full cell. A node overflows beyond 65 535 cells.
 pub const ONE: f32 = 65_536.0;
 
-/// Chunks whose flags are looked at together: of all chunks of a grid few are dirty.
+/// Chunks whose flags are tested together, since most chunks of a grid are clean.
 pub const GROUP: usize = 64;
 
 /// Counts of one thread.
@@ -22,14 +22,14 @@ struct Counts {
     dirty: Vec<bool>,
 }
 
-/// Matter on the nodes of a grid.
+/// Amounts on the nodes of a grid.
 #[derive(Debug, Clone)]
-pub struct Tally {
+pub struct Deposit {
     /// One for each thread.
     counts: Vec<Counts>,
 }
 
-impl Tally {
+impl Deposit {
     pub fn new<const D: usize>(layout: &Layout<D>, threads: usize) -> Self {
         let count = layout.row_count() * layout.row_length;
         let counts = Counts {
@@ -41,7 +41,7 @@ impl Tally {
         }
     }
 
-    /// Counts what `amounts` says of each particle of a block, in full cells.
+    /// Deposits `amounts` of the particles of each block [full cells] in place of earlier ones.
     pub fn count<const D: usize>(
         &mut self,
         layout: &Layout<D>,
@@ -67,14 +67,14 @@ impl Tally {
         });
     }
 
-    /// Whether there is matter in some chunks.
+    /// Whether any amount is in a range of chunks.
     #[inline(always)]
     pub fn any_in(&self, chunks: std::ops::Range<usize>) -> bool {
         let mut counts = self.counts.iter();
         counts.any(|counts| any(&counts.dirty[chunks.clone()]))
     }
 
-    /// The counts of a chunk of nodes.
+    /// Sums of a chunk of nodes.
     #[inline(always)]
     pub fn in_chunk(&self, chunk: usize) -> [u32; CHUNK] {
         let mut sums = [0u32; CHUNK];
@@ -104,7 +104,7 @@ impl Counts {
     }
 }
 
-/// Whether a flag is set. Without an early end the compiler looks at many at once.
+/// Whether a flag is set; without an early exit, so that the loop is vectorised.
 pub fn any(flags: &[bool]) -> bool {
     flags.iter().fold(false, |found, &flag| found | flag)
 }

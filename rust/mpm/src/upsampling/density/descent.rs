@@ -1,4 +1,4 @@
-//! Particles that slide down the gradient of something on a grid.
+//! Displacement of particles down the gradient of a scalar on a grid.
 
 use wide::f32x4;
 
@@ -7,11 +7,11 @@ use crate::grid::{Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use threads::Team;
 
-/// Particles slide at most so far [cells].
-const FARTHEST: f32 = 0.25;
+/// Largest displacement in one call [cells].
+const MAX_STEP: f32 = 0.25;
 
-/// Moves particles by `rate` cells for each unit per cell that `height` falls by.
-pub fn slide<const D: usize>(
+/// Moves particles down the gradient of `height`, by `rate` cells for a gradient of 1 per cell.
+pub fn descend<const D: usize>(
     blocks: &mut [Block<D>],
     layout: &Layout<D>,
     height: &[f32],
@@ -21,7 +21,7 @@ pub fn slide<const D: usize>(
     let share = blocks.len().div_ceil(4 * team.size()).max(1);
     let mut parts: Vec<_> = blocks.chunks_mut(share).collect();
     team.for_each(&mut parts, |blocks| {
-        run_wide(Slide {
+        run_wide(Descend {
             blocks,
             layout,
             rate,
@@ -30,15 +30,15 @@ pub fn slide<const D: usize>(
     });
 }
 
-/// Moves particles down the gradient.
-struct Slide<'a, const D: usize> {
+/// Kernel of `descend`.
+struct Descend<'a, const D: usize> {
     blocks: &'a mut [Block<D>],
     layout: &'a Layout<D>,
     rate: f32,
     height: &'a [f32],
 }
 
-impl<const D: usize> Kernel for Slide<'_, D> {
+impl<const D: usize> Kernel for Descend<'_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -56,7 +56,7 @@ impl<const D: usize> Kernel for Slide<'_, D> {
             let mut step = [0.0; LANES];
             for i in 0..LANES {
                 let length = rate * squared[i].sqrt();
-                step[i] = dx * rate * FARTHEST / length.max(FARTHEST);
+                step[i] = dx * rate * MAX_STEP / length.max(MAX_STEP);
             }
             for axis in 0..D {
                 for i in 0..LANES {
@@ -98,7 +98,7 @@ fn gradient<const D: usize>(layout: &Layout<D>, height: &[f32], x: &[Lanes; D]) 
     gradient
 }
 
-/// For each axis the slope along it, still to be summed over the last axis.
+/// Slope along each axis, not yet summed along the last axis.
 #[inline(always)]
 fn products<const D: usize>(
     layout: &Layout<D>,

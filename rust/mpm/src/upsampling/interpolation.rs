@@ -1,4 +1,4 @@
-//! The field of motion at the many particles.
+//! Interpolation of the field of motion to shown particles.
 
 use wide::f32x4;
 
@@ -8,11 +8,11 @@ use crate::grid::{Layout, Stencils};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, Vector, run_wide};
 use threads::Team;
 
-/// Sum of a particle's weights on nodes with mass [-] that it must have for the few to carry it.
+/// Sum of weights on nodes with mass [-] above which a particle follows the field.
 const SUPPORT: f32 = 1.0e-3;
 
-/// Moves all particles along with a field of displacements that took `dt` [s]. Those that nothing carries fly on.
-pub fn move_along<const D: usize>(
+/// Moves particles by a field of displacements over `dt` [s]; particles away from nodes with mass fly freely.
+pub fn advect<const D: usize>(
     blocks: &mut [Block<D>],
     field: &Field<D>,
     gravity: &Vector<D>,
@@ -22,7 +22,7 @@ pub fn move_along<const D: usize>(
     let share = blocks.len().div_ceil(4 * team.size()).max(1);
     let mut parts: Vec<_> = blocks.chunks_mut(share).collect();
     team.for_each(&mut parts, |blocks| {
-        run_wide(MoveAlong {
+        run_wide(Advect {
             blocks,
             field,
             gravity: *gravity,
@@ -31,14 +31,14 @@ pub fn move_along<const D: usize>(
     });
 }
 
-struct MoveAlong<'a, const D: usize> {
+struct Advect<'a, const D: usize> {
     blocks: &'a mut [Block<D>],
     field: &'a Field<D>,
     gravity: Vector<D>,
     dt: f32,
 }
 
-impl<const D: usize> Kernel for MoveAlong<'_, D> {
+impl<const D: usize> Kernel for Advect<'_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -49,33 +49,41 @@ impl<const D: usize> Kernel for MoveAlong<'_, D> {
             for axis in 0..D {
                 let gain = self.gravity[axis] * dt;
                 for i in 0..LANES {
-                    let carried = support[i] > SUPPORT;
+                    let is_supported = support[i] > SUPPORT;
                     let flight = (block.v[axis][i] + 0.5 * gain) * dt;
-                    let shift = if carried { motion[axis][i] } else { flight };
+                    let shift = if is_supported {
+                        motion[axis][i]
+                    } else {
+                        flight
+                    };
                     let v = block.v[axis][i] + gain;
                     block.x[axis][i] += shift;
-                    block.v[axis][i] = if carried { shift * rate } else { v };
+                    block.v[axis][i] = if is_supported { shift * rate } else { v };
                 }
             }
         }
     }
 }
 
-/// Gives all particles the motion of a field as their velocity; those that nothing carries keep theirs.
-pub fn take_velocities<const D: usize>(blocks: &mut [Block<D>], field: &Field<D>, team: &Team) {
+/// Sets velocities to those of a field; particles away from nodes with mass keep theirs.
+pub fn interpolate_velocities<const D: usize>(
+    blocks: &mut [Block<D>],
+    field: &Field<D>,
+    team: &Team,
+) {
     let share = blocks.len().div_ceil(4 * team.size()).max(1);
     let mut parts: Vec<_> = blocks.chunks_mut(share).collect();
     team.for_each(&mut parts, |blocks| {
-        run_wide(TakeVelocities { blocks, field });
+        run_wide(InterpolateVelocities { blocks, field });
     });
 }
 
-struct TakeVelocities<'a, const D: usize> {
+struct InterpolateVelocities<'a, const D: usize> {
     blocks: &'a mut [Block<D>],
     field: &'a Field<D>,
 }
 
-impl<const D: usize> Kernel for TakeVelocities<'_, D> {
+impl<const D: usize> Kernel for InterpolateVelocities<'_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -84,16 +92,16 @@ impl<const D: usize> Kernel for TakeVelocities<'_, D> {
             let (motion, support) = motion_at::<Q, D>(self.field, &block.x);
             for axis in 0..D {
                 for i in 0..LANES {
-                    let carried = support[i] > SUPPORT;
+                    let is_supported = support[i] > SUPPORT;
                     let v = block.v[axis][i];
-                    block.v[axis][i] = if carried { motion[axis][i] } else { v };
+                    block.v[axis][i] = if is_supported { motion[axis][i] } else { v };
                 }
             }
         }
     }
 }
 
-/// The motion at each place of a block, and the sums of the weights on nodes with mass.
+/// Motion at each position of a block, and the sum of weights on nodes with mass.
 #[inline(always)]
 fn motion_at<Q: Quad, const D: usize>(field: &Field<D>, x: &[Lanes; D]) -> ([Lanes; D], Lanes) {
     let layout = &field.layout;
@@ -119,7 +127,7 @@ fn motion_at<Q: Quad, const D: usize>(field: &Field<D>, x: &[Lanes; D]) -> ([Lan
     (motion, support)
 }
 
-/// The nodes of one particle by their weights, summed but for the last axis.
+/// Weighted nodes of one particle, not yet summed along the last axis.
 #[inline(always)]
 fn weighted<Q: Quad, const D: usize>(
     nodes: &[f32x4],

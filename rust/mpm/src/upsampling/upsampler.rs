@@ -1,15 +1,15 @@
-//! `Carrier`: all particles of a scene, moved along by few.
+//! `Upsampler`: all particles of a scene, moved with coarse particles.
 
 use std::sync::Arc;
 
-use super::block::{Block, Carried, blocks};
-use super::density::{Crowding, Straying};
-use super::exchange::CarriedEnd;
-use super::few::{Few, Past};
+use super::block::{Block, Shown, blocks};
+use super::coarse::{CoarseParticles, Previous};
+use super::density::{DriftCorrection, Relaxation};
+use super::exchange::ShownEnd;
 use super::field::Field;
 use super::force::gather_force;
-use super::gather::{move_along, take_velocities};
-use super::snapshot::{self, CarrierState};
+use super::interpolation::{advect, interpolate_velocities};
+use super::snapshot::{self, UpsamplerState};
 use super::surfaces::Surfaces;
 use crate::boundary::Obstacles;
 use crate::error::MpmError;
@@ -20,27 +20,27 @@ use crate::openings::{EmitterStatus, Openings, Population};
 use crate::settings::SolverSettings;
 use threads::Team;
 
-/// Frames from one carry to the next, where no particles come and go.
-pub const CARRY_EVERY: u64 = 4;
+/// Frames from one update to the next in a scene without emitters and sinks.
+const UPDATE_EVERY: u64 = 4;
 
-/// Frames from one time to the next that the many are led back to where the few are; a multiple of `CARRY_EVERY`.
-const LEAD_EVERY: u64 = 16;
+/// Frames from one correction of the drift to the next; a multiple of `UPDATE_EVERY`.
+const CORRECT_EVERY: u64 = 16;
 
-/// Passes in which the many slide apart at a carry, at most. Few carries need more than two; in a splash at a wall eight
-/// were too few.
-const MOST_PASSES: usize = 24;
+/// Most passes of the density relaxation in an update. Most updates need at most two; in a splash at a wall eight did not
+/// suffice.
+const MAX_PASSES: usize = 24;
 
-/// How particles are carried, apart from the few and the scene.
+/// Constants of the upsampling.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CarryConstants {
-    /// The part of the affine motion of the few that the many take over [-]. All of it moves the centre of mass best,
-    /// but lets particles clump; none leaves bodies that turn behind.
+pub struct UpsamplingConstants {
+    /// Part of the affine motion of coarse particles that is interpolated [-]. With 1 the centre of mass is most accurate,
+    /// but particles clump; with 0 rotating bodies lag behind.
     pub affine_share: f32,
-    /// How far the many slide apart in each pass of a carry [cells] per density in excess and cell.
+    /// Displacement of shown particles in each pass of the density relaxation [cells] per excess density and cell.
     pub relaxation: f32,
 }
 
-impl CarryConstants {
+impl UpsamplingConstants {
     fn check(&self) -> Result<(), MpmError> {
         for (name, value, allowed, most) in [
             ("affine_share", self.affine_share, "in [0, 1]", 1.0),
@@ -54,7 +54,7 @@ impl CarryConstants {
     }
 }
 
-impl Default for CarryConstants {
+impl Default for UpsamplingConstants {
     fn default() -> Self {
         Self {
             affine_share: 0.5,
@@ -63,34 +63,34 @@ impl Default for CarryConstants {
     }
 }
 
-/// All particles of a scene, carried along by the motion of few.
+/// All particles of a scene, moved with coarse particles.
 #[derive(Debug, Clone)]
-pub struct Carrier<const D: usize> {
+pub struct Upsampler<const D: usize> {
     frame_dt: f32,
     gravity: Vector<D>,
     affine_share: f32,
     openings: Openings<D>,
     surfaces: Surfaces<D>,
-    /// On the grid of the few.
+    /// Motion on the coarse grid.
     field: Field<D>,
-    crowding: Crowding<D>,
-    straying: Straying<D>,
+    relaxation: Relaxation<D>,
+    drift: DriftCorrection<D>,
     team: Arc<Team>,
-    state: CarrierState<D>,
-    /// The particles at a frame after the latest carry, as they were last shown.
-    shown: Option<(u64, Vec<Block<D>>)>,
+    state: UpsamplerState<D>,
+    /// Frame after the latest update, and the particles computed for it.
+    cache: Option<(u64, Vec<Block<D>>)>,
 }
 
-impl<const D: usize> Carrier<D> {
+impl<const D: usize> Upsampler<D> {
     /// All particles of a scene at frame 0.
     ///
-    /// `settings` are those of the scene, with its own emitters; `coarse_resolution` is that of the grid of the few [cells/m].
+    /// `settings` are those of the scene, with its own emitters; `coarse_resolution` is that of the coarse grid [cells/m].
     pub fn new(
         settings: &SolverSettings<D>,
         coarse_resolution: usize,
-        constants: CarryConstants,
+        constants: UpsamplingConstants,
         particles: Particles<'_>,
-        few: &Few<'_>,
+        coarse: &CoarseParticles<'_>,
     ) -> Result<Self, MpmError> {
         settings.check()?;
         constants.check()?;
@@ -103,11 +103,11 @@ impl<const D: usize> Carrier<D> {
             ));
         }
         check_particles(settings, particles)?;
-        few.check::<D>()?;
+        coarse.check::<D>()?;
         let layout = Layout::new(settings.resolution);
         let cell = layout.dx().powi(D as i32);
         let all: Vec<_> = (0..particles.mass.len())
-            .map(|i| Carried {
+            .map(|i| Shown {
                 x: Vector::from_column_slice(&particles.x[i * D..][..D]),
                 v: Vector::from_column_slice(&particles.v[i * D..][..D]),
                 mass: particles.mass[i],
@@ -130,27 +130,27 @@ impl<const D: usize> Carrier<D> {
                 frictions: settings.materials.iter().map(|m| m.wall_friction).collect(),
             },
             field: Field::new(coarse_resolution),
-            straying: Straying::new(Layout::new(coarse_resolution), team.size()),
-            crowding: Crowding::new(layout, constants.relaxation, walls, &resting, team.size()),
+            drift: DriftCorrection::new(Layout::new(coarse_resolution), team.size()),
+            relaxation: Relaxation::new(layout, constants.relaxation, walls, &resting, team.size()),
             team,
-            state: CarrierState {
+            state: UpsamplerState {
                 blocks: blocks(&all),
                 population: Population::new(all.len(), settings.openings.emitters.len()),
-                past: Past::of(few),
+                previous: Previous::of(coarse),
                 frame: 0,
                 materials: settings.materials.len(),
             },
             openings: settings.openings.clone(),
-            shown: None,
+            cache: None,
         })
     }
 
-    /// Frames from one carry to the next. Where particles come and go it is 1: they may in each frame.
+    /// Frames from one update to the next: 1 in a scene with emitters or sinks, which act in each frame.
     pub fn every(&self) -> u64 {
-        if self.openings.any() { 1 } else { CARRY_EVERY }
+        if self.openings.any() { 1 } else { UPDATE_EVERY }
     }
 
-    /// Frame of the latest carry.
+    /// Frame of the latest update.
     pub fn frame(&self) -> u64 {
         self.state.frame
     }
@@ -160,38 +160,38 @@ impl<const D: usize> Carrier<D> {
         self.state.population.ids.len()
     }
 
-    /// N numbers, ascending, that particles keep for good.
+    /// Permanent ids of the N particles, ascending.
     pub fn ids(&self) -> &[u64] {
         &self.state.population.ids
     }
 
-    /// What each emitter did in the latest frame.
+    /// Status of each emitter in the latest frame.
     pub fn emitters(&self) -> impl Iterator<Item = EmitterStatus> + '_ {
         let flows = self.state.population.flows.iter();
         flows.map(|flow| flow.status)
     }
 
-    /// Carries all particles to a frame, at whose end the few are as `few` says.
-    pub fn carry(&mut self, few: &Few<'_>, frame: u64) -> Result<(), MpmError> {
-        few.check::<D>()?;
+    /// Moves all particles to the end of a frame with the coarse particles, given at the same time.
+    pub fn update(&mut self, coarse: &CoarseParticles<'_>, frame: u64) -> Result<(), MpmError> {
+        coarse.check::<D>()?;
         let mut blocks = std::mem::take(&mut self.state.blocks);
-        let moved = self.move_to(&mut blocks, few, frame);
+        let moved = self.advect_to(&mut blocks, coarse, frame);
         self.state.blocks = blocks;
         moved?;
-        self.shown = None;
-        if frame.is_multiple_of(CARRY_EVERY) {
-            if frame.is_multiple_of(LEAD_EVERY) {
-                self.lead_back(few);
+        self.cache = None;
+        if frame.is_multiple_of(UPDATE_EVERY) {
+            if frame.is_multiple_of(CORRECT_EVERY) {
+                self.correct_drift(coarse);
             }
-            self.part();
+            self.relax();
         } else {
-            hold(&self.surfaces, &mut self.state.blocks, &self.team);
+            confine(&self.surfaces, &mut self.state.blocks, &self.team);
         }
         let (state, surfaces) = (&mut self.state, &self.surfaces);
         state.frame = frame;
-        state.past = Past::of(few);
+        state.previous = Previous::of(coarse);
         if self.openings.any() {
-            let mut end = CarriedEnd {
+            let mut end = ShownEnd {
                 blocks: &mut state.blocks,
                 population: &mut state.population,
                 surfaces,
@@ -203,37 +203,37 @@ impl<const D: usize> Carrier<D> {
         Ok(())
     }
 
-    /// Writes N x D positions [m] at a frame since the latest carry, at whose end the few are as `few` says.
+    /// Writes N x D positions [m] at the end of a frame since the latest update; `coarse` is given at the same time.
     pub fn write_positions(
         &mut self,
-        few: &Few<'_>,
+        coarse: &CoarseParticles<'_>,
         frame: u64,
         out: &mut [f32],
     ) -> Result<(), MpmError> {
-        let blocks = self.at_frame(few, frame)?;
+        let blocks = self.at_frame(coarse, frame)?;
         write(blocks, out, Block::position);
         Ok(())
     }
 
-    /// Writes N x D velocities [m/s] at such a frame; `v` are those of the few, N x D.
+    /// Writes N x D velocities [m/s] at such a frame; `v` are those of the n coarse particles, n x D.
     pub fn write_velocities(
         &mut self,
-        few: &Few<'_>,
+        coarse: &CoarseParticles<'_>,
         v: &[f32],
         frame: u64,
         out: &mut [f32],
     ) -> Result<(), MpmError> {
-        if v.len() != few.x.len() {
+        if v.len() != coarse.x.len() {
             return Err(MpmError::Length {
                 name: "v",
-                expected: few.x.len(),
+                expected: coarse.x.len(),
                 got: v.len(),
             });
         }
-        let mut blocks = self.at_frame(few, frame)?.to_vec();
+        let mut blocks = self.at_frame(coarse, frame)?.to_vec();
         self.field
-            .spread(&Past::velocities(few, v, self.affine_share));
-        take_velocities(&mut blocks, &self.field, &self.team);
+            .scatter(&Previous::velocities(coarse, v, self.affine_share));
+        interpolate_velocities(&mut blocks, &self.field, &self.team);
         write(&blocks, out, Block::velocity);
         Ok(())
     }
@@ -252,7 +252,7 @@ impl<const D: usize> Carrier<D> {
         }
     }
 
-    /// Accelerations of the many, N x D [m/s^2], as accelerations of the few that there were at the latest carry.
+    /// Converts accelerations of shown particles, N x D [m/s^2], to those of the coarse particles at the latest update.
     pub fn gather_force(&mut self, force: &[f32]) -> Result<Vec<f32>, MpmError> {
         if force.len() != self.count() * D {
             return Err(MpmError::Length {
@@ -265,7 +265,7 @@ impl<const D: usize> Carrier<D> {
         Ok(gather_force(
             &state.blocks,
             force,
-            &state.past,
+            &state.previous,
             &mut self.field,
             &self.team,
         ))
@@ -276,16 +276,16 @@ impl<const D: usize> Carrier<D> {
         snapshot::encode(self.surfaces.layout.resolution, &self.state)
     }
 
-    /// Takes the state of a snapshot of the same scene; on an error the present one stays.
+    /// Restores the state of a snapshot of the same scene; on an error the present state is kept.
     pub fn restore(&mut self, data: &[u8]) -> Result<(), MpmError> {
         let resolution = self.surfaces.layout.resolution;
         self.state = snapshot::decode(resolution, &self.state, self.openings.any(), data)?;
-        self.shown = None;
+        self.cache = None;
         Ok(())
     }
 
-    /// Leads all particles back to where the few are.
-    fn lead_back(&mut self, few: &Few<'_>) {
+    /// Moves shown particles towards the mass of the coarse particles.
+    fn correct_drift(&mut self, coarse: &CoarseParticles<'_>) {
         let blocks = &mut self.state.blocks;
         let (mut mass, mut cells) = (0.0, 0.0);
         for block in &*blocks {
@@ -295,59 +295,63 @@ impl<const D: usize> Carrier<D> {
         if mass > 0.0 {
             let cell = self.surfaces.layout.dx().powi(D as i32);
             let density = mass / (cells * cell);
-            self.straying.lead_back(blocks, few, density, &self.team);
-            hold(&self.surfaces, blocks, &self.team);
+            self.drift.correct(blocks, coarse, density, &self.team);
+            confine(&self.surfaces, blocks, &self.team);
         }
     }
 
-    /// Lets all particles slide apart where they are too dense.
-    fn part(&mut self) {
+    /// Moves shown particles apart where they are denser than at rest.
+    fn relax(&mut self) {
         let blocks = &mut self.state.blocks;
-        for _ in 0..MOST_PASSES {
-            let is_crowded = self.crowding.relax(blocks, &self.team);
-            hold(&self.surfaces, blocks, &self.team);
-            if !is_crowded {
+        for _ in 0..MAX_PASSES {
+            let is_dense = self.relaxation.relax(blocks, &self.team);
+            confine(&self.surfaces, blocks, &self.team);
+            if !is_dense {
                 break;
             }
         }
     }
 
-    /// The particles at a frame since the latest carry.
-    fn at_frame(&mut self, few: &Few<'_>, frame: u64) -> Result<&[Block<D>], MpmError> {
+    /// Particles at the end of a frame since the latest update.
+    fn at_frame(
+        &mut self,
+        coarse: &CoarseParticles<'_>,
+        frame: u64,
+    ) -> Result<&[Block<D>], MpmError> {
         if frame == self.state.frame {
             return Ok(&self.state.blocks);
         }
-        let cached = self.shown.as_ref().is_some_and(|(of, _)| *of == frame);
+        let cached = self.cache.as_ref().is_some_and(|(of, _)| *of == frame);
         if !cached {
-            few.check::<D>()?;
+            coarse.check::<D>()?;
             let mut blocks = self
-                .shown
+                .cache
                 .take()
                 .map_or_else(Vec::new, |(_, blocks)| blocks);
             blocks.clone_from(&self.state.blocks);
-            self.move_to(&mut blocks, few, frame)?;
-            hold(&self.surfaces, &mut blocks, &self.team);
-            self.shown = Some((frame, blocks));
+            self.advect_to(&mut blocks, coarse, frame)?;
+            confine(&self.surfaces, &mut blocks, &self.team);
+            self.cache = Some((frame, blocks));
         }
-        Ok(&self.shown.as_ref().expect("just shown").1)
+        Ok(&self.cache.as_ref().expect("just computed").1)
     }
 
-    /// Moves particles from the latest carry to a later frame.
-    fn move_to(
+    /// Moves particles from the latest update to the end of a later frame.
+    fn advect_to(
         &mut self,
         blocks: &mut [Block<D>],
-        few: &Few<'_>,
+        coarse: &CoarseParticles<'_>,
         frame: u64,
     ) -> Result<(), MpmError> {
         if frame <= self.state.frame {
-            let allowed = "after the frame of the latest carry";
+            let allowed = "after the frame of the latest update";
             return Err(MpmError::parameter("frame", allowed, frame));
         }
         let dt = (frame - self.state.frame) as f32 * self.frame_dt;
         self.field
-            .spread(&self.state.past.movers(few, dt, self.affine_share));
-        move_along(blocks, &self.field, &self.gravity, dt, &self.team);
-        // The clock of moving obstacles is a function of the frame's number.
+            .scatter(&self.state.previous.samples(coarse, dt, self.affine_share));
+        advect(blocks, &self.field, &self.gravity, dt, &self.team);
+        // Obstacles are placed by the number of the frame.
         let time = frame as f64 * f64::from(self.frame_dt);
         self.surfaces.obstacles.move_to(time, dt);
         let surfaces = &self.surfaces;
@@ -358,9 +362,9 @@ impl<const D: usize> Carrier<D> {
     }
 }
 
-/// Puts all particles between the walls and outside of obstacles.
-fn hold<const D: usize>(surfaces: &Surfaces<D>, blocks: &mut [Block<D>], team: &Team) {
-    for_blocks(blocks, team, |block| surfaces.hold(block));
+/// Moves all particles between the walls and out of obstacles.
+fn confine<const D: usize>(surfaces: &Surfaces<D>, blocks: &mut [Block<D>], team: &Team) {
+    for_blocks(blocks, team, |block| surfaces.confine(block));
 }
 
 fn for_blocks<const D: usize>(
