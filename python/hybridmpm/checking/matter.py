@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from hybridmpm._native import MAX_SUBSTEPS
+from hybridmpm._core import MAX_SUBSTEPS
 from hybridmpm.checking.report import Finding
 from hybridmpm.mpm.cost import cfl_substeps
 from hybridmpm.mpm.scene_warnings import FULL, SOFT, filled_share, settled_compression

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.scene import Material, Motion, Scene
 
 MANY_SUBSTEPS = 200
@@ -63,7 +63,7 @@ def cfl_substeps(
     cfl : float in (0, 1], optional
         CFL number of all materials and of motion; each has its own if absent.
     """
-    return _native.cfl_substeps(
+    return _core.cfl_substeps(
         [material.to_native(scene.potential_drop) for material in materials],
         dim=scene.dim,
         resolution=resolution,

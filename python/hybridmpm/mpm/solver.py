@@ -118,7 +118,7 @@ class MpmSolver(CoarseSimulator):
     ) -> None:
         self._scene = checked_scene(scene)
         self._substeps: Substeps = (
-            substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, _native.MAX_SUBSTEPS)
+            substeps if isinstance(substeps, str) else whole("substeps", substeps, 1, _core.MAX_SUBSTEPS)
         )
         self._cfl = cfl
         if not isinstance(sleep, Sleep | None):
