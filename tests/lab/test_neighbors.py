@@ -30,13 +30,8 @@ def test_rows_beside_the_peer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     ]  # fmt: skip
     for row in rows:
         assert set(row) == {
-<<<<<<< HEAD
-            "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "ms_verlet", "peer",
-            "peer_ms", "ratio", "machine", "date", "commit", "command", "solver_version", "ingredients",
-=======
             "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "peer",
-            "peer_ms", "ratio", "machine", "date", "commit", "command",
->>>>>>> d0811cf (native: delete relaxation of density, VerletList, hand_out and fluids_3d_fast)
+            "peer_ms", "ratio", "machine", "date", "commit", "command", "solver_version", "ingredients",
         }  # fmt: skip
         assert f"{row['ms']}" in result.stdout
         if row["particles"] > 2000:
