@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from hybridmpm import scenarios
 from hybridmpm.cli.devices import device_option, require_torch, torch_device
