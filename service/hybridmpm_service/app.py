@@ -14,29 +14,17 @@ from starlette.middleware.cors import CORSMiddleware
 import hybridmpm
 from hybridmpm_service.front import PAGE, front
 from hybridmpm_service.http import problems
-from hybridmpm_service.http.connection.middleware import (
+from hybridmpm_service.http.middleware import (
     AccessMiddleware,
     AnswerMiddleware,
     BodyLimitMiddleware,
 )
 from hybridmpm_service.http.requests import SketchRequest
-from hybridmpm_service.jobs.table import JobTable
-from hybridmpm_service.routes import (
-    checks,
-    datasets,
-    health,
-    jobs,
-    models,
-    plans,
-    recordings,
-    scenarios,
-    sessions,
-    sketches,
-    stream,
-)
-from hybridmpm_service.routes.handling.idempotency import Idempotency
+from hybridmpm_service.jobs import JobTable
+from hybridmpm_service.routes import catalogue, estimates, health, jobs, sessions, sketches, stream
+from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
-from hybridmpm_service.sessions.playing.pace import Clock
+from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.settings import Settings
 
 _SWEEP_SECONDS = 30.0
@@ -72,19 +60,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (
-        health,
-        scenarios,
-        models,
-        checks,
-        plans,
-        sessions,
-        sketches,
-        recordings,
-        datasets,
-        jobs,
-        stream,
-    )
+    modules = (health, catalogue, estimates, sessions, sketches, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)

@@ -8,10 +8,9 @@ from hybridmpm import Scene
 from hybridmpm.control.sketch.sketch import MAX_POINTS
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.requests import Cap, Request, SketchSettings
-from hybridmpm_service.sessions.journal.inputs import Input, input_of
-from hybridmpm_service.sessions.journal.journal import MAX_INPUTS
-from hybridmpm_service.sessions.journal.log import SessionLog
-from hybridmpm_service.sessions.journal.origin import Origin, Versions
+from hybridmpm_service.sessions.inputs import Input, Origin, Versions, input_of
+from hybridmpm_service.sessions.journal import MAX_INPUTS
+from hybridmpm_service.sessions.revival import SessionLog
 from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
 
 FORMAT = 1

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 from hybridmpm.control import METHODS, Stroke
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP
-from hybridmpm_service.sessions.playing.player import MAX_SPEED, MIN_SPEED
+from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 
 MAX_PUSH_SPEED = 100.0
 """Largest speed of a hand along an axis [m/s]."""

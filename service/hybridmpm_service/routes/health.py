@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from hybridmpm_service.routes.handling.dependencies import Sessions, problems
+from hybridmpm_service.routes.dependencies import Sessions, problems
 
 router = APIRouter(tags=["health"])
 

@@ -1,21 +1,30 @@
-"""Routes of jobs: what runs, how far it is, what it has made."""
+"""Routes of jobs, and of the recordings and data sets that jobs make."""
 
+import asyncio
+from pathlib import Path
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Response
+from fastapi import Path as PathParameter
 from starlette.responses import FileResponse, StreamingResponse
 
-from hybridmpm_service.errors import JobUnfinishedError
-from hybridmpm_service.http.jobs import PATH, JobBody, JobList, events
-from hybridmpm_service.jobs.datasets import MEDIA_TYPE
-from hybridmpm_service.jobs.job import Phase
-from hybridmpm_service.routes.handling.dependencies import Jobs, Sessions, problems
+from hybridmpm import export
+from hybridmpm.data.hdf5 import h5py
+from hybridmpm_service.errors import FieldError, JobUnfinishedError
+from hybridmpm_service.http.jobs import JobBody, JobList, MakeDataSet, RecordSession, events
+from hybridmpm_service.jobs import MEDIA_TYPE, Phase, Progress, Result, made
+from hybridmpm_service.routes.calls import SessionRoute
+from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
+from hybridmpm_service.sessions.tracing import recorded
 
-router = APIRouter(prefix=PATH, tags=["jobs"])
+router = APIRouter(prefix="/v1", tags=["jobs"], route_class=SessionRoute)
 
-
-_JobId = Annotated[str, Path(description="Name of the job, its `id`.")]
-_MEDIA_TYPES = ("application/x-npz", "application/json", "image/gif", "image/png", "video/mp4", MEDIA_TYPE)
+_JobId = Annotated[str, PathParameter(description="Name of the job, its `id`.")]
+_RECORDED = {"npz": "application/x-npz", "gif": "image/gif", "mp4": "video/mp4", "png": "image/png"}
+_STRIP = 4
+"""Pictures side by side in a strip."""
+MAX_RECORDED_NUMBERS = 1 << 26
+"""Largest number of coordinates in a recording, states x particles x dimensions; velocities take as many."""
 _EVENT = {
     "type": "object",
     "description": "One event: the phase of the job, and the job as JSON.",
@@ -28,20 +37,20 @@ _EVENT = {
 _FILE = {"schema": {"type": "string", "format": "binary"}}
 
 
-@router.get("")
+@router.get("/jobs")
 async def list_jobs(jobs: Jobs) -> JobList:
     """List the jobs, the oldest first."""
     return JobList(jobs=[JobBody.of(job) for job in jobs.all()])
 
 
-@router.get("/{job_id}", responses=problems(404))
+@router.get("/jobs/{job_id}", responses=problems(404))
 async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
     """Describe a job."""
     return JobBody.of(jobs.get(job_id))
 
 
 @router.get(
-    "/{job_id}/events",
+    "/jobs/{job_id}/events",
     response_class=StreamingResponse,
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404)},
 )
@@ -52,10 +61,10 @@ async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> Streamin
 
 
 @router.get(
-    "/{job_id}/result",
+    "/jobs/{job_id}/result",
     response_class=FileResponse,
     responses={
-        200: {"content": dict.fromkeys(_MEDIA_TYPES, _FILE)},
+        200: {"content": dict.fromkeys((*_RECORDED.values(), "application/json", MEDIA_TYPE), _FILE)},
         **problems(404, 409, 422, 503),
     },
 )
@@ -69,7 +78,69 @@ async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
     return FileResponse(job.result.file, media_type=job.result.media_type, filename=job.result.file.name)
 
 
-@router.delete("/{job_id}", status_code=204, responses=problems(404))
+@router.delete("/jobs/{job_id}", status_code=204, responses=problems(404))
 async def delete_job(job_id: _JobId, jobs: Jobs) -> None:
     """End a job, and forget what it has made."""
     await jobs.delete(job_id)
+
+
+@router.post(
+    "/sessions/{session_id}/recordings", status_code=202, responses=problems(404, 413, 415, 422, 503)
+)
+async def record_session(
+    *,
+    session_id: SessionId,
+    body: RecordSession,
+    sessions: Sessions,
+    jobs: Jobs,
+    limits: Limits,
+    response: Response,
+) -> JobBody:
+    """Begin a job that computes frames on a copy of the session, which does not change, and writes a file."""
+    session = sessions.get(session_id)
+    if body.frames > limits.max_advance_frames:
+        raise FieldError("body.frames", f"must be in [1, {limits.max_advance_frames}], got {body.frames}")
+    states = 1 + -(-body.frames // body.every)
+    most = MAX_RECORDED_NUMBERS // max(1, session.view.particles * session.scene.dim)
+    if states > most:
+        text = f"must be at least {-(-body.frames // max(1, most - 1))} for so many frames, got {body.every}"
+        raise FieldError("body.every", text)
+    style = export.Style(width=body.width, speed=body.speed, strip=_STRIP)
+    name = f"{session_id[:8]}.{body.format}"
+    export.check_target(Path(name))
+
+    async def work(progress: Progress, folder: Path) -> Result:
+        file = folder / name
+        await session.beside(
+            lambda twin, check: recorded(
+                twin,
+                check,
+                file,
+                style,
+                frames=body.frames,
+                every=body.every,
+                on_part=progress.tell,
+            )
+        )
+        return Result(file=file, media_type=_RECORDED[body.format])
+
+    job = JobBody.of(jobs.begin("recording", session_id, work))
+    response.headers["Location"] = job.links["self"]
+    return job
+
+
+@router.post("/datasets", status_code=202, responses=problems(413, 415, 422, 503))
+async def make_dataset(body: MakeDataSet, jobs: Jobs, limits: Limits, response: Response) -> JobBody:
+    """Begin a job that makes a data set: a zip file of HDF5 files and their metadata.
+
+    Data sets are made one after the other, each by one thread.
+    """
+    h5py()
+    recipe, seeds = await asyncio.to_thread(body.planned, limits)
+
+    async def work(progress: Progress, folder: Path) -> Result:
+        return await made(jobs.pool, recipe, seeds, progress, folder)
+
+    job = JobBody.of(jobs.begin("dataset", None, work))
+    response.headers["Location"] = job.links["self"]
+    return job

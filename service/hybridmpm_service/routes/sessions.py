@@ -6,9 +6,8 @@ from fastapi import APIRouter, Request, Response
 
 from hybridmpm.export.clouds import Cloud
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.answers import ParticlesBody, PressureBody, SessionBody, SessionList
+from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
-from hybridmpm_service.http.learned_answers import DecisionList
 from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.http.replies import (
     NPZ,
@@ -20,8 +19,8 @@ from hybridmpm_service.http.replies import (
     npz_response,
 )
 from hybridmpm_service.http.requests import AdvanceSession
-from hybridmpm_service.routes.handling.calls import SessionRoute
-from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions, problems
+from hybridmpm_service.routes.calls import SessionRoute
+from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)

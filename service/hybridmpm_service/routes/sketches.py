@@ -10,27 +10,28 @@ from hybridmpm.control import ControlledTrajectory, Guidance
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.jobs import JobBody
 from hybridmpm_service.http.replies import (
+    FRAMES,
     NPZ,
     accepts,
     json_response,
     npz_response,
     prefers_async,
+    streamed,
     with_nulls,
 )
 from hybridmpm_service.http.requests import SketchSettings
-from hybridmpm_service.http.sketches.answers import (
+from hybridmpm_service.http.sketches import (
     ForceBody,
     GuidanceBody,
     SketchBody,
     TrajectoryBody,
+    read_sketch,
     trajectory_arrays,
 )
-from hybridmpm_service.http.sketches.bodies import read_sketch
-from hybridmpm_service.http.sketches.streams import FRAMES, streamed
-from hybridmpm_service.jobs.job import Progress, Result
-from hybridmpm_service.routes.handling.calls import SessionRoute
-from hybridmpm_service.routes.handling.dependencies import Jobs, Limits, SessionId, Sessions, problems
-from hybridmpm_service.sessions.sketches.tracing import Tell, traced
+from hybridmpm_service.jobs import Progress, Result
+from hybridmpm_service.routes.calls import SessionRoute
+from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
+from hybridmpm_service.sessions.tracing import Tell, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
 

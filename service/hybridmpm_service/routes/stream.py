@@ -1,4 +1,4 @@
-"""Route of a session's live stream: frames and status go out, commands for the player come in."""
+"""Route of a session's live stream: frames and status go out, commands come in."""
 
 import asyncio
 import base64
@@ -13,9 +13,8 @@ from hybridmpm import SimulationError
 from hybridmpm.control import Push, push
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError, UnavailableError
-from hybridmpm_service.http.answers import SessionBody
+from hybridmpm_service.http.answers import HistoryBody, SessionBody
 from hybridmpm_service.http.json_text import read_json
-from hybridmpm_service.http.learned_answers import HistoryBody
 from hybridmpm_service.http.problems import MAX_DETAIL, field_path, row_of, shortened, urn_of
 from hybridmpm_service.http.requests import (
     COMMAND,
@@ -28,12 +27,42 @@ from hybridmpm_service.http.requests import (
     Speed,
     Step,
 )
-from hybridmpm_service.routes.handling.dependencies import Limits, SessionId, Sessions
-from hybridmpm_service.routes.handling.throttle import Throttle
+from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
+from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
-from hybridmpm_service.sessions.viewers.mailbox import Mailbox, MailboxClosed, Message, Signal
+from hybridmpm_service.sessions.viewers import Mailbox, MailboxClosed, Message, Signal
 from hybridmpm_service.settings import Settings
+
+
+class Throttle:
+    """A bucket that fills with `rate` tokens a second up to `burst`; a message takes one for each KiB begun.
+
+    Parameters
+    ----------
+    rate : float > 0
+        Small messages a second [1/s].
+    burst : int >= 1
+        Small messages at once after a pause.
+    clock : Clock
+    """
+
+    def __init__(self, rate: float, burst: int, clock: Clock) -> None:
+        self._rate, self._burst, self._clock = rate, burst, clock
+        self._tokens = float(burst)
+        self._latest = clock()
+
+    def admits(self, size: int) -> bool:
+        """Take the tokens of a message of so many bytes; return False where too few are left."""
+        tokens = 1 + size // 1024
+        now = self._clock()
+        self._tokens = min(self._burst, self._tokens + (now - self._latest) * self._rate)
+        self._latest = now
+        if self._tokens < tokens:
+            return False
+        self._tokens -= tokens
+        return True
+
 
 router = APIRouter()
 

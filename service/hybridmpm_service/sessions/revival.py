@@ -1,19 +1,169 @@
-"""A simulation that goes on from what is left of it: its file, or its log."""
+"""Computing a session again, from its file or from its log."""
 
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
-from hybridmpm import CancelFlag, FrameCancelledError, SnapshotError
+from hybridmpm import SOLVER_VERSION, CancelFlag, FrameCancelledError, SnapshotError
 from hybridmpm.checking import Finding
-from hybridmpm.control import Guidance
-from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.journal.journal import Journal
-from hybridmpm_service.sessions.journal.log import SessionLog, digest_of, why_unlike
-from hybridmpm_service.sessions.journal.origin import Origin, Versions
-from hybridmpm_service.sessions.journal.replay import replay
-from hybridmpm_service.sessions.journal.session_file import SessionFile
-from hybridmpm_service.sessions.playing.pace import Clock
+from hybridmpm.control import Guidance, Push, prepare
+from hybridmpm.simulator import Simulator
+from hybridmpm_service.errors import FieldError, ServiceError
+from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, SketchInput, Versions
+from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
+from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
+from hybridmpm_service.sessions.storage import SessionFile
+from hybridmpm_service.sessions.view import Particles
+
+_SEARCHES = "shooting"
+"""The method whose plan depends on the time that it is given, and so on the machine."""
+
+
+class Logged(Protocol):
+    """What a log asks of a simulation."""
+
+    journal: Journal
+
+    def particles(self) -> Particles:
+        """Return the state of all particles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionLog:
+    """Scene, simulator and inputs of a session from frame 0 to the present one."""
+
+    origin: Origin
+    frame: int
+    """The present frame."""
+    inputs: tuple[Input, ...]
+    """All inputs, in the order in which they acted."""
+    digest: str
+    """Digest of the state at the present frame, as `digest_of` makes it."""
+
+
+def log_of(origin: Origin, simulation: Logged) -> SessionLog:
+    """Return the log of a simulation.
+
+    Raises
+    ------
+    ServiceError
+        There were more inputs than are kept.
+    """
+    inputs, particles = simulation.journal.inputs, simulation.particles()
+    if inputs is None:
+        raise ServiceError(
+            f"the session has had more than {MAX_INPUTS} inputs since frame 0, and no longer has a log; "
+            "a reset begins a new one"
+        )
+    return SessionLog(origin=origin, frame=particles.frame, inputs=inputs, digest=digest_of(particles))
+
+
+def digest_of(particles: Particles) -> str:
+    """Return the SHA-256 of ids (uint64), positions and velocities (float32), little-endian, one by one."""
+    digest = hashlib.sha256(particles.ids.astype("<u8").tobytes())
+    for array in (particles.positions, particles.velocities):
+        digest.update(array.astype("<f4").tobytes())
+    return digest.hexdigest()
+
+
+def why_unlike(inputs: Iterable[Input], made_by: Versions, now: Versions) -> str | None:
+    """Return why a session that is computed again need not have the same bits; None if it has to."""
+    if made_by.solver != SOLVER_VERSION:
+        return (
+            f"it was computed by version {made_by.solver} of the solver and is computed again by version "
+            f"{SOLVER_VERSION}, whose frames are others"
+        )
+    if made_by.model != now.model:
+        return "it was computed with another version of the network"
+    searched = [one.number for one in inputs if isinstance(one, SketchInput) and one.planned_by == _SEARCHES]
+    if searched:
+        return (
+            f"the plan of sketch {searched[0]} was searched for a time, in which machines come to other plans"
+        )
+    return None
+
+
+class Replayed(Protocol):
+    """What a replay asks of a simulation."""
+
+    hand: Push | None
+
+    @property
+    def frame(self) -> int:
+        """Number of frames since the start."""
+
+    def advance(self, frames: int) -> int:
+        """Compute frames."""
+
+    def copy(self) -> Simulator:
+        """Return a copy of the simulator."""
+
+    def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> object:
+        """Let a guidance steer."""
+
+    def release(self) -> None:
+        """Let no sketch steer any more."""
+
+
+def replay(
+    simulation: Replayed,
+    inputs: Sequence[Input],
+    until: int,
+    guidances: Mapping[int, Guidance] | None = None,
+    check: Callable[[], object] = lambda: None,
+) -> None:
+    """Advance a simulation to a frame, while inputs act as they did.
+
+    Parameters
+    ----------
+    simulation : Replayed
+        At the frame of the first input or before.
+    inputs : sequence of Input
+        In the order in which they acted.
+    until : int
+        Frame to stop at; inputs that act from it on are given, too.
+    guidances : mapping, optional
+        Guidances of sketches by the place of the sketch among the inputs. Other sketches are planned again,
+        in the state in which they were.
+
+    check : callable, optional
+        Called again and again; what it raises ends the replay.
+
+    Raises
+    ------
+    SimulationError, SketchError
+        A frame or a plan failed.
+    """
+    plans = dict(guidances or {})
+    drawn = {
+        place: one.drawn_frame
+        for place, one in enumerate(inputs)
+        if isinstance(one, SketchInput) and place not in plans
+    }
+    stops = sorted({one.frame for one in inputs} | set(drawn.values()) | {until})
+    waiting = list(enumerate(inputs))
+    for stop in (stop for stop in stops if stop >= simulation.frame):
+        check()
+        simulation.advance(stop - simulation.frame)
+        for place in [place for place, frame in drawn.items() if frame == stop]:
+            sketch = inputs[place]
+            assert isinstance(sketch, SketchInput)  # noqa: S101 - of such alone `drawn` is made
+            plans[place] = prepare(simulation.copy(), sketch.sketch, on_frame=check, **sketch.settings)
+        while waiting and waiting[0][1].frame == stop:
+            place, one = waiting.pop(0)
+            _act(simulation, one, plans.get(place))
+
+
+def _act(simulation: Replayed, one: Input, guidance: Guidance | None) -> None:
+    if isinstance(one, PushInput):
+        simulation.hand = one.push
+    elif guidance is not None and isinstance(one, SketchInput):
+        simulation.steer(guidance, one.number, one.settings)
+    else:
+        simulation.release()
 
 
 @dataclass(frozen=True)

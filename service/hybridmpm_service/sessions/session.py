@@ -12,18 +12,15 @@ from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
 from hybridmpm_service.sessions.admission import Machine
-from hybridmpm_service.sessions.cell_means import CellMeans
-from hybridmpm_service.sessions.journal.journal import Kept
-from hybridmpm_service.sessions.journal.log import SessionLog, log_of
-from hybridmpm_service.sessions.journal.origin import Origin
-from hybridmpm_service.sessions.playing.pace import Clock
-from hybridmpm_service.sessions.playing.player import Player
+from hybridmpm_service.sessions.inputs import Origin
+from hybridmpm_service.sessions.journal import Kept
+from hybridmpm_service.sessions.planning import Check, Planner
+from hybridmpm_service.sessions.player import Clock, Player
+from hybridmpm_service.sessions.revival import SessionLog, log_of
 from hybridmpm_service.sessions.simulation import Simulation
-from hybridmpm_service.sessions.sketches.planning import Check, Planner
-from hybridmpm_service.sessions.sketches.steering import Steered
-from hybridmpm_service.sessions.view import Control, Particles, View
-from hybridmpm_service.sessions.viewers.audience import Audience
-from hybridmpm_service.sessions.viewers.mailbox import Mailbox
+from hybridmpm_service.sessions.steering import Steered
+from hybridmpm_service.sessions.view import CellMeans, Control, Particles, View
+from hybridmpm_service.sessions.viewers import Audience, Mailbox
 from hybridmpm_service.sessions.worker import Worker
 
 CLOSE_DELETED = 4404

@@ -17,21 +17,27 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage, Population
 from hybridmpm_service.errors import PressureUnknownError
-from hybridmpm_service.sessions.cell_means import CellMeans
-from hybridmpm_service.sessions.journal.inputs import (
+from hybridmpm_service.sessions.inputs import (
     PushInput,
     ReleaseInput,
     SketchInput,
     push_of,
     push_record,
 )
-from hybridmpm_service.sessions.journal.journal import Journal
-from hybridmpm_service.sessions.journal.session_file import Checkpoint
-from hybridmpm_service.sessions.playing.pace import Clock
-from hybridmpm_service.sessions.safeguard_record import SafeguardRecorder
-from hybridmpm_service.sessions.sketches.steering import Steered, Steering
+from hybridmpm_service.sessions.journal import Journal
+from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.solvers import ChosenSolver
-from hybridmpm_service.sessions.view import Control, LastFrame, Particles, Timing, View
+from hybridmpm_service.sessions.steering import Steered, Steering
+from hybridmpm_service.sessions.storage import Checkpoint
+from hybridmpm_service.sessions.view import (
+    CellMeans,
+    Control,
+    LastFrame,
+    Particles,
+    SafeguardRecorder,
+    Timing,
+    View,
+)
 
 _TIMES_KEPT = 400
 """Number of latest frames whose solver times are kept."""

@@ -1,14 +1,159 @@
-"""What other threads may see of a simulation: records of one instant that never change."""
+"""Records of one instant of a simulation, which other threads may read; they never change."""
 
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.decisions import Mode
+from hybridmpm.decisions import Decision, Mode, without_undone
+from hybridmpm.probes.probe import PressureSamples
+from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import FrameMessage
-from hybridmpm_service.sessions.safeguard_record import Safeguard
+from hybridmpm_service.sessions.solvers import SafeguardKind, SafeguardSettings
+
+_Floats = npt.NDArray[np.float64]
+
+CELLS_PER_METRE = 20
+"""Cells of a grid of forces."""
+_PRESSURE_SPACINGS = 2.0
+"""Side of a cell of pressures, in spacings of the particles that have them."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellMeans:
+    """Means over the particles of each cell of a grid where there is any.
+
+    C is the number of these cells, D the dimension.
+    """
+
+    frame: int
+    """Number of frames since the start."""
+    cell: float
+    """Side of a cell [m]."""
+    points: _Floats
+    """Mean position (C, D) of the cell's particles [m]."""
+    values: _Floats
+    """Mean value (C, K) of the cell's particles."""
+
+    @classmethod
+    def of(
+        cls, frame: int, cell: float, positions: npt.NDArray[np.float32], values: npt.NDArray[np.float32]
+    ) -> Self:
+        """Average the values (N, K) of particles at positions (N, D) [m] over cells of a side [m]."""
+        cells = np.floor(positions / np.float32(cell)).astype(np.int64)
+        _, member = np.unique(cells, axis=0, return_inverse=True)
+        member = member.ravel()
+        count = np.bincount(member)
+
+        def mean(columns: npt.NDArray[np.float32]) -> _Floats:
+            sums = [np.bincount(member, column, len(count)) for column in columns.T]
+            return np.stack(sums, axis=1) / count[:, None]
+
+        return cls(frame, cell, mean(positions), mean(values))
+
+    @classmethod
+    def of_force(cls, frame: int, positions: npt.NDArray[np.float32], force: npt.NDArray[np.float32]) -> Self:
+        """Average accelerations (N, D) [m/s^2]; cells where nothing acts are left out."""
+        means = cls.of(frame, 1 / CELLS_PER_METRE, positions, force)
+        acting = (means.values != 0).any(axis=1)
+        return cls(frame, means.cell, means.points[acting], means.values[acting])
+
+    @classmethod
+    def of_pressure(cls, frame: int, samples: PressureSamples) -> Self:
+        """Average the pressures [Pa] of the particles that are simulated."""
+        cell = _PRESSURE_SPACINGS * samples.spacing
+        return cls.of(frame, cell, samples.x, samples.pressure[:, None])
+
+
+HISTORY_FRAMES = 1000
+"""Number of frames for which values are kept: the length of most scenarios."""
+DIGITS = 4
+"""Number of decimals in which values are answered; the safeguard's own noise is larger."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Safeguard:
+    """Safeguard of a hybrid session, and its record, at one instant."""
+
+    kind: SafeguardKind
+    """Mean of the cosines that the safeguard takes."""
+    r_c: float | None
+    """Value below which the safeguard alarms; None where other guards alone do."""
+    value: float | None
+    """Mean cosine in [-1, 1] at present; None until both windows of time are full."""
+    mpm_share: float
+    """Share of the frames so far that MPM simulated, in [0, 1]."""
+    frames: tuple[int, ...]
+    """Frames at which `values` were taken, ascending."""
+    values: tuple[float, ...]
+    """Mean cosines over the last `HISTORY_FRAMES` frames."""
+    decisions: tuple[Decision, ...]
+    """All decisions since frame 0 about who simulates."""
+
+    def phases(self, frame: int) -> list[tuple[int, Mode]]:
+        """Return the phases of the last `HISTORY_FRAMES` before `frame`: first frame, and who simulated."""
+        all_phases: list[tuple[int, Mode]] = [(0, "mpm")]
+        all_phases += [(decision.frame, decision.mode) for decision in without_undone(self.decisions)]
+        first = max(0, frame - HISTORY_FRAMES)
+        ends = [start for start, _ in all_phases[1:]] + [frame + 1]
+        return [phase for phase, end in zip(all_phases, ends, strict=True) if end > first]
+
+
+class SafeguardRecorder:
+    """Keeps the latest values of a simulator's safeguard."""
+
+    def __init__(self, simulator: Simulator, settings: SafeguardSettings) -> None:
+        self._simulator, self._settings = simulator, settings
+        self._r_t = simulator.r_t
+        self._values: deque[tuple[int, float]] = deque(maxlen=max(2, HISTORY_FRAMES // self._r_t))
+
+    def on(self, simulator: Simulator) -> "SafeguardRecorder":
+        """Return a recorder of a copy of the simulator, with the values so far."""
+        twin = SafeguardRecorder(simulator, self._settings)
+        twin._values.extend(self._values)
+        return twin
+
+    def note(self) -> None:
+        """Keep the present value, in one frame of each step of the network: it changes no faster."""
+        value, frame = finite(self._simulator.safeguard), self._simulator.frame
+        if value is not None and frame % self._r_t == 0:
+            self._values.append((frame, value))
+
+    @property
+    def values(self) -> list[tuple[int, float]]:
+        """Frames and the values in them, as plain data."""
+        return list(self._values)
+
+    def recall(self, values: Iterable[Sequence[float]]) -> None:
+        """Have these values, from `values`."""
+        self._values.clear()
+        self._values.extend((int(frame), value) for frame, value in values)
+
+    def clear(self) -> None:
+        """Forget all values."""
+        self._values.clear()
+
+    def look(self) -> Safeguard:
+        """Return the safeguard and its record as they are now."""
+        return Safeguard(
+            kind=self._settings.kind,
+            r_c=self._settings.r_c,
+            value=finite(self._simulator.safeguard),
+            mpm_share=self._simulator.mpm_share,
+            frames=tuple(frame for frame, _ in self._values),
+            values=tuple(value for _, value in self._values),
+            decisions=self._simulator.log,
+        )
+
+
+def finite(value: float | None) -> float | None:
+    """Return a number as JSON can carry it, rounded to `DIGITS`; None where it is not finite."""
+    return None if value is None or not math.isfinite(value) else round(value, DIGITS)
+
 
 Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
 """Phase of a sketch. out_of_reach: as steering, but something is known to be in the way of the goal."""

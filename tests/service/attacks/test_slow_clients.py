@@ -13,7 +13,7 @@ import pytest
 from websockets.sync.client import connect
 
 from hybridmpm.stream_frames import decode
-from hybridmpm_service.routes.handling.throttle import Throttle
+from hybridmpm_service.routes.stream import Throttle
 
 WAIT_SECONDS = 30
 DENSE_SCENE: dict[str, Any] = {

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from hybridmpm import Scene, check, scenarios
-from hybridmpm_service.http.estimates.checks import MOST_FINDINGS
+from hybridmpm_service.http.answers import MOST_FINDINGS
 
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
 THIN = {"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.11]}

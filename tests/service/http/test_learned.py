@@ -15,7 +15,7 @@ from hybridmpm import HybridSimulator, MpmSolver, NeuralPhysics, scenarios
 from hybridmpm.coarse import coarse_table
 from hybridmpm.hybrid import Decision
 from hybridmpm.physics import NeuralModel
-from hybridmpm_service.sessions.safeguard_record import Safeguard
+from hybridmpm_service.sessions.view import Safeguard
 
 NPZ = {"Accept": "application/x-npz"}
 SEED = 3

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from hybridmpm_service.errors import UploadTooLargeError
-from hybridmpm_service.http.uploads import read_limited
+from hybridmpm_service.http.sketches import read_limited
 
 
 class _Endless:

@@ -15,7 +15,7 @@ from PIL import Image
 from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 
 from hybridmpm import MpmSolver, Scene
-from hybridmpm_service.jobs.table import JobTable
+from hybridmpm_service.jobs import JobTable
 
 ARROW = {"strokes": [{"points": [[0.4, 0.4], [0.5, 0.5]], "kind": "arrow"}], "frames": 12, "hold": 3}
 
@@ -205,7 +205,7 @@ def test_jobs_are_forgotten_in_time(tmp_path: Path) -> None:
     import asyncio
 
     from hybridmpm_service.errors import JobNotFoundError
-    from hybridmpm_service.jobs.job import Progress, Result
+    from hybridmpm_service.jobs import Progress, Result
 
     async def use() -> None:
         now = 0.0

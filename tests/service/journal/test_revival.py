@@ -19,7 +19,7 @@ from hybridmpm_service.sessions.journal import journal, session_file
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import SolverChoice
-from hybridmpm_service.sessions.viewers.mailbox import Mailbox
+from hybridmpm_service.sessions.viewers import Mailbox
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 OPEN_SCENE = SCENE.model_copy(

@@ -7,7 +7,7 @@ from tests.service.conftest import SMALL_SCENE
 
 from hybridmpm import plan, scenarios
 from hybridmpm.client import Client
-from hybridmpm_service.http.estimates.plans import PlanRequest
+from hybridmpm_service.http.estimates import PlanRequest
 
 
 @pytest.fixture(autouse=True)

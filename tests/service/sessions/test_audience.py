@@ -5,8 +5,7 @@ import asyncio
 import numpy as np
 
 from hybridmpm.stream_frames import Frame, FrameMessage
-from hybridmpm_service.sessions.viewers.audience import Audience
-from hybridmpm_service.sessions.viewers.mailbox import Signal
+from hybridmpm_service.sessions.viewers import Audience, Signal
 
 
 def _message(number: int) -> FrameMessage:

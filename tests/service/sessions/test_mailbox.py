@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybridmpm.stream_frames import Frame, FrameMessage
-from hybridmpm_service.sessions.viewers.mailbox import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
+from hybridmpm_service.sessions.viewers import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
 
 
 def _message(number: int) -> FrameMessage:

@@ -7,8 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from hybridmpm_service.sessions.admission import Machine
-from hybridmpm_service.sessions.playing.pace import MAX_LAG_SECONDS, Pace
-from hybridmpm_service.sessions.playing.player import Player
+from hybridmpm_service.sessions.player import MAX_LAG_SECONDS, Pace, Player
 
 
 def _pace(speed: float = 1.0) -> Pace:

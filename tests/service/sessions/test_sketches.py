@@ -16,7 +16,7 @@ from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SessionNotFoundError, SketchDroppedError
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
-from hybridmpm_service.sessions.sketches.tracing import traced
+from hybridmpm_service.sessions.tracing import traced
 
 ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 

@@ -10,7 +10,7 @@ from hybridmpm import export, recording
 from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, Population
-from hybridmpm_service.sessions.sketches.planning import Check
+from hybridmpm_service.sessions.planning import Check
 
 Tell: TypeAlias = Callable[[int, int], object]
 """Called with the number of parts done and that of all parts."""

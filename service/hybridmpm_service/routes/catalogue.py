@@ -1,4 +1,4 @@
-"""Routes of the scenarios and of the scenes that are drawn from them."""
+"""Routes of the scenarios, of the scenes drawn from them, and of the networks."""
 
 from typing import Annotated, Any
 
@@ -6,19 +6,19 @@ from fastapi import APIRouter, Path, Query
 
 from hybridmpm import scenarios
 from hybridmpm_service.errors import ScenarioNotFoundError
-from hybridmpm_service.http.answers import ScenarioBody, ScenarioList
-from hybridmpm_service.routes.handling.dependencies import problems
+from hybridmpm_service.http.answers import ModelBody, ModelList, ScenarioBody, ScenarioList
+from hybridmpm_service.routes.dependencies import Sessions, problems
 
-router = APIRouter(prefix="/v1/scenarios", tags=["scenarios"])
+router = APIRouter(prefix="/v1")
 
 
-@router.get("")
+@router.get("/scenarios", tags=["scenarios"])
 async def list_scenarios() -> ScenarioList:
     """List the scenarios."""
     return ScenarioList(scenarios=[ScenarioBody.of(scenarios.describe(name)) for name in scenarios.NAMES])
 
 
-@router.get("/{name}", responses=problems(404, 422))
+@router.get("/scenarios/{name}", tags=["scenarios"], responses=problems(404, 422))
 def get_scene(
     name: Annotated[str, Path(description="Name of the scenario.")],
     seed: Annotated[int, Query(ge=0, lt=2**53, description="Seed that the scene is drawn with.")] = 0,
@@ -28,3 +28,9 @@ def get_scene(
         known = ", ".join(scenarios.NAMES)
         raise ScenarioNotFoundError(f"there is no scenario {name[:64]!r}; there are {known}")
     return scenarios.get(name, seed).model_dump(mode="json", exclude_none=True)
+
+
+@router.get("/models", tags=["models"])
+async def list_models(sessions: Sessions) -> ModelList:
+    """List the networks that may simulate sessions; the first that serves a scenario is its default."""
+    return ModelList(models=[ModelBody.of(*item) for item in sessions.solvers.models.items()])

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import Literal, Protocol, TypeAlias
 
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.journal.inputs import Input
-from hybridmpm_service.sessions.journal.session_file import Checkpoint, SessionFile
+from hybridmpm_service.sessions.inputs import Input
+from hybridmpm_service.sessions.storage import Checkpoint, SessionFile
 
 MAX_INPUTS = 50_000
 """Largest number of inputs that are kept; a hand that moves in every frame for eight minutes at a quarter of

@@ -6,7 +6,7 @@ from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
 from hybridmpm_service.http.problems import MEDIA_TYPE, TABLE
-from hybridmpm_service.jobs.table import JobTable
+from hybridmpm_service.jobs import JobTable
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 

@@ -1,1 +1,0 @@
-"""Sketches over HTTP: how they are sent, and what is answered."""

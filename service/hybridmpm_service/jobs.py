@@ -1,0 +1,252 @@
+"""Jobs: work in the background with progress, an end and a file."""
+
+import asyncio
+import contextlib
+import logging
+import shutil
+import tempfile
+import threading
+import uuid
+import zipfile
+from collections.abc import Awaitable, Callable, Generator, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from hybridmpm.data import Recipe, Seeds, generate, plan
+from hybridmpm.data.generation.executors import Outcome, produce
+from hybridmpm.errors import SimulationError
+from hybridmpm_service.errors import JobNotFoundError, ServiceError, TooManyJobsError
+from hybridmpm_service.sessions.player import Clock
+
+_log = logging.getLogger(__name__)
+
+Kind = Literal["trajectory", "recording", "dataset"]
+Phase = Literal["running", "done", "failed"]
+
+
+class Progress:
+    """How far a job is. Written by the thread that works, read by the event loop."""
+
+    def __init__(self) -> None:
+        self.done = 0
+        """Number of frames, or of other parts, that are done."""
+        self.total: int | None = None
+        """Number of all of them; None until it is known."""
+
+    def tell(self, done: int, total: int) -> None:
+        """Note how many parts are done, and how many there are."""
+        self.done, self.total = done, total
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What a job has made."""
+
+    file: Path
+    media_type: str
+
+
+Work: TypeAlias = Callable[[Progress, Path], Awaitable[Result]]
+"""Works until the result lies in a folder; cancelled, it ends soon."""
+
+
+class Job:
+    """Work in the background, which has begun. Belongs to the event loop.
+
+    Parameters
+    ----------
+    kind : str
+        What it makes.
+    session : str or None
+        Name of the session that it is of; None of a job that belongs to none.
+    work : callable
+    folder : Path
+        Where its files may lie; it need not exist.
+    clock : callable
+        Tells the time [s].
+    """
+
+    def __init__(
+        self, kind: Kind, session: str | None, work: Work, folder: Path, clock: Callable[[], float]
+    ) -> None:
+        self.id = uuid.uuid4().hex
+        self.kind = kind
+        self.session = session
+        self.progress = Progress()
+        self.ended_at: float | None = None
+        """When it ended, by the clock; None before."""
+        self.error: Exception | None = None
+        """Why it failed."""
+        self.result: Result | None = None
+        self.folder = folder / self.id
+        self._clock = clock
+        self._task = asyncio.create_task(self._run(work))
+
+    @property
+    def phase(self) -> Phase:
+        """How far it is."""
+        if self.ended_at is None:
+            return "running"
+        return "done" if self.result is not None else "failed"
+
+    async def cancel(self) -> None:
+        """End the work, and wait until it has ended."""
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _run(self, work: Work) -> None:
+        try:
+            await asyncio.to_thread(self.folder.mkdir, parents=True)
+            self.result = await work(self.progress, self.folder)
+        except Exception as error:  # noqa: BLE001 - whoever asks for the result is told
+            self.error = error
+            if not isinstance(error, ServiceError | SimulationError):
+                # A fault of ours, which nobody but the log may see.
+                _log.exception("job %s failed", self.id)
+        finally:
+            self.ended_at = self._clock()
+
+
+class JobTable:
+    """The jobs that run, and those whose results wait to be fetched. Belongs to the event loop.
+
+    Results lie in a folder of the system for temporary files, which goes with the service.
+
+    Parameters
+    ----------
+    most : int
+        Largest number of jobs, those that have ended among them.
+    keep_seconds : float
+        Time for which a job is kept after its end [s].
+    clock : Clock
+
+    Attributes
+    ----------
+    pool : ThreadPoolExecutor
+        The one thread of the jobs that belong to no session.
+    """
+
+    def __init__(self, most: int, keep_seconds: float, clock: Clock) -> None:
+        self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
+        self._jobs: dict[str, Job] = {}
+        self._folder: Path | None = None
+        self.pool = ThreadPoolExecutor(1, "jobs")
+
+    def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
+        """Begin with a job; the one that ended first makes room for it.
+
+        Raises
+        ------
+        TooManyJobsError
+            As many jobs as are allowed still run.
+        """
+        if len(self._jobs) >= self._most:
+            ended = [job for job in self._jobs.values() if job.ended_at is not None]
+            if not ended:
+                raise TooManyJobsError(
+                    f"{len(self._jobs)} jobs run, and no more are allowed: wait for one to end, or delete one"
+                )
+            self._forget(min(ended, key=lambda job: job.ended_at or 0.0))
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="hybridmpm-jobs-"))
+        job = Job(kind, session, work, self._folder, self._clock)
+        self._jobs[job.id] = job
+        return job
+
+    def get(self, name: str) -> Job:
+        """Return a job.
+
+        Raises
+        ------
+        JobNotFoundError
+            There is none of this name.
+        """
+        job = self._jobs.get(name)
+        if job is None:
+            raise JobNotFoundError(
+                f"there is no job {name!r}; it may have been deleted, have ended more than "
+                f"{self._keep_seconds:g} s ago, or have been lost when the service was started anew"
+            )
+        return job
+
+    def all(self) -> list[Job]:
+        """Return all jobs, the oldest first."""
+        return list(self._jobs.values())
+
+    async def delete(self, name: str) -> None:
+        """End a job and forget it; errors as `get`."""
+        job = self.get(name)
+        await job.cancel()
+        self._forget(job)
+
+    def expire(self) -> None:
+        """Forget the jobs that ended long ago."""
+        latest = self._clock() - self._keep_seconds
+        for job in self.all():
+            if job.ended_at is not None and job.ended_at < latest:
+                self._forget(job)
+
+    async def close(self) -> None:
+        """End all jobs, and delete their files."""
+        await asyncio.gather(*(job.cancel() for job in self.all()))
+        self._jobs.clear()
+        self.pool.shutdown(wait=False)
+        if self._folder is not None:
+            await asyncio.to_thread(shutil.rmtree, self._folder, ignore_errors=True)
+
+    def _forget(self, job: Job) -> None:
+        with contextlib.suppress(KeyError):
+            del self._jobs[job.id]
+        shutil.rmtree(job.folder, ignore_errors=True)
+
+
+MEDIA_TYPE = "application/zip"
+
+
+class _OneByOne:
+    """Makes one trajectory at a time, in the thread that asks; ends within some frames once `stop` is set."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self._stop = stop
+
+    def run(self, recipe: Recipe, seeds: Iterable[int]) -> Generator[Outcome]:
+        """Yield the outcome of each seed."""
+        for seed in seeds:
+            yield produce(recipe, seed, self._stop)
+
+
+async def made(
+    pool: ThreadPoolExecutor, recipe: Recipe, seeds: Seeds, progress: Progress, folder: Path
+) -> Result:
+    """Make a data set in a thread of the pool, and return a zip file of its splits and metadata.
+
+    Cancelled, it ends within some frames. Raises as `hybridmpm.data.generate`.
+    """
+    stop, total = threading.Event(), sum(seeds.counts().values())
+    progress.tell(0, total)
+
+    def note(count: int) -> None:
+        progress.tell(progress.done + count, total)
+
+    def make() -> Path:
+        planned = plan(recipe, folder / recipe.name, seeds)
+        generate(planned, executor=_OneByOne(stop), on_progress=note)
+        packed = folder / f"{recipe.name}.zip"
+        # What compresses has been compressed.
+        with zipfile.ZipFile(packed, "w") as file:
+            for part in sorted(planned.folder.iterdir()):
+                if part.suffix in {".h5", ".json"}:
+                    file.write(part, f"{recipe.name}/{part.name}")
+        return packed
+
+    making = asyncio.get_running_loop().run_in_executor(pool, make)
+    try:
+        file = await asyncio.shield(making)
+    except asyncio.CancelledError:
+        stop.set()
+        # The folder goes with the job, so nobody may be writing to it any more.
+        await asyncio.gather(making, return_exceptions=True)
+        raise
+    return Result(file=file, media_type=MEDIA_TYPE)

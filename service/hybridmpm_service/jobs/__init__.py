@@ -1,1 +1,0 @@
-"""Work that outlives the request that asked for it."""

@@ -1,1 +1,0 @@
-"""A player that computes frames at a chosen speed."""

@@ -1,1 +1,0 @@
-"""Sketches of a session: prepared beside it, then steering it."""

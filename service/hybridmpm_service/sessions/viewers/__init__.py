@@ -1,1 +1,0 @@
-"""Viewers of a session: their mailboxes, and what all of them get."""
