@@ -1,4 +1,4 @@
-"""The application, put together by `create_app`; nothing exists before that call."""
+"""The application, built by `create_app`; there is no global state."""
 
 import asyncio
 import contextlib
@@ -49,7 +49,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
         version=hybridmpm.__version__,
         description="Interactive particle fluids: create sessions, watch them live, steer them by sketches. "
         "Positions are in metres in the box [0, 1]^D with y up, times in seconds.",
-        # The usual documentation pages load scripts from other servers, which our policy forbids.
+        # The usual documentation pages load scripts from other servers, which the security policy forbids.
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -90,7 +90,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     manager: SessionManager = app.state.sessions
     settings: Settings = app.state.settings
     jobs: JobTable = app.state.jobs
-    # The server answers meanwhile; who asks for one of these sessions is told to come back.
+    # The server answers meanwhile; requests for these sessions are refused with a Retry-After.
     reviving = asyncio.create_task(manager.revive())
     sweeping = asyncio.create_task(_sweep(manager, jobs, min(_SWEEP_SECONDS, settings.idle_seconds / 4)))
     try:
@@ -112,7 +112,7 @@ async def _sweep(manager: SessionManager, jobs: JobTable, seconds: float) -> Non
 
 
 def _document(app: FastAPI) -> None:
-    """Complete the OpenAPI document with the schemas that routes refer to by name."""
+    """Complete the OpenAPI document with the schemas that routes name."""
     generate = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -126,12 +126,12 @@ def _document(app: FastAPI) -> None:
             _without_foreign_errors(document)
         return app.openapi_schema or {}
 
-    # The way that FastAPI documents; mypy takes a method for a constant.
+    # This is the way that FastAPI documents.
     app.openapi = openapi  # type: ignore[method-assign]
 
 
 def _without_foreign_errors(document: dict[str, Any]) -> None:
-    """Remove FastAPI's own description of a 422, which it adds wherever a path has a parameter."""
+    """Remove FastAPI's own description of a 422, which it adds to every path with a parameter."""
     for item in document["paths"].values():
         for operation in item.values():
             answers = operation["responses"]

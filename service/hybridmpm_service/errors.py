@@ -10,7 +10,7 @@ class SessionNotFoundError(ServiceError):
 
 
 class JobNotFoundError(ServiceError):
-    """The job does not exist: it was never begun, or has been deleted, or ended long ago."""
+    """The job does not exist: it never did, or has been deleted, or ended long ago."""
 
 
 class JobUnfinishedError(ServiceError):
@@ -22,7 +22,7 @@ class ScenarioNotFoundError(ServiceError):
 
 
 class UnavailableError(ServiceError):
-    """The request cannot be served now, but perhaps in a minute."""
+    """The request cannot be served now, but may be later."""
 
 
 class TooManySessionsError(UnavailableError):
@@ -30,7 +30,7 @@ class TooManySessionsError(UnavailableError):
 
 
 class MachineFullError(UnavailableError):
-    """The sessions that play leave too little of the machine's time for another."""
+    """The load of a session does not fit beside those that play."""
 
 
 class TooManyJobsError(UnavailableError):
@@ -54,11 +54,11 @@ class IdempotencyKeyError(ServiceError):
 
 
 class SketchDroppedError(ServiceError):
-    """The sketch was replaced, taken back or ended by a reset before its preparation had ended."""
+    """The sketch was replaced, undone or ended by a reset before its preparation had ended."""
 
 
 class PressureUnknownError(ServiceError):
-    """A network moves the particles of the session, or may: nobody knows their pressures."""
+    """The pressure is unknown: a network moves the particles of the session, or may."""
 
 
 class UploadTooLargeError(ServiceError):
@@ -66,7 +66,7 @@ class UploadTooLargeError(ServiceError):
 
 
 class UnsupportedFormatError(ServiceError):
-    """The body has a format that this address does not take."""
+    """The body has a format that this address does not accept."""
 
 
 class FieldError(ServiceError):
@@ -77,7 +77,7 @@ class FieldError(ServiceError):
     field : str
         Path of the field, e.g. "body.frames".
     message : str
-        What is wrong with its value, and which values are allowed.
+        Fault of its value, and the allowed values.
     """
 
     def __init__(self, field: str, message: str) -> None:

@@ -1,4 +1,4 @@
-"""The page itself: a file but for the address in it."""
+"""The page: a file with the address of the server filled in."""
 
 import functools
 import hashlib
@@ -13,7 +13,7 @@ PAGE = Path(__file__).parent / "page"
 
 
 def front(request: Request) -> Response:
-    """Answer the page. Whoever shows a preview of a link wants the whole address of the picture in it."""
+    """Return the page; previews of links need the whole address of the picture in it."""
     text = _index().replace("{{address}}", escape(str(request.base_url).rstrip("/")))
     tag = f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
     if request.headers.get("if-none-match") == tag:

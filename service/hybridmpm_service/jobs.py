@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from hybridmpm.data import Recipe, Seeds, generate, plan
-from hybridmpm.data.generation.executors import Outcome, produce
+from hybridmpm.data import Outcome, Recipe, Seeds, generate, plan, produce
 from hybridmpm.errors import SimulationError
 from hybridmpm_service.errors import JobNotFoundError, ServiceError, TooManyJobsError
 from hybridmpm_service.sessions.player import Clock
@@ -27,7 +26,7 @@ Phase = Literal["running", "done", "failed"]
 
 
 class Progress:
-    """How far a job is. Written by the thread that works, read by the event loop."""
+    """Progress of a job. Written by the thread that works, read by the event loop."""
 
     def __init__(self) -> None:
         self.done = 0
@@ -35,37 +34,37 @@ class Progress:
         self.total: int | None = None
         """Number of all of them; None until it is known."""
 
-    def tell(self, done: int, total: int) -> None:
-        """Note how many parts are done, and how many there are."""
+    def update(self, done: int, total: int) -> None:
+        """Set the number of parts that are done, and that of all."""
         self.done, self.total = done, total
 
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What a job has made."""
+    """File that a job has made."""
 
     file: Path
     media_type: str
 
 
 Work: TypeAlias = Callable[[Progress, Path], Awaitable[Result]]
-"""Works until the result lies in a folder; cancelled, it ends soon."""
+"""Writes the result to a folder; cancelled, it ends soon."""
 
 
 class Job:
-    """Work in the background, which has begun. Belongs to the event loop.
+    """Running or ended work in the background. Belongs to the event loop.
 
     Parameters
     ----------
     kind : str
-        What it makes.
+        Kind of its result.
     session : str or None
-        Name of the session that it is of; None of a job that belongs to none.
+        Name of its session; None for a data set.
     work : callable
     folder : Path
-        Where its files may lie; it need not exist.
+        Parent of the folder for its files; it need not exist.
     clock : callable
-        Tells the time [s].
+        Returns the time [s].
     """
 
     def __init__(
@@ -76,9 +75,9 @@ class Job:
         self.session = session
         self.progress = Progress()
         self.ended_at: float | None = None
-        """When it ended, by the clock; None before."""
+        """Time of its end, by the clock; None before."""
         self.error: Exception | None = None
-        """Why it failed."""
+        """Reason of its failure."""
         self.result: Result | None = None
         self.folder = folder / self.id
         self._clock = clock
@@ -86,7 +85,7 @@ class Job:
 
     @property
     def phase(self) -> Phase:
-        """How far it is."""
+        """Phase of the work."""
         if self.ended_at is None:
             return "running"
         return "done" if self.result is not None else "failed"
@@ -100,19 +99,19 @@ class Job:
         try:
             await asyncio.to_thread(self.folder.mkdir, parents=True)
             self.result = await work(self.progress, self.folder)
-        except Exception as error:  # noqa: BLE001 - whoever asks for the result is told
+        except Exception as error:  # noqa: BLE001 - raised again to those who fetch the result
             self.error = error
             if not isinstance(error, ServiceError | SimulationError):
-                # A fault of ours, which nobody but the log may see.
+                # A fault of the service: its text is for the log alone.
                 _log.exception("job %s failed", self.id)
         finally:
             self.ended_at = self._clock()
 
 
 class JobTable:
-    """The jobs that run, and those whose results wait to be fetched. Belongs to the event loop.
+    """The running jobs, and those whose results are kept. Belongs to the event loop.
 
-    Results lie in a folder of the system for temporary files, which goes with the service.
+    Results are stored in a temporary folder, which is deleted with the service.
 
     Parameters
     ----------
@@ -135,12 +134,12 @@ class JobTable:
         self.pool = ThreadPoolExecutor(1, "jobs")
 
     def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
-        """Begin with a job; the one that ended first makes room for it.
+        """Begin a job; where the table is full, the job that ended first is forgotten.
 
         Raises
         ------
         TooManyJobsError
-            As many jobs as are allowed still run.
+            The allowed number of jobs runs already.
         """
         if len(self._jobs) >= self._most:
             ended = [job for job in self._jobs.values() if job.ended_at is not None]
@@ -206,7 +205,7 @@ MEDIA_TYPE = "application/zip"
 
 
 class _OneByOne:
-    """Makes one trajectory at a time, in the thread that asks; ends within some frames once `stop` is set."""
+    """Executor of one trajectory at a time, in the calling thread; it ends within some frames of `stop`."""
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop
@@ -225,16 +224,16 @@ async def made(
     Cancelled, it ends within some frames. Raises as `hybridmpm.data.generate`.
     """
     stop, total = threading.Event(), sum(seeds.counts().values())
-    progress.tell(0, total)
+    progress.update(0, total)
 
     def note(count: int) -> None:
-        progress.tell(progress.done + count, total)
+        progress.update(progress.done + count, total)
 
     def make() -> Path:
         planned = plan(recipe, folder / recipe.name, seeds)
         generate(planned, executor=_OneByOne(stop), on_progress=note)
         packed = folder / f"{recipe.name}.zip"
-        # What compresses has been compressed.
+        # HDF5 files are compressed already.
         with zipfile.ZipFile(packed, "w") as file:
             for part in sorted(planned.folder.iterdir()):
                 if part.suffix in {".h5", ".json"}:
@@ -246,7 +245,7 @@ async def made(
         file = await asyncio.shield(making)
     except asyncio.CancelledError:
         stop.set()
-        # The folder goes with the job, so nobody may be writing to it any more.
+        # The folder is deleted with the job, so writing has to end first.
         await asyncio.gather(making, return_exceptions=True)
         raise
     return Result(file=file, media_type=MEDIA_TYPE)

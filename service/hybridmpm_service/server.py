@@ -1,4 +1,4 @@
-"""The server that runs the application: its address, its command line, its orderly end."""
+"""Server of the application: address, command line and orderly stop."""
 
 import argparse
 import asyncio
@@ -18,22 +18,22 @@ from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
 WS_MAX_BYTES = 64 * 1024
-"""Largest message of a client; commands have some fifty bytes."""
+"""Largest message of a client [bytes]; commands have some fifty."""
 _FAREWELL_SECONDS = 0.6
 """Longest time that a stopping server waits for its streams to end."""
 _GRACE_SECONDS = 1
-"""Longest time that a stopping server then waits for answers on their way."""
+"""Longest time that it then waits for answers."""
 _UNACKNOWLEDGED_SECONDS = 20
-"""Longest time that the system waits for a client to take what was sent, before it ends the connection."""
+"""Longest time that sent data may stay unacknowledged before the system ends the connection."""
 _SEND_BUFFER_BYTES = 512 * 1024
-"""Size of the system's buffer for what a client has not taken yet.
+"""Size of the system's send buffer of a connection.
 
-By itself the system lets it grow to megabytes, and a client that sleeps would fill it for minutes.
+By default it grows to megabytes, and a sleeping client would fill it for minutes.
 """
 
 
 class ServeError(SimulationError):
-    """The service cannot start; the message says what to change."""
+    """The service cannot start; the message has a remedy."""
 
 
 def serve(host: str | None = None, port: int | None = None, **flags: Any) -> None:
@@ -59,9 +59,8 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     url = f"http://{host_in_url}:{listener.getsockname()[1]}"
     if not settings.is_loopback:
         sys.stderr.write(
-            f"Warning: {settings.host} can be reached from other machines. The service knows no users: "
-            "whoever reaches it can watch, change and delete all sessions. Use 127.0.0.1, or a proxy that "
-            "asks who they are.\n"
+            f"Warning: {settings.host} can be reached from other machines. The service has no users: every "
+            "client can watch, change and delete all sessions. Use 127.0.0.1, or a proxy with a login.\n"
         )
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
@@ -78,8 +77,8 @@ def listen(settings: Settings) -> socket.socket:
         The service cannot listen on the address.
     """
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    # asyncio switches Nagle's algorithm off only where the protocol is named. With it, the body of an answer
-    # waits up to 40 ms for the client to acknowledge the header, and a frame for the frame before.
+    # asyncio switches Nagle's algorithm off only where the protocol is given. With it, the body of an answer
+    # waits up to 40 ms for the acknowledgement of the header, and a frame for that of the frame before.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     # Connections inherit both.
@@ -99,18 +98,18 @@ def listen(settings: Settings) -> socket.socket:
 
 
 def make_server(app: FastAPI) -> uvicorn.Server:
-    """Return a server, with the limits of this service, for an application of `create_app`."""
+    """Return a server of an application of `create_app`, with the limits of this service."""
     config = uvicorn.Config(
         app,
         log_level=app.state.settings.log_level,
         access_log=False,
         server_header=False,
-        # Frames are noise to a compressor, and commands are short.
+        # Frames do not compress, and commands are short.
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
         ws=StreamProtocol,
         http=request_protocol(app.state.settings.request_seconds, app.state.settings.max_connections),
-        # Sessions live in this process: there can only be one.
+        # Sessions belong to this process, so there is only one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,
     )
@@ -126,7 +125,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Server(uvicorn.Server):
-    """A server that closes streams with code 1001 (going away) before uvicorn would close them with 1012."""
+    """Server that closes streams with code 1001 (going away), where uvicorn uses 1012."""
 
     def __init__(self, config: uvicorn.Config, sessions: SessionManager) -> None:
         super().__init__(config)
@@ -135,7 +134,7 @@ class _Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._sessions.drain()
         deadline = time.monotonic() + _FAREWELL_SECONDS
-        # Many streams end one by one. Nothing else waits for their end, so an event would be no clearer.
+        # Streams end one by one, and nothing else waits for their end, so there is no event.
         while self._sessions.watched and time.monotonic() < deadline:  # noqa: ASYNC110
             await asyncio.sleep(0.01)
         for connection in list(self.server_state.connections):

@@ -1,4 +1,4 @@
-"""Settings that the operator chooses, by environment variables or flags."""
+"""Settings of the service, by environment variables or flags."""
 
 import ipaddress
 import os
@@ -13,7 +13,7 @@ PREFIX = "HYBRIDMPM_"
 
 
 def _split(value: object) -> object:
-    """Let an environment variable list its items with commas."""
+    """Split the items of an environment variable at commas."""
     return [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
 
 
@@ -23,114 +23,63 @@ _Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
 class Settings(BaseModel):
     """Address, limits and access rules of one service process. Limits keep it within its memory and cores."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
-    host: str = Field(default="127.0.0.1", description="Address to listen on.")
-    port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
-    max_sessions: int = Field(
-        default=16, ge=1, le=1000, description="Largest number of sessions at the same time."
-    )
-    max_load: float | None = Field(
-        default=None,
-        gt=0,
-        le=1024,
-        description="Largest load of the sessions that play, in cores; if absent, all cores "
-        "that the process may use.",
-    )
-    max_connections: int = Field(
-        default=1000, ge=1, le=100_000, description="Largest number of connections at the same time."
-    )
-    max_particles: int = Field(
-        default=50_000, ge=1, le=2_000_000, description="Largest number of particles of a session."
-    )
-    max_grid_nodes: int = Field(
-        default=1 << 22, ge=64, le=1 << 27, description="Largest number of grid nodes of a session."
-    )
-    max_frame_cost: int = Field(
-        default=20_000_000,
-        ge=1000,
-        le=10**12,
-        description="Largest cost of a frame of a session, in particles times substeps; 20 000 000 take "
-        "about a second.",
-    )
-    max_advance_frames: int = Field(
-        default=2000, ge=1, le=100_000, description="Largest number of frames that one call advances."
-    )
-    max_sketch_frames: int = Field(
-        default=400, ge=1, le=4000, description="Largest number of frames that a sketch steers."
-    )
-    max_replay_frames: int = Field(
-        default=20_000, ge=1, le=1_000_000, description="Largest number of frames of a log that is replayed."
-    )
-    max_dataset_frames: int = Field(
-        default=20_000,
-        ge=1,
-        le=10**8,
-        description="Largest number of frames of a data set, those of all its trajectories together.",
-    )
-    max_jobs: int = Field(
-        default=16, ge=1, le=1024, description="Largest number of jobs, those that have ended among them."
-    )
-    max_upload_bytes: int = Field(
-        default=1 << 20, ge=1024, le=1 << 20, description="Largest size of an uploaded PNG in bytes."
-    )
-    max_body_bytes: int = Field(
-        default=1 << 21, ge=4096, le=1 << 26, description="Largest size of a request body in bytes."
-    )
-    idle_seconds: float = Field(
-        default=600,
-        ge=1,
-        le=604_800,
-        description="Seconds after which a session ends that no client watches or calls.",
-    )
-    send_seconds: float = Field(
-        default=5,
-        gt=0,
-        le=600,
-        description="Seconds that a viewer may take for a message of its stream before it is dropped.",
-    )
-    request_seconds: float = Field(
-        default=20,
-        gt=0,
-        le=3600,
-        description="Seconds in which a client has to send a whole request, with its body.",
-    )
-    max_messages_per_second: float = Field(
-        default=200, gt=0, le=1e6, description="Largest rate of a client's messages on a stream."
-    )
-    max_messages_at_once: int = Field(
-        default=400, ge=1, le=10**6, description="Largest burst of a client's messages on a stream."
-    )
-    threads: int = Field(
-        default=1,
-        ge=1,
-        le=256,
-        description="Number of threads of each session's simulator; results do not depend on it.",
-    )
-    state_folder: str = Field(
-        default="",
-        description="Folder in which sessions are kept, so that they survive a stop or a crash of the "
-        "service. If empty, they live in memory alone.",
-    )
-    models: str = Field(
-        default="",
-        description="Folder that holds models and their manifest.json. If empty, the library's models serve.",
-    )
-    cors_origins: _Names = Field(
-        default=(),
-        description="Origins of other front ends that may use this service, separated by commas, "
-        "e.g. https://a.example.",
-    )
-    allowed_hosts: _Names = Field(
-        default=(),
-        description="Host names that requests may carry, separated by commas. If empty, a service on a "
-        "loopback address allows the loopback names alone, so that no web site can reach it through a name "
-        "of the site's own; any other service allows all names.",
-    )
-    log_level: Literal["critical", "error", "warning", "info", "debug"] = Field(
-        default="warning",
-        description="Least severe level that is logged: critical, error, warning, info or debug.",
-    )
+    host: str = "127.0.0.1"
+    """Address to listen on."""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """Port to listen on; 0 takes a free one."""
+    max_sessions: int = Field(default=16, ge=1, le=1000)
+    """Largest number of sessions at the same time."""
+    max_load: float | None = Field(default=None, gt=0, le=1024)
+    """Largest load of the sessions that play, in cores; if absent, all cores that the process may use."""
+    max_connections: int = Field(default=1000, ge=1, le=100_000)
+    """Largest number of connections at the same time."""
+    max_particles: int = Field(default=50_000, ge=1, le=2_000_000)
+    """Largest number of particles of a session."""
+    max_grid_nodes: int = Field(default=1 << 22, ge=64, le=1 << 27)
+    """Largest number of grid nodes of a session."""
+    max_frame_cost: int = Field(default=20_000_000, ge=1000, le=10**12)
+    """Largest cost of a frame of a session, in particles times substeps; 20 000 000 take about a second."""
+    max_advance_frames: int = Field(default=2000, ge=1, le=100_000)
+    """Largest number of frames that one call advances."""
+    max_sketch_frames: int = Field(default=400, ge=1, le=4000)
+    """Largest number of frames that a sketch steers."""
+    max_replay_frames: int = Field(default=20_000, ge=1, le=1_000_000)
+    """Largest number of frames of a log that is replayed."""
+    max_dataset_frames: int = Field(default=20_000, ge=1, le=10**8)
+    """Largest number of frames of a data set, those of all its trajectories together."""
+    max_jobs: int = Field(default=16, ge=1, le=1024)
+    """Largest number of jobs, those that have ended among them."""
+    max_upload_bytes: int = Field(default=1 << 20, ge=1024, le=1 << 20)
+    """Largest size of an uploaded PNG in bytes."""
+    max_body_bytes: int = Field(default=1 << 21, ge=4096, le=1 << 26)
+    """Largest size of a request body in bytes."""
+    idle_seconds: float = Field(default=600, ge=1, le=604_800)
+    """Seconds after which a session ends that no client watches or calls."""
+    send_seconds: float = Field(default=5, gt=0, le=600)
+    """Seconds that a viewer may take for a message of its stream before it is dropped."""
+    request_seconds: float = Field(default=20, gt=0, le=3600)
+    """Seconds in which a client has to send a whole request, with its body."""
+    max_messages_per_second: float = Field(default=200, gt=0, le=1e6)
+    """Largest rate of a client's messages on a stream."""
+    max_messages_at_once: int = Field(default=400, ge=1, le=10**6)
+    """Largest burst of a client's messages on a stream."""
+    threads: int = Field(default=1, ge=1, le=256)
+    """Number of threads of each session's simulator; results do not depend on it."""
+    state_folder: str = ""
+    """Folder in which sessions are kept, so that they survive a stop or a crash of the service. If empty,
+    they live in memory alone."""
+    models: str = ""
+    """Folder that holds models and their manifest.json. If empty, the library's models serve."""
+    cors_origins: _Names = ()
+    """Origins of other front ends that may use this service, separated by commas, e.g. https://a.example."""
+    allowed_hosts: _Names = ()
+    """Host names that requests may carry, separated by commas. If empty, a service on a loopback address
+    allows the loopback names alone, so that no web site can reach it through a name of the site's own; any
+    other service allows all names."""
+    log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"
+    """Least severe level that is logged: critical, error, warning, info or debug."""
 
     @classmethod
     def load(cls, environment: Mapping[str, str] = os.environ, **flags: Any) -> Self:
@@ -165,7 +114,7 @@ class Settings(BaseModel):
 
     @property
     def hosts(self) -> tuple[str, ...] | None:
-        """Host names that requests may carry; None if they may carry any."""
+        """Allowed host names of requests; None if all are allowed."""
         if self.allowed_hosts:
             return self.allowed_hosts
         return (

@@ -1,6 +1,6 @@
-"""What clients send to create a session or to check a scene, as JSON."""
+"""Scenes that clients send: to create a session, to check, or to plan for."""
 
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
@@ -8,78 +8,39 @@ from pydantic.config import JsonDict
 from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm.coarse import coarse_table
 from hybridmpm.scenarios import NAMES
+from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.http.requests import Request
-from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
+from hybridmpm_service.sessions.solvers import SolverChoice
 
-_NOT_BESIDE_A_LOG: JsonDict = {
-    name: {"type": "null"} for name in ("scenario", "seed", "scene", "coarse", "model", "r_c", "safeguard")
-}
+Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
+_BOX: JsonDict = {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
+_EXAMPLE: JsonDict = {"scenario": "water_2d", "seed": 0}
 
 
-class _Asked(Request):
-    """A scenario with a seed, or a scene, and who simulates it."""
+def _alternatives(**nulls: tuple[str, ...]) -> list[JsonDict]:
+    """Return the alternatives of a body: a required field, and those that have to be null beside it."""
+    types = {"scenario": "string", "scene": "object", "log": "object"}
+    return [
+        {
+            "required": [name],
+            "properties": {name: {"type": types[name]}, **{other: {"type": "null"} for other in others}},
+        }
+        for name, others in nulls.items()
+    ]
+
+
+class SceneRequest(Request):
+    """A scenario with a seed, or a scene."""
 
     scenario: str | None = Field(
-        default=None,
-        max_length=100,
-        description=f"Scenario that the scene is drawn from: one of {', '.join(NAMES)}.",
+        default=None, max_length=100, description=f"Scenario of the scene: one of {', '.join(NAMES)}."
     )
-    seed: int | None = Field(
-        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
-    )
-    scene: dict[str, Any] | None = Field(
-        default=None,
-        description="Scene of your own, in the place of a scenario, as `hybridmpm schema` describes it.",
-    )
-    solver: Kind = Field(
-        default="mpm",
-        description="Simulator: MPM (mpm), a network that MPM takes over from where a guard alarms (hybrid), "
-        "or a network alone (neural).",
-    )
-    coarse: str | None = Field(
-        default=None,
-        max_length=100,
-        description="Part of the particles that MPM simulates at constants fitted to scenes, carrying all "
-        f"others along: one of {', '.join(coarse_table().ratios)}. Only with mpm; all particles are simulated "
-        "if absent.",
-    )
-    model: str | None = Field(
-        default=None,
-        max_length=100,
-        description="Name of the network, from `GET /v1/models`; not with mpm. If absent, the first that "
-        "serves the scenario; required with a scene.",
-    )
-    r_c: float | None = Field(
-        default=None,
-        ge=-1,
-        le=1,
-        strict=True,
-        description="Mean cosine below which the safeguard alarms; only with hybrid. If absent, other guards "
-        "alone watch the network.",
-    )
-    safeguard: SafeguardKind | None = Field(
-        default=None,
-        description="Particles that the safeguard's mean is taken over: those that are not calm (ours), or "
-        "all (paper). Only with hybrid; ours if absent.",
-    )
-
-    def choice(self) -> SolverChoice:
-        """Return the simulator that the client asks for.
-
-        Raises
-        ------
-        FieldError
-            An option belongs to another kind of simulator, or there is no such level.
-        """
-        return SolverChoice(
-            solver=self.solver,
-            coarse=self.coarse,
-            model=self.model,
-            r_c=self.r_c,
-            safeguard=self.safeguard,
-        )
+    seed: int | None = Field(default=None, ge=0, lt=2**53, strict=True)
+    """Seed of the scenario; 0 if absent."""
+    scene: dict[str, Any] | None = None
+    """Scene of your own, in place of a scenario, as `hybridmpm schema` describes it."""
 
     def make_scene(self) -> Scene:
         """Return the scene, drawn from the scenario or read as it was sent.
@@ -98,98 +59,105 @@ class _Asked(Request):
         except UnknownScenarioError as err:
             raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
 
-    def _check_seed(self) -> None:
+    @model_validator(mode="after")
+    def _one_scene(self) -> Self:
+        sources = [name for name in ("scenario", "scene", "log") if name in type(self).model_fields]
+        if sum(getattr(self, name) is not None for name in sources) != 1:
+            names = [f'"{name}"' for name in sources]
+            names[0] += ' (with "seed")'
+            raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
         if self.scene is not None and self.seed is not None:
             raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
+        return self
 
 
-class CreateSession(_Asked):
+class CheckScene(SceneRequest):
+    """A scene to check, or a scenario with a seed, and the simulator to check it for."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "oneOf": [*_alternatives(scenario=("scene",), scene=("scenario", "seed"))],
+            "examples": [{**_EXAMPLE, "coarse": "1/16"}],
+        }
+    )
+
+    solver: Kind = "mpm"
+    """Simulator: MPM (mpm), a network that MPM replaces where a guard alarms (hybrid), or a network alone
+    (neural)."""
+    coarse: str | None = Field(
+        default=None,
+        max_length=100,
+        description="Coarse level: the ratio of simulated to shown particles, one of "
+        f"{', '.join(coarse_table().ratios)}. Only with mpm; all particles are simulated if absent.",
+    )
+    model: str | None = Field(default=None, max_length=100)
+    """Name of the network, from `GET /v1/models`; not with mpm. If absent, the first that serves the
+    scenario; required with a scene."""
+    r_c: float | None = Field(default=None, ge=-1, le=1, strict=True)
+    """Mean cosine below which the safeguard alarms; only with hybrid. If absent, other guards alone watch the
+    network."""
+
+    def choice(self) -> SolverChoice:
+        """Return the chosen simulator.
+
+        Raises
+        ------
+        FieldError
+            An option belongs to another kind of simulator, or there is no such level.
+        """
+        return SolverChoice(solver=self.solver, coarse=self.coarse, model=self.model, r_c=self.r_c)
+
+
+class CreateSession(CheckScene):
     """A session to create: a scenario with a seed, or a scene, and the simulator; or the log of a session."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "oneOf": [
-                {
-                    "required": ["scenario"],
-                    "properties": {
-                        "scenario": {"type": "string"},
-                        "scene": {"type": "null"},
-                        "log": {"type": "null"},
-                    },
-                },
-                {
-                    "required": ["scene"],
-                    "properties": {
-                        "scene": {"type": "object"},
-                        "scenario": {"type": "null"},
-                        "seed": {"type": "null"},
-                        "log": {"type": "null"},
-                    },
-                },
-                {
-                    "required": ["log"],
-                    "properties": {"log": {"type": "object"}, **_NOT_BESIDE_A_LOG},
-                },
+                *_alternatives(
+                    scenario=("scene", "log"),
+                    scene=("scenario", "seed", "log"),
+                    log=("scenario", "seed", "scene", "coarse", "model", "r_c"),
+                )
             ],
-            "examples": [
-                {"scenario": "water_2d", "seed": 0},
-                {
-                    "scene": {
-                        "dim": 2,
-                        "bodies": [
-                            {"shape": "box", "lower": [0.3, 0.4], "upper": [0.5, 0.6], "material": "water"}
-                        ],
-                    }
-                },
-            ],
+            "examples": [_EXAMPLE, {"scene": {"dim": 2, "bodies": [_BOX]}}],
         }
     )
 
-    log: LogBody | None = Field(
-        default=None,
-        description="Log of a session, in the place of everything else: it is computed again, which takes as "
-        "long as its frames took.",
-    )
+    log: LogBody | None = None
+    """Log of a session, in place of everything else: it is computed again, which takes as long as its frames
+    took."""
 
     @model_validator(mode="after")
-    def _one_of_them(self) -> Self:
-        given = [name for name in ("scenario", "scene", "log") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError('give one of "scenario" (with "seed"), "scene" and "log"')
-        beside = sorted(self.model_fields_set - {"log"}) if self.log is not None else []
-        beside = [name for name in beside if getattr(self, name) is not None]
+    def _nothing_beside_a_log(self) -> Self:
+        given = {name for name in self.model_fields_set if getattr(self, name) is not None}
+        beside = sorted(given - {"log"}) if self.log is not None else []
         if beside:
             raise ValueError(f'"{beside[0]}" cannot be given beside "log", which has its own')
-        self._check_seed()
         return self
 
 
-class CheckScene(_Asked):
-    """A scene to check, or a scenario with a seed, and the simulator that it is to be checked for."""
+class PlanRequest(SceneRequest):
+    """A scene, and the largest error or the longest time of its simulation."""
 
     model_config = ConfigDict(
         json_schema_extra={
-            "oneOf": [
-                {
-                    "required": ["scenario"],
-                    "properties": {"scenario": {"type": "string"}, "scene": {"type": "null"}},
-                },
-                {
-                    "required": ["scene"],
-                    "properties": {
-                        "scene": {"type": "object"},
-                        "scenario": {"type": "null"},
-                        "seed": {"type": "null"},
-                    },
-                },
-            ],
-            "examples": [{"scenario": "water_2d", "seed": 0, "coarse": "1/16"}],
+            "examples": [
+                {"scenario": "water_2d", "seed": 7, "budget_ms": 0.2},
+                {"scenario": "sand_3d", "max_error": 0.5, "measure": "grid_rmse"},
+            ]
         }
     )
 
+    max_error: float | None = Field(default=None, gt=0)
+    """Largest mean error: the answer is the fastest method within it."""
+    budget_ms: float | None = Field(default=None, gt=0)
+    """Longest time of a frame [ms]: the answer is the most accurate method within it."""
+    measure: Measure = "grid_rmse"
+    """Measure of the error."""
+
     @model_validator(mode="after")
-    def _one_of_them(self) -> Self:
-        if (self.scenario is None) == (self.scene is None):
-            raise ValueError('give one of "scenario" (with "seed") and "scene"')
-        self._check_seed()
+    def _one_limit(self) -> Self:
+        if (self.max_error is None) == (self.budget_ms is None):
+            raise ValueError('give one of "max_error" and "budget_ms"')
         return self

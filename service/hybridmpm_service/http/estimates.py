@@ -1,86 +1,53 @@
-"""Bodies of checks and plans: estimates of a scene before its first frame."""
+"""Answers of checks and plans: estimates of a scene before its first frame."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Literal, Self
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-from pydantic.config import JsonDict
+from pydantic import Field
 
-from hybridmpm.checking import Finding, SceneCheck, Severity
+from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.errors import SceneError
-from hybridmpm.planner import Plan
-from hybridmpm.planner.planning import Prospect
-from hybridmpm_service.http.requests import Request
-
-MOST_FINDINGS = 20
-"""Largest number of findings in an answer, the gravest first."""
-_THIN: JsonDict = {
-    "severity": "warning",
-    "field": "obstacles[0]",
-    "problem": "is 0.01 m thick, less than 2 cells of 0.00781 m, so fast material may pass through it",
-    "advice": "make it at least 0.0156 m thick, or raise the resolution",
-}
+from hybridmpm.planner import Plan, Prospect
+from hybridmpm_service.http.answers import FINDING, MOST_FINDINGS, Answer, FindingBody, example
+from hybridmpm_service.http.creation import Measure
 
 
-class FindingBody(BaseModel):
-    """One thing that a check says of a scene."""
+class CheckBody(Answer):
+    """Estimates and findings of a scene before its first frame. Unknown figures are null."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_THIN]})
-
-    severity: Severity = Field(
-        description="error: the scene does not run, or not stably. warning: it runs, and the result is not "
-        "what one may expect. note: it costs more than it has to."
-    )
-    field: str = Field(description='Part of the scene that it is about, as a path; "" for the whole.')
-    problem: str = Field(description="What is wrong, with its figures.")
-    advice: str = Field(description='What to change; "" where the problem already says it.')
-
-    @classmethod
-    def first_of(cls, findings: Iterable[Finding]) -> list[Self]:
-        """Describe the first `MOST_FINDINGS` findings."""
-        return [cls.model_validate(vars(one)) for one in list(findings)[:MOST_FINDINGS]]
-
-
-class CheckBody(BaseModel):
-    """What is known of a scene before its first frame. What could not be found out is null."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {
-                    "scene": "water_2d",
-                    "ok": True,
-                    "particles": 3210,
-                    "stable": True,
-                    "bound": "sound",
-                    "substeps": 12,
-                    "milliseconds": 0.9,
-                    "memory": 64_000_000,
-                    "findings": [_THIN],
-                }
-            ]
-        }
+    model_config = example(
+        scene="water_2d",
+        ok=True,
+        particles=3210,
+        stable=True,
+        bound="sound",
+        substeps=12,
+        milliseconds=0.9,
+        memory=64_000_000,
+        findings=[FINDING],
     )
 
-    scene: str = Field(description="Title of the scene.")
-    ok: bool = Field(description="Whether there is no error among the findings.")
-    particles: int | None = Field(description="Number of particles that are shown at frame 0.")
-    stable: bool | None = Field(
-        description="Whether MPM's substeps are below the stability limit; null also where a network moves "
-        "the particles, for which no bound is known."
-    )
-    bound: str | None = Field(
-        description='What chose the shortest substep: "sound", "speed", "obstacle", "frame", "reference" or '
-        '"fixed"; null also where a network made the frames.'
-    )
-    substeps: int | None = Field(description="Substeps of the first frames; null as with `bound`.")
-    milliseconds: float | None = Field(
-        description="Time of a frame [ms], as measured on this server in the first frames."
-    )
-    memory: int | None = Field(description="Memory that the simulation takes, estimated [bytes].")
+    scene: str
+    """Title of the scene."""
+    ok: bool
+    """Whether there is no error among the findings."""
+    particles: int | None
+    """Number of particles that are shown at frame 0."""
+    stable: bool | None
+    """Whether MPM's substeps are below the stability limit; null also where a network moves the particles,
+    for which no bound is known."""
+    bound: str | None
+    """Bound that chose the shortest substep: "sound", "speed", "obstacle", "frame", "reference" or "fixed";
+    null also where a network made the frames."""
+    substeps: int | None
+    """Substeps of the first frames; null as with `bound`."""
+    milliseconds: float | None
+    """Time of a frame [ms], measured on this server in the first frames."""
+    memory: int | None
+    """Estimated memory of the simulation [bytes]."""
     findings: list[FindingBody] = Field(
-        description=f"What may go wrong and what is dear: the gravest {MOST_FINDINGS} findings."
+        description=f"Faults, risks and costs of the scene: the gravest {MOST_FINDINGS} findings."
     )
 
     @classmethod
@@ -91,91 +58,57 @@ class CheckBody(BaseModel):
 
     @classmethod
     def refused(cls, error: SceneError) -> Self:
-        """Describe a scene that is none, or that this server does not take."""
+        """Describe a scene that is not valid, or beyond a limit of this server."""
         problems = error.problems or [("", str(error))]
         found = [Finding(severity="error", field=field, problem=text, advice="") for field, text in problems]
         nothing = dict.fromkeys(("particles", "stable", "bound", "substeps", "milliseconds", "memory"))
         return cls(**nothing, scene="", ok=False, findings=FindingBody.first_of(found))
 
 
-Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
+class ProspectBody(Answer):
+    """Expected error and time of a method in the scene."""
 
-
-class PlanRequest(Request):
-    """A scene, and the error or the time that its simulation has to keep within."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"scenario": "water_2d", "seed": 7, "budget_ms": 0.2},
-                {"scenario": "sand_3d", "max_error": 0.5, "measure": "grid_rmse"},
-            ]
-        }
-    )
-
-    scenario: str | None = Field(
-        default=None, max_length=100, description="Scenario that the scene is drawn from."
-    )
-    seed: int | None = Field(
-        default=None, ge=0, lt=2**53, strict=True, description="Seed of the scenario; 0 if absent."
-    )
-    scene: dict[str, Any] | None = Field(
-        default=None, description="Scene of your own, in the place of a scenario."
-    )
-    max_error: float | None = Field(
-        default=None, gt=0, description="Largest mean error: the quickest coarse level within it is answered."
-    )
-    budget_ms: float | None = Field(
-        default=None,
-        gt=0,
-        description="Longest time of a frame [ms]: the most accurate coarse level within it is answered.",
-    )
-    measure: Measure = Field(default="grid_rmse", description="Measure of the error.")
-
-    @model_validator(mode="after")
-    def _one_of_each(self) -> Self:
-        if (self.scenario is None) == (self.scene is None):
-            raise ValueError('give one of "scenario" (with "seed") and "scene"')
-        if self.scene is not None and self.seed is not None:
-            raise ValueError('"seed" belongs to a scenario; the bodies of a scene have their own')
-        if (self.max_error is None) == (self.budget_ms is None):
-            raise ValueError('give one of "max_error" and "budget_ms"')
-        return self
-
-
-class ProspectBody(BaseModel):
-    """What is expected of a level in the scene."""
-
-    name: str = Field(description="Name of the level.", examples=["coarse 1/16"])
-    error: float = Field(description="Mean error by the measure.", examples=[0.44])
-    error_se: float | None = Field(description="Its standard error over the scenes of the calibration.")
-    ms_per_frame: float = Field(
-        description="Median time of a frame in mid-splash on one thread of the server [ms].", examples=[0.09]
-    )
+    name: str = Field(examples=["coarse 1/16"])
+    """Name of the method."""
+    error: float = Field(examples=[0.44])
+    """Mean error by the measure."""
+    error_se: float | None
+    """Its standard error over the scenes of the calibration."""
+    ms_per_frame: float = Field(examples=[0.09])
+    """Median time of a frame in mid-splash on one thread of the server [ms]."""
 
 
 class PlanBody(ProspectBody):
-    """The coarse level that was chosen."""
+    """The chosen method."""
 
-    measure: Measure = Field(description="Measure of the error.")
-    feasible: bool = Field(description="Whether it meets the demand; else it is the nearest level.")
-    r_p: float = Field(description="Share of the particles that are simulated.")
-    particles: int = Field(description="About how many particles are simulated.")
-    resolution: int = Field(description="Cells per metre of their grid.")
-    substeps: int = Field(description="About how many substeps a frame has in mid-splash.")
-    show_all: bool = Field(description="Whether all particles are carried along with fewer.")
-    session: dict[str, Any] | None = Field(
-        description="Fields of `POST /v1/sessions` that choose this coarse level; null where no session can have it.",
-        examples=[{"solver": "mpm", "coarse": "1/16"}],
-    )
-    candidates: list[ProspectBody] = Field(description="All that were compared, the quickest first.")
-    runner_up: ProspectBody | None = Field(description="The next that would have been chosen.")
-    reason: str = Field(description="Why this coarse level; what an impossible demand would take.")
-    notes: list[str] = Field(description="What the figures rest on.")
+    measure: Measure
+    """Measure of the error."""
+    feasible: bool
+    """Whether it meets the limit; otherwise it is the nearest method."""
+    r_p: float
+    """Ratio of the simulated particles to those of the scene."""
+    particles: int
+    """Estimated number of simulated particles."""
+    resolution: int
+    """Cells per metre of their grid."""
+    substeps: int
+    """Estimated number of substeps of a frame in mid-splash."""
+    show_all: bool
+    """Whether all particles of the scene are shown where fewer are simulated."""
+    session: dict[str, Any] | None = Field(examples=[{"solver": "mpm", "coarse": "1/16"}])
+    """Fields of `POST /v1/sessions` that choose this method; null where no session can have it."""
+    candidates: list[ProspectBody]
+    """All compared methods, the fastest first."""
+    runner_up: ProspectBody | None
+    """The second choice."""
+    reason: str
+    """Reason of the choice; for an infeasible limit, the requirements of a feasible one."""
+    notes: list[str]
+    """Sources of the figures."""
 
     @classmethod
     def of(cls, plan: Plan, candidates: Sequence[Prospect]) -> Self:
-        """Describe a plan, and what it was chosen among."""
+        """Describe a plan and the methods that it was chosen from."""
         ascending = sorted(candidates, key=lambda one: one.ms_per_frame)
         plain = {**plan.to_dict(), "candidates": [asdict(one) for one in ascending]}
         known = {name: plain[name] for name in cls.model_fields if name in plain}
@@ -183,7 +116,7 @@ class PlanBody(ProspectBody):
 
 
 def _session(plan: Plan) -> dict[str, Any] | None:
-    """Return the fields of a session at the plan's coarse level; None where sessions have no such settings."""
+    """Return the fields of a session with the plan's method; None where sessions have no such settings."""
     if plan.model is not None:
         shows_all = plan.show_all and set(plan.settings) <= {"show_all"}
         return {"solver": plan.simulator, "model": plan.model} if shows_all else None

@@ -4,64 +4,119 @@ import asyncio
 from collections.abc import AsyncIterator
 from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from hybridmpm.data import Recipe, Seeds
 from hybridmpm.errors import ConfigError, UnknownScenarioError
 from hybridmpm.scenarios import NAMES
 from hybridmpm_service.errors import FieldError
+from hybridmpm_service.http.answers import Answer
 from hybridmpm_service.http.problems import Problem, problem_of
 from hybridmpm_service.http.requests import FrameCount, Request
 from hybridmpm_service.jobs import Job, Kind, Phase
 from hybridmpm_service.settings import Settings
 
-PATH = "/v1/jobs"
 _LOOK_SECONDS = 0.1
-"""Time between two looks at how far a job is."""
+"""Time between two looks at the progress of a job."""
 _SILENT_SECONDS = 15.0
-"""Longest time without an event; proxies close connections that say nothing."""
+"""Longest time without an event; proxies close silent connections."""
+MOST_TRAJECTORIES = 1000
+MOST_NUMBERS = 1 << 27
+"""Largest number of coordinates in a data set, all states of all trajectories together: 512 MiB."""
 
 
 class RecordSession(Request):
-    """What is to be recorded."""
+    """Settings of a recording."""
 
-    frames: FrameCount = Field(
-        description="Number of frames to compute, at most the setting max_advance_frames.", examples=[200]
-    )
-    every: FrameCount = Field(default=1, description="Number of frames from one recorded state to the next.")
-    format: Literal["npz", "gif", "mp4", "png"] = Field(
-        default="npz",
-        description="File to write: arrays (npz), a film (gif; mp4 where the server has an encoder), or four "
-        "pictures side by side (png).",
-    )
-    width: int = Field(
-        default=480,
-        ge=64,
-        le=1280,
-        strict=True,
-        description="Width of a picture of a film or strip [pixels].",
-    )
-    speed: float = Field(default=1.0, ge=0.01, le=10, description="Simulated seconds in a second of film.")
+    frames: FrameCount = Field(examples=[200])
+    """Number of frames to compute, at most the setting max_advance_frames."""
+    every: FrameCount = 1
+    """Number of frames from one recorded state to the next."""
+    format: Literal["npz", "gif", "mp4", "png"] = "npz"
+    """File to write: arrays (npz), a film (gif; mp4 where the server has an encoder), or four pictures side
+    by side (png)."""
+    width: int = Field(default=480, ge=64, le=1280, strict=True)
+    """Width of a picture of a film or strip [pixels]."""
+    speed: float = Field(default=1.0, ge=0.01, le=10)
+    """Simulated seconds in a second of film."""
 
 
-class JobBody(BaseModel):
-    """A job as clients see it."""
+class MakeDataSet(Request):
+    """A data set of trajectories of a scenario; a trajectory depends on these settings and its seed alone."""
 
-    id: str = Field(description="Name of the job.")
-    kind: Kind = Field(description="What it makes.")
-    session: str | None = Field(
-        description="Session that it belongs to; it ends with it. Null for a data set, which has none."
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"scenario": "water_2d", "trajectories": 2, "frames": 100}]}
     )
-    phase: Phase = Field(description="How far it is: running, done or failed.")
-    done: int = Field(description="Number of frames, or other parts, that are done.")
-    total: int | None = Field(description="Number of all of them; null until it is known.")
-    problem: Problem | None = Field(description="Why it failed; null unless it did.")
-    links: dict[str, str] = Field(description="Addresses of the job, its events and its result.")
+
+    scenario: str = Field(max_length=100, description=f"Scenario of the scenes: one of {', '.join(NAMES)}.")
+    trajectories: int = Field(ge=0, le=MOST_TRAJECTORIES, strict=True)
+    """Number of trajectories for training."""
+    valid: int = Field(default=0, ge=0, le=MOST_TRAJECTORIES, strict=True)
+    """Number of trajectories for validation."""
+    test: int = Field(default=0, ge=0, le=MOST_TRAJECTORIES, strict=True)
+    """Number of trajectories for tests."""
+    seed: int = Field(default=0, ge=0, lt=2**31, strict=True)
+    """First seed of each split, counted from the start of the split's seeds."""
+    frames: FrameCount | None = None
+    """Number of frames of a trajectory; that of the scenario if absent. All trajectories together have at
+    most the setting max_dataset_frames."""
+    stride: FrameCount = 1
+    """Number of frames from one stored state to the next."""
+    r_p: float = Field(default=1.0, gt=0, le=1)
+    """Ratio of the particles to those of the scene."""
+
+    def planned(self, limits: Settings) -> tuple[Recipe, Seeds]:
+        """Return the recipe and the seeds.
+
+        Raises
+        ------
+        FieldError
+            A setting is out of range, or the data set is larger than this server makes.
+        """
+        try:
+            seeds = Seeds(train=self.trajectories, valid=self.valid, test=self.test, first=self.seed)
+            recipe = Recipe(scenario=self.scenario, frames=self.frames, stride=self.stride, r_p=self.r_p)
+            scene = recipe.scene(self.seed)
+        except UnknownScenarioError as err:
+            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+        except ConfigError as err:
+            raise FieldError("body", str(err)) from None
+        count = sum(seeds.counts().values())
+        frames, most = count * (recipe.states - 1) * recipe.stride, limits.max_dataset_frames
+        if frames > most:
+            text = f"makes {frames} frames in all, and this server makes at most {most} (max_dataset_frames)"
+            raise FieldError("body.trajectories", text)
+        numbers = round(count * recipe.states * scene.dim * len(scene.sample().x) * self.r_p)
+        if numbers > MOST_NUMBERS:
+            text = f"must be at least {-(-self.stride * numbers // MOST_NUMBERS)} for so many frames"
+            raise FieldError("body.stride", f"{text}, got {self.stride}")
+        return recipe, seeds
+
+
+class JobBody(Answer):
+    """State of a job."""
+
+    id: str
+    """Name of the job."""
+    kind: Kind
+    """Kind of its result."""
+    session: str | None
+    """Session of the job, which ends with it. Null for a data set."""
+    phase: Phase
+    """running, done or failed."""
+    done: int
+    """Number of frames, or other parts, that are done."""
+    total: int | None
+    """Number of all parts; null until it is known."""
+    problem: Problem | None
+    """Reason of a failure; null without one."""
+    links: dict[str, str]
+    """Addresses of the job, its events and its result."""
 
     @classmethod
     def of(cls, job: Job) -> Self:
         """Describe a job."""
-        own = f"{PATH}/{job.id}"
+        own = f"/v1/jobs/{job.id}"
         return cls(
             id=job.id,
             kind=job.kind,
@@ -74,16 +129,17 @@ class JobBody(BaseModel):
         )
 
 
-class JobList(BaseModel):
+class JobList(Answer):
     """The jobs of the service."""
 
-    jobs: list[JobBody] = Field(description="All jobs that run or whose results are kept, the oldest first.")
+    jobs: list[JobBody]
+    """Running jobs and those whose results are kept, the oldest first."""
 
 
 async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:
-    """Yield a job's body as a server-sent event whenever it has changed, the last one at its end.
+    """Yield a job's body as a server-sent event after each change, the last one at its end.
 
-    A server that stops, for which `draining` is set, ends it as well.
+    A stopping server, for which `draining` is set, ends it as well.
     """
     before, silent = "", 0.0
     while True:
@@ -99,70 +155,3 @@ async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:
             return
         await asyncio.sleep(_LOOK_SECONDS)
         silent += _LOOK_SECONDS
-
-
-MOST_TRAJECTORIES = 1000
-MOST_NUMBERS = 1 << 27
-"""Largest number of coordinates in a data set, all states of all trajectories together: 512 MiB."""
-
-
-class MakeDataSet(Request):
-    """A data set of trajectories of a scenario; a trajectory depends on these settings and its seed alone."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"examples": [{"scenario": "water_2d", "trajectories": 2, "frames": 100}]}
-    )
-
-    scenario: str = Field(
-        max_length=100, description=f"Scenario that the scenes are drawn from: one of {', '.join(NAMES)}."
-    )
-    trajectories: int = Field(
-        ge=0, le=MOST_TRAJECTORIES, strict=True, description="Number of trajectories for training."
-    )
-    valid: int = Field(
-        default=0, ge=0, le=MOST_TRAJECTORIES, strict=True, description="Number of them for validation."
-    )
-    test: int = Field(
-        default=0, ge=0, le=MOST_TRAJECTORIES, strict=True, description="Number of them for tests."
-    )
-    seed: int = Field(
-        default=0,
-        ge=0,
-        lt=2**31,
-        strict=True,
-        description="First seed of each split, counted from the start of the split's seeds.",
-    )
-    frames: FrameCount | None = Field(
-        default=None,
-        description="Number of frames of a trajectory; that of the scenario if absent. All trajectories have "
-        "at most as many as the setting max_dataset_frames says.",
-    )
-    stride: FrameCount = Field(default=1, description="Number of frames from one stored state to the next.")
-    r_p: float = Field(default=1.0, gt=0, le=1, description="Number of particles over that of the scene.")
-
-    def planned(self, limits: Settings) -> tuple[Recipe, Seeds]:
-        """Return the recipe and the seeds.
-
-        Raises
-        ------
-        FieldError
-            A setting is out of range, or the data set is larger than this server makes.
-        """
-        try:
-            seeds = Seeds(train=self.trajectories, valid=self.valid, test=self.test, first=self.seed)
-            recipe = Recipe(scenario=self.scenario, frames=self.frames, stride=self.stride, r_p=self.r_p)
-            particles = len(recipe.scene(self.seed).sample().x) * self.r_p
-        except UnknownScenarioError as err:
-            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
-        except ConfigError as err:
-            raise FieldError("body", str(err)) from None
-        count = sum(seeds.counts().values())
-        frames, most = count * (recipe.states - 1) * recipe.stride, limits.max_dataset_frames
-        if frames > most:
-            text = f"makes {frames} frames in all, and this server makes at most {most} (max_dataset_frames)"
-            raise FieldError("body.trajectories", text)
-        numbers = round(count * recipe.states * particles * recipe.scene(self.seed).dim)
-        if numbers > MOST_NUMBERS:
-            text = f"must be at least {-(-self.stride * numbers // MOST_NUMBERS)} for so many frames"
-            raise FieldError("body.stride", f"{text}, got {self.stride}")
-        return recipe, seeds

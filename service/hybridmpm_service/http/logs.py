@@ -1,17 +1,16 @@
-"""Logs of sessions, as they are answered and sent again."""
+"""Logs of sessions as JSON, in answers and in bodies."""
 
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, FailFast, Field, model_validator
 
-from hybridmpm import Scene
-from hybridmpm.control.sketch.sketch import MAX_POINTS
+from hybridmpm.control import MAX_POINTS
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.requests import Cap, Request, SketchSettings
-from hybridmpm_service.sessions.inputs import Input, Origin, Versions, input_of
+from hybridmpm_service.sessions.inputs import Input, Origin, input_of
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
-from hybridmpm_service.sessions.solvers import Kind, SafeguardKind, SolverChoice
+from hybridmpm_service.sessions.solvers import Kind
 
 FORMAT = 1
 """Version of the form of a log."""
@@ -20,83 +19,101 @@ Numbers = Annotated[list[float], Field(min_length=2, max_length=3)]
 
 
 class LoggedVersions(Request):
-    """What computed a session. Others need not give the same bits."""
+    """Versions that computed a session; others need not give the same bits."""
 
-    hybridmpm: str = Field(max_length=100, description="Version of the library.")
-    solver: int = Field(strict=True, description="Version of the solver.")
-    model: str | None = Field(
-        max_length=64, description="SHA-256 of the network's file; null without a network."
-    )
+    hybridmpm: str = Field(max_length=100)
+    """Version of the library."""
+    solver: int = Field(strict=True)
+    """Version of the solver."""
+    model: str | None = Field(max_length=64)
+    """SHA-256 of the network's file; null without a network."""
 
 
 class LoggedSketch(Request):
-    """A sketch as it was understood: an arrow has points and widths, an ellipse the rest."""
+    """A sketch as interpreted: an arrow has points and widths, an ellipse the rest."""
 
-    kind: Literal["arrow", "ellipse"] = Field(description="Kind of the sketch.")
-    points: list[list[float]] | None = Field(
-        default=None, max_length=MAX_POINTS, description="Points of an arrow from tail to tip [m]."
-    )
-    widths: list[float] | None = Field(
-        default=None,
-        max_length=MAX_POINTS,
-        description="Width of an arrow's stroke at each point [pixels of 512].",
-    )
-    center: list[float] | None = Field(default=None, description="Centre of an ellipse [m].")
-    axes: list[float] | None = Field(default=None, description="Semi-axes of an ellipse, major first [m].")
-    angle: float | None = Field(default=None, description="Angle of the major axis to +x [rad].")
-    width: float | None = Field(default=None, description="Width of an ellipse's stroke [pixels of 512].")
+    kind: Literal["arrow", "ellipse"]
+    """Kind of the sketch."""
+    points: list[list[float]] | None = Field(default=None, max_length=MAX_POINTS)
+    """Points of an arrow from tail to tip [m]."""
+    widths: list[float] | None = Field(default=None, max_length=MAX_POINTS)
+    """Width of an arrow's stroke at each point [pixels of 512]."""
+    center: list[float] | None = None
+    """Centre of an ellipse [m]."""
+    axes: list[float] | None = None
+    """Semi-axes of an ellipse, major first [m]."""
+    angle: float | None = None
+    """Angle of the major axis to +x [rad]."""
+    width: float | None = None
+    """Width of an ellipse's stroke [pixels of 512]."""
 
 
 class LoggedSettings(SketchSettings):
-    """How a sketch was followed."""
+    """Settings of a sketch."""
 
-    most: int = Field(ge=1, strict=True, description="Largest number of frames, above that of `hold`.")
+    most: int = Field(ge=1, strict=True)
+    """Largest number of frames, above that of `hold`."""
 
 
 class LoggedSteering(Request):
-    """A sketch that steers from a frame on, in the place of one that still does."""
+    """A sketch that begins to steer; it replaces an older one."""
 
-    kind: Literal["sketch"] = Field(description="Kind of the input.")
-    frame: Frame = Field(description="Frame from whose state on it steers.")
-    number: int = Field(ge=1, strict=True, description="Number of the sketch in its session.")
-    drawn_frame: Frame = Field(description="Frame in whose state it was planned.")
-    planned_by: str = Field(max_length=100, description="Name of the method that planned.")
-    sketch: LoggedSketch = Field(description="The sketch.")
-    settings: LoggedSettings = Field(description="How it was followed.")
+    kind: Literal["sketch"]
+    """Kind of the input."""
+    frame: Frame
+    """First frame whose state it acts on."""
+    number: int = Field(ge=1, strict=True)
+    """Number of the sketch in its session."""
+    drawn_frame: Frame
+    """Frame of the state that it was planned for."""
+    planned_by: str = Field(max_length=100)
+    """Name of the method that planned."""
+    sketch: LoggedSketch
+    """The sketch."""
+    settings: LoggedSettings
+    """Its settings."""
 
 
 class LoggedRelease(Request):
-    """No sketch steers any more."""
+    """End of the sketch that steers."""
 
-    kind: Literal["release"] = Field(description="Kind of the input.")
-    frame: Frame = Field(description="Frame from whose state on none steers.")
+    kind: Literal["release"]
+    """Kind of the input."""
+    frame: Frame
+    """First frame whose state no sketch acts on."""
 
 
 class LoggedForce(Request):
     """A local force, as by a hand that moves through the fluid."""
 
-    point: Numbers = Field(description="Middle [m].")
-    velocity: Numbers = Field(description="Velocity of the hand [m/s].")
-    radius: float = Field(gt=0, le=1, description="Particles farther away feel nothing [m].")
+    point: Numbers
+    """Centre [m]."""
+    velocity: Numbers
+    """Velocity of the hand [m/s]."""
+    radius: float = Field(gt=0, le=1)
+    """Reach of the force [m]."""
     cap: Cap
 
 
 class LoggedPush(Request):
-    """A hand that pushes the fluid, in the place of one that did, or lets go of it."""
+    """Start, change or end of a hand's push."""
 
-    kind: Literal["push"] = Field(description="Kind of the input.")
-    frame: Frame = Field(description="Frame from whose state on it pushes.")
-    push: LoggedForce | None = Field(description="Force of the hand; null lets go.")
+    kind: Literal["push"]
+    """Kind of the input."""
+    frame: Frame
+    """First frame whose state it acts on."""
+    push: LoggedForce | None
+    """Force of the hand; null ends it."""
 
 
 LoggedInput = Annotated[LoggedSteering | LoggedRelease | LoggedPush, Field(discriminator="kind")]
 
 
 class LogBody(Request):
-    """All that a session can be computed again from, and the digest of what comes out.
+    """Log of a session, to compute it again from, with the digest of the result.
 
-    Sent back as `log` of a new session, on this server or another one, it makes a session in the same state:
-    with the same bits where versions are the same.
+    Sent as `log` of a new session, to this server or another one, it makes a session in the same state: with
+    the same bits where versions are the same.
     """
 
     model_config = ConfigDict(
@@ -117,7 +134,6 @@ class LogBody(Request):
                     "coarse": None,
                     "model": None,
                     "r_c": None,
-                    "safeguard": None,
                     "frame": 60,
                     "inputs": [
                         {
@@ -133,28 +149,32 @@ class LogBody(Request):
         }
     )
 
-    format: Literal[1] = Field(description="Version of the form of the log.")
-    versions: LoggedVersions = Field(description="What computed the session.")
-    scenario: str | None = Field(
-        max_length=100, description="Scenario that the scene was drawn from; null where a scene was sent."
-    )
-    seed: int | None = Field(ge=0, lt=2**53, strict=True, description="Seed of the scenario.")
-    scene: dict[str, Any] = Field(description="Scene, as `hybridmpm schema` describes it.")
-    solver: Kind = Field(description="Simulator.")
-    coarse: str | None = Field(max_length=100, description="Coarse level; null where none was chosen.")
-    model: str | None = Field(max_length=100, description="Name of the network; null without one.")
-    r_c: float | None = Field(ge=-1, le=1, description="Value below which the safeguard alarms.")
-    safeguard: SafeguardKind | None = Field(description="Particles that the safeguard's mean is taken over.")
-    frame: Frame = Field(description="Frame at which the log ends.")
-    # One wrong input is told of: thousands of errors would take long to make.
-    inputs: Annotated[list[LoggedInput], FailFast()] = Field(
-        max_length=MAX_INPUTS, description="What acted on the session, in order; frames ascend."
-    )
-    digest: str = Field(
-        pattern="^[0-9a-f]{64}$",
-        description="SHA-256 of the state in which the log ends: ids (uint64), positions and velocities "
-        "(float32), little-endian, one after the other, as `particles` answers them.",
-    )
+    format: Literal[1]
+    """Version of the form of the log."""
+    versions: LoggedVersions
+    """Versions that computed the session."""
+    scenario: str | None = Field(max_length=100)
+    """Scenario that the scene was drawn from; null where a scene was sent."""
+    seed: int | None = Field(ge=0, lt=2**53, strict=True)
+    """Seed of the scenario."""
+    scene: dict[str, Any]
+    """Scene, as `hybridmpm schema` describes it."""
+    solver: Kind
+    """Simulator."""
+    coarse: str | None = Field(max_length=100)
+    """Coarse level; null where none was chosen."""
+    model: str | None = Field(max_length=100)
+    """Name of the network; null without one."""
+    r_c: float | None = Field(ge=-1, le=1)
+    """Value below which the safeguard alarms."""
+    frame: Frame
+    """Frame at which the log ends."""
+    # Only the first wrong input is reported: thousands of errors would take long to make.
+    inputs: Annotated[list[LoggedInput], FailFast()] = Field(max_length=MAX_INPUTS)
+    """Inputs of the session, in order; frames ascend."""
+    digest: str = Field(pattern="^[0-9a-f]{64}$")
+    """SHA-256 of the state in which the log ends: ids (uint64), positions and velocities (float32),
+    little-endian, one after the other, as `particles` answers them."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -200,16 +220,7 @@ class LogBody(Request):
         """
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
-        choice = SolverChoice(
-            solver=self.solver, coarse=self.coarse, model=self.model, r_c=self.r_c, safeguard=self.safeguard
-        )
-        origin = Origin(
-            scene=Scene.parse(self.scene),
-            scenario=self.scenario,
-            seed=self.seed,
-            choice=choice,
-            versions=Versions(**vars(self.versions)),
-        )
+        origin = Origin.of_record(vars(self) | {"versions": vars(self.versions)})
         inputs = tuple(
             _input(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
             for place, one in enumerate(self.inputs)

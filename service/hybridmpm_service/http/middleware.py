@@ -1,4 +1,4 @@
-"""Middleware for every request: who may ask, how large a body may be, what headers an answer carries."""
+"""Middleware of every request: allowed hosts and origins, size of bodies, headers of answers."""
 
 import logging
 from collections.abc import Collection, Mapping
@@ -20,7 +20,7 @@ SECURITY_HEADERS: Mapping[str, str] = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
-    # A browser may keep a file of the page, but has to ask each time whether it is still the newest.
+    # A browser may keep a file of the page, but has to revalidate it each time.
     "Cache-Control": "no-cache",
 }
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -28,9 +28,9 @@ _KEPT_HEADERS = ("allow", "retry-after", "vary", "access-control-allow-origin")
 
 
 class AnswerMiddleware:
-    """Puts the security headers on every answer and turns every failure into a problem.
+    """Middleware that adds the security headers to every answer and turns every failure into a problem.
 
-    It is the outermost middleware: the others, and a fault of our own, would answer in plain text.
+    It is the outermost one: the others, and a fault of the service, would answer in plain text.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -61,7 +61,7 @@ class _Answer:
         self.started = False
 
     async def send_or_replace(self, message: Message) -> None:
-        """Pass a message on; if it begins a failure in another format, send a problem in its place."""
+        """Pass a message on; replace a failure in another format by a problem."""
         if message["type"] == "http.response.start":
             self.started = True
             headers = Headers(raw=message["headers"])
@@ -74,7 +74,7 @@ class _Answer:
             await self._send_with_headers(message)
 
     async def replace(self, status: int, detail: str, headers: dict[str, str] | None = None) -> None:
-        """Send a problem with this status in the place of the answer."""
+        """Send a problem with this status in place of the answer."""
         answer = of_status(self._scope["path"], status, detail, headers)
         await answer(self._scope, self._receive, self._send_with_headers)
 
@@ -88,17 +88,17 @@ class _Answer:
 
 
 class AccessMiddleware:
-    """Refuses requests that a foreign web site makes through the user's browser.
+    """Middleware that refuses requests of foreign web sites through the user's browser.
 
     Parameters
     ----------
     app : ASGI application
     hosts : collection of str, or None
-        Names that the Host header may carry; None for any. Without this check a site could point its own
-        name at 127.0.0.1 and read everything.
+        Allowed names in the Host header; None for any. Without this check a site could point its own name at
+        127.0.0.1 and read everything.
     origins : collection of str
-        Origins besides our own that may change sessions and open streams. Browsers send forms and open
-        WebSockets across sites without asking first.
+        Other origins that may change sessions and open streams. Browsers send forms and open WebSockets
+        across sites without a preflight request.
     """
 
     def __init__(self, app: ASGIApp, hosts: Collection[str] | None, origins: Collection[str]) -> None:
@@ -138,7 +138,7 @@ def _host_name(host: str) -> str | None:
 
 
 class BodyLimitMiddleware:
-    """Refuses bodies above a size, by their Content-Length and by counting the bytes that arrive."""
+    """Middleware that refuses bodies above a size, by their Content-Length and by the bytes that arrive."""
 
     def __init__(self, app: ASGIApp, max_bytes: int) -> None:
         self._app = app

@@ -44,35 +44,34 @@ _MAX_FIELD, _MAX_MESSAGE, _MAX_INSTANCE = 120, 320, 200
 """Largest lengths of other texts [characters]. One takes at most six bytes, so an answer is below 64 KB."""
 
 
-class FieldProblem(BaseModel):
+class FieldProblem(BaseModel, use_attribute_docstrings=True):
     """A field of the request whose value is not allowed."""
 
-    field: str = Field(description="Path of the field.", examples=["body.seed"])
-    message: str = Field(
-        description="What is wrong with its value.", examples=["Input should be greater than or equal to 0"]
-    )
+    field: str = Field(examples=["body.seed"])
+    """Path of the field."""
+    message: str = Field(examples=["Input should be greater than or equal to 0"])
+    """What is wrong with its value."""
 
 
-class Problem(BaseModel):
+class Problem(BaseModel, use_attribute_docstrings=True):
     """An answer that is not a success, by RFC 9457."""
 
-    type: str = Field(
-        description="Name of the kind of problem.", examples=["urn:hybridmpm:problem:session-not-found"]
-    )
-    title: str = Field(description="Kind of problem in a few words.", examples=["Unknown session"])
-    status: int = Field(description="HTTP status.", examples=[404])
-    detail: str = Field(
-        description="What went wrong this time, and what to change.",
-        examples=["there is no session 'abc'; it may have been deleted or have expired"],
-    )
-    instance: str = Field(description="Path of the request.", examples=["/v1/sessions/abc"])
-    errors: list[FieldProblem] | None = Field(
-        default=None, description="Fields whose values are not allowed, where the problem is about fields."
-    )
+    type: str = Field(examples=["urn:hybridmpm:problem:session-not-found"])
+    """Name of the kind of problem."""
+    title: str = Field(examples=["Unknown session"])
+    """Kind of problem in a few words."""
+    status: int = Field(examples=[404])
+    """HTTP status."""
+    detail: str = Field(examples=["there is no session 'abc'; it may have been deleted or have expired"])
+    """What went wrong this time, and what to change."""
+    instance: str = Field(examples=["/v1/sessions/abc"])
+    """Path of the request."""
+    errors: list[FieldProblem] | None = None
+    """Fields whose values are not allowed, where the problem is about fields."""
 
 
 class Row(NamedTuple):
-    """How HTTP answers a class of exceptions: status, name of the kind of problem, title."""
+    """HTTP answer to a class of exceptions: status, name of the kind of problem, title."""
 
     status: int
     slug: str
@@ -84,7 +83,7 @@ TABLE: dict[type[Exception], Row] = {
     JobNotFoundError: Row(404, "job-not-found", "Unknown job"),
     JobUnfinishedError: Row(409, "job-unfinished", "The job has not ended"),
     ScenarioNotFoundError: Row(404, "scenario-not-found", "Unknown scenario"),
-    PressureUnknownError: Row(409, "pressure-unknown", "Nobody knows the pressure"),
+    PressureUnknownError: Row(409, "pressure-unknown", "The pressure is unknown"),
     SketchDroppedError: Row(409, "sketch-dropped", "The sketch was dropped"),
     UploadTooLargeError: Row(413, "upload-too-large", "The file is too large"),
     UnsupportedFormatError: Row(415, "unsupported-format", "The format of the body is not supported"),
@@ -106,21 +105,21 @@ TABLE: dict[type[Exception], Row] = {
 
 
 def row_of(error: Exception) -> Row:
-    """Return the table's row for an exception, or for its nearest parent that has one."""
+    """Return the table's row of an exception, or of its nearest parent with one."""
     return next(
         (TABLE[kind] for kind in type(error).__mro__ if kind in TABLE), Row(500, "internal", "Server error")
     )
 
 
 def urn_of(row: Row) -> str:
-    """Return the name of a kind of problem, as its `type` carries it."""
+    """Return the `type` of a kind of problem."""
     return f"urn:hybridmpm:problem:{row.slug}"
 
 
 def problem_of(instance: str, error: Exception) -> Problem:
-    """Return the problem that an exception is, for the address that it belongs to."""
+    """Return the problem of an exception at an address."""
     row = row_of(error)
-    # What is no error of ours may quote anything; the server's log has it.
+    # Unexpected exceptions may quote anything; the server's log has them.
     detail = str(error) if row.status != 500 else "the server has a fault; its log has the cause"
     return Problem(**_body(instance, row, detail, fields_of(error)))
 
@@ -148,14 +147,14 @@ def problem_response(
     errors: Sequence[tuple[str, str]] = (),
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """Return the answer for a problem; of `errors`, pairs of a field and a message, the first are named."""
+    """Return the answer of a problem, with the first of its `errors`: pairs of a field and a message."""
     body = _body(instance, row, detail, errors)
-    # JSON in ASCII, because messages quote the client's text, which may hold half a surrogate pair.
+    # JSON in ASCII, because messages quote the client's text, which may have half a surrogate pair.
     return Response(json.dumps(body), row.status, headers, media_type=MEDIA_TYPE)
 
 
 def install(app: FastAPI) -> None:
-    """Answer every exception of the application with a problem."""
+    """Register handlers that answer every exception of the application with a problem."""
     app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(SimulationError, _on_known_error)
@@ -163,7 +162,7 @@ def install(app: FastAPI) -> None:
 
 
 def of_status(instance: str, status: int, detail: str, headers: dict[str, str] | None = None) -> Response:
-    """Return the answer for an HTTP status without an exception of ours."""
+    """Return the answer of an HTTP status without an exception of the service."""
     phrase = HTTPStatus(status).phrase
     row = Row(status, phrase.lower().replace(" ", "-"), phrase)
     return problem_response(instance, row, detail, headers=headers)
@@ -196,7 +195,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
 
 
 def _methods(request: Request) -> list[str]:
-    """Return the methods of all operations of an address; Starlette names those of the first one alone."""
+    """Return the methods of all operations at an address; Starlette lists those of the first one alone."""
     operations = request.app.state.operations
     here = [operation for operation in operations if operation.path_regex.match(request.url.path)]
     return sorted({method for operation in here for method in operation.methods or ()}) or ["GET", "HEAD"]
@@ -227,7 +226,7 @@ def _field_problem(problem: dict[str, Any]) -> tuple[str, str]:
 
 
 def shortened(text: str, most: int) -> str:
-    """Return the beginning of a text that is longer than `most` characters, which may quote its sender."""
+    """Return a text, or its beginning where it has more than `most` characters."""
     return text if len(text) <= most else f"{text[: most - 4]} ..."
 
 

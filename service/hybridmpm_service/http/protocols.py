@@ -1,4 +1,10 @@
-"""uvicorn's protocols, with deadlines for clients that send or read too slowly."""
+"""uvicorn's protocols, with deadlines for clients that send or read too slowly.
+
+They subclass private classes of uvicorn, because its public settings have no deadline for the head and body
+of a request, none for a stream whose client does not read, and no limit that also counts silent connections.
+A proxy in front would close these holes only for those who run one. Tests of slow clients guard the
+overrides.
+"""
 
 import asyncio
 from http import HTTPStatus
@@ -11,15 +17,15 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from hybridmpm_service.http.problems import RETRY_AFTER_SECONDS, of_status
 
 _SURPLUS_SECONDS = 1.0
-"""Longest time that a connection beyond the limit may take to ask for something, and so be told why not."""
+"""Longest time for a connection beyond the limit to send a request, which is refused."""
 _CLOSE_SECONDS = 1.0
-"""Longest time that a client may take to confirm the end of its stream."""
+"""Longest time for a client to confirm the end of its stream."""
 
 
 class RequestProtocol(H11Protocol):
-    """HTTP whose clients have to send a whole request, its head and its body, within `seconds`.
+    """HTTP with a deadline of `seconds` for a whole request, its head and its body.
 
-    A connection beyond `most` of the server, streams among them, is refused when it asks for something.
+    Connections beyond `most`, streams included, are refused at their first request.
     """
 
     seconds: float
@@ -28,13 +34,13 @@ class RequestProtocol(H11Protocol):
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Expect a request from a new connection."""
+        """Start the deadline of a new connection."""
         super().connection_made(transport)
         self._surplus = len(self.connections) > self.most
         self._expect()
 
     def data_received(self, data: bytes) -> None:
-        """Read a part of a request, and expect its rest."""
+        """Read a part of a request; start or end its deadline."""
         if self._surplus:
             text = f"all {self.most} connections of this server are in use: close one, or try again later"
             self._refuse(503, text)
@@ -50,16 +56,16 @@ class RequestProtocol(H11Protocol):
             self._relax()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Expect nothing more."""
+        """End the deadline."""
         self._relax()
         super().connection_lost(exc)
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse what is not HTTP."""
+        """Refuse a request that is not HTTP."""
         self._refuse(400, msg)
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Hand the connection to the protocol of streams."""
+        """Switch the connection to the protocol of streams."""
         self._relax()
         super().handle_websocket_upgrade(event)
 
@@ -76,13 +82,13 @@ class RequestProtocol(H11Protocol):
     def _on_deadline(self) -> None:
         self._deadline = None
         if self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]:
-            # A browser that connected in advance has asked for nothing.
+            # A browser may connect in advance, without a request.
             self.transport.close()
             return
         self._refuse(408, f"the request was not complete after {self.seconds:g} s")
 
     def _refuse(self, status: int, detail: str) -> None:
-        """Answer a problem in the place of the application, and close the connection."""
+        """Answer a problem in place of the application, and close the connection."""
         if self.transport.is_closing():
             return
         if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
@@ -103,21 +109,21 @@ class RequestProtocol(H11Protocol):
 
 
 class StreamProtocol(WebSocketsSansIOProtocol):
-    """WebSockets whose connection ends soon after their stream, whether or not the client reads."""
+    """WebSockets whose connection ends soon after their stream, even if the client does not read."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.close_timeout = _CLOSE_SECONDS
 
     def handle_ping(self) -> None:
-        """Answer a ping, unless the client has not even read what was sent before."""
+        """Answer a ping, unless the client has not read earlier messages."""
         if self.writable.is_set():
             super().handle_ping()
         else:
             self.conn.data_to_send()
 
     async def run_asgi(self) -> None:
-        """Serve a stream; a client that does not read what was sent to it loses that."""
+        """Serve a stream; unread messages are dropped at its end."""
         await super().run_asgi()
         if not self.writable.is_set():
             self.transport.abort()

@@ -5,7 +5,7 @@ import io
 import json
 import struct
 from collections.abc import AsyncIterator, Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from hybridmpm.control import Sketch
-from hybridmpm.export.clouds import Cloud
+from hybridmpm.export import Cloud
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import encode
 from hybridmpm_service.sessions.planning import Check
@@ -31,17 +31,17 @@ _NUMBERS_AT_ONCE = 4096
 
 
 def accepts(request: Request, media_type: str) -> bool:
-    """Return whether a request names a media type as one that it accepts."""
+    """Return whether a request accepts a media type by its name."""
     return media_type in _tokens(request, "accept")
 
 
 def prefers_async(request: Request) -> bool:
-    """Return whether a request prefers to be answered before its work is done (RFC 7240)."""
+    """Return whether a request prefers an answer before its work is done (RFC 7240)."""
     return "respond-async" in _tokens(request, "prefer")
 
 
 def _tokens(request: Request, header: str) -> list[str]:
-    """Return the items of a header, which commas part, in lower case and without parameters."""
+    """Return the items of a list header, in lower case and without parameters."""
     lines = ",".join(request.headers.getlist(header))
     return [part.partition(";")[0].strip().lower() for part in lines.split(",")]
 
@@ -74,7 +74,7 @@ async def json_response(body: Mapping[str, Any]) -> Response:
 
 
 def with_nulls(array: npt.NDArray[np.floating[Any]]) -> npt.NDArray[Any]:
-    """Return an array with None in the place of NaN: JSON has a null for what is not there."""
+    """Return an array with None in place of NaN, which JSON lacks."""
     held = array.astype(object)
     held[np.isnan(array)] = None
     return held
@@ -89,8 +89,8 @@ def _json(value: object) -> str:
 def _pieces(array: npt.NDArray[Any]) -> Iterator[str]:
     """Yield the JSON of an array's elements in pieces of some milliseconds.
 
-    The encoder holds Python's global lock until a piece is done, also in another thread. Between two pieces
-    the event loop can go on.
+    The encoder keeps Python's global lock during a piece, in any thread. Between two pieces the event loop
+    can go on.
     """
     step = max(1, _NUMBERS_AT_ONCE // max(1, array[:1].size))
     for start in range(0, len(array), step):
@@ -106,16 +106,14 @@ def _json_list(part: npt.NDArray[Any]) -> str:
 
 
 FRAMES = "application/x-hybridmpm-frames"
-"""Media type of frames one after the other, each with its length before it."""
+"""Media type of a sequence of frames, each after its length."""
 _LENGTH = struct.Struct("<I")
 _END = _LENGTH.pack(0)
-"""Stands behind the last frame; a stream without it has been cut off."""
-
-_Piece: TypeAlias = bytes | None
+"""Follows the last frame; a stream without it has been cut off."""
 
 
 async def streamed(session: Session, sketch: Sketch, chosen: dict[str, Any]) -> StreamingResponse:
-    """Return the answer whose body is the frames of a sketch that a copy of a session follows.
+    """Return an answer whose body is the frames of a copy of a session that follows a sketch.
 
     Parameters
     ----------
@@ -127,10 +125,10 @@ async def streamed(session: Session, sketch: Sketch, chosen: dict[str, Any]) -> 
     Raises
     ------
     ConfigError, SketchError, SimulationError
-        As `traced`, for what is found before the first frame; later the stream is cut off.
+        As `traced`, before the first frame; later errors cut the stream off.
     """
     loop = asyncio.get_running_loop()
-    pieces: asyncio.Queue[_Piece] = asyncio.Queue()
+    pieces: asyncio.Queue[bytes | None] = asyncio.Queue()
 
     def follow(twin: Simulator, check: Check) -> None:
         def send(_done: int, _total: int) -> None:
@@ -141,7 +139,7 @@ async def streamed(session: Session, sketch: Sketch, chosen: dict[str, Any]) -> 
 
     async def work() -> None:
         try:
-            await session.beside(follow)
+            await session.on_copy(follow)
             pieces.put_nowait(_END)
         finally:
             pieces.put_nowait(None)
@@ -158,7 +156,7 @@ async def streamed(session: Session, sketch: Sketch, chosen: dict[str, Any]) -> 
 
 
 async def _body(
-    first: _Piece, pieces: "asyncio.Queue[_Piece]", working: "asyncio.Task[None]"
+    first: bytes | None, pieces: "asyncio.Queue[bytes | None]", working: "asyncio.Task[None]"
 ) -> AsyncIterator[bytes]:
     piece = first
     try:

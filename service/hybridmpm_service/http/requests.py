@@ -1,12 +1,13 @@
-"""What clients send, as JSON: pydantic models with examples."""
+"""Bodies and messages of clients: pydantic models with examples.
+
+The text below a field describes it in the OpenAPI document.
+"""
 
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
-from hybridmpm.control import METHODS, Stroke
-from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP
+from hybridmpm.control import DEFAULT_CAP, MAX_CAP, METHODS, Fill, Stroke
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 
 MAX_PUSH_SPEED = 100.0
@@ -25,9 +26,9 @@ def _known_method(name: str) -> str:
 
 
 class Request(BaseModel):
-    """Base of what clients send: unknown fields, infinite numbers and texts for numbers are refused."""
+    """Base of bodies: unknown fields, infinite numbers and strings in place of numbers are refused."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, use_attribute_docstrings=True)
 
 
 class AdvanceSession(Request):
@@ -35,45 +36,35 @@ class AdvanceSession(Request):
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"frames": 10}]})
 
-    frames: FrameCount = Field(
-        default=1,
-        description="Number of frames to compute, at most the setting max_advance_frames.",
-    )
+    frames: FrameCount = 1
+    """Number of frames to compute, at most the setting max_advance_frames."""
 
 
 class SketchSettings(Request):
-    """How a sketch is followed. What is absent takes its default."""
+    """Settings of a sketch. An absent one takes its default."""
 
     method: Annotated[str, AfterValidator(_known_method)] = Field(
         default="auto",
         description=f"Method that plans: auto, or one of {', '.join(METHODS)}.",
         examples=["auto", "constant"],
     )
-    frames: FrameCount | None = Field(
-        default=None,
-        description="Number of frames in which the goal is to be reached; with `hold` at most the setting "
-        "max_sketch_frames. Chosen from what the goal needs if absent.",
-    )
+    frames: FrameCount | None = None
+    """Number of frames in which the goal is to be reached; with `hold` at most the setting max_sketch_frames.
+    Chosen by the needs of the goal if absent."""
     cap: Cap = DEFAULT_CAP
-    strength: float = Field(default=1.0, gt=0, le=1, description="Factor on `cap`.")
-    hold: int = Field(
-        default=0,
-        ge=0,
-        strict=True,
-        description="Number of frames for which the goal is kept after it was reached.",
-    )
-    fill: Fill = Field(
-        default="even",
-        description="What becomes of an oval larger than the fluid: filled evenly (even), or shrunk to the "
-        "volume of the fluid (shrink).",
-    )
-    seed: int = Field(
-        default=0, ge=0, lt=2**32, strict=True, description="Seed of what a method draws at random."
-    )
+    strength: float = Field(default=1.0, gt=0, le=1)
+    """Factor on `cap`."""
+    hold: int = Field(default=0, ge=0, strict=True)
+    """Number of frames for which the goal is kept after it was reached."""
+    fill: Fill = "even"
+    """Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid
+    (shrink)."""
+    seed: int = Field(default=0, ge=0, lt=2**32, strict=True)
+    """Seed of random numbers of a method."""
 
 
 class SketchRequest(SketchSettings):
-    """A sketch in its vector form, and how it is followed."""
+    """A sketch in its vector form, and its settings."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -91,12 +82,11 @@ class SketchRequest(SketchSettings):
         }
     )
 
-    strokes: list[Stroke] = Field(
-        min_length=1, max_length=1, description="Strokes of the sketch: exactly one."
-    )
+    strokes: list[Stroke] = Field(min_length=1, max_length=1)
+    """Strokes of the sketch: exactly one."""
 
     def settings(self) -> SketchSettings:
-        """Return how the sketch is followed."""
+        """Return the settings alone."""
         return SketchSettings.model_validate(self.model_dump(exclude={"strokes"}))
 
 
@@ -120,13 +110,13 @@ class Step(Request):
 
 
 class Reset(Request):
-    """Go back to frame 0; a player that runs goes on from there."""
+    """Return to frame 0; a running player continues from there."""
 
     type: Literal["reset"]
 
 
 class Speed(Request):
-    """Choose how many simulated seconds the player aims at per second."""
+    """Choose the target speed of the player: simulated seconds per second."""
 
     type: Literal["speed"]
     value: float = Field(ge=MIN_SPEED, le=MAX_SPEED)
@@ -152,4 +142,4 @@ class EndPush(Request):
 
 Command = Play | Pause | Step | Reset | Speed | PushFluid | EndPush
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="type")])
-"""Reads a text message of the stream."""
+"""Reader of the stream's text messages."""

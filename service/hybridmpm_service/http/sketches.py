@@ -2,58 +2,68 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Any, Literal, Protocol, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, ConfigDict, ValidationError
 from starlette.datastructures import UploadFile
 
 from hybridmpm import SketchError
-from hybridmpm.control import Arrow, ControlledTrajectory, Guidance, Needs, Sketch, parse_png, parse_strokes
-from hybridmpm.control.goal.goal import Goal
-from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control import (
+    ControlledTrajectory,
+    Goal,
+    Guidance,
+    Needs,
+    Oval,
+    Sketch,
+    parse_png,
+    parse_strokes,
+)
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
+from hybridmpm_service.http.answers import Answer, example
 from hybridmpm_service.http.json_text import read_json
 from hybridmpm_service.http.requests import SketchRequest, SketchSettings
+from hybridmpm_service.sessions.inputs import sketch_record
 from hybridmpm_service.sessions.view import CellMeans
-
-_CHUNK = 64 * 1024
-
-
-class Source(Protocol):
-    """Something to read from, such as Starlette's UploadFile."""
-
-    async def read(self, size: int = -1) -> bytes:
-        """Return at most `size` bytes; b"" at the end."""
-
-
-async def read_limited(source: Source, max_bytes: int) -> bytes:
-    """Return everything that a source gives, and read at most one chunk beyond the limit.
-
-    Raises
-    ------
-    UploadTooLargeError
-        The source gives more than `max_bytes` bytes.
-    """
-    data = bytearray()
-    while chunk := await source.read(_CHUNK):
-        data += chunk
-        if len(data) > max_bytes:
-            raise UploadTooLargeError(f"sketch: the file has more than the allowed {max_bytes} bytes")
-    return bytes(data)
-
 
 _PICTURE = "sketch"
 """Form field of the PNG."""
+_OUTLINE_POINTS = 96
+_DIGITS = 4
+"""Decimals of needs and of points on outlines."""
+_GUIDED: dict[str, Any] = {
+    "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
+    "method": "analytic",
+    "reason": "guidance from the actual state takes the least force and plans at once",
+    "frames": 100,
+    "hold": 0,
+    "first_frame": 12,
+    "planning_ms": 14.2,
+    "needs": {
+        "acceleration": 4.2,
+        "peak": 4.2,
+        "rms": 2.6,
+        "cap": 15.0,
+        "frames": 100,
+        "suggested_frames": 100,
+        "scale": 1.0,
+        "taken": 0.0,
+        "reachable": True,
+        "obstructions": [],
+        "text": "4.2 g in 100 frames, of 15 g allowed; at ease in 100 frames",
+    },
+    "goal": {"path": [[0.41, 0.52], [0.71, 0.72]], "drawn": None, "region": None},
+}
 
 T = TypeVar("T")
+_Rounded = Annotated[float, AfterValidator(lambda value: round(value, _DIGITS))]
 
 
 async def read_sketch(request: Request, max_upload_bytes: int) -> tuple[Sketch, SketchSettings]:
-    """Return the sketch of a request, and how it is to be followed.
+    """Return the sketch of a request, and its settings.
 
     Raises
     ------
@@ -96,7 +106,10 @@ async def _read_form(request: Request, max_bytes: int) -> tuple[Sketch, SketchSe
         if not isinstance(upload, UploadFile):
             raise FieldError("body.sketch", "is required, as a file: a PNG of a red arrow or a green outline")
         settings = _checked(lambda: SketchSettings.model_validate_strings(texts))
-        data = await read_limited(upload, max_bytes)
+        # The whole form is limited, too, while it arrives.
+        data = await upload.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise UploadTooLargeError(f"sketch: the file has more than the allowed {max_bytes} bytes")
     return await _off_loop("body.sketch", lambda: parse_png(data)), settings
 
 
@@ -119,118 +132,84 @@ async def _off_loop(field: str, parse: Callable[[], T]) -> T:
         raise FieldError(field, str(err)) from err
 
 
-_OUTLINE_POINTS = 96
-_DIGITS = 4
-"""Decimals of needs and of points on outlines."""
+class ForceBody(Answer):
+    """Force of a sketch and a hand in the next frame, where there is any; [cell][axis]."""
 
-_GUIDED: dict[str, Any] = {
-    "sketch": {"kind": "arrow", "points": [[0.3, 0.5], [0.6, 0.7]]},
-    "method": "analytic",
-    "reason": "guidance from the actual state takes the least force and plans at once",
-    "frames": 100,
-    "hold": 0,
-    "first_frame": 12,
-    "planning_ms": 14.2,
-    "needs": {
-        "acceleration": 4.2,
-        "peak": 4.2,
-        "rms": 2.6,
-        "cap": 15.0,
-        "frames": 100,
-        "suggested_frames": 100,
-        "scale": 1.0,
-        "taken": 0.0,
-        "reachable": True,
-        "obstructions": [],
-        "text": "4.2 g in 100 frames, of 15 g allowed; at ease in 100 frames",
-    },
-    "goal": {"path": [[0.41, 0.52], [0.71, 0.72]], "drawn": None, "region": None},
-}
+    model_config = example(frame=12, cell=0.05, points=[[0.41, 0.52]], force=[[8.1, 16.2]])
 
-
-class ForceBody(BaseModel):
-    """What acts on the fluid in the next frame besides gravity, where anything does; [cell][axis]."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [{"frame": 12, "cell": 0.05, "points": [[0.41, 0.52]], "force": [[8.1, 16.2]]}]
-        }
-    )
-
-    frame: int = Field(description="Number of frames before that frame.")
-    cell: float = Field(description="Side of a cell [m].")
-    points: list[list[float]] = Field(description="Mean position of the particles of each cell [m].")
-    force: list[list[float]] = Field(description="Mean acceleration of these particles [m/s^2].")
+    frame: int
+    """Number of frames before that frame."""
+    cell: float
+    """Side of a cell [m]."""
+    points: list[list[float]]
+    """Mean position of the particles of each cell [m]."""
+    force: list[list[float]]
+    """Mean acceleration of these particles, without gravity [m/s^2]."""
 
     @classmethod
     def of(cls, means: CellMeans) -> Self:
-        """Describe means of accelerations, rounded to what a picture can show."""
+        """Describe means of accelerations, rounded to the precision of a picture."""
         points, force = means.points.round(_DIGITS).tolist(), means.values.round(2).tolist()
         return cls(frame=means.frame, cell=means.cell, points=points, force=force)
 
 
-class ObstructionBody(BaseModel):
-    """Why a goal is out of reach."""
+class ObstructionBody(Answer):
+    """A reason why a goal is out of reach."""
 
-    reason: Literal["wall", "obstacle", "time", "cap"] = Field(description="What is in the way.")
-    message: str = Field(description="What is in the way, and what would help.")
+    reason: Literal["wall", "obstacle", "time", "cap"]
+    """Kind of the obstruction."""
+    message: str
+    """Description of the obstruction, with a remedy."""
 
 
-class NeedsBody(BaseModel):
-    """What it takes to follow a sketch. Accelerations are in g = 9.81 m/s^2, besides gravity."""
+class NeedsBody(Answer):
+    """Requirements of a sketch. Accelerations are in g = 9.81 m/s^2, without gravity."""
 
-    acceleration: float = Field(description="Largest acceleration that 95 % of the mass needs [g].")
-    peak: float = Field(description="Largest acceleration that any group of particles needs [g].")
-    rms: float = Field(description="Root mean square of the least force over mass and time [g].")
-    cap: float = Field(description="Largest acceleration that is allowed [g].")
-    frames: int = Field(description="Number of frames in which the goal is to be reached.")
-    suggested_frames: int = Field(description="Fewest frames in which it is reached with ease.")
-    scale: float = Field(
-        description="Size of the goal over that of the drawn oval: above 1 if it was grown to the fluid's "
-        "volume, below 1 if it was shrunk to it, 1 for an arrow."
-    )
-    taken: float = Field(description="Share of the drawn oval that walls and obstacles take.")
-    reachable: bool = Field(description="Whether nothing is known to be in the way.")
-    obstructions: list[ObstructionBody] = Field(
-        description="What is in the way; empty if the goal is within reach."
-    )
-    text: str = Field(description="All of this in words.")
+    acceleration: _Rounded
+    """Largest acceleration that 95 % of the mass needs [g]."""
+    peak: _Rounded
+    """Largest acceleration that any group of particles needs [g]."""
+    rms: _Rounded
+    """Root mean square of the least force over mass and time [g]."""
+    cap: float
+    """Largest allowed acceleration [g]."""
+    frames: int
+    """Number of frames in which the goal is to be reached."""
+    suggested_frames: int
+    """Fewest frames in which it is reached with ease."""
+    scale: _Rounded
+    """Size of the goal over that of the drawn oval: above 1 if it was grown to the fluid's volume, below 1
+    if it was shrunk to it, 1 for an arrow."""
+    taken: _Rounded
+    """Share of the drawn oval that walls and obstacles take."""
+    reachable: bool
+    """Whether no obstruction is known."""
+    obstructions: list[ObstructionBody]
+    """Known obstructions; empty if the goal is within reach."""
+    text: str
+    """Summary in words."""
 
     @classmethod
     def of(cls, needs: Needs) -> Self:
-        """Describe what a sketch takes."""
-        return cls(
-            acceleration=round(needs.acceleration, _DIGITS),
-            peak=round(needs.peak, _DIGITS),
-            rms=round(needs.rms, _DIGITS),
-            cap=needs.cap,
-            frames=needs.frames,
-            suggested_frames=needs.suggested_frames,
-            scale=round(needs.scale, _DIGITS),
-            taken=round(needs.taken, _DIGITS),
-            reachable=needs.reachable,
-            obstructions=[
-                ObstructionBody(reason=one.reason, message=one.message) for one in needs.obstructions
-            ],
-            text=str(needs),
-        )
+        """Describe the needs of a sketch."""
+        known = {
+            name: getattr(needs, name) for name in cls.model_fields if name not in {"text", "obstructions"}
+        }
+        obstructions = [{"reason": one.reason, "message": one.message} for one in needs.obstructions]
+        return cls.model_validate(known | {"obstructions": obstructions, "text": str(needs)})
 
 
-class GoalBody(BaseModel):
-    """Where a sketch leads. In 3D an outline is that of the section in its own depth."""
+class GoalBody(Answer):
+    """Goal of a sketch. In 3D an outline is that of the section in its own depth."""
 
-    path: list[list[float]] = Field(
-        description="Way that the centre of mass is to go, from where it was; [point][axis] [m]."
-    )
-    drawn: list[list[float]] | None = Field(
-        description="Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null "
-        "for an arrow."
-    )
-    region: list[list[float]] | None = Field(
-        description="Outline of what is to be filled, within the walls: the oval, grown or shrunk as "
-        "`needs.scale` says, or a disc around the tip of an arrow; obstacles take their part of it. "
-        "[point][axis] [m]. Null where an arrow carries the shape of the fluid along."
-    )
+    path: list[list[float]]
+    """Planned path of the centre of mass; [point][axis] [m]."""
+    drawn: list[list[float]] | None
+    """Outline of the oval as it was drawn, within the walls; [point][axis] [m]. Null for an arrow."""
+    region: list[list[float]] | None
+    """Outline of the region to fill, within the walls; [point][axis] [m]. It is the oval, grown or shrunk as
+    `needs.scale` says, or a disc around the tip of an arrow. Obstacles take their part of it. Null where an
+    arrow keeps the fluid's shape."""
 
     @classmethod
     def of(cls, goal: Goal) -> Self:
@@ -243,21 +222,26 @@ class GoalBody(BaseModel):
         )
 
 
-class GuidanceBody(BaseModel):
-    """A sketch as it was understood, the method, what the goal takes and where it lies."""
+class GuidanceBody(Answer):
+    """Interpretation of a sketch, its method, needs and goal."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [_GUIDED]})
+    model_config = example(**_GUIDED)
 
-    sketch: dict[str, Any] = Field(
-        description='The sketch as it was understood: an "arrow" with `points` [m], or an "ellipse" with '
-        "`center` [m], semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth."
-    )
-    method: str = Field(description="Name of the method that planned.")
-    reason: str = Field(description="Why this method.")
-    frames: int = Field(description="Number of frames in which the goal is to be reached.")
-    hold: int = Field(description="Number of frames for which the goal is kept after that.")
-    first_frame: int = Field(description="Frame of the session at which the sketch begins to steer.")
-    planning_ms: float = Field(description="Time that the planning took [ms].")
+    sketch: dict[str, Any]
+    """The sketch as interpreted: an "arrow" with `points` [m], or an "ellipse" with `center` [m],
+    semi-`axes` [m] and `angle` [rad]. In 3D `widths` or `width` [pixels] give the depth."""
+    method: str
+    """Name of the method that planned."""
+    reason: str
+    """Reason of this method."""
+    frames: int
+    """Number of frames in which the goal is to be reached."""
+    hold: int
+    """Number of frames for which the goal is kept after that."""
+    first_frame: int
+    """Frame of the session at which the sketch begins to steer."""
+    planning_ms: float
+    """Time of the planning [ms]."""
     needs: NeedsBody
     goal: GoalBody
 
@@ -265,7 +249,7 @@ class GuidanceBody(BaseModel):
     def of(cls, guidance: Guidance, first_frame: int, **more: Any) -> Self:
         """Describe a guidance that steers from `first_frame` on."""
         return cls(
-            sketch=sketch_body(guidance.sketch),
+            sketch=sketch_record(guidance.sketch),
             method=guidance.method,
             reason=guidance.reason,
             frames=guidance.frames,
@@ -281,27 +265,28 @@ class GuidanceBody(BaseModel):
 class SketchBody(GuidanceBody):
     """A sketch that steers a session from now on."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [{"number": 1, "drawn_frame": 10} | _GUIDED]})
+    model_config = example(number=1, drawn_frame=10, **_GUIDED)
 
-    number: int = Field(description="Number of the sketch in its session, counted from 1.")
-    drawn_frame: int = Field(
-        description="Frame of the session whose state the sketch was planned for; `first_frame` is later "
-        "where the session went on meanwhile."
-    )
+    number: int
+    """Number of the sketch in its session, counted from 1."""
+    drawn_frame: int
+    """Frame of the session whose state the sketch was planned for; `first_frame` is later where the session
+    went on meanwhile."""
 
 
-class ReachedBody(BaseModel):
-    """How near the goal is at the end of the sketch's frames."""
+class ReachedBody(Answer):
+    """Result at the end of the sketch's frames."""
 
-    inside: float | None = Field(
-        description="Share of the mass in the goal; null where an arrow carries the shape along."
-    )
-    inside_drawn: float | None = Field(
-        description="Share of the mass in the oval as it was drawn; null for an arrow."
-    )
-    miss: float = Field(description="Distance of the centre of mass from where the sketch asks it to be [m].")
-    rms: float = Field(description="Root mean square of the force over mass and time [g].")
-    peak: float = Field(description="Largest force on a particle [g].")
+    inside: float | None
+    """Share of the mass in the goal; null where an arrow keeps the fluid's shape."""
+    inside_drawn: float | None
+    """Share of the mass in the oval as it was drawn; null for an arrow."""
+    miss: float
+    """Distance of the centre of mass from its target [m]."""
+    rms: float
+    """Root mean square of the force over mass and time [g]."""
+    peak: float
+    """Largest force on a particle [g]."""
 
 
 class TrajectoryBody(GuidanceBody):
@@ -310,16 +295,10 @@ class TrajectoryBody(GuidanceBody):
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [
-                _GUIDED
-                | {
+                {
+                    **_GUIDED,
                     "frames": 2,
-                    "reached": {
-                        "inside": None,
-                        "inside_drawn": None,
-                        "miss": 0.001,
-                        "rms": 2.7,
-                        "peak": 5.1,
-                    },
+                    "reached": {"inside": None, "inside_drawn": None, "miss": 0.001, "rms": 2.7, "peak": 5.1},
                     "mean_force": [[8.1, 16.2], [8.1, 16.2]],
                     "target_displacement": [0.3, 0.2],
                     "displacement": [0.29, 0.18],
@@ -333,45 +312,23 @@ class TrajectoryBody(GuidanceBody):
     )
 
     reached: ReachedBody
-    mean_force: list[list[float]] = Field(
-        description="Acceleration that steers, besides gravity, as the mean over the mass of the particles; "
-        "[frame][axis], T rows [m/s^2]."
-    )
-    target_displacement: list[float] = Field(
-        description="Displacement of the centre of mass that the sketch asks for [m]."
-    )
-    displacement: list[float] = Field(
-        description="Displacement of the centre of mass that the motion reaches [m]."
-    )
-    centroids: list[list[float]] = Field(
-        description="Centre of mass at the start and after each frame; [frame][axis], T + 1 rows [m]."
-    )
-    frame_indices: list[int] = Field(
-        description="Frame of each row of `positions`, counted from `first_frame`; chosen by `stride`."
-    )
-    positions: list[list[list[float | None]]] = Field(
-        description="Positions in these frames of the particles that were there at the start; "
-        "[row][particle][axis] [m]. Null where a particle has left the scene."
-    )
-    force: list[float] | list[list[list[float]]] = Field(
-        description="Acceleration that steers, besides gravity [m/s^2]: [axis] where it is one constant, "
-        "else [row][particle][axis], where row i is that of the frame which begins with row i of "
-        "`positions`."
-    )
-
-
-def sketch_body(sketch: Sketch) -> dict[str, Any]:
-    """Describe a sketch as it was understood."""
-    if isinstance(sketch, Arrow):
-        body: dict[str, Any] = {"kind": sketch.kind, "points": sketch.points.tolist()}
-        if sketch.widths is not None:
-            body["widths"] = sketch.widths.tolist()
-        return body
-    body = {"kind": sketch.kind, "center": sketch.center.tolist(), "axes": sketch.axes.tolist()}
-    body["angle"] = sketch.angle
-    if sketch.width is not None:
-        body["width"] = sketch.width
-    return body
+    mean_force: list[list[float]]
+    """Acceleration that steers, besides gravity, as the mean over the mass of the particles; [frame][axis], T
+    rows [m/s^2]."""
+    target_displacement: list[float]
+    """Displacement of the centre of mass that the sketch asks for [m]."""
+    displacement: list[float]
+    """Displacement of the centre of mass that the motion reaches [m]."""
+    centroids: list[list[float]]
+    """Centre of mass at the start and after each frame; [frame][axis], T + 1 rows [m]."""
+    frame_indices: list[int]
+    """Frame of each row of `positions`, counted from `first_frame`; chosen by `stride`."""
+    positions: list[list[list[float | None]]]
+    """Positions in these frames of the particles that were there at the start; [row][particle][axis] [m].
+    Null where a particle has left the scene."""
+    force: list[float] | list[list[list[float]]]
+    """Acceleration that steers, besides gravity [m/s^2]: [axis] where it is one constant, else
+    [row][particle][axis], where row i is that of the frame which begins with row i of `positions`."""
 
 
 def trajectory_arrays(motion: ControlledTrajectory, stride: int) -> dict[str, npt.NDArray[Any]]:

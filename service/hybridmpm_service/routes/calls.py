@@ -19,14 +19,14 @@ _LONGEST_KEY = 200
 _MOST = 1000
 """Largest number of keys that are kept; the oldest is forgotten first."""
 _LARGEST = 1 << 16
-"""Largest answer that is kept [bytes]. Larger ones are of calls that change nothing: they are done again."""
+"""Largest answer that is kept [bytes]. Calls with larger ones change nothing: they are done again."""
 
 
 @dataclass
 class _Entry:
     digest: bytes
     answer: "asyncio.Future[Response | None]"
-    """The answer; None if there is none to be kept, so that the call has to be done again."""
+    """The answer; None if none is kept, so that the call is done again."""
 
 
 class Idempotency:
@@ -36,14 +36,14 @@ class Idempotency:
         self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
 
     async def once(self, request: Request, work: Callable[[], Awaitable[Response]]) -> Response:
-        """Return the answer of a request with a key, by doing its work if it has not been done.
+        """Return the answer of a request with a key; do its work if it has not been done.
 
         Raises
         ------
         FieldError
             The key is empty, or too long.
         IdempotencyKeyError
-            It came with another request before.
+            The key came with another request before.
         """
         key = request.headers[HEADER].strip()
         if not 0 < len(key) <= _LONGEST_KEY:
@@ -65,7 +65,7 @@ class Idempotency:
         kept = None
         try:
             answer = await work()
-            # A fault may be gone next time, and of a stream nothing is left.
+            # A fault may be gone next time, and a stream cannot be kept.
             body = getattr(answer, "body", None)
             if answer.status_code < 500 and body is not None and len(body) <= _LARGEST:
                 kept = answer
@@ -77,8 +77,8 @@ class Idempotency:
 
 
 async def _digest(request: Request) -> bytes:
-    told = [request.url.query, *(request.headers.get(name, "") for name in ("accept", "prefer"))]
-    head = "\n".join(told).encode()
+    parts = [request.url.query, *(request.headers.get(name, "") for name in ("accept", "prefer"))]
+    head = "\n".join(parts).encode()
     return hashlib.sha256(head + b"\n" + await request.body()).digest()
 
 
@@ -94,12 +94,12 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 class SessionRoute(APIRoute):
     """A route whose calls are cancelled when their client has gone, and refused when the server stops.
 
-    A POST with an `Idempotency-Key` that came before is answered as it was then.
-    A DELETE is done in any case: a page that is left sends one, and waits for no answer.
+    A POST with an `Idempotency-Key` that came before gets the same answer again. A DELETE is done in any
+    case: a closing page sends one, and waits for no answer.
     """
 
     def get_route_handler(self) -> Handler:
-        """Return the function that answers a request."""
+        """Return the handler of a request."""
         handle = super().get_route_handler()
         # Routes without a model read their bodies themselves.
         takes_model = self.body_field is not None
@@ -109,9 +109,9 @@ class SessionRoute(APIRoute):
                 return await handle(request)
             body = await request.body()
             if takes_model and body and _is_json(request):
-                # FastAPI parses the body once more; it is known to be harmless then.
+                # FastAPI parses the body once more, within these limits.
                 await asyncio.to_thread(read_json, body, "body")
-            return await _unless(_left(request), handle(request)) or _answer_to_nobody()
+            return await _unless(_left(request), handle(request)) or _no_answer()
 
         async def once(request: Request) -> Response:
             if request.method != "POST" or HEADER not in request.headers:
@@ -124,7 +124,7 @@ class SessionRoute(APIRoute):
             try:
                 response = await _unless(draining.wait(), once(request))
             except ClientDisconnect:
-                return _answer_to_nobody()
+                return _no_answer()
             if response is None:
                 raise UnavailableError("the server is shutting down")
             return response
@@ -133,7 +133,7 @@ class SessionRoute(APIRoute):
 
 
 async def _unless(end: Awaitable[object], work: Coroutine[Any, Any, Response]) -> Response | None:
-    """Return what the work returns; None if the end came before, when the work has been cancelled."""
+    """Return the result of the work; None if the end came first, which cancels the work."""
     working, ending = asyncio.create_task(work), asyncio.ensure_future(end)
     try:
         await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
@@ -145,13 +145,13 @@ async def _unless(end: Awaitable[object], work: Coroutine[Any, Any, Response]) -
 
 
 async def _left(request: Request) -> None:
-    """Wait until the client has gone; the body has been read."""
+    """Wait until the client of a request that has been read has gone."""
     while (await request.receive())["type"] != "http.disconnect":
         pass
 
 
-def _answer_to_nobody() -> Response:
-    """Return an answer whose reader has gone."""
+def _no_answer() -> Response:
+    """Return an answer for a client that has gone."""
     return Response(status_code=204)
 
 

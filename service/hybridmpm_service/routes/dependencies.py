@@ -1,4 +1,4 @@
-"""What all routes share: the session manager, the settings, the OpenAPI description of problems."""
+"""Dependencies of all routes: the session manager, the jobs, the settings, the OpenAPI text of problems."""
 
 from typing import Annotated, Any
 
@@ -11,29 +11,22 @@ from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
 
-def _sessions(connection: HTTPConnection) -> SessionManager:
-    manager: SessionManager = connection.app.state.sessions
-    return manager
+def _of_application(name: str) -> Any:
+    # Asynchronous, since FastAPI runs other dependencies in threads, of which there are few.
+    async def dependency(connection: HTTPConnection) -> Any:
+        return getattr(connection.app.state, name)
+
+    return Depends(dependency)
 
 
-def _jobs(connection: HTTPConnection) -> JobTable:
-    table: JobTable = connection.app.state.jobs
-    return table
-
-
-def _settings(connection: HTTPConnection) -> Settings:
-    settings: Settings = connection.app.state.settings
-    return settings
-
-
-Sessions = Annotated[SessionManager, Depends(_sessions)]
-Jobs = Annotated[JobTable, Depends(_jobs)]
-Limits = Annotated[Settings, Depends(_settings)]
+Sessions = Annotated[SessionManager, _of_application("sessions")]
+Jobs = Annotated[JobTable, _of_application("jobs")]
+Limits = Annotated[Settings, _of_application("settings")]
 SessionId = Annotated[str, Path(description="Name of the session, its `id`.")]
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the OpenAPI description of the problems that a route answers with these statuses."""
+    """Return the OpenAPI description of a route's problems with these statuses."""
     texts: dict[int, list[str]] = {
         400: ["The form cannot be read"],
         422: ["The request is not valid"],

@@ -9,7 +9,7 @@ from fastapi import Path as PathParameter
 from starlette.responses import FileResponse, StreamingResponse
 
 from hybridmpm import export
-from hybridmpm.data.hdf5 import h5py
+from hybridmpm.data import h5py
 from hybridmpm_service.errors import FieldError, JobUnfinishedError
 from hybridmpm_service.http.jobs import JobBody, JobList, MakeDataSet, RecordSession, events
 from hybridmpm_service.jobs import MEDIA_TYPE, Phase, Progress, Result, made
@@ -55,9 +55,9 @@ async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404)},
 )
 async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> StreamingResponse:
-    """Tell of each change of a job as a server-sent event, until it ends."""
-    told = events(jobs.get(job_id), sessions.draining)
-    return StreamingResponse(told, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+    """Send each change of a job as a server-sent event, until it ends."""
+    progress = events(jobs.get(job_id), sessions.draining)
+    return StreamingResponse(progress, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
 @router.get(
@@ -69,7 +69,7 @@ async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> Streamin
     },
 )
 async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
-    """Answer what a job has made; the problem where it has failed."""
+    """Return the file of a job, or the problem of a failed one."""
     job = jobs.get(job_id)
     if job.error is not None:
         raise job.error
@@ -80,7 +80,7 @@ async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
 
 @router.delete("/jobs/{job_id}", status_code=204, responses=problems(404))
 async def delete_job(job_id: _JobId, jobs: Jobs) -> None:
-    """End a job, and forget what it has made."""
+    """End a job, and delete its file."""
     await jobs.delete(job_id)
 
 
@@ -111,15 +111,9 @@ async def record_session(
 
     async def work(progress: Progress, folder: Path) -> Result:
         file = folder / name
-        await session.beside(
+        await session.on_copy(
             lambda twin, check: recorded(
-                twin,
-                check,
-                file,
-                style,
-                frames=body.frames,
-                every=body.every,
-                on_part=progress.tell,
+                twin, check, file, style, frames=body.frames, every=body.every, on_part=progress.update
             )
         )
         return Result(file=file, media_type=_RECORDED[body.format])

@@ -1,10 +1,10 @@
-"""Routes that create, describe, advance and end sessions."""
+"""Routes that create, describe, advance and delete sessions."""
 
 import asyncio
 
 from fastapi import APIRouter, Request, Response
 
-from hybridmpm.export.clouds import Cloud
+from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
 from hybridmpm_service.http.creation import CreateSession
@@ -51,7 +51,7 @@ async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> S
 
 @router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))
 async def fork_session(session_id: SessionId, sessions: Sessions, response: Response) -> SessionBody:
-    """Start a session that goes on from the present state of another, by itself; it is paused."""
+    """Start an independent session in the present state of another; it is paused."""
     answer = SessionBody.of(await sessions.fork(session_id))
     response.headers["Location"] = answer.links["self"]
     return answer
@@ -59,7 +59,7 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
 
 @router.get("/{session_id}/log", responses=problems(400, 404, 503))
 async def get_log(session_id: SessionId, sessions: Sessions) -> LogBody:
-    """Answer all that the session can be computed again from: scene, simulator and inputs since frame 0."""
+    """Return the log of the session: scene, simulator and inputs since frame 0, to compute it again from."""
     log = await sessions.get(session_id).log()
     return await asyncio.to_thread(LogBody.of, log)
 
@@ -78,13 +78,13 @@ async def get_session(session_id: SessionId, sessions: Sessions) -> SessionBody:
 
 @router.get("/{session_id}/decisions", responses=problems(404, 503))
 async def get_decisions(session_id: SessionId, sessions: Sessions) -> DecisionList:
-    """List all decisions since frame 0 about who simulates; only a hybrid session has any."""
+    """List all decisions between MPM and the network since frame 0; only a hybrid session has any."""
     return DecisionList.of(sessions.get(session_id))
 
 
 @router.get("/{session_id}/pressure", responses=problems(404, 409, 503))
 async def get_pressure(session_id: SessionId, sessions: Sessions) -> PressureBody:
-    """Answer the pressure in the mean over the cells of a grid; MPM alone knows it."""
+    """Return the pressure in the mean over the cells of a grid; only MPM computes it."""
     return PressureBody.of(await sessions.get(session_id).pressure())
 
 
@@ -102,7 +102,7 @@ async def delete_session(session_id: SessionId, sessions: Sessions) -> None:
 async def advance_session(
     session_id: SessionId, body: AdvanceSession, sessions: Sessions, limits: Limits, request: Request
 ) -> SessionBody | Response:
-    """Compute frames, and answer when they are done with the session, or with the particles as npz."""
+    """Compute frames; the answer is the session after them, or its particles as npz."""
     session = sessions.get(session_id)
     if body.frames > limits.max_advance_frames:
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"

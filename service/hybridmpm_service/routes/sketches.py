@@ -1,4 +1,4 @@
-"""Routes of sketches: one steers a session, or is followed on a copy; and of the force that steers."""
+"""Routes of sketches: steering of a session, following on a copy, and the force that steers."""
 
 import asyncio
 from pathlib import Path
@@ -31,17 +31,17 @@ from hybridmpm_service.http.sketches import (
 from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
-from hybridmpm_service.sessions.tracing import Tell, traced
+from hybridmpm_service.sessions.tracing import Report, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
 
 MAX_TRAJECTORY_NUMBERS = 1 << 24
 """Largest number of coordinates in a trajectory, frames x particles x dimensions.
 
-They take 64 MiB. The forces take as much, and both are held twice while they are put together.
+They take 64 MiB. The forces take as much, and both exist twice while they are put together.
 """
 _STRIDE = (
-    "Distance in frames between two rows of positions; the first frame and the last are always answered."
+    "Distance in frames between two rows of positions; the first frame and the last are always included."
 )
 _PICTURE = {
     "type": "string",
@@ -73,7 +73,7 @@ _BODY: dict[str, Any] = {
 async def steer_session(
     session_id: SessionId, request: Request, sessions: Sessions, limits: Limits
 ) -> SketchBody:
-    """Let a sketch steer the session; answered as soon as it is planned, while the session goes on."""
+    """Let a sketch steer the session; the answer comes when it is planned, while the session goes on."""
     session = sessions.get(session_id)
     sketch, settings = await read_sketch(request, limits.max_upload_bytes)
     most = limits.max_sketch_frames
@@ -89,13 +89,13 @@ async def steer_session(
 
 @router.delete("/{session_id}/sketches", status_code=204, responses=problems(404, 503))
 async def release_session(session_id: SessionId, sessions: Sessions) -> None:
-    """Let no sketch steer the session any more, and drop one that is being prepared."""
+    """End the sketch that steers the session, and drop one that is being prepared."""
     await sessions.get(session_id).release()
 
 
 @router.get("/{session_id}/force", responses=problems(404, 503))
 async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
-    """Answer what acts on the fluid in the next frame besides gravity, in the mean over cells of a grid."""
+    """Return the force of a sketch and a hand in the next frame, in the mean over cells of a grid."""
     return ForceBody.of(await sessions.get(session_id).force())
 
 
@@ -109,7 +109,7 @@ async def get_force(session_id: SessionId, sessions: Sessions) -> ForceBody:
                 FRAMES: {"schema": {"type": "string", "format": "binary"}},
             }
         },
-        202: {"model": JobBody, "description": "The job that a request with `Prefer: respond-async` began."},
+        202: {"model": JobBody, "description": "The job of a request with `Prefer: respond-async`."},
         **problems(400, 404, 413, 415, 422, 503),
     },
     openapi_extra=_BODY,
@@ -123,7 +123,7 @@ async def trace_sketch(
     limits: Limits,
     stride: Annotated[int, Query(ge=1, le=10_000, description=_STRIDE)] = 10,
 ) -> Response:
-    """Follow a sketch to its end on a copy of the session, which does not change; answer the motion.
+    """Follow a sketch to its end on a copy of the session, which does not change; return the motion.
 
     With `Accept: application/x-hybridmpm-frames` frames are sent as they are computed; with `Prefer:
     respond-async` a job computes the motion.
@@ -138,15 +138,17 @@ async def trace_sketch(
         return await streamed(session, sketch, chosen)
     as_npz = accepts(request, NPZ)
 
-    async def motion(tell: Tell = lambda _done, _total: None) -> Response:
-        found = await session.beside(lambda twin, check: traced(twin, check, sketch, on_frame=tell, **chosen))
-        return await _told(*found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
+    async def motion(report: Report = lambda _done, _total: None) -> Response:
+        found = await session.on_copy(
+            lambda twin, check: traced(twin, check, sketch, on_frame=report, **chosen)
+        )
+        return await _answered(*found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
 
     if not prefers_async(request):
         return await motion()
 
     async def work(progress: Progress, folder: Path) -> Result:
-        answer = await motion(progress.tell)
+        answer = await motion(progress.update)
         file = folder / f"trajectory.{'npz' if as_npz else 'json'}"
         await asyncio.to_thread(file.write_bytes, answer.body)
         return Result(file=file, media_type=str(answer.media_type))
@@ -156,7 +158,7 @@ async def trace_sketch(
     return Response(job.model_dump_json(), 202, headers, media_type="application/json")
 
 
-async def _told(
+async def _answered(
     guidance: Guidance, motion: ControlledTrajectory, stride: int, *, as_npz: bool, may_leave: bool
 ) -> Response:
     arrays = trajectory_arrays(motion, stride)

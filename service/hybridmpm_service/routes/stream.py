@@ -36,7 +36,7 @@ from hybridmpm_service.settings import Settings
 
 
 class Throttle:
-    """A bucket that fills with `rate` tokens a second up to `burst`; a message takes one for each KiB begun.
+    """Token bucket that fills with `rate` tokens a second up to `burst`; a message takes one for each KiB.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Throttle:
         self._latest = clock()
 
     def admits(self, size: int) -> bool:
-        """Take the tokens of a message of so many bytes; return False where too few are left."""
+        """Take the tokens of a message of `size` bytes; return False where too few are left."""
         tokens = 1 + size // 1024
         now = self._clock()
         self._tokens = min(self._burst, self._tokens + (now - self._latest) * self._rate)
@@ -67,11 +67,11 @@ class Throttle:
 router = APIRouter()
 
 _LAST_WORDS_SECONDS = 0.3
-"""Longest time that a client may take to read the message on its way when its stream ends."""
+"""Longest time for a client to read the last message when its stream ends."""
 _SHOWN = {"name", "dim", "frame_dt", "gravity", "walls", "obstacles", "emitters", "sinks"}
-"""Fields of a scene that a viewer may show."""
+"""Fields of a scene for viewers."""
 _CLOSE_VERSION = 4406
-"""WebSocket close code of a stream that cannot be had in the version that was asked for."""
+"""WebSocket close code of a stream that is not available in the requested version."""
 _CLOSE_FLOODED = 1008
 """WebSocket close code of a client that sends too many messages."""
 
@@ -82,8 +82,8 @@ async def stream(
 ) -> None:
     """Serve one viewer until it leaves or the session ends.
 
-    The viewer asks for a version of the frames in the address. A subprotocol would do the same, but a browser
-    drops a connection whose subprotocol is refused, and tells nobody why; a close code has a reason.
+    The version of the frames is in the address. A subprotocol would do the same, but a browser drops a
+    connection whose subprotocol is refused, without a reason; a close code has one.
     """
     # Accepted first, because a refused handshake cannot carry a close code.
     await websocket.accept()
@@ -100,7 +100,7 @@ async def stream(
         await _close(websocket, MailboxClosed(_CLOSE_VERSION, unreadable))
         return
     throttle = Throttle(limits.max_messages_per_second, limits.max_messages_at_once, sessions.clock)
-    # A client that is too slow, or has gone, gets no farewell: the connection ends with this function.
+    # A client that is too slow, or has gone, gets no close code: the connection ends with this function.
     with session.viewer() as mailbox, contextlib.suppress(WebSocketDisconnect, TimeoutError):
         end = await _serve(websocket, session, mailbox, int(version), limits=limits, throttle=throttle)
         if end is not None:
@@ -114,11 +114,11 @@ async def _close(websocket: WebSocket, end: MailboxClosed) -> None:
 
 
 def _why_unreadable(version: str, session: Session) -> str | None:
-    """Return why a viewer cannot have the frames in a version; None if it can."""
+    """Return why a viewer cannot get the frames in a version; None if it can."""
     if version not in map(str, VERSIONS):
         return f"version must be {' or '.join(map(str, VERSIONS))}"
     if version != str(VERSIONS[-1]) and session.scene.is_open:
-        return "particles come and go here, which version 1 cannot say: connect with ?version=2"
+        return "particles come and go here, which version 1 lacks: connect with ?version=2"
     return None
 
 
@@ -131,7 +131,7 @@ async def _serve(
     limits: Settings,
     throttle: Throttle,
 ) -> MailboxClosed | None:
-    """Send and receive at once; return how the stream was closed, None where the client left."""
+    """Send and receive at once; return the close code of the stream, None where the client left."""
     sending = asyncio.create_task(_send(websocket, session, mailbox, version, limits.send_seconds))
     receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits, throttle))
     ending = asyncio.create_task(mailbox.closed())
@@ -178,7 +178,7 @@ async def _send(
 async def _receive(
     websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings, throttle: Throttle
 ) -> MailboxClosed | None:
-    """Obey commands until the client leaves, or sends too many; return how its stream is to be closed."""
+    """Execute commands until the client leaves, or sends too many; return the close code of its stream."""
     while True:
         message = await websocket.receive()
         if message["type"] == "websocket.disconnect":
@@ -192,17 +192,17 @@ async def _receive(
             if text is None:
                 raise FieldError("message", "must be text with a JSON command, got binary data")
             command = COMMAND.validate_python(read_json(text, "message"))
-            await _obey(command, session, mailbox, limits)
+            await _execute(command, session, mailbox, limits)
         except ValidationError as err:
             mailbox.put_problem(_refusal(err))
         except ServiceError as err:
             mailbox.put_problem(err)
         except SimulationError:
-            # The session has put this problem into the mailboxes of all its viewers.
+            # The session has posted this problem to all its viewers.
             continue
 
 
-async def _obey(command: Command, session: Session, mailbox: Mailbox, limits: Settings) -> None:
+async def _execute(command: Command, session: Session, mailbox: Mailbox, limits: Settings) -> None:
     match command:
         case Play():
             session.play()
@@ -232,7 +232,7 @@ def _push(command: PushFluid, dim: int) -> Push:
 
 
 def _refusal(err: ValidationError) -> FieldError:
-    """Return the refusal of a command that cannot be read."""
+    """Return the error of a command that cannot be read."""
     problem = err.errors(include_url=False)[0]
     # The first part of the location is the type of the command, which is not a field.
     field = field_path(problem["loc"][1:]) or "message"

@@ -1,8 +1,7 @@
-"""Which scenes this service takes, and how many sessions may play at once.
+"""Limits on scenes, and on the load of the sessions that play.
 
-A scene is bounded before it is built: its frames have to fit into the memory, and into bearable time.
-Sessions that play are bounded by what their frames are measured to cost. A paused session costs nothing but
-memory.
+A scene is limited before it is built, by the memory and the estimated time of its frames. Sessions that play
+are limited by the measured time of their frames. A paused session costs nothing but memory.
 """
 
 from typing import Protocol
@@ -19,7 +18,7 @@ _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
 
 
 class Load(Protocol):
-    """What counts of the player of a session."""
+    """A player with a load."""
 
     @property
     def load(self) -> float:
@@ -27,10 +26,10 @@ class Load(Protocol):
 
 
 class Machine:
-    """The machine's time, which the sessions that play share.
+    """The cores of the machine, shared by the sessions that play.
 
-    The load of a session is the time that its frames take in a second at its speed, at most all of its
-    threads. Calls that compute frames without the player are not counted: they end by themselves.
+    The load of a session is the time of its frames in a second at its speed, at most all of its threads.
+    Calls that compute frames without the player are not counted: they end by themselves.
 
     Parameters
     ----------
@@ -58,7 +57,7 @@ class Machine:
         Parameters
         ----------
         frame_seconds : float
-            Time that a frame takes [s].
+            Time of a frame [s].
         frame_dt : float
             Simulated time of a frame [s].
         speed : float
@@ -67,7 +66,7 @@ class Machine:
         return self._threads * min(1.0, frame_seconds * speed / frame_dt)
 
     def full(self) -> MachineFullError | None:
-        """Return why nobody else may play now; None if a session may that costs little enough."""
+        """Return the refusal of any further load; None if a small one has room."""
         load = sum(player.load for player in list(self._players))
         if load < self._cores:
             return None
@@ -77,23 +76,23 @@ class Machine:
         )
 
     def check(self, more: float, who: str, player: Load | None = None) -> None:
-        """Find room for a load beside those of the other sessions. Who would play alone always has room.
+        """Check that a load fits beside those of the other sessions. A single session always fits.
 
         Parameters
         ----------
         more : float
             The load [cores].
         who : str
-            What would put it on the machine, for the message.
+            Source of the load, for the message.
         player : Load, optional
-            The player that asks, whose own load does not count.
+            Player whose present load does not count.
 
         Raises
         ------
         MachineFullError
-            There is too little room; the message has the load, the limit and what to do.
+            The load does not fit; the message has the load, the limit and a remedy.
         """
-        # Copied at once, since sessions may join and leave while a thread asks.
+        # Copied at once, since sessions may join and leave meanwhile in other threads.
         others = sum(other.load for other in list(self._players) if other is not player)
         if others > 0.0 and others + more > self._cores:
             raise MachineFullError(
@@ -104,7 +103,7 @@ class Machine:
 
 
 def estimated_frame_seconds(scene: Scene) -> float:
-    """Return about how long a frame of a scene takes [s], before any has been measured."""
+    """Return the estimated time of a scene's frame [s]."""
     cost = frame_cost(scene)
     return cost.particles * cost.substeps * _SECONDS_PER_PARTICLE_SUBSTEP
 
@@ -115,7 +114,7 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     Raises
     ------
     SceneError
-        The scene is beyond a limit; the message has the figure, the limit and what to do.
+        The scene is beyond a limit; the message has the figure, the limit and a remedy.
     """
     most = settings.max_grid_nodes
     nodes = (scene.resolution + 1) ** scene.dim
@@ -137,17 +136,17 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     return scene.model_copy(update={"max_particles": limit})
 
 
-def unrefused(scene: Scene, choice: SolverChoice) -> tuple[Finding, ...]:
-    """Return what a check says of a scene without trying a frame.
+def static_findings(scene: Scene, choice: SolverChoice) -> tuple[Finding, ...]:
+    """Return the static findings of a scene's check, for which no frame is simulated.
 
     Raises
     ------
     SceneError
-        There are errors among it: the scene would not run. The message says what to change.
+        There are errors among them: the scene would not run. The message has remedies.
     """
     found = findings(scene)
     errors = [one for one in found if one.severity == "error"]
     if errors and choice.solver == "mpm" and choice.coarse is None:
         raise SceneError.of([(one.field, f"{one.problem}; {one.advice}") for one in errors])
-    # Fewer particles take a coarser grid and longer steps, of which the scene alone tells nothing.
+    # In coarse mode grid and time step differ from the scene's, so its static errors do not apply.
     return tuple(one for one in found if one not in errors)

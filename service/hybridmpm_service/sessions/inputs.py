@@ -13,15 +13,15 @@ from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
 @dataclass(frozen=True, kw_only=True)
 class SketchInput:
-    """A sketch that steers, in the place of one that still does."""
+    """A sketch that begins to steer; it replaces an older one."""
 
     kind: ClassVar = "sketch"
     frame: int
-    """Frame from whose state on it steers."""
+    """First frame whose state it acts on."""
     number: int
     """Number of the sketch in its session, counted from 1."""
     drawn_frame: int
-    """Frame in whose state it was planned."""
+    """Frame of the state that it was planned for."""
     planned_by: str
     """Name of the method that planned."""
     sketch: Sketch
@@ -30,25 +30,24 @@ class SketchInput:
 
     def record(self) -> dict[str, Any]:
         """Return the input as plain data; `input_of` makes an equal one of it."""
-        sketch = {name: _plain(value) for name, value in vars(self.sketch).items() if value is not None}
         return {
             "kind": self.kind,
             "frame": self.frame,
             "number": self.number,
             "drawn_frame": self.drawn_frame,
             "planned_by": self.planned_by,
-            "sketch": {"kind": self.sketch.kind} | sketch,
+            "sketch": sketch_record(self.sketch),
             "settings": dict(self.settings),
         }
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReleaseInput:
-    """No sketch steers any more."""
+    """End of the sketch that steers."""
 
     kind: ClassVar = "release"
     frame: int
-    """Frame from whose state on none steers."""
+    """First frame whose state no sketch acts on."""
 
     def record(self) -> dict[str, Any]:
         """Return the input as plain data."""
@@ -57,13 +56,13 @@ class ReleaseInput:
 
 @dataclass(frozen=True, kw_only=True)
 class PushInput:
-    """A hand that pushes the fluid, in the place of one that did, or lets go of it."""
+    """Start, change or end of a hand's push."""
 
     kind: ClassVar = "push"
     frame: int
-    """Frame from whose state on it pushes."""
+    """First frame whose state it acts on."""
     push: Push | None
-    """None lets go."""
+    """None ends it."""
 
     def record(self) -> dict[str, Any]:
         """Return the input as plain data."""
@@ -81,7 +80,7 @@ def input_of(record: Mapping[str, Any]) -> Input:
     SketchError
         The sketch is out of range.
     KeyError, TypeError, ValueError
-        It is no record.
+        The record is malformed.
     """
     kind, frame = record["kind"], record["frame"]
     if kind == ReleaseInput.kind:
@@ -98,6 +97,12 @@ def input_of(record: Mapping[str, Any]) -> Input:
         sketch=_sketch_of(record["sketch"]),
         settings=record["settings"],
     )
+
+
+def sketch_record(sketch: Sketch) -> dict[str, Any]:
+    """Return a sketch as plain data."""
+    fields = {name: _plain(value) for name, value in vars(sketch).items() if value is not None}
+    return {"kind": sketch.kind} | fields
 
 
 def push_record(push: Push | None) -> dict[str, Any] | None:
@@ -124,7 +129,7 @@ def _plain(value: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Versions:
-    """What computed a session. Others need not give the same bits."""
+    """Versions that computed a session; others need not give the same bits."""
 
     hybridmpm: str
     """Version of the library."""
@@ -140,7 +145,7 @@ class Origin:
 
     scene: Scene
     scenario: str | None
-    """Scenario that the scene was drawn from; None where a scene was given."""
+    """Scenario of the scene; None where a scene was given."""
     seed: int | None
     """Seed of the scenario; None where a scene was given."""
     choice: SolverChoice
@@ -150,13 +155,11 @@ class Origin:
     @classmethod
     def of(cls, scene: Scene, chosen: ChosenSolver, scenario: str | None, seed: int | None) -> Self:
         """Return the origin of a session that begins now."""
-        guard = chosen.safeguard
         choice = SolverChoice(
             solver=chosen.simulator.kind,
             coarse=chosen.coarse,
             model=chosen.model,
-            r_c=None if guard is None else guard.r_c,
-            safeguard=None if guard is None else guard.kind,
+            r_c=chosen.r_c,
         )
         versions = Versions(hybridmpm=__version__, solver=SOLVER_VERSION, model=chosen.model_sha256)
         return cls(scene=scene, scenario=scenario, seed=seed, choice=choice, versions=versions)
@@ -180,14 +183,12 @@ class Origin:
         SceneError, FieldError
             The scene or the choice is refused.
         KeyError, TypeError
-            It is no record.
+            The record is malformed.
         """
         return cls(
             scene=Scene.parse(record["scene"]),
             scenario=record["scenario"],
             seed=record["seed"],
-            choice=SolverChoice(
-                **{name: record[name] for name in ("solver", "coarse", "model", "r_c", "safeguard")}
-            ),
+            choice=SolverChoice(**{name: record[name] for name in ("solver", "coarse", "model", "r_c")}),
             versions=Versions(**record["versions"]),
         )

@@ -1,9 +1,9 @@
-"""What has acted on a simulation since frame 0, in memory and, where there is a file, on disk."""
+"""Journal: all inputs of a simulation since frame 0, in memory and, where there is a file, on disk."""
 
 import logging
 import time
 from collections.abc import Callable, Iterable
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import Input
@@ -13,35 +13,20 @@ MAX_INPUTS = 50_000
 """Largest number of inputs that are kept; a hand that moves in every frame for eight minutes at a quarter of
 real time makes as many."""
 CHECKPOINT_SECONDS = 1.0
-"""Time of computing between two checkpoints [s]: what a restart has to compute again at most."""
+"""Time of computing between two checkpoints [s]: the most that a restart computes again."""
 _RETRY_SECONDS = 5.0
-"""Time after which a session whose file could not be written tries again [s]."""
+"""Time from a failed write to the next attempt [s]."""
 
 Kept: TypeAlias = Literal["memory", "disk", "failing"]
-"""Where a session is kept. failing: its file cannot be written at present."""
+"""Storage of a session. failing: its file cannot be written at present."""
 
 _log = logging.getLogger(__name__)
-
-
-class Remembering(Protocol):
-    """What a journal asks of a simulation."""
-
-    @property
-    def frame(self) -> int:
-        """Number of frames since the start."""
-
-    @property
-    def computed_seconds(self) -> float:
-        """Time that all frames so far took [s]."""
-
-    def checkpoint(self) -> Checkpoint:
-        """Return what the simulation goes on from."""
 
 
 class Journal:
     """All inputs of a simulation since frame 0. Used by the thread of its session.
 
-    A file that cannot be written stops nothing: the session goes on in memory, `kept` says so, and some
+    A file that cannot be written stops nothing: the session goes on in memory, `kept` is "failing", and some
     seconds later the whole journal is written again.
 
     Parameters
@@ -62,7 +47,7 @@ class Journal:
 
     @property
     def kept(self) -> Kept:
-        """Where the session is kept. Safe to ask from any thread."""
+        """Storage of the session. Safe to read from any thread."""
         return self._kept
 
     @property
@@ -75,7 +60,7 @@ class Journal:
         return Journal(self._inputs, complete=self._complete)
 
     def keep_in(self, file: SessionFile, computed_seconds: float = 0.0) -> None:
-        """Write to a file from now on, which holds the present inputs already."""
+        """Write to a file from now on, which has the present inputs already."""
         self._file, self._kept, self._checked_at = file, "disk", computed_seconds
 
     def add(self, made: Input, guidance: Callable[[], bytes] | None = None) -> None:
@@ -95,33 +80,33 @@ class Journal:
         self._write(lambda file: file.clear())
 
     def mark(self, frame: int) -> None:
-        """Note the frame that a client is told that the simulation has reached."""
+        """Note the frame that an answer reports to a client."""
         self._write(lambda file: file.mark(frame))
 
-    def settle(self, simulation: Remembering) -> None:
-        """Write a checkpoint if it is time for one, or everything if an earlier write failed."""
+    def settle(self, computed_seconds: float, checkpoint: Callable[[], Checkpoint]) -> None:
+        """Write a checkpoint if one is due, or everything if an earlier write failed."""
         if self._file is None:
             return
         if self._kept == "failing":
             if time.monotonic() - self._failed_at > _RETRY_SECONDS:
-                self.check(simulation)
-        elif simulation.computed_seconds - self._checked_at > CHECKPOINT_SECONDS:
-            self.check(simulation)
+                self.check(computed_seconds, checkpoint)
+        elif computed_seconds - self._checked_at > CHECKPOINT_SECONDS:
+            self.check(computed_seconds, checkpoint)
 
-    def check(self, simulation: Remembering) -> None:
+    def check(self, computed_seconds: float, checkpoint: Callable[[], Checkpoint]) -> None:
         """Write a checkpoint now, and everything else if an earlier write failed."""
         if self._file is None:
             return
-        checkpoint = simulation.checkpoint()
+        state = checkpoint()
         if self._kept == "failing":
             self._kept = "disk"
-            self._write(lambda file: file.rewrite(self._inputs, checkpoint, complete=self._complete))
+            self._write(lambda file: file.rewrite(self._inputs, state, complete=self._complete))
         else:
-            self._write(lambda file: file.check(checkpoint))
-        self._checked_at = simulation.computed_seconds
+            self._write(lambda file: file.check(state))
+        self._checked_at = computed_seconds
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file is not None:
             self._file.close()
 

@@ -1,4 +1,4 @@
-"""All sessions of a process: how many may exist, and when an unused one ends."""
+"""All sessions of a process: creation, limits, expiry and revival."""
 
 import asyncio
 import logging
@@ -9,17 +9,21 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from hybridmpm import CancelFlag, Scene, SimulationError, checking
-from hybridmpm._support.machine import usable_cores
+from hybridmpm import CancelFlag, Scene, SimulationError, checking, usable_cores
 from hybridmpm.checking import SceneCheck
-from hybridmpm.physics.manifest import WEIGHTS
+from hybridmpm.physics import WEIGHTS
 from hybridmpm_service.errors import (
     ServiceError,
     SessionNotFoundError,
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds, unrefused, within_limits
+from hybridmpm_service.sessions.admission import (
+    Machine,
+    estimated_frame_seconds,
+    static_findings,
+    within_limits,
+)
 from hybridmpm_service.sessions.inputs import Origin
 from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
@@ -32,19 +36,19 @@ from hybridmpm_service.settings import Settings
 CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
 _ENDING_SECONDS = 0.5
-"""Longest time that a call waits for the threads of a session that it ends; they need some milliseconds."""
+"""Longest time that a call waits for the threads of an ended session; they need some milliseconds."""
 
 _log = logging.getLogger(__name__)
 
 
 class SessionManager:
-    """Creates, finds and ends sessions. Belongs to the event loop.
+    """The sessions of a process. Belongs to the event loop.
 
     Parameters
     ----------
     settings : Settings
     clock : Clock
-        Clock for idle times, players and rates of messages; a test hands in its own.
+        Clock for idle times, players and rates of messages.
 
     Attributes
     ----------
@@ -79,7 +83,7 @@ class SessionManager:
 
     @property
     def solvers(self) -> SolverFactory:
-        """Factory that makes the simulators of sessions and knows the models."""
+        """Factory of the simulators of sessions, with the models."""
         return self._solvers
 
     async def create(
@@ -95,9 +99,9 @@ class SessionManager:
         Parameters
         ----------
         make_scene : callable
-            Returns the scene. It is called off the event loop, since drawing a scene takes time.
+            Returns the scene; called off the event loop.
         scenario, seed : optional
-            Where the scene comes from, if it is drawn.
+            Source of the scene, if it is drawn.
         choice : SolverChoice, optional
             Simulator of the session; MPM if absent.
 
@@ -106,7 +110,7 @@ class SessionManager:
         TooManySessionsError
             All sessions that the settings allow are in use.
         MachineFullError
-            The sessions that play leave too little time for it, by the estimate of its frames.
+            The estimated load of the session does not fit beside those that play.
         UnavailableError
             The server is shutting down.
         ConfigError, FieldError, ModelDamagedError
@@ -115,7 +119,7 @@ class SessionManager:
 
         def make() -> Revived:
             scene = within_limits(make_scene(), self._settings)
-            found = unrefused(scene, choice or SolverChoice())
+            found = static_findings(scene, choice or SolverChoice())
             chosen = self._admitted(choice or SolverChoice(), scene, scenario)
             simulation = Simulation(chosen, clock=self.clock)
             return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None, found)
@@ -125,9 +129,9 @@ class SessionManager:
     async def check(
         self, make_scene: Callable[[], Scene], scenario: str | None, choice: SolverChoice
     ) -> SceneCheck:
-        """Tell what is known of a scene before its first frame; parameters as in `create`.
+        """Return the check of a scene; parameters as in `create`.
 
-        Checks are made one after the other, since each measures how long frames take.
+        Checks are made one after the other, since each measures times of frames.
 
         Raises
         ------
@@ -150,7 +154,7 @@ class SessionManager:
         return await asyncio.get_running_loop().run_in_executor(self._checker, check)
 
     async def replay(self, log: SessionLog) -> Session:
-        """Start a session from a log: everything in it is computed again, and then it is paused.
+        """Start a session from a log: it is computed again, then paused.
 
         Raises
         ------
@@ -162,7 +166,7 @@ class SessionManager:
 
         def make() -> Revived:
             scene = within_limits(log.origin.scene, self._settings)
-            found = unrefused(scene, log.origin.choice)
+            found = static_findings(scene, log.origin.choice)
             chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
             limited = replace(log, origin=replace(log.origin, scene=scene))
             return replace(revived_from_log(limited, chosen, self.clock, cancel), findings=found)
@@ -172,16 +176,15 @@ class SessionManager:
         try:
             return await self._create(make)
         finally:
-            # Nobody waits any more for what is still being computed.
+            # Ends the computation for a cancelled call.
             cancel.set()
             self._replaying.discard(cancel)
 
     async def fork(self, name: str) -> Session:
-        """Start a session that goes on from the present state of another, by itself.
+        """Start an independent session in the present state of another.
 
-        It is paused, at the speed of the other, and a sketch that steers the other steers it too: the same
-        inputs give the same bits from then on. A hand that pushes stays with the viewer that it belongs to,
-        and a sketch that is still being prepared with the session that it was drawn in.
+        It is paused, at the speed of the other, and steered by the same sketch: the same inputs give the same
+        bits from then on. A pushing hand stays with its viewer, and a sketch in preparation with its session.
 
         Raises
         ------
@@ -202,13 +205,13 @@ class SessionManager:
         return session
 
     async def revive(self) -> None:
-        """Start the sessions again that a server before this one has kept; each is paused where it was."""
+        """Start the sessions of the folder again; each is paused where it was."""
         if self._folder is not None:
             cores = asyncio.Semaphore(usable_cores())
             await asyncio.gather(*(self._revive(self._folder, name, cores) for name in self._kept))
 
     def get(self, name: str) -> Session:
-        """Return a session and note that it is used.
+        """Return a session and note its use.
 
         Raises
         ------
@@ -231,13 +234,13 @@ class SessionManager:
         return session
 
     def all(self) -> list[Session]:
-        """Return the sessions, oldest first; a restart leaves the order as it was."""
+        """Return the sessions, oldest first; a restart keeps the order."""
         places = {name: place for place, name in enumerate(self._kept)}
         found = [session for session in self._sessions.values() if not self._is_idle(session)]
         return sorted(found, key=lambda session: places.get(session.id, len(places)))
 
     async def delete(self, name: str) -> None:
-        """End a session, and wait until its threads have ended, but not for long.
+        """End a session, and wait for its threads, but not for long.
 
         Raises
         ------
@@ -249,7 +252,7 @@ class SessionManager:
         await _soon([self._end(session, CLOSE_DELETED, "the session has been deleted", keep=False)])
 
     async def expire(self) -> None:
-        """End the sessions that no client has watched or called for `idle_seconds`; wait as `delete` does."""
+        """End the sessions without viewers or calls for `idle_seconds`; wait as `delete` does."""
         idle = [session for session in self._sessions.values() if self._is_idle(session)]
         for session in idle:
             del self._sessions[session.id]
@@ -258,11 +261,11 @@ class SessionManager:
         )
 
     def why_full(self) -> UnavailableError | None:
-        """Return why no session can be created now; None if one can."""
+        """Return the refusal of a new session; None if one can be created."""
         if self.draining.is_set():
             return UnavailableError("the server is shutting down")
         limit = self._settings.max_sessions
-        # Sessions that end hold memory and a processor as long as their threads run.
+        # Sessions that end take memory and a core as long as their threads run.
         if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
             return TooManySessionsError(
                 f"all {limit} sessions are in use; delete one, or wait until one expires"
@@ -275,7 +278,7 @@ class SessionManager:
         return any(session.watched for session in self._sessions.values())
 
     def drain(self) -> None:
-        """Create no more sessions, and close all, their streams with code 1001; a stop begins with this."""
+        """Begin a stop: create no more sessions, and close all, their streams with code 1001."""
         self.draining.set()
         for cancel in self._replaying:
             cancel.set()
@@ -283,7 +286,7 @@ class SessionManager:
             session.close(CLOSE_GOING_AWAY, "the server stops", keep=True)
 
     async def close(self) -> None:
-        """End all sessions, and wait for their threads and for those of sessions that ended before."""
+        """End all sessions, and wait for the threads of all that have ended."""
         self.drain()
         while self._sessions:
             _, session = self._sessions.popitem()
@@ -301,7 +304,7 @@ class SessionManager:
             raise refusal
 
     def _admitted(self, choice: SolverChoice, scene: Scene, scenario: str | None) -> ChosenSolver:
-        """Return the simulator of a new session, if there is time for it by the estimate of its frames."""
+        """Return the simulator of a new session whose estimated load fits."""
         chosen = self._solvers.make(choice, scene, scenario)
         seconds = _estimate(Origin.of(scene, chosen, scenario, None), chosen.simulator.r_p)
         load = self._machine.load_of(seconds, scene.frame_dt, DEFAULT_SPEED)
@@ -315,7 +318,7 @@ class SessionManager:
     async def _begun(self, making: asyncio.Future[Revived], frame_seconds: float | None = None) -> Session:
         """Wait for a simulation, and start its session; where sessions are kept on disk, it has a file then.
 
-        It is counted until it is made, also where its caller has gone. Then it is thrown away.
+        It is counted until it is made, also after a cancelled call, which discards it.
         """
 
         async def kept() -> Revived:
@@ -326,7 +329,7 @@ class SessionManager:
 
         def end(keeping: asyncio.Task[Revived]) -> None:
             self._being_made -= 1
-            # The error is asked for, so that nobody misses that of a caller that has gone.
+            # Reading the exception keeps asyncio from logging that of a cancelled call.
             if not keeping.cancelled() and keeping.exception() is None and name not in self._sessions:
                 journal = keeping.result().simulation.journal
                 journal.discard()
@@ -360,7 +363,7 @@ class SessionManager:
         return session
 
     async def _revive(self, folder: Folder, name: str, cores: asyncio.Semaphore) -> None:
-        """Start the session of a file again; one that cannot be is told of, and its file is left alone."""
+        """Start the session of a file again; a failure is logged, and leaves the file alone."""
 
         def make() -> Revived:
             file = folder.open(name)
@@ -383,7 +386,7 @@ class SessionManager:
             self._reviving.discard(name)
 
     def _end(self, session: Session, code: int, reason: str, *, keep: bool) -> asyncio.Task[None]:
-        """Close a session, and remember it until its threads have ended."""
+        """Close a session, and count it until its threads have ended."""
         session.close(code, reason, keep=keep)
         ending = asyncio.get_running_loop().create_task(session.ended())
         self._ending.add(ending)
@@ -396,18 +399,18 @@ class SessionManager:
 
 
 async def _soon(endings: list[asyncio.Task[None]]) -> None:
-    """Wait for sessions that end, but not for long: what takes longer goes on, and is counted."""
+    """Wait for sessions that end, but not for long: the others go on, and are counted."""
     if endings:
         await asyncio.wait(endings, timeout=_ENDING_SECONDS)
 
 
 def _estimate(origin: Origin, r_p: float) -> float:
-    """Return about how long a frame takes [s], before any has been measured."""
+    """Return the estimated time of a frame [s]."""
     return estimated_frame_seconds(origin.scene) * (r_p if origin.choice.solver == "mpm" else 1.0)
 
 
 def _keep(folder: Folder, name: str, made: Revived) -> None:
-    """Keep a simulation in a file of its own from now on."""
+    """Write a simulation to a file of its own from now on."""
     simulation = made.simulation
     file = folder.create(name, made.origin)
     if simulation.frame:

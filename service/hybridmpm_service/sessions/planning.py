@@ -1,4 +1,4 @@
-"""Planning beside a session that goes on: on copies of its simulator, in threads of their own."""
+"""Planning of sketches and other work on copies of a session's simulator, in threads of their own."""
 
 import asyncio
 import contextlib
@@ -18,48 +18,34 @@ Check: TypeAlias = Callable[[], None]
 
 
 class Errand:
-    """Work beside a session, which may be dropped. Safe to use from several threads.
+    """Work on a copy, which may be dropped. Safe to use from several threads.
 
     Parameters
     ----------
     check_open : callable
         Raises once the session is closed.
+    control : Control, optional
+        The sketch that is being prepared; None for other work.
     """
 
-    def __init__(self, check_open: Check) -> None:
+    def __init__(self, check_open: Check, control: Control | None = None) -> None:
+        self.control = control
         self._check_open = check_open
         self._why_dropped: str | None = None
 
     def drop(self, why: str) -> None:
-        """Let the work end at its next check."""
+        """End the work at its next check."""
         self._why_dropped = why
 
     def check(self) -> None:
-        """Raise if the work was dropped or the session is closed: neither waits for its end."""
+        """Raise if the work was dropped or the session is closed."""
         self._check_open()
         if self._why_dropped is not None:
             raise SketchDroppedError(self._why_dropped)
 
 
-class Preparation(Errand):
-    """A sketch that is being prepared.
-
-    Parameters
-    ----------
-    number : int
-        Number of the sketch in its session.
-    sketch : Arrow or Ellipse
-    check_open : callable
-    """
-
-    def __init__(self, number: int, sketch: Sketch, check_open: Check) -> None:
-        super().__init__(check_open)
-        self.control = Control(number=number, kind=sketch.kind, phase="preparing")
-        """What the session says of the sketch meanwhile."""
-
-
 class Planner:
-    """Plans the sketches of one session, one at a time, and does other work on copies.
+    """Planner of one session's sketches, one at a time; it does other work on copies, too.
 
     Belongs to the event loop.
 
@@ -75,60 +61,54 @@ class Planner:
         Called when a preparation begins or ends.
     """
 
-    def __init__(
-        self,
-        session: str,
-        *,
-        number: int,
-        check_open: Callable[[], None],
-        on_change: Callable[[], None],
-    ) -> None:
+    def __init__(self, session: str, *, number: int, check_open: Check, on_change: Check) -> None:
         self._check_open = check_open
         self._on_change = on_change
         self._sketches = Worker("sketches", session, check_open)
         self._copies = Worker("copies", session, check_open)
         self._count = number
-        self._preparation: Preparation | None = None
+        self._preparation: Errand | None = None
 
     @property
     def control(self) -> Control | None:
         """The sketch that is being prepared; None without one."""
         return None if self._preparation is None else self._preparation.control
 
-    def begin(self, sketch: Sketch) -> Preparation:
-        """Begin with a sketch in the place of one that is being prepared; end it with `end`."""
+    def begin(self, sketch: Sketch) -> tuple[Errand, int]:
+        """Begin a preparation, and drop the one before; return it with the number of its sketch."""
         self.drop("a newer sketch has replaced this one before it began to steer")
         self._count += 1
-        self._preparation = Preparation(self._count, sketch, self._check_open)
+        control = Control(number=self._count, kind=sketch.kind, phase="preparing")
+        self._preparation = Errand(self._check_open, control)
         self._on_change()
-        return self._preparation
+        return self._preparation, self._count
 
-    def end(self, preparation: Preparation) -> None:
+    def end(self, preparation: Errand) -> None:
         """Note that a sketch is no longer being prepared."""
         if self._preparation is preparation:
             self._preparation = None
             self._on_change()
 
     def drop(self, why: str) -> None:
-        """Give up the sketch that is being prepared, if there is one."""
+        """Drop the sketch that is being prepared, if there is one."""
         if self._preparation is not None:
             self._preparation.drop(why)
             self._preparation = None
 
     async def prepare(
-        self, preparation: Preparation, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
+        self, preparation: Errand, twin: Simulator, sketch: Sketch, *, most: int, **settings: Any
     ) -> Guidance:
         """Plan a sketch on a copy of the simulator.
 
         Parameters
         ----------
-        preparation : Preparation
+        preparation : Errand
             From `begin`.
         twin : Simulator
             In the state that the sketch was drawn on; it does not change.
         sketch : Arrow or Ellipse
         most : int
-            Largest number of frames if none is asked for, `hold` included.
+            Largest number of frames if none is given, `hold` included.
         **settings
             The others of `hybridmpm.control.prepare`.
 
@@ -146,28 +126,28 @@ class Planner:
 
         return await self._sketches.run(plan)
 
-    async def beside(self, work: Callable[[Check], T]) -> T:
-        """Do work on a copy of the simulator, after that which was asked for before.
+    async def on_copy(self, work: Callable[[Check], T]) -> T:
+        """Do work on a copy of the simulator, after earlier such work.
 
-        A caller that is cancelled ends it at its next check, and waits until then: files that the work writes
-        may be taken away afterwards.
+        A cancelled call ends the work at its next check, and waits until then: files that the work writes may
+        be deleted afterwards.
 
         Parameters
         ----------
         work : callable
-            Called in a thread, with a check that it makes in each frame.
+            Called in a thread, with a check to make in each frame.
 
         Raises
         ------
         SessionBusyError, SessionNotFoundError
-            As `Worker.run`; otherwise what the work raises.
+            As `Worker.run`; otherwise the exception of the work.
         """
         errand = Errand(self._check_open)
         loop, ended = asyncio.get_running_loop(), asyncio.Event()
-        begun = threading.Event()
+        started = threading.Event()
 
         def do() -> T:
-            begun.set()
+            started.set()
             try:
                 errand.check()
                 return work(errand.check)
@@ -179,12 +159,12 @@ class Planner:
             return await self._copies.run(do)
         except asyncio.CancelledError:
             errand.drop("its client has gone")
-            if begun.is_set():
+            if started.is_set():
                 await ended.wait()
             raise
 
     def stop(self) -> None:
-        """Take no more plans."""
+        """Take no more work."""
         self._sketches.end()
         self._copies.end()
 

@@ -13,12 +13,12 @@ Clock = Callable[[], float]
 """Returns the seconds since an arbitrary start; they never go back."""
 
 MAX_LAG_SECONDS = 0.1
-"""Longest time that a player makes up for. It forgets the rest, since catching up later looks like a jump."""
+"""Longest lag that a player makes up for. It skips the rest, since catching up later looks like a jump."""
 
 
 @dataclass
 class Pace:
-    """Turns seconds on a clock into frames, `speed / frame_dt` of them per second.
+    """Conversion of seconds on a clock into due frames, `speed / frame_dt` per second.
 
     Parameters
     ----------
@@ -34,16 +34,16 @@ class Pace:
     _done: int = 0
 
     def start(self, now: float) -> None:
-        """Owe frames from now on, and none from before."""
+        """Count due frames from now on, and none from before."""
         self._origin, self._done = now, 0
 
     def set_speed(self, speed: float, now: float) -> None:
-        """Go on at another speed, without a jump."""
+        """Change the speed, without a jump."""
         self.speed = speed
         self.start(now)
 
     def due(self, now: float) -> int:
-        """Return how many frames are owed now."""
+        """Return the number of due frames."""
         owed = self._owed(now)
         most = max(1.0, MAX_LAG_SECONDS * self._rate)
         if owed > most:
@@ -53,7 +53,7 @@ class Pace:
         return int(owed)
 
     def count(self, frames: int) -> None:
-        """Note that so many frames have been computed."""
+        """Note computed frames."""
         self._done += frames
 
     def wait(self, now: float) -> float:
@@ -65,25 +65,25 @@ class Pace:
         return self.speed / self.frame_dt
 
     def _owed(self, now: float) -> float:
-        # The small excess keeps a frame that is due exactly now from slipping to the next look.
+        # The small excess keeps a frame that is due exactly now from slipping to the next tick.
         return (now - self._origin) * self._rate - self._done + 1e-9
 
 
 DEFAULT_SPEED = 0.25
-"""Simulated seconds per second: the eye can follow a splash at a quarter of real time."""
+"""Simulated seconds per second; the eye can follow a splash at a quarter of real time."""
 MIN_SPEED = 0.01
 MAX_SPEED = 1.0
 _TICK_SECONDS = 1 / 60
-"""Shortest time between two looks at what is due: no screen shows more frames."""
+"""Shortest time between two ticks: no screen shows more frames."""
 _MAX_TURN_SECONDS = 0.025
-"""Longest time for which the player keeps the thread."""
+"""Longest time of a turn of the player on the session's thread."""
 
 Compute: TypeAlias = Callable[[int, Callable[[], bool]], Awaitable[int]]
-"""Computes frames on the session's thread, as long as the function is true; answers how many it computed."""
+"""Computes frames on the session's thread, as long as the function is true; returns their number."""
 
 
 class Player:
-    """Computes frames by itself between `start` and `stop`. Belongs to the event loop.
+    """Player of a session, which computes frames between `start` and `stop`. Belongs to the event loop.
 
     Parameters
     ----------
@@ -92,15 +92,15 @@ class Player:
     clock : Clock
         Clock on the wall.
     machine : Machine
-        Says whether there is time to play, and counts the load of the player.
+        Limits and counts the load of the player.
     frame_seconds : callable
-        Returns about how long a frame takes [s].
+        Returns the time of a frame [s].
     compute : Compute
-        Before it raises a SimulationError, it has to stop the player.
+        It has to stop the player before it raises a SimulationError.
     hurried : callable
-        Whether commands wait for the thread; the player then gives way after the frame being computed.
+        Whether commands wait for the thread; the player then ends its turn after the current frame.
     on_fault : callable
-        Called while an exception that nobody expected is handled; it has to stop the player.
+        Called while an unexpected exception is handled; it has to stop the player.
     """
 
     def __init__(
@@ -126,12 +126,12 @@ class Player:
 
     @property
     def playing(self) -> bool:
-        """Whether frames are computed without being asked for."""
+        """Whether the player computes frames."""
         return self._playing.is_set()
 
     @property
     def speed(self) -> float:
-        """Simulated seconds per second that the player aims at."""
+        """Target speed: simulated seconds per second."""
         return self._pace.speed
 
     @property
@@ -149,35 +149,35 @@ class Player:
         Raises
         ------
         MachineFullError
-            Others leave too little time to play faster; the speed is as before.
+            The load at that speed does not fit; the speed is as before.
         """
         if self.playing and speed > self.speed:
             self._machine.check(self.load_at(speed), "this session at that speed", self)
         self._pace.set_speed(speed, self._clock())
 
     def start(self) -> None:
-        """Play from now on, and owe no frame from before.
+        """Play from now on.
 
         Raises
         ------
         MachineFullError
-            Others leave too little time.
+            The load does not fit.
         """
         self._machine.check(self.load_at(self.speed), "this session", self)
         self._pace.start(self._clock())
         self._playing.set()
 
     def stop(self) -> None:
-        """Play no more after the frame that is being computed."""
+        """Stop playing after the current frame."""
         self._playing.clear()
 
     def end(self) -> None:
-        """Stop, and put no load on the machine any more."""
+        """Stop, and leave the machine."""
         self.stop()
         self._machine.leave(self)
 
     async def run(self) -> None:
-        """Play whenever `start` has been called, until this task is cancelled."""
+        """Play between `start` and `stop`, until this task is cancelled."""
         while True:
             await self._playing.wait()
             next_tick = self._clock() + _TICK_SECONDS
@@ -186,13 +186,13 @@ class Player:
             except (SimulationError, SessionBusyError):
                 # After the first the player has been stopped; after the second it tries again.
                 pass
-            except Exception:  # noqa: BLE001 - told to the viewers; the player must live on
+            except Exception:  # noqa: BLE001 - sent to the viewers; the player must live on
                 self._on_fault()
             now = self._clock()
             await asyncio.sleep(max(0.0, next_tick - now, self._pace.wait(now)))
 
     async def take_turn(self, frames: int) -> int:
-        """Compute some frames, but give way after a while, or to commands; return how many were computed."""
+        """Compute frames until a turn's time is over or a command waits; return their number."""
         if frames == 0:
             return 0
         deadline: float | None = None
@@ -200,7 +200,7 @@ class Player:
         def go_on() -> bool:
             nonlocal deadline
             if deadline is None:
-                # Counted from when the thread is free: else a player that had to queue would get no frame.
+                # Counted from the start on the thread, since a player may have to wait for it.
                 deadline = self._clock() + _MAX_TURN_SECONDS
                 return self.playing
             return self.playing and self._clock() < deadline and not self._hurried()

@@ -1,14 +1,12 @@
 """Computing a session again, from its file or from its log."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 from hybridmpm import SOLVER_VERSION, CancelFlag, FrameCancelledError, SnapshotError
 from hybridmpm.checking import Finding
-from hybridmpm.control import Guidance, Push, prepare
-from hybridmpm.simulator import Simulator
+from hybridmpm.control import Guidance, prepare
 from hybridmpm_service.errors import FieldError, ServiceError
 from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, SketchInput, Versions
 from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
@@ -17,18 +15,6 @@ from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
 from hybridmpm_service.sessions.storage import SessionFile
 from hybridmpm_service.sessions.view import Particles
-
-_SEARCHES = "shooting"
-"""The method whose plan depends on the time that it is given, and so on the machine."""
-
-
-class Logged(Protocol):
-    """What a log asks of a simulation."""
-
-    journal: Journal
-
-    def particles(self) -> Particles:
-        """Return the state of all particles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +27,22 @@ class SessionLog:
     inputs: tuple[Input, ...]
     """All inputs, in the order in which they acted."""
     digest: str
-    """Digest of the state at the present frame, as `digest_of` makes it."""
+    """Digest of the state at the present frame, as `digest_of` returns it."""
 
 
-def log_of(origin: Origin, simulation: Logged) -> SessionLog:
+@dataclass(frozen=True)
+class Revived:
+    """A simulation in the state that it was left in."""
+
+    simulation: Simulation
+    origin: Origin
+    notice: str | None
+    """Remark on its state; None if it has the bits that it had."""
+    findings: tuple[Finding, ...] = ()
+    """Static findings of its scene."""
+
+
+def log_of(origin: Origin, simulation: Simulation) -> SessionLog:
     """Return the log of a simulation.
 
     Raises
@@ -69,57 +67,30 @@ def digest_of(particles: Particles) -> str:
     return digest.hexdigest()
 
 
-def why_unlike(inputs: Iterable[Input], made_by: Versions, now: Versions) -> str | None:
+def why_unlike(made_by: Versions, now: Versions) -> str | None:
     """Return why a session that is computed again need not have the same bits; None if it has to."""
     if made_by.solver != SOLVER_VERSION:
         return (
             f"it was computed by version {made_by.solver} of the solver and is computed again by version "
-            f"{SOLVER_VERSION}, whose frames are others"
+            f"{SOLVER_VERSION}, whose frames differ"
         )
     if made_by.model != now.model:
         return "it was computed with another version of the network"
-    searched = [one.number for one in inputs if isinstance(one, SketchInput) and one.planned_by == _SEARCHES]
-    if searched:
-        return (
-            f"the plan of sketch {searched[0]} was searched for a time, in which machines come to other plans"
-        )
     return None
 
 
-class Replayed(Protocol):
-    """What a replay asks of a simulation."""
-
-    hand: Push | None
-
-    @property
-    def frame(self) -> int:
-        """Number of frames since the start."""
-
-    def advance(self, frames: int) -> int:
-        """Compute frames."""
-
-    def copy(self) -> Simulator:
-        """Return a copy of the simulator."""
-
-    def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> object:
-        """Let a guidance steer."""
-
-    def release(self) -> None:
-        """Let no sketch steer any more."""
-
-
 def replay(
-    simulation: Replayed,
+    simulation: Simulation,
     inputs: Sequence[Input],
     until: int,
     guidances: Mapping[int, Guidance] | None = None,
     check: Callable[[], object] = lambda: None,
 ) -> None:
-    """Advance a simulation to a frame, while inputs act as they did.
+    """Advance a simulation to a frame, with the inputs acting as they did.
 
     Parameters
     ----------
-    simulation : Replayed
+    simulation : Simulation
         At the frame of the first input or before.
     inputs : sequence of Input
         In the order in which they acted.
@@ -127,10 +98,9 @@ def replay(
         Frame to stop at; inputs that act from it on are given, too.
     guidances : mapping, optional
         Guidances of sketches by the place of the sketch among the inputs. Other sketches are planned again,
-        in the state in which they were.
-
+        in the state of their frame.
     check : callable, optional
-        Called again and again; what it raises ends the replay.
+        Called between frames and during plans; its exception ends the replay.
 
     Raises
     ------
@@ -139,25 +109,22 @@ def replay(
     """
     plans = dict(guidances or {})
     drawn = {
-        place: one.drawn_frame
-        for place, one in enumerate(inputs)
-        if isinstance(one, SketchInput) and place not in plans
+        place: one for place, one in enumerate(inputs) if isinstance(one, SketchInput) and place not in plans
     }
-    stops = sorted({one.frame for one in inputs} | set(drawn.values()) | {until})
+    stops = sorted({one.frame for one in inputs} | {one.drawn_frame for one in drawn.values()} | {until})
     waiting = list(enumerate(inputs))
     for stop in (stop for stop in stops if stop >= simulation.frame):
         check()
         simulation.advance(stop - simulation.frame)
-        for place in [place for place, frame in drawn.items() if frame == stop]:
-            sketch = inputs[place]
-            assert isinstance(sketch, SketchInput)  # noqa: S101 - of such alone `drawn` is made
-            plans[place] = prepare(simulation.copy(), sketch.sketch, on_frame=check, **sketch.settings)
+        for place, sketch in drawn.items():
+            if sketch.drawn_frame == stop:
+                plans[place] = prepare(simulation.copy(), sketch.sketch, on_frame=check, **sketch.settings)
         while waiting and waiting[0][1].frame == stop:
             place, one = waiting.pop(0)
             _act(simulation, one, plans.get(place))
 
 
-def _act(simulation: Replayed, one: Input, guidance: Guidance | None) -> None:
+def _act(simulation: Simulation, one: Input, guidance: Guidance | None) -> None:
     if isinstance(one, PushInput):
         simulation.hand = one.push
     elif guidance is not None and isinstance(one, SketchInput):
@@ -166,23 +133,11 @@ def _act(simulation: Replayed, one: Input, guidance: Guidance | None) -> None:
         simulation.release()
 
 
-@dataclass(frozen=True)
-class Revived:
-    """A simulation in the state that it was left in."""
-
-    simulation: Simulation
-    origin: Origin
-    notice: str | None
-    """What there is to say about it; None if it has the bits that it had."""
-    findings: tuple[Finding, ...] = ()
-    """What a check of its scene says."""
-
-
 def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -> Revived:
     """Return the simulation of a file, which keeps it from now on.
 
-    It goes on from the checkpoint; the inputs after that act again. Where another version of the solver has
-    written the checkpoint, everything is computed again from frame 0. A hand that pushed has let go.
+    It continues from the checkpoint, and the inputs after that act again. A checkpoint of another solver
+    version is not used: everything is computed again from frame 0. A pushing hand has let go.
 
     Raises
     ------
@@ -203,12 +158,14 @@ def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -
             simulation.recall(checkpoint)
             restored = True
         except SnapshotError as err:
-            notice = f"its checkpoint cannot be used, and it was computed again from frame 0: {err}"
+            notice = f"Its checkpoint cannot be used, and it was computed again from frame 0: {err}"
     first = stored.checked if restored else 0
     simulation.journal = Journal(stored.inputs[:first], complete=stored.complete)
     if checkpoint is not None and not restored:
         unlike = why_unlike(origin.versions, versions)
-        notice = notice or (None if unlike is None else f"The session need not be as it was: {unlike}.")
+        notice = notice or (
+            None if unlike is None else f"The session may differ from its former state: {unlike}."
+        )
         if not stored.complete:
             notice = (
                 "The session begins anew: another version has computed it, and its inputs are not all kept."
@@ -225,7 +182,7 @@ def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -
     simulation.hand = None
     simulation.journal.keep_in(file, simulation.computed_seconds)
     if not restored and checkpoint is not None:
-        simulation.journal.check(simulation)
+        simulation.journal.check(simulation.computed_seconds, simulation.checkpoint)
     return Revived(simulation, origin, notice)
 
 
@@ -255,18 +212,15 @@ def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel
 
     def check() -> None:
         if cancel.is_set:
-            raise FrameCancelledError("nobody waits for the session any more")
+            raise FrameCancelledError("the client of the session has gone")
 
     late = next((one.frame for one in log.inputs if one.frame > log.frame), None)
     if late is not None:
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")
     replay(simulation, log.inputs, log.frame, check=check)
-    return Revived(simulation, present, _notice(log, simulation, origin.versions, present.versions))
-
-
-def _notice(log: SessionLog, simulation: Simulation, made_by: Versions, now: Versions) -> str | None:
-    unlike = why_unlike(made_by, now)
-    if digest_of(simulation.particles()) == log.digest:
-        return None
-    reason = unlike or "the log was changed, or made where arithmetic differs"
-    return f"The state is not the one that the log ends with: {reason}."
+    notice = None
+    if digest_of(simulation.particles()) != log.digest:
+        unlike = why_unlike(origin.versions, present.versions)
+        reason = unlike or "the log was changed, or made where arithmetic differs"
+        notice = f"The state is not the one that the log ends with: {reason}."
+    return Revived(simulation, present, notice)

@@ -36,37 +36,32 @@ class Session:
     """A simulation with a thread, a player and viewers. Belongs to the event loop.
 
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
-    in which it was asked for. After each piece of work the thread hands a `View` to the loop, which passes it
-    on to the viewers. Sketches are prepared on copies of the simulator, on a second thread, and other work
-    beside the session is done on copies on a third, while the first goes on. A flag that the simulator and
-    its copies ask in every substep ends all three when the session is closed.
+    of the calls. After each piece of work the thread passes a `View` to the loop, which sends it to the
+    viewers. Sketches are prepared on copies of the simulator, on a second thread. Other work on copies runs
+    on a third, while the first goes on. A flag that is read in every substep ends all three when the session
+    is closed.
 
     Parameters
     ----------
     name : str
         Its `id`.
     simulation : Simulation
-        Nobody else may use it from now on.
+        It may not be used elsewhere from now on.
     origin : Origin
-        What the simulation was made from.
+        Scene and simulator at frame 0.
     clock : Clock
         Clock of the player and of `last_used`.
     machine : Machine
-        Says whether the session may play.
+        Limits the load of the sessions that play.
     estimate : float
-        About how long a frame takes [s], before one has been measured.
+        Estimated time of a frame [s], before one has been measured.
     notice : str, optional
-        What there is to say about how the simulation was computed again.
+        Remark on a simulation that was computed again.
     findings : tuple of Finding
-        What a check of the scene says.
+        Static findings of the scene.
 
     Attributes
     ----------
-    id : str
-        Name of the session in its address.
-    origin : Origin
-    notice : str or None
-    findings : tuple of Finding
     scene : Scene
         Scene that is simulated.
     simulation : Simulation
@@ -97,7 +92,7 @@ class Session:
         self.findings = findings
         self.scene = simulation.scene
         self.simulation = simulation
-        self.view = simulation.look()
+        self.view = simulation.view()
         self.audience = Audience()
         self.last_used = clock()
         self._clock = clock
@@ -138,12 +133,12 @@ class Session:
 
     @property
     def kept(self) -> Kept:
-        """Where the session is kept."""
+        """Storage of the session."""
         return self.simulation.journal.kept
 
     @property
     def control(self) -> Control | None:
-        """The newest sketch, and how far it has come; None where there was none since frame 0."""
+        """The newest sketch and its progress; None where there was none since frame 0."""
         return self._planner.control or self.view.control
 
     @property
@@ -153,28 +148,28 @@ class Session:
 
     @property
     def speed(self) -> float:
-        """Simulated seconds per second that the player aims at."""
+        """Target speed of the player: simulated seconds per second."""
         return self._player.speed
 
     @property
     def frame_seconds(self) -> float:
-        """Time that a frame takes [s]: as measured, and as estimated before the first frame."""
+        """Time of a frame [s]: measured, or estimated before the first frame."""
         measured = self.simulation.frame_seconds
         return self._estimate if measured is None else measured
 
     @property
     def load(self) -> float:
-        """Load that the session would put on the machine if it played at its speed [cores]."""
+        """Load of the session on the machine if it plays at its speed [cores]."""
         return self._player.load_at(self.speed)
 
     def touch(self) -> None:
-        """Note that a client has used the session now."""
+        """Note a use of the session by a client."""
         self.last_used = self._clock()
 
     async def advance(self, frames: int) -> None:
         """Compute frames. If one fails, the player pauses and the viewers get the problem.
 
-        A caller that is cancelled ends the computation after the frame that is being computed.
+        A cancelled call ends the computation after the current frame.
 
         Raises
         ------
@@ -196,8 +191,7 @@ class Session:
     async def steer(self, sketch: Sketch, *, most: int, **settings: Any) -> Steered:
         """Prepare a sketch on a copy of the simulator, and let it steer from the next frame on.
 
-        The session goes on meanwhile; an older sketch goes on steering. One that is still being prepared is
-        dropped.
+        The session goes on meanwhile, steered by an older sketch. A preparation before this one is dropped.
 
         Parameters
         ----------
@@ -216,11 +210,11 @@ class Session:
         SessionNotFoundError, SessionBusyError
             As in `advance`.
         """
-        preparation = self._planner.begin(sketch)
+        preparation, number = self._planner.begin(sketch)
 
         def take_over(guidance: Guidance) -> Steered:
             preparation.check()
-            return self.simulation.steer(guidance, preparation.control.number, settings | {"most": most})
+            return self.simulation.steer(guidance, number, settings | {"most": most})
 
         try:
             with self._in_use():
@@ -233,25 +227,25 @@ class Session:
         finally:
             self._planner.end(preparation)
 
-    async def beside(self, work: Callable[[Simulator, Check], T]) -> T:
-        """Do work on a copy of the simulator while the session goes on; see `Planner.beside`."""
+    async def on_copy(self, work: Callable[[Simulator, Check], T]) -> T:
+        """Do work on a copy of the simulator while the session goes on; see `Planner.on_copy`."""
         with self._in_use():
             twin = await self._on_worker(self.simulation.copy)
-            return await self._planner.beside(lambda check: work(twin, check))
+            return await self._planner.on_copy(lambda check: work(twin, check))
 
     async def release(self) -> None:
-        """Let no sketch steer any more; drop one that is being prepared. Errors as in `advance`."""
+        """End the sketch that steers; drop one that is being prepared. Errors as in `advance`."""
         self._planner.drop("the sketch was taken back before it began to steer")
         with self._in_use():
             await self._on_worker(self.simulation.release)
 
     def push(self, push: Push | None, by: Mailbox) -> None:
-        """Let a viewer's hand push the fluid from the next frame on, until the next call or it leaves.
+        """Push the fluid by a viewer's hand from the next frame on, until the next call or the viewer leaves.
 
         Parameters
         ----------
         push : Push or None
-            Local force, in the place of one that acts; None lets go.
+            Local force, which replaces the one before; None ends it.
         by : Mailbox
             Mailbox of the viewer.
         """
@@ -264,7 +258,7 @@ class Session:
             return await self._on_worker(self.simulation.particles)
 
     async def force(self) -> CellMeans:
-        """Return what acts in the next frame besides gravity; errors as in `advance`."""
+        """Return the force of sketch and hand in the next frame; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.force)
 
@@ -274,17 +268,17 @@ class Session:
             return await self._on_worker(self.simulation.pressure)
 
     async def log(self) -> SessionLog:
-        """Return what the session can be computed again from; errors as in `advance`."""
+        """Return the log of the session; errors as in `advance` and `log_of`."""
         with self._in_use():
             return await self._on_worker(lambda: log_of(self.origin, self.simulation))
 
     async def fork(self) -> Simulation:
-        """Return a simulation that goes on from the present state by itself; errors as in `advance`."""
+        """Return an independent simulation in the present state; errors as in `advance`."""
         with self._in_use():
             return await self._on_worker(self.simulation.fork)
 
     async def reset(self) -> None:
-        """Go back to frame 0; a running player goes on from there. Errors as in `advance`."""
+        """Return to frame 0; a running player continues from there. Errors as in `advance`."""
         self._planner.drop("the session went back to its start before the sketch began to steer")
         with self._in_use():
             await self._on_worker(self.simulation.reset)
@@ -302,7 +296,7 @@ class Session:
             self.audience.post_status()
 
     def pause(self) -> None:
-        """Stop playing after the frame that is being computed."""
+        """Stop playing after the current frame."""
         if self.playing:
             self._player.stop()
             self.audience.post_status()
@@ -320,7 +314,7 @@ class Session:
 
     @contextlib.contextmanager
     def viewer(self) -> Iterator[Mailbox]:
-        """Lend a mailbox that gets frames, status and problems; at first it holds the newest frame."""
+        """Return a mailbox of frames, status and problems; at first it contains the newest frame."""
         mailbox = self.audience.join()
         if self._closed:
             mailbox.close(CLOSE_DELETED, "the session has been deleted")
@@ -338,8 +332,8 @@ class Session:
     def close(self, code: int, reason: str, *, keep: bool) -> None:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
-        The threads end within a substep of the frame that they are computing: see `ended`. What is on disk
-        is brought up to date then, or, unless it is to be kept, deleted at once.
+        The threads end within a substep of their frames: see `ended`. The file is brought up to date then,
+        or, unless `keep` is set, deleted at once.
         """
         if self._closed:
             return
@@ -356,7 +350,7 @@ class Session:
 
         def last() -> None:
             if keep:
-                journal.check(self.simulation)
+                journal.check(self.simulation.computed_seconds, self.simulation.checkpoint)
             journal.close()
 
         self._worker.end(last)
@@ -376,9 +370,9 @@ class Session:
             self.touch()
 
     async def _compute(self, frames: int, go_on: Callable[[], bool], *, answered: bool = False) -> int:
-        """Compute frames as long as `go_on()` is true before each; return how many were computed.
+        """Compute frames as long as `go_on()` is true before each; return their number.
 
-        A client to whom the last of them is `answered` can rely on it.
+        The last frame of an `answered` call survives a crash.
         """
 
         def compute() -> int:
@@ -404,15 +398,15 @@ class Session:
         self.audience.post_status()
 
     async def _on_worker(self, job: Callable[[], T]) -> T:
-        """Run a job on the session's thread after those that wait; return its result."""
+        """Run a job on the session's thread after earlier ones; return its result."""
 
         def run() -> T:
             try:
                 return job()
             finally:
-                self.simulation.journal.settle(self.simulation)
-                # Viewers see the state after a failure too, and when nobody awaits the result any more.
-                self._loop.call_soon_threadsafe(self._publish, self.simulation.look())
+                self.simulation.journal.settle(self.simulation.computed_seconds, self.simulation.checkpoint)
+                # Viewers see the state after a failure, too, and after a cancelled call.
+                self._loop.call_soon_threadsafe(self._publish, self.simulation.view())
 
         return await self._worker.run(run)
 
@@ -425,7 +419,7 @@ class Session:
         before, self.view = self.view, view
         self.audience.post_frame(view.message)
         other_control = _phase(before) != _phase(view)
-        # A player changes the view all the time; the status then comes from `_report`.
+        # While the player changes the view all the time, `_report` posts the status.
         if other_control or before.mode != view.mode or not self.playing:
             self.audience.post_status()
 

@@ -1,4 +1,4 @@
-"""One running simulation: a simulator, what steers it, and the times that its frames took.
+"""One running simulation: a simulator, its sketch and hand, and the times of its frames.
 
 It is used by one thread at a time. Threads, asyncio and HTTP are absent; `Session` adds the first two.
 """
@@ -51,32 +51,31 @@ class Simulation:
     Parameters
     ----------
     chosen : ChosenSolver
-        Simulator at frame 0; nobody else may use it from now on.
+        Simulator at frame 0; it may not be used elsewhere from now on.
     clock : Clock
-        Clock that measures how long frames take.
+        Clock for the times of frames.
     journal : Journal, optional
-        Notes what acts; a new one if absent.
+        Journal of the inputs; a new one if absent.
 
     Attributes
     ----------
     journal : Journal
     computed_seconds : float
-        Time that all frames took that this object has computed [s].
+        Time of all frames that this object has computed [s].
     """
 
     def __init__(self, chosen: ChosenSolver, *, clock: Clock, journal: Journal | None = None) -> None:
         self.journal = journal or Journal()
         self.computed_seconds = 0.0
         self._solver = chosen.simulator
-        self._recorder = (
-            None if chosen.safeguard is None else SafeguardRecorder(chosen.simulator, chosen.safeguard)
-        )
+        is_hybrid = chosen.simulator.kind == "hybrid"
+        self._recorder = SafeguardRecorder(chosen.simulator, chosen.r_c) if is_hybrid else None
         self._clock = clock
         self._steering: Steering | None = None
         self._control: Control | None = None
         self._steered = False
         self.hand: Push | None = None
-        """Local force of a hand, the latest of which each frame takes. May be set from any thread."""
+        """Local force of a hand in the next frame. May be set from any thread."""
         self._noted_hand: Push | None = None
         self._milliseconds: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._finished: deque[float] = deque()
@@ -104,11 +103,11 @@ class Simulation:
 
     @property
     def types(self) -> npt.NDArray[np.uint8] | None:
-        """DeepMind's particle types (N,); None where particles come and go, and each frame has its own."""
+        """DeepMind's particle types (N,); None where particles come and go: each frame has its own then."""
         return None if self.scene.is_open else self._solver.materials
 
     def advance(self, frames: int, go_on: Callable[[], bool] = lambda: True) -> int:
-        """Compute frames one by one, as long as `go_on()` is true before each; return how many were computed.
+        """Compute frames as long as `go_on()` is true before each; return their number.
 
         Raises
         ------
@@ -122,29 +121,29 @@ class Simulation:
         return frames
 
     def cancel_by(self, flag: CancelFlag) -> None:
-        """Let a flag end the frame that is being computed, here and in copies that are made later."""
+        """Use a flag that ends the current frame, here and in copies that are made later."""
         self._solver.cancel_by(flag)
 
     def copy(self) -> Simulator:
-        """Return a copy of the simulator in its present state, for others to compute on."""
+        """Return a copy of the simulator in its present state."""
         return self._solver.copy()
 
     def fork(self) -> "Simulation":
-        """Return a simulation that goes on from the present state by itself, under the same sketch.
+        """Return an independent simulation in the present state, under the same sketch.
 
-        A hand stays with the viewer that it belongs to. Times are measured anew.
+        A hand stays with its viewer. Times are measured anew.
         """
         twin = Simulation(ChosenSolver(self._solver.copy()), clock=self._clock, journal=self.journal.fork())
         solver = twin._solver
         twin._recorder = None if self._recorder is None else self._recorder.on(solver)
         twin._steering = None if self._steering is None else self._steering.on(solver)
         twin._control, twin._steered = self._control, self._steered
-        # The hand pushes until the next frame, which notes that it does no more.
+        # The hand pushes until the next frame, which notes its end.
         twin._noted_hand = self._noted_hand
         return twin
 
     def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> Steered:
-        """Let a guidance steer from the next frame on, in the place of one that still does.
+        """Let a guidance steer from the next frame on; it replaces the one before.
 
         Parameters
         ----------
@@ -153,7 +152,7 @@ class Simulation:
         number : int
             Number of the sketch in its session.
         settings : mapping
-            Arguments of `hybridmpm.control.prepare` that the guidance was made with.
+            Arguments of `hybridmpm.control.prepare` for the guidance.
         """
         made = SketchInput(
             frame=self.frame,
@@ -169,30 +168,30 @@ class Simulation:
         return Steered(number, self._solver.frame, guidance)
 
     def release(self) -> None:
-        """Let no sketch steer any more."""
+        """End the sketch that steers."""
         if self._control is not None:
             self.journal.add(ReleaseInput(frame=self.frame))
         self._steering = self._control = None
 
     def reset(self) -> None:
-        """Go back to frame 0; nothing steers any more."""
+        """Return to frame 0, without sketch and hand."""
         self._solver.reset()
         self.journal.clear()
         self._steering = self._control = None
         self.hand = self._noted_hand = None
         if self._recorder is not None:
-            self._recorder.clear()
+            self._recorder.recall()
         self._steered = False
 
     def checkpoint(self) -> Checkpoint:
-        """Return what a simulation of the same scene and simulator goes on from, by `recall`."""
+        """Return the state, for `recall` by a simulation of the same scene and simulator."""
         steering = self._steering
         return Checkpoint(
             frame=self.frame,
             state=self._solver.snapshot(),
             guidance=None if steering is None else steering.guidance.snapshot(),
             rest={
-                "control": None if self._control is None else vars(self._control),
+                "control": None if self._control is None else self._control.model_dump(),
                 "steered": self._steered,
                 "hand": push_record(self._noted_hand),
                 "safeguard": None if self._recorder is None else self._recorder.values,
@@ -200,12 +199,12 @@ class Simulation:
         )
 
     def recall(self, checkpoint: Checkpoint) -> None:
-        """Go on from a checkpoint, and with the same bits as the simulation that it is of.
+        """Continue from a checkpoint, with the same bits as the simulation that made it.
 
         Raises
         ------
         SnapshotError
-            The checkpoint is of another scene, of other settings or of another version.
+            The checkpoint belongs to another scene, to other settings or to another version.
         """
         rest = checkpoint.rest
         self._solver.restore(checkpoint.state)
@@ -231,7 +230,7 @@ class Simulation:
         )
 
     def force(self) -> CellMeans:
-        """Return what acts in the next frame besides gravity, in the mean over cells; nothing changes."""
+        """Return the force of sketch and hand in the next frame, in the mean over cells; nothing changes."""
         force = self._sum(self._acting(self.hand))
         return CellMeans.of_force(self._solver.frame, self._solver.positions, force)
 
@@ -249,8 +248,8 @@ class Simulation:
             raise PressureUnknownError(str(err)) from err
         return CellMeans.of_pressure(self._solver.frame, samples)
 
-    def look(self) -> View:
-        """Return what other threads may see of the present state."""
+    def view(self) -> View:
+        """Return the present state for other threads."""
         positions = self._solver.positions
         frame = Frame(
             number=self._solver.frame,
@@ -268,22 +267,22 @@ class Simulation:
             control=self._control,
             last_frame=self._last_frame(frame) if frame.number else None,
             mode=self._solver.mode,
-            safeguard=None if self._recorder is None else self._recorder.look(),
+            safeguard=None if self._recorder is None else self._recorder.view(),
             message=FrameMessage(frame),
         )
 
     @property
     def frame_seconds(self) -> float | None:
-        """Time that a frame takes [s], None before the first. Safe to ask while another thread computes.
+        """Time of a frame [s], None before the first. Safe to read while another thread computes.
 
-        It is the lower quartile over the latest frames: what else runs on the machine makes frames longer,
-        never shorter, and a scene that grows quieter or busier is followed within some seconds.
+        It is the lower quartile over the latest frames: other work on the machine makes frames longer, never
+        shorter. A scene that grows quieter or busier is followed within some seconds.
         """
         times = self._means_over_steps()
         return times[len(times) // 4] / 1000.0 if times else None
 
     def timing(self) -> Timing:
-        """Return how fast frames come at present. Safe to call while another thread computes."""
+        """Return the present times of frames. Safe to call while another thread computes."""
         times = self._means_over_steps()
         if not times:
             return Timing(0.0, 0.0, 0.0)
@@ -293,7 +292,7 @@ class Simulation:
         return Timing(statistics.median(times), p95, recent * self._frame_dt / _PACE_WINDOW_SECONDS)
 
     def _means_over_steps(self) -> list[float]:
-        """Return the times of the latest frames [ms], ascending; means over as many as a step spans."""
+        """Return the times of the latest frames [ms], ascending; means over the frames of a step."""
         latest = list(self._milliseconds.copy())
         span = min(self._solver.r_t, len(latest))
         return sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1) if span)
@@ -311,8 +310,8 @@ class Simulation:
     def _last_frame(self, frame: Frame) -> LastFrame:
         report = self._solver.last_frame
         if report is None:
-            return LastFrame(None, None, frame.solver_ms)
-        return LastFrame(report.substeps, report.bound, frame.solver_ms)
+            return LastFrame(substeps=None, bound=None, ms=frame.solver_ms)
+        return LastFrame(substeps=report.substeps, bound=report.bound, ms=frame.solver_ms)
 
     def _one_frame(self) -> None:
         steering = self._steering
@@ -333,7 +332,7 @@ class Simulation:
                 self._steering = None
 
     def _force(self) -> Any:
-        """Return what acts in the next frame besides gravity: the sketch and the hand together."""
+        """Return the force of sketch and hand in the next frame; note a change of the hand."""
         hand = self.hand
         if hand is not self._noted_hand:
             self.journal.add(PushInput(frame=self.frame, push=hand))
@@ -342,14 +341,14 @@ class Simulation:
         return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None
 
     def _acting(self, hand: Push | None) -> list[Any]:
-        """Return the forces of the sketch and of a hand in the next frame, those that there are."""
+        """Return the forces of the sketch and of a hand in the next frame, without absent ones."""
         forces = [] if self._steering is None else [self._steering.force()]
         if hand is not None:
             forces.append(hand(self._solver))
         return [force for force in forces if force is not None]
 
     def _sum(self, forces: list[Any]) -> npt.NDArray[np.float32]:
-        """Return the sum (N, D) of forces, each of which may be for the particles of some ids alone."""
+        """Return the sum (N, D) of forces, some of which may be for the particles of some ids alone."""
         ids = self._solver.ids
         total = np.zeros((len(ids), self.scene.dim), dtype=np.float32)
         for force in forces:

@@ -5,46 +5,22 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias, TypeVar
+from typing import TypeVar
 
 from hybridmpm import Scene, SceneError, simulators
 from hybridmpm.coarse import coarse_table
-from hybridmpm.decisions import Mode
 from hybridmpm.errors import ConfigError, DataError
-from hybridmpm.physics import NeuralModel, default_model, models
-from hybridmpm.physics.manifest import WEIGHTS, Entry, read_model
+from hybridmpm.physics import WEIGHTS, Entry, NeuralModel, default_model, models, read_model
 from hybridmpm.simulator import Kind, Simulator
 from hybridmpm_service.errors import FieldError, ModelDamagedError
-
-SafeguardKind: TypeAlias = Literal["ours", "paper"]
-
-__all__ = [
-    "ChosenSolver",
-    "Kind",
-    "Mode",
-    "SafeguardKind",
-    "SafeguardSettings",
-    "SolverChoice",
-    "SolverFactory",
-]
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class SafeguardSettings:
-    """Settings of the safeguard that watches a hybrid simulator's network."""
-
-    kind: SafeguardKind
-    """Mean of the cosines that is taken: over the particles that are not calm ("ours"), or all ("paper")."""
-    r_c: float | None
-    """Mean cosine in [-1, 1] below which the safeguard alarms; None where other guards alone do."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class SolverChoice:
-    """Simulator that a session asks for. An option that is None takes its default.
+    """Choice of a session's simulator. An option that is None takes its default.
 
     Raises
     ------
@@ -56,10 +32,9 @@ class SolverChoice:
     coarse: str | None = None
     model: str | None = None
     r_c: float | None = None
-    safeguard: SafeguardKind | None = None
 
     def __post_init__(self) -> None:
-        for name in ("coarse", "model", "r_c", "safeguard"):
+        for name in ("coarse", "model", "r_c"):
             if getattr(self, name) is not None and name not in simulators.settings_of(self.solver):
                 takers = [kind for kind in simulators.SIMULATORS if name in simulators.settings_of(kind)]
                 solvers = " and ".join(f'"{kind}"' for kind in takers)
@@ -69,37 +44,31 @@ class SolverChoice:
             known = ", ".join(f'"{name}"' for name in levels)
             raise FieldError("body.coarse", f'must be one of {known}, got "{self.coarse}"')
 
-    def safeguard_settings(self) -> SafeguardSettings | None:
-        """Return the settings of the safeguard, defaults included; None for a simulator without one."""
-        if self.solver != "hybrid":
-            return None
-        return SafeguardSettings(kind=self.safeguard or "ours", r_c=self.r_c)
-
 
 @dataclass(frozen=True)
 class ChosenSolver:
-    """A simulator at frame 0, and what it was made with."""
+    """A simulator at frame 0, and its settings."""
 
     simulator: Simulator
     model: str | None = None
     """Name of the network; None without one."""
-    safeguard: SafeguardSettings | None = None
-    """Settings of the safeguard that watches the network; None without one."""
+    r_c: float | None = None
+    """Mean cosine in [-1, 1] below which the safeguard alarms; None where other guards alone do."""
     coarse: str | None = None
-    """Name of the coarse level that few particles simulate at; None where no coarse level was chosen."""
+    """Name of the coarse level; None where all particles are simulated."""
     model_sha256: str | None = None
     """SHA-256 of the network's file; None without one."""
 
 
 class SolverFactory:
-    """Makes the simulators of sessions, and shares loaded networks among them. Safe to use from many threads.
+    """Factory of the simulators of sessions, which share loaded networks. Safe to use from many threads.
 
     Parameters
     ----------
     threads : int
         Number of threads of each simulator; the result does not depend on it.
     folder : Path
-        Folder that holds the models and their manifest.
+        Folder of the models and their manifest.
 
     Raises
     ------
@@ -115,7 +84,7 @@ class SolverFactory:
 
     @property
     def models(self) -> dict[str, Entry]:
-        """The models by name; the first that serves a scenario is its default."""
+        """Models by name; the first that serves a scenario is its default."""
         return dict(self._models)
 
     def make(self, choice: SolverChoice, scene: Scene, scenario: str | None = None) -> ChosenSolver:
@@ -126,16 +95,16 @@ class SolverFactory:
         choice : SolverChoice
         scene : Scene
         scenario : str, optional
-            Scenario that the scene was drawn from. Where no model is chosen, it decides which one serves.
+            Scenario of the scene. It decides which model serves where none is chosen.
 
         Raises
         ------
         SceneError
             The scene cannot be filled with particles.
         FieldError
-            There is no such model, or it or the coarse level was not made for such a scene.
+            There is no such model, or the model or coarse level does not fit the scene.
         ModelDamagedError
-            The model's file is not the one that the manifest names.
+            The digest of the model's file differs from the manifest.
         """
         name: str | None = None
         model: NeuralModel | None = None
@@ -150,7 +119,6 @@ class SolverFactory:
                 coarse=choice.coarse,
                 model=model,
                 r_c=choice.r_c,
-                safeguard=choice.safeguard,
                 threads=self._threads,
             ),
         )
@@ -158,7 +126,7 @@ class SolverFactory:
             simulator,
             model=name,
             model_sha256=None if model is None else model.sha256,
-            safeguard=choice.safeguard_settings(),
+            r_c=choice.r_c,
             coarse=choice.coarse,
         )
 

@@ -1,7 +1,7 @@
-"""A sketch that steers a simulation: who asked for it, how far it is, and what was reached."""
+"""A sketch that steers a simulation, its progress and its result."""
 
 import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,21 +13,21 @@ from hybridmpm_service.sessions.view import Control, Phase
 
 @dataclass(frozen=True)
 class Steered:
-    """What is answered to a sketch that steers from now on."""
+    """A sketch that begins to steer."""
 
     number: int
     """Number of the sketch in its session."""
     first_frame: int
-    """Frame of the session from which on it steers."""
+    """First frame of the session whose state it acts on."""
     guidance: Guidance
-    """The sketch as it was understood and planned."""
+    """The interpreted sketch and its plan."""
 
 
 class Steering:
     """A guidance that acts from a frame on, which may be later than the one that it was prepared for.
 
-    The frames of the guidance are counted from that frame. Its law looks at the actual state, so the goal is
-    aimed at from wherever the particles have come to meanwhile, and no frame is lost.
+    The frames of the guidance are counted from that frame. Its law depends on the actual state, so it aims at
+    the goal from the present positions, and no frame is lost.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ class Steering:
         Number of the sketch in its session.
     guidance : Guidance
     simulator : Simulator
-        It is steered from its next frame on.
+        Simulator to steer from its next frame on.
     control : Control, optional
-        How far it is already; at its beginning if absent.
+        Progress so far; none if absent.
     """
 
     def __init__(
@@ -54,10 +54,10 @@ class Steering:
             frames=guidance.frames,
             hold=guidance.hold,
         )
-        """How far it is."""
+        """Progress of the sketch."""
 
     def on(self, simulator: Simulator) -> "Steering":
-        """Return the same steering, as far as it is, of a copy of the simulator."""
+        """Return the same steering of a copy of the simulator."""
         twin = copy.copy(self)
         twin._simulator = simulator  # noqa: SLF001 - of this very class
         return twin
@@ -67,9 +67,9 @@ class Steering:
         return self.guidance.law.force(self._simulator, self.control.frames_done)
 
     def count(self) -> Control:
-        """Note that a frame was computed, and return how far it is now."""
+        """Note a computed frame, and return the progress."""
         done = self.control.frames_done + 1
-        self.control = replace(self.control, frames_done=done, phase=self._phase_at(done))
+        self.control = self.control.model_copy(update={"frames_done": done, "phase": self._phase_at(done)})
         if done == self.guidance.frames:
             self.control = self._with_reached(self.control)
         return self.control
@@ -84,16 +84,17 @@ class Steering:
         goal, x = self.guidance.goal, self._simulator.positions.astype(np.float64)
         weight = goal.cloud.weight
         if self._simulator.scene.is_open:
-            # What was there when the sketch was planned is led, and of that what is still there counts.
+            # Only particles of the planned state are steered, and those that have left do not count.
             present = self._simulator.ids
             x = x[np.isin(present, goal.cloud.ids)]
             weight = weight[np.isin(goal.cloud.ids, present)]
             if not len(x):
                 return control
         inside, drawn = goal.inside(x), goal.inside_drawn(x)
-        return replace(
-            control,
-            inside=None if inside is None else float(weight @ inside),
-            inside_drawn=None if drawn is None else float(weight @ drawn),
-            miss=float(np.linalg.norm(weight @ x / weight.sum() - goal.path[-1])),
+        return control.model_copy(
+            update={
+                "inside": None if inside is None else float(weight @ inside),
+                "inside_drawn": None if drawn is None else float(weight @ drawn),
+                "miss": float(np.linalg.norm(weight @ x / weight.sum() - goal.path[-1])),
+            }
         )

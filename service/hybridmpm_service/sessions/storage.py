@@ -1,10 +1,9 @@
-"""The file of one session on disk: its origin, its inputs, and its latest checkpoint.
+"""Files of sessions on disk: origin, inputs and latest checkpoint of each.
 
-It is an SQLite database with a write-ahead log, because that is what a session needs and what nobody should
-write twice: an input is appended by one transaction, a checkpoint takes the place of the older one whole or
-not at all, and a log that is torn at its tail, by a crash or a full disk, is read up to its last whole
-transaction. A killed process loses nothing that was committed. A power cut may lose the latest transactions,
-since they are not forced to the disk one by one, but never damages the file.
+A file is an SQLite database with a write-ahead log. An input is appended by one transaction. A checkpoint
+replaces the older one whole or not at all. A log torn at its tail, by a crash or a full disk, is read up to
+its last whole transaction. A killed process loses nothing that was committed. A power cut may lose the latest
+transactions, since they are not forced to the disk one by one, but never damages the file.
 """
 
 import contextlib
@@ -24,7 +23,7 @@ from hybridmpm_service.sessions.inputs import Input, Origin, input_of
 
 _FORMAT = 1
 _BEGUN = "begun"
-"""Name under which the record of the origin has the time at which the session began [s since 1970]."""
+"""Key of the session's start [s since 1970] in the record of the origin."""
 _TABLES = """
 CREATE TABLE origin (record TEXT NOT NULL);
 CREATE TABLE progress (reached INTEGER NOT NULL, complete INTEGER NOT NULL);
@@ -38,7 +37,7 @@ INSERT INTO progress VALUES (0, 1);
 
 @dataclass(frozen=True, kw_only=True)
 class Checkpoint:
-    """A simulation after some frame."""
+    """State of a simulation after some frame."""
 
     frame: int
     """Number of the frame."""
@@ -47,12 +46,12 @@ class Checkpoint:
     guidance: bytes | None
     """Snapshot of the guidance that steers; None where none does."""
     rest: Mapping[str, Any]
-    """What else a simulation knows, as plain data."""
+    """Other state of the simulation, as plain data."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stored:
-    """All that a file holds."""
+    """Contents of a session file."""
 
     origin: Origin
     inputs: tuple[Input, ...]
@@ -64,16 +63,13 @@ class Stored:
     checked: int
     """Number of inputs that the checkpoint contains."""
     reached: int
-    """Frame that a client was told the session had reached."""
+    """Latest frame that an answer reported to a client."""
     complete: bool
     """Whether the inputs are all since frame 0."""
 
 
-def begun(path: Path) -> float:
-    """Return the time at which the session of a file began [s since 1970], for the order of sessions.
-
-    A file that cannot be read counts as the newest; whoever opens it tells what is wrong with it.
-    """
+def start_of(path: Path) -> float:
+    """Return the start of a file's session [s since 1970]; an unreadable file counts as the newest."""
     try:
         with contextlib.closing(sqlite3.connect(path)) as database:
             (record,) = database.execute("SELECT record FROM origin").fetchone()
@@ -119,7 +115,7 @@ class SessionFile:
         return file
 
     def read(self) -> Stored:
-        """Return all that the file holds.
+        """Return the contents of the file.
 
         Raises
         ------
@@ -157,7 +153,7 @@ class SessionFile:
             _insert(database, made, guidance)
 
     def mark(self, frame: int) -> None:
-        """Note the frame that a client is told that the session has reached."""
+        """Note the frame that an answer reports to a client."""
         with self._transaction() as database:
             database.execute("UPDATE progress SET reached = ?", (frame,))
 
@@ -167,7 +163,7 @@ class SessionFile:
             database.execute("UPDATE progress SET complete = 0")
 
     def check(self, checkpoint: Checkpoint) -> None:
-        """Keep a checkpoint, which contains all inputs so far, in the place of the older one."""
+        """Replace the checkpoint by one that contains all inputs so far."""
         with self._transaction() as database:
             _check(database, checkpoint)
 
@@ -177,7 +173,7 @@ class SessionFile:
             _clear(database)
 
     def rewrite(self, inputs: Sequence[Input], checkpoint: Checkpoint, *, complete: bool) -> None:
-        """Hold just these inputs, and a checkpoint that contains them."""
+        """Replace everything by these inputs, and a checkpoint that contains them."""
         with self._transaction() as database:
             _clear(database)
             for made in inputs:
@@ -186,7 +182,7 @@ class SessionFile:
             database.execute("UPDATE progress SET complete = ?", (complete,))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         with contextlib.suppress(sqlite3.Error):
             self._database.close()
 
@@ -216,7 +212,7 @@ def _insert(database: sqlite3.Connection, made: Input, guidance: bytes | None) -
 
 def _check(database: sqlite3.Connection, checkpoint: Checkpoint) -> None:
     (inputs,) = database.execute("SELECT count(*) FROM inputs").fetchone()
-    # The checkpoint holds the one that still steers.
+    # The checkpoint contains the guidance that still steers.
     database.execute("UPDATE inputs SET guidance = NULL WHERE guidance IS NOT NULL")
     database.execute("DELETE FROM checkpoint")
     database.execute(
@@ -250,7 +246,7 @@ _NAME = re.compile(r"[0-9a-f]{32}")
 
 
 class Folder:
-    """A folder of session files, which one service at a time may use.
+    """A folder with a file for each session, which one service at a time may use.
 
     Parameters
     ----------
@@ -267,7 +263,7 @@ class Folder:
         self._path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
-            # The system lets go of the lock when the process ends, however it does.
+            # The system releases the lock when the process ends, in any way.
             self._lock = sqlite3.connect(path / "lock", timeout=0, isolation_level=None)
             self._lock.execute("BEGIN EXCLUSIVE")
         except (sqlite3.Error, OSError) as err:
@@ -279,7 +275,7 @@ class Folder:
     def names(self) -> list[str]:
         """Return the names of the sessions that have a file, in the order in which they began."""
         files = [path for path in self._path.glob(f"*{_SUFFIX}") if _NAME.fullmatch(path.stem)]
-        return [path.stem for path in sorted(files, key=lambda path: (begun(path), path.stem))]
+        return [path.stem for path in sorted(files, key=lambda path: (start_of(path), path.stem))]
 
     def create(self, name: str, origin: Origin) -> SessionFile:
         """Return the new file of a session; errors as `SessionFile.create`."""

@@ -1,4 +1,4 @@
-"""Work on a copy of a session's simulator: a sketch that is followed to its end, frames that are recorded."""
+"""Work on a copy of a session's simulator: following a sketch to its end, and recording frames."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +12,7 @@ from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, Population
 from hybridmpm_service.sessions.planning import Check
 
-Tell: TypeAlias = Callable[[int, int], object]
+Report: TypeAlias = Callable[[int, int], object]
 """Called with the number of parts done and that of all parts."""
 
 
@@ -22,7 +22,7 @@ def traced(
     sketch: Sketch,
     *,
     most: int,
-    on_frame: Tell = lambda _done, _total: None,
+    on_frame: Report = lambda _done, _total: None,
     **settings: Any,
 ) -> tuple[Guidance, ControlledTrajectory]:
     """Let a copy of a simulator follow a sketch to the end.
@@ -35,7 +35,7 @@ def traced(
         Raises where the work is to end early.
     sketch : Arrow or Ellipse
     most : int
-        Largest number of frames if none is asked for, `hold` included.
+        Largest number of frames if none is given, `hold` included.
     on_frame : callable
         Called at the start and after each frame.
     **settings
@@ -57,9 +57,16 @@ def traced(
 
 
 def recorded(
-    twin: Simulator, check: Check, file: Path, style: export.Style, *, frames: int, every: int, on_part: Tell
+    twin: Simulator,
+    check: Check,
+    file: Path,
+    style: export.Style,
+    *,
+    frames: int,
+    every: int,
+    on_part: Report,
 ) -> None:
-    """Compute frames with a copy of a simulator, and write them to a file, whose suffix says how.
+    """Compute frames with a copy of a simulator, and write them to a file in the format of its suffix.
 
     Parameters
     ----------
@@ -99,7 +106,7 @@ def recorded(
 
 
 def frame_of(twin: Simulator) -> Frame:
-    """Return the present state of a copy that a sketch steers, as a viewer needs it."""
+    """Return the present state of a steered copy, as a frame for viewers."""
     scene = twin.scene
     population = Population(ids=twin.ids.astype(np.uint32), types=twin.materials) if scene.is_open else None
     return Frame(

@@ -8,27 +8,163 @@ from typing import Literal, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict
 
 from hybridmpm.decisions import Decision, Mode, without_undone
-from hybridmpm.probes.probe import PressureSamples
+from hybridmpm.probes import PressureSamples
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import FrameMessage
-from hybridmpm_service.sessions.solvers import SafeguardKind, SafeguardSettings
 
 _Floats = npt.NDArray[np.float64]
 
 CELLS_PER_METRE = 20
 """Cells of a grid of forces."""
 _PRESSURE_SPACINGS = 2.0
-"""Side of a cell of pressures, in spacings of the particles that have them."""
+"""Side of a cell of pressures, in spacings of the simulated particles."""
+HISTORY_FRAMES = 1000
+"""Number of frames for which values of the safeguard are kept: the length of most scenarios."""
+DIGITS = 4
+"""Number of decimals of the safeguard's values in answers; its own noise is larger."""
+
+Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
+"""Phase of a sketch."""
+
+
+class _Record(BaseModel):
+    """Base of records that are answers at the same time; the text below a field describes it in OpenAPI."""
+
+    model_config = ConfigDict(frozen=True, use_attribute_docstrings=True)
+
+
+class Control(_Record):
+    """The newest sketch of a session and its progress. What is not known yet is null."""
+
+    number: int
+    """Number of the sketch in its session, counted from 1."""
+    kind: Literal["arrow", "ellipse"]
+    """Kind of the sketch."""
+    phase: Phase
+    """preparing: it is being planned; an older one may steer meanwhile. steering: it leads the fluid to the
+    goal. out_of_reach: as steering, but something is known to be in the way. holding: it keeps the goal.
+    done: it no longer steers."""
+    method: str | None = None
+    """Name of the method that planned."""
+    first_frame: int | None = None
+    """Frame of the session at which the sketch began to steer."""
+    frames_done: int = 0
+    """Number of frames that the sketch has steered so far, those of `hold` included."""
+    frames: int | None = None
+    """Number of frames in which the goal is to be reached."""
+    hold: int | None = None
+    """Number of frames for which the goal is kept after that."""
+    inside: float | None = None
+    """Share of the mass in the goal after `frames`; null before, and for an arrow that keeps the fluid's
+    shape."""
+    inside_drawn: float | None = None
+    """Share of the mass in the oval as it was drawn, at the same time; null for an arrow."""
+    miss: float | None = None
+    """Distance of the centre of mass from its target, at the same time [m]."""
+
+
+class LastFrame(_Record):
+    """Report on the computation of the latest frame."""
+
+    substeps: int | None
+    """Number of MPM's substeps; null where a network made the frame."""
+    bound: str | None
+    """Bound that chose the length of the substeps: "sound", "speed", "obstacle", "frame", "reference" or
+    "fixed"; null where a network made the frame."""
+    ms: float
+    """Time that the simulator took for the frame [ms]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times of the latest frames, and the resulting pace."""
+
+    ms_per_frame: float
+    """Median time of a frame [ms]; 0 before the first frame.
+
+    A network does all the work of a step in the first of the step's frames. Its times are therefore means
+    over as many frames as a step spans.
+    """
+    ms_p95: float
+    """95th percentile of the same times [ms]."""
+    time_scale: float
+    """Simulated seconds per second, measured over the last second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Safeguard:
+    """Safeguard of a hybrid session, and its record, at one instant."""
+
+    r_c: float | None
+    """Mean cosine in [-1, 1] below which the safeguard alarms; None where other guards alone do."""
+    value: float | None
+    """Mean cosine in [-1, 1] at present; None until both windows of time are full."""
+    mpm_share: float
+    """Share of the frames so far that MPM simulated, in [0, 1]."""
+    frames: tuple[int, ...]
+    """Frames at which `values` were taken, ascending."""
+    values: tuple[float, ...]
+    """Mean cosines over the last `HISTORY_FRAMES` frames."""
+    decisions: tuple[Decision, ...]
+    """All decisions between MPM and the network since frame 0."""
+
+    def phases(self, frame: int) -> list[tuple[int, Mode]]:
+        """Return the first frame and the mode of each phase in the last `HISTORY_FRAMES` before `frame`."""
+        all_phases: list[tuple[int, Mode]] = [(0, "mpm")]
+        all_phases += [(decision.frame, decision.mode) for decision in without_undone(self.decisions)]
+        first = max(0, frame - HISTORY_FRAMES)
+        ends = [start for start, _ in all_phases[1:]] + [frame + 1]
+        return [phase for phase, end in zip(all_phases, ends, strict=True) if end > first]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """State of a simulation that other threads may read."""
+
+    frame: int
+    """Number of frames since the start."""
+    time: float
+    """Simulated time since the start [s]."""
+    particles: int
+    """Number N of particles."""
+    centroid: tuple[float, ...] | None
+    """Centre of mass (D,) [m]; None where there is no particle."""
+    control: Control | None
+    """Newest sketch that has steered or steers; None where there was none since frame 0."""
+    last_frame: LastFrame | None
+    """Report on the latest frame; None before the first."""
+    mode: Mode
+    """Simulator of the next frame: "mpm" or "neural"."""
+    safeguard: Safeguard | None
+    """Safeguard of a hybrid session; None in other sessions."""
+    message: FrameMessage
+    """Binary frame for viewers, as docs/reference/http-api.md describes it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Particles:
+    """State of all particles."""
+
+    frame: int
+    """Number of frames since the start."""
+    time: float
+    """Simulated time since the start [s]."""
+    positions: npt.NDArray[np.float32]
+    """(N, D) [m]."""
+    velocities: npt.NDArray[np.float32]
+    """(N, D) [m/s]."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
+    ids: npt.NDArray[np.uint64]
+    """Permanent numbers (N,) of the particles, ascending."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellMeans:
-    """Means over the particles of each cell of a grid where there is any.
-
-    C is the number of these cells, D the dimension.
-    """
+    """Means over the particles of each occupied cell of a grid. C is the number of these cells."""
 
     frame: int
     """Number of frames since the start."""
@@ -57,64 +193,30 @@ class CellMeans:
 
     @classmethod
     def of_force(cls, frame: int, positions: npt.NDArray[np.float32], force: npt.NDArray[np.float32]) -> Self:
-        """Average accelerations (N, D) [m/s^2]; cells where nothing acts are left out."""
+        """Average accelerations (N, D) [m/s^2]; cells without any are left out."""
         means = cls.of(frame, 1 / CELLS_PER_METRE, positions, force)
         acting = (means.values != 0).any(axis=1)
         return cls(frame, means.cell, means.points[acting], means.values[acting])
 
     @classmethod
     def of_pressure(cls, frame: int, samples: PressureSamples) -> Self:
-        """Average the pressures [Pa] of the particles that are simulated."""
+        """Average the pressures [Pa] of the simulated particles."""
         cell = _PRESSURE_SPACINGS * samples.spacing
         return cls.of(frame, cell, samples.x, samples.pressure[:, None])
 
 
-HISTORY_FRAMES = 1000
-"""Number of frames for which values are kept: the length of most scenarios."""
-DIGITS = 4
-"""Number of decimals in which values are answered; the safeguard's own noise is larger."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Safeguard:
-    """Safeguard of a hybrid session, and its record, at one instant."""
-
-    kind: SafeguardKind
-    """Mean of the cosines that the safeguard takes."""
-    r_c: float | None
-    """Value below which the safeguard alarms; None where other guards alone do."""
-    value: float | None
-    """Mean cosine in [-1, 1] at present; None until both windows of time are full."""
-    mpm_share: float
-    """Share of the frames so far that MPM simulated, in [0, 1]."""
-    frames: tuple[int, ...]
-    """Frames at which `values` were taken, ascending."""
-    values: tuple[float, ...]
-    """Mean cosines over the last `HISTORY_FRAMES` frames."""
-    decisions: tuple[Decision, ...]
-    """All decisions since frame 0 about who simulates."""
-
-    def phases(self, frame: int) -> list[tuple[int, Mode]]:
-        """Return the phases of the last `HISTORY_FRAMES` before `frame`: first frame, and who simulated."""
-        all_phases: list[tuple[int, Mode]] = [(0, "mpm")]
-        all_phases += [(decision.frame, decision.mode) for decision in without_undone(self.decisions)]
-        first = max(0, frame - HISTORY_FRAMES)
-        ends = [start for start, _ in all_phases[1:]] + [frame + 1]
-        return [phase for phase, end in zip(all_phases, ends, strict=True) if end > first]
-
-
 class SafeguardRecorder:
-    """Keeps the latest values of a simulator's safeguard."""
+    """Latest values of a hybrid simulator's safeguard, which alarms below `r_c`."""
 
-    def __init__(self, simulator: Simulator, settings: SafeguardSettings) -> None:
-        self._simulator, self._settings = simulator, settings
+    def __init__(self, simulator: Simulator, r_c: float | None) -> None:
+        self._simulator, self._r_c = simulator, r_c
         self._r_t = simulator.r_t
         self._values: deque[tuple[int, float]] = deque(maxlen=max(2, HISTORY_FRAMES // self._r_t))
 
     def on(self, simulator: Simulator) -> "SafeguardRecorder":
         """Return a recorder of a copy of the simulator, with the values so far."""
-        twin = SafeguardRecorder(simulator, self._settings)
-        twin._values.extend(self._values)
+        twin = SafeguardRecorder(simulator, self._r_c)
+        twin.recall(self._values)
         return twin
 
     def note(self) -> None:
@@ -125,23 +227,18 @@ class SafeguardRecorder:
 
     @property
     def values(self) -> list[tuple[int, float]]:
-        """Frames and the values in them, as plain data."""
+        """Frames and their values, as plain data."""
         return list(self._values)
 
-    def recall(self, values: Iterable[Sequence[float]]) -> None:
-        """Have these values, from `values`."""
+    def recall(self, values: Iterable[Sequence[float]] = ()) -> None:
+        """Replace all values by those of a `values` property."""
         self._values.clear()
         self._values.extend((int(frame), value) for frame, value in values)
 
-    def clear(self) -> None:
-        """Forget all values."""
-        self._values.clear()
-
-    def look(self) -> Safeguard:
-        """Return the safeguard and its record as they are now."""
+    def view(self) -> Safeguard:
+        """Return the present state of the safeguard and its record."""
         return Safeguard(
-            kind=self._settings.kind,
-            r_c=self._settings.r_c,
+            r_c=self._r_c,
             value=finite(self._simulator.safeguard),
             mpm_share=self._simulator.mpm_share,
             frames=tuple(frame for frame, _ in self._values),
@@ -151,106 +248,5 @@ class SafeguardRecorder:
 
 
 def finite(value: float | None) -> float | None:
-    """Return a number as JSON can carry it, rounded to `DIGITS`; None where it is not finite."""
+    """Return a number for JSON, rounded to `DIGITS`; None where it is not finite."""
     return None if value is None or not math.isfinite(value) else round(value, DIGITS)
-
-
-Phase: TypeAlias = Literal["preparing", "steering", "out_of_reach", "holding", "done"]
-"""Phase of a sketch. out_of_reach: as steering, but something is known to be in the way of the goal."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Control:
-    """The newest sketch of a session, and how far it has come. What is not known yet is None."""
-
-    number: int
-    """Number of the sketch, counted from 1 in each session."""
-    kind: Literal["arrow", "ellipse"]
-    """Kind of the sketch."""
-    phase: Phase
-    method: str | None = None
-    """Name of the method that steers."""
-    first_frame: int | None = None
-    """Frame of the session at which the sketch began to steer."""
-    frames_done: int = 0
-    """Number of frames that have been steered so far, those of `hold` included."""
-    frames: int | None = None
-    """Number of frames in which the goal is to be reached."""
-    hold: int | None = None
-    """Number of frames for which the goal is kept after that."""
-    inside: float | None = None
-    """Share of the mass in the goal after `frames` [-]; None where an arrow carries the shape along."""
-    inside_drawn: float | None = None
-    """Share of the mass in the oval as it was drawn, at the same time; None for an arrow."""
-    miss: float | None = None
-    """Distance of the centre of mass from where the sketch asks it to be, at the same time [m]."""
-
-
-@dataclass(frozen=True)
-class LastFrame:
-    """Report on the computation of the latest frame."""
-
-    substeps: int | None
-    """Number of MPM's substeps; None where a network made the frame."""
-    bound: str | None
-    """Bound that chose the length of the substeps, such as "sound"; None where a network made the frame."""
-    ms: float
-    """Time that the simulator took [ms]."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Times that frames take, and the pace that results."""
-
-    ms_per_frame: float
-    """Median time that the simulator took for one of the latest frames [ms]; 0 before the first frame.
-
-    A network does all the work of a step in the first of the step's frames. Its times are therefore means
-    over as many frames as a step spans.
-    """
-    ms_p95: float
-    """95th percentile of the same times [ms]."""
-    time_scale: float
-    """Simulated seconds per second, measured over the last second."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class View:
-    """What other threads may see of a simulation, taken at one instant and never changed."""
-
-    frame: int
-    """Number of frames since the start."""
-    time: float
-    """Simulated time since the start [s]."""
-    particles: int
-    """Number N of particles."""
-    centroid: tuple[float, ...] | None
-    """Centre of mass (D,) [m]; None where there is no particle."""
-    control: Control | None
-    """Newest sketch that has steered or steers; None where there was none since frame 0."""
-    last_frame: LastFrame | None
-    """Report on the latest frame; None before the first."""
-    mode: Mode
-    """Simulator of the next frame: "mpm" or "neural"."""
-    safeguard: Safeguard | None
-    """Safeguard of a hybrid session; None in other sessions."""
-    message: FrameMessage
-    """Binary frame for viewers, as docs/reference/http-api.md describes it."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Particles:
-    """The state of all particles at one instant."""
-
-    frame: int
-    """Number of frames since the start."""
-    time: float
-    """Simulated time since the start [s]."""
-    positions: npt.NDArray[np.float32]
-    """(N, D) [m]."""
-    velocities: npt.NDArray[np.float32]
-    """(N, D) [m/s]."""
-    types: npt.NDArray[np.uint8]
-    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic (goop)."""
-    ids: npt.NDArray[np.uint64]
-    """Numbers (N,) that the particles keep for good, ascending."""

@@ -11,18 +11,18 @@ from hybridmpm.stream_frames import FrameMessage
 MAX_PROBLEMS = 16
 """Largest number of problems that wait; a further one drops the oldest.
 
-A client that never reads must not fill the memory.
+They are bounded because some clients never read.
 """
 
 
 class Signal(Enum):
-    """A message without content. The sender looks the content up when it sends, so that it is never stale."""
+    """A message without content, which is looked up at the time of sending, so that it is never stale."""
 
     STATUS = "status"
 
 
 Message: TypeAlias = FrameMessage | Signal | Exception
-"""A frame, a request for the status, or an error that the client has to know."""
+"""A frame, a request for the status, or an error for the client."""
 
 
 class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
@@ -33,7 +33,7 @@ class MailboxClosed(Exception):  # noqa: N818 - the end of a stream, not a fault
     code : int
         WebSocket close code.
     reason : str
-        Why the stream ends, for the client.
+        Reason for the client.
     """
 
     def __init__(self, code: int, reason: str) -> None:
@@ -56,7 +56,7 @@ class Mailbox:
         self._changed = asyncio.Event()
 
     def put_frame(self, frame: FrameMessage) -> None:
-        """Put a frame in, in the place of one that still waits."""
+        """Put in a frame, which replaces one that still waits."""
         self._frame = frame
         self._changed.set()
 
@@ -66,7 +66,7 @@ class Mailbox:
         self._changed.set()
 
     def put_problem(self, problem: Exception) -> None:
-        """Put in an error that the client has to know."""
+        """Put in an error for the client."""
         self._problems.append(problem)
         self._changed.set()
 
@@ -121,7 +121,7 @@ class Audience:
         return mailbox
 
     def leave(self, mailbox: Mailbox) -> None:
-        """Send a viewer nothing any more."""
+        """Remove the mailbox of a viewer."""
         self._mailboxes.discard(mailbox)
 
     def post_frame(self, frame: FrameMessage) -> None:
@@ -135,13 +135,13 @@ class Audience:
             mailbox.put_problem(problem)
 
     def post_status(self) -> None:
-        """Send the status to all, as it is when the first of them gets it."""
+        """Send the status to all, made when the first of them takes it."""
         self._status = None
         for mailbox in self._mailboxes:
             mailbox.put_status()
 
     def status(self, make: Callable[[], str]) -> str:
-        """Return the text of the posted status, which `make` returns if nobody has got it yet."""
+        """Return the text of the posted status, by `make` for the first viewer that takes it."""
         if self._status is None:
             self._status = make()
         return self._status

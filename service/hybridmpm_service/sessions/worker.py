@@ -19,7 +19,7 @@ class Worker:
     Parameters
     ----------
     purpose : str
-        What it is for, as a part of the thread's name.
+        Purpose, as a part of the thread's name.
     session : str
         Name of the session.
     check_open : callable
@@ -35,13 +35,13 @@ class Worker:
 
     @property
     def in_demand(self) -> bool:
-        """Whether a job waits that does not run yet. Safe to ask from the thread."""
+        """Whether a job waits that does not run yet. Safe to read from the thread."""
         return bool(self._queued)
 
     async def run(self, job: Callable[[], T]) -> T:
         """Run a job after those that wait; return its result.
 
-        A job whose caller is cancelled is not begun. One that runs already is run to its end.
+        A cancelled call removes a job that waits. One that runs already is run to its end.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Worker:
             try:
                 return job()
             finally:
-                # Whatever became of a job, the answer of a closed session is that it is closed.
+                # A closed session takes precedence over any other outcome.
                 self._check_open()
 
         self._queued.add(place)
@@ -75,7 +75,7 @@ class Worker:
             self._queued.discard(place)
 
     def end(self, last: Callable[[], object] | None = None) -> None:
-        """Take no more jobs; those that were taken are still run, and then the `last` one."""
+        """Take no more jobs; run those that were taken, and then the `last` one."""
         if last is not None:
             future = self._thread.submit(last)
             self._unfinished.add(future)
