@@ -18,6 +18,7 @@ from hybridmpm._core import (
     __version__,
     radius_graph,
 )
+from hybridmpm._support.machine import usable_cores
 from hybridmpm.errors import (
     BatchError,
     CoarseWarning,
@@ -153,6 +154,7 @@ __all__ = [
     "recording",
     "scenarios",
     "simulators",
+    "usable_cores",
 ]
 
 _ROOMS_ON_DEMAND = ("control", "data", "hybrid", "metrics", "physics", "planner", "simulators")

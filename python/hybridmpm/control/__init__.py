@@ -6,8 +6,11 @@ an example of control whose true end is known, and `Oracle` follows it by the fo
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
+from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.needs import Needs, Obstruction
-from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
+from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
@@ -18,19 +21,23 @@ from hybridmpm.control.push import Push, push
 from hybridmpm.control.reversal import ReversedCase, reversed_case, reversed_from_seed
 from hybridmpm.control.sketch.raster import parse_png
 from hybridmpm.control.sketch.render import render_png
-from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
+from hybridmpm.control.sketch.sketch import MAX_POINTS, Arrow, Ellipse, Sketch
 from hybridmpm.control.sketch.strokes import Stroke, classify_stroke, parse_strokes
 from hybridmpm.control.trajectory import ControlledTrajectory, SketchResult
 
 __all__ = [
+    "DEFAULT_CAP",
+    "MAX_CAP",
+    "MAX_POINTS",
     "METHODS",
     "Arrow",
     "ControlNet",
     "ControlledFrame",
     "ControlledTrajectory",
     "Ellipse",
-    "FallBack",
+    "Fill",
     "Following",
+    "Goal",
     "Guidance",
     "Law",
     "Learned",
@@ -38,6 +45,7 @@ __all__ = [
     "Needs",
     "Obstruction",
     "Oracle",
+    "Oval",
     "Push",
     "ReversedCase",
     "Sketch",

@@ -8,9 +8,10 @@ files. HDF5 needs h5py: `pip install 'hybridmpm[data]'`.
 from hybridmpm.data.control import Control
 from hybridmpm.data.convert import Converted, convert
 from hybridmpm.data.formats import FORMATS, Format, detect
-from hybridmpm.data.generation.executors import RayTasks, Threads
+from hybridmpm.data.generation.executors import Outcome, RayTasks, Threads, produce
 from hybridmpm.data.generation.generate import Plan, Report, generate, plan
 from hybridmpm.data.generation.simulate import simulate
+from hybridmpm.data.hdf5 import h5py
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.splits import Seeds
 from hybridmpm.data.statistics import Statistics, statistics
@@ -22,6 +23,7 @@ __all__ = [
     "Control",
     "Converted",
     "Format",
+    "Outcome",
     "Plan",
     "RayTasks",
     "Recipe",
@@ -34,7 +36,9 @@ __all__ = [
     "convert",
     "detect",
     "generate",
+    "h5py",
     "plan",
+    "produce",
     "simulate",
     "statistics",
 ]

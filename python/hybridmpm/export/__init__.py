@@ -20,10 +20,11 @@ from pathlib import Path
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import ExportError
 from hybridmpm.export import arrays, clouds, pictures
+from hybridmpm.export.clouds import Cloud
 from hybridmpm.recording import Recording
 from hybridmpm.render import View, view_of
 
-__all__ = ["SUFFIXES", "Style", "check_target", "needs_history", "save"]
+__all__ = ["SUFFIXES", "Cloud", "Style", "check_target", "needs_history", "save"]
 
 SUFFIXES = (".gif", ".mp4", ".npz", ".ply", ".png", ".vtp")
 _CLOUDS = {".ply": clouds.write_ply, ".vtp": clouds.write_vtp}

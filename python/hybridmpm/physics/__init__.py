@@ -5,7 +5,7 @@ The models that come with the library are here by name, for completion: `physics
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-from hybridmpm.physics.manifest import default_model, models
+from hybridmpm.physics.manifest import WEIGHTS, Entry, default_model, models, read_model
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.model_info import ModelInfo
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -13,6 +13,8 @@ from hybridmpm.physics.spec import NetworkSpec, Normalization
 from hybridmpm.physics.stepper import Stepper
 
 __all__ = [
+    "WEIGHTS",
+    "Entry",
     "ModelInfo",
     "NetworkSpec",
     "NeuralModel",
@@ -21,6 +23,7 @@ __all__ = [
     "Stepper",
     "default_model",
     "models",
+    "read_model",
 ]
 
 if not _TYPE_CHECKING:  # a type checker would take any name to be there

@@ -6,7 +6,15 @@ calibrate` takes them.
 """
 
 from hybridmpm.planner.auto import AutoSolver, Change
-from hybridmpm.planner.planning import Plan, Prospect, plan
+from hybridmpm.planner.planning import Plan, Prospect, plan, prospective
 from hybridmpm.planner.store import CalibrationWarning
 
-__all__ = ["AutoSolver", "CalibrationWarning", "Change", "Plan", "Prospect", "plan"]
+__all__ = [
+    "AutoSolver",
+    "CalibrationWarning",
+    "Change",
+    "Plan",
+    "Prospect",
+    "plan",
+    "prospective",
+]

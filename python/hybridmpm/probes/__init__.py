@@ -5,7 +5,7 @@ walls are refused. D is the dimension, K a number of points.
 """
 
 from hybridmpm.probes.gauges import FillLevel, Flow, HeightGauge
-from hybridmpm.probes.probe import Probe
+from hybridmpm.probes.probe import PressureSamples, Probe
 from hybridmpm.probes.quantities import Density, PatchDensity, PatchPressure, Pressure
 from hybridmpm.probes.series import TimeSeries, record
 
@@ -17,6 +17,7 @@ __all__ = [
     "PatchDensity",
     "PatchPressure",
     "Pressure",
+    "PressureSamples",
     "Probe",
     "TimeSeries",
     "record",
