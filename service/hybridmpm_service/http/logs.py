@@ -5,12 +5,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, FailFast, Field, model_validator
 
 from hybridmpm.control import MAX_POINTS
+from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.requests import Cap, Request, SketchSettings
 from hybridmpm_service.sessions.inputs import Input, Origin, input_of
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
-from hybridmpm_service.sessions.solvers import Kind
 
 FORMAT = 1
 """Version of the form of a log."""

@@ -21,48 +21,50 @@ import { Tools } from "./tools.js";
 const query = new URLSearchParams(window.location.search);
 const reducedMotion = window.matchMedia("(prefers-reduced-motion: reduce)");
 const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1);
-const carriesLog = (hash) => hash.startsWith("#replay=");
+const hasLog = (hash) => hash.startsWith("#replay=");
 const VOLUME_EVERY = 10; // shown frames from one measurement of the volume to the next
 const isSeed = (text) => /^\d{1,9}$/.test(text);
 const asSolver = (text) => (["hybrid", "neural"].includes(text) ? text : "mpm");
-let chosen = {
-  scenario: query.get("scenario") ?? "water_2d",
-  seed: isSeed(query.get("seed") ?? "") ? Number(query.get("seed")) : 0,
-  solver: asSolver(query.get("solver")),
-  coarse: asCoarse(query.get("coarse")),
+/** The session that the page shows. */
+const shown = {
+  chosen: {
+    scenario: query.get("scenario") ?? "water_2d",
+    seed: isSeed(query.get("seed") ?? "") ? Number(query.get("seed")) : 0,
+    solver: asSolver(query.get("solver")),
+    coarse: asCoarse(query.get("coarse")),
+  },
+  id: null,
+  scene: null, // from the hello message
+  playing: null, // null as long as it is unknown
+  speed: 0.25, // simulated seconds per second that the player aims at
+  centroid: null, // centre of mass in the newest status; null where there is no particle
+  startsPlaying: false, // whether to play once the session is live: this page has created it
+  watches: false, // whether the page only shows a session of another visitor
+  replays: false, // whether the session that is being created is a run computed again
+  message: null, // the newest binary frame, until it is shown
+  frames: 0, // number of frames that were shown
+  drawnAt: [], // times of the pictures of the last second [ms]
+  speedTimer: 0,
 };
-
-let scene = null; // the scene of the hello message
-let sessionId = null; // the session that the stage shows
-let playing = null; // whether the session plays; null as long as that is unknown
-let speed = 0.25; // simulated seconds per second that the player aims at
-let centroid = null; // centre of mass, as the newest status says; null where there is no particle
-let startsPlaying = false; // whether to play once the session is live: this page has created it
-let watches = false; // whether this page only shows a session of somebody else
-let replays = false; // whether the session that is being created is a run computed again
-let speedTimer = 0;
-let newestMessage = null; // the newest binary frame, as long as it has not been shown
-let shownFrames = 0; // number of frames that were shown
-let drawnTimes = []; // when pictures were drawn [ms]
 
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
   plan: (stroke, settings, signal) => session.steer(stroke, settings, signal),
   settings: sketchSettings,
   release: () => session.release().catch(messages.toast),
-  dim: () => scene.dim,
+  dim: () => shown.scene.dim,
   widths: controls.depthWidths,
   changed: refreshSteering,
   refused: messages.toast,
   planned: ({ needs }) => {
     if (needs.reachable) return;
     const detail = needs.obstructions.map(({ message }) => capitalised(message)).join(". ");
-    messages.toast({ title: "Out of reach", detail: `${detail}.`, advice: "The fluid goes as near as it can.", hint: true });
+    messages.toast({ title: "Out of reach", detail: `${detail}.`, advice: "The fluid moves as near as possible.", hint: true });
   },
-  tooSmall: () => messages.toast({ title: "That stroke is very short", advice: "Press, drag a few centimetres, release.", hint: true }),
+  tooSmall: () => messages.toast({ title: "The stroke is too short", advice: "Press, drag a few centimetres, release.", hint: true }),
 });
 const hand = new Hand({
-  speed: () => speed,
+  speed: () => shown.speed,
   cap: handCap,
   push: (push) => session.send({ type: "push", ...push }),
   end: () => session.send({ type: "push_end" }),
@@ -81,8 +83,8 @@ const tools = new Tools(document.getElementById("overlay"), {
   stage,
   steering,
   hand,
-  isLive: () => session.state === "live" && !watches,
-  play: () => playing || session.send({ type: "play" }),
+  isLive: () => session.state === "live" && !shown.watches,
+  play: () => shown.playing || session.send({ type: "play" }),
   glides: () => !reducedMotion.matches,
   changed: refreshSteering,
 });
@@ -90,8 +92,8 @@ const tools = new Tools(document.getElementById("overlay"), {
 function refreshSteering() {
   const ghost = presenter.ghost !== null;
   controls.showTool(ghost ? "oval" : tools.name);
-  showSteering(steering, { live: session.state === "live", playing, tool: tools.name, centroid, ghost });
-  stage.showCentroid(centroid);
+  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid: shown.centroid, ghost });
+  stage.showCentroid(shown.centroid);
   stage.invalidate();
 }
 
@@ -109,18 +111,18 @@ function onState(state, { seconds, problem }) {
 }
 
 function bannerOf(state, seconds, problem) {
-  const again = () => startScene(chosen);
+  const again = () => startScene(shown.chosen);
   switch (state) {
     case "reconnecting":
       return {
-        text: `The server does not answer. Trying again in ${seconds} s; the simulation resumes by itself.`,
+        text: `The server does not answer. The next attempt is in ${seconds} s; the simulation then resumes.`,
         label: "Try now",
         action: () => session.retry(),
       };
     case "lost":
       return {
-        text: watches ? "The simulation that you watched has ended." : "The server no longer has this simulation.",
-        label: watches ? "Start one of your own" : "Start a new one",
+        text: shown.watches ? "This simulation has ended." : "This simulation no longer exists on the server.",
+        label: shown.watches ? "Start your own" : "Start a new one",
         action: again,
       };
     case "failed":
@@ -131,62 +133,62 @@ function bannerOf(state, seconds, problem) {
 }
 
 function onHello(hello) {
-  // The server pauses a session that nobody watches, also while a connection is interrupted.
-  const resumes = hello.session.id === sessionId && playing === true;
-  if (hello.session.id !== sessionId) showSession(hello);
-  speed = hello.session.speed;
-  centroid = hello.session.centroid;
-  controls.showSpeed(speed);
+  // The server pauses a session without viewers, also while a connection is interrupted.
+  const resumes = hello.session.id === shown.id && shown.playing === true;
+  if (hello.session.id !== shown.id) showSession(hello);
+  shown.speed = hello.session.speed;
+  shown.centroid = hello.session.centroid;
+  controls.showSpeed(shown.speed);
   livePanel.showStatus({ session: hello.session });
   showWho(hello.session, null);
   offerPressure(hello.session.solver === "mpm");
   setPlaying(hello.session.playing);
-  if (replays) tellReplay(hello.session);
-  replays = false;
-  if (startsPlaying || resumes) session.send({ type: "play" });
-  startsPlaying = false;
+  if (shown.replays) showReplay(hello.session);
+  shown.replays = false;
+  if (shown.startsPlaying || resumes) session.send({ type: "play" });
+  shown.startsPlaying = false;
 }
 
-function tellReplay({ frame, notice }) {
-  const title = notice === null ? "Computed again, bit by bit" : "Computed again, but not the same";
-  messages.toast({ title, detail: notice ?? `This is frame ${frame} of the run.`, advice: "Press play to go on.", hint: notice === null });
+function showReplay({ frame, notice }) {
+  const title = notice === null ? "Computed again with the same bits" : "Computed again with a different result";
+  messages.toast({ title, detail: notice ?? `This is frame ${frame} of the run.`, advice: "Press play to continue.", hint: notice === null });
 }
 
 /** Show another session than before. One that was only interrupted keeps its camera, tool and sketch. */
 function showSession(hello) {
-  sessionId = hello.session.id;
-  livePanel.showSession(sessionId);
+  shown.id = hello.session.id;
+  livePanel.showSession(shown.id);
   clearTracks();
-  scene = hello.scene;
-  stage.setScene(scene, decodeTypes(hello.types), hello.spacing);
-  showFrameLength(scene.frame_dt);
+  shown.scene = hello.scene;
+  stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing);
+  showFrameLength(shown.scene.frame_dt);
   steering.clear();
-  tools.setScene(scene);
+  tools.setScene(shown.scene);
   showFindings(hello.session.findings);
   if (!hello.session.scenario) {
-    showOwnScene(scene.name || "Your scene");
+    showOwnScene(shown.scene.name || "Your scene");
     showChoice({ scenario: "", solver: hello.session.solver, coarse: hello.session.coarse });
     return;
   }
   const { scenario, seed, solver, coarse } = hello.session;
-  chosen = { scenario, seed, solver, coarse };
-  chooseScene(chosen);
-  showChoice(chosen);
+  shown.chosen = { scenario, seed, solver, coarse };
+  chooseScene(shown.chosen);
+  showChoice(shown.chosen);
 }
 
 function onStatus(status) {
   livePanel.showStatus(status);
   showWho(status.session, status.history);
-  speed = status.session.speed;
-  centroid = status.session.centroid;
+  shown.speed = status.session.speed;
+  shown.centroid = status.session.centroid;
   steering.note(status.session.control);
   setPlaying(status.session.playing);
 }
 
 function setPlaying(value) {
-  if (value === playing) return; // most status messages change nothing: no reason to draw again
-  drawnTimes = [];
-  playing = value;
+  if (value === shown.playing) return; // most status messages change nothing: no reason to draw again
+  shown.drawnAt = [];
+  shown.playing = value;
   controls.showPlaying(value);
   refreshSteering();
 }
@@ -196,26 +198,26 @@ function onProblem(problem) {
 }
 
 function onFrame(buffer) {
-  newestMessage = buffer; // an older one that has not been shown yet is skipped
+  shown.message = buffer; // an older one that has not been shown yet is skipped
 }
 
 function showNewest() {
-  if (newestMessage === null || scene === null) return;
+  if (shown.message === null || shown.scene === null) return;
   try {
-    const frame = decodeFrame(newestMessage);
+    const frame = decodeFrame(shown.message);
     stage.show(frame);
     livePanel.showFrame(frame);
     // The volume takes a pass over all particles, so one frame in so many has to do.
-    trackFrame(frame, shownFrames++ % VOLUME_EVERY === 0 ? stage.volume : null);
+    trackFrame(frame, shown.frames++ % VOLUME_EVERY === 0 ? stage.volume : null);
     messages.hideSkeleton();
     steering.follow(frame.frame);
     presenter.follow(frame.frame, performance.now());
     if (steering.plan !== null && steering.phase !== "done") refreshSteering();
   } catch (error) {
     if (!(error instanceof ProtocolError)) throw error;
-    messages.toast({ title: "This page and the server do not match", detail: error.message, advice: "Reload the page." });
+    messages.toast({ title: "The page and the server have different versions", detail: error.message, advice: "Reload the page." });
   } finally {
-    newestMessage = null;
+    shown.message = null;
   }
 }
 
@@ -223,14 +225,14 @@ function animate(now) {
   requestAnimationFrame(animate);
   showNewest();
   if (presenter.animate(now)) refreshSteering();
-  if (stage.draw(now)) drawnTimes.push(now);
+  if (stage.draw(now)) shown.drawnAt.push(now);
 }
 
 /** Count the pictures of the last second; called twice a second. */
 function measureDrawing() {
   const now = performance.now();
-  drawnTimes = drawnTimes.filter((time) => now - time < 1000);
-  livePanel.showDrawing(drawnTimes.length > 1 ? drawnTimes.length : null);
+  shown.drawnAt = shown.drawnAt.filter((time) => now - time < 1000);
+  livePanel.showDrawing(shown.drawnAt.length > 1 ? shown.drawnAt.length : null);
 }
 
 // ---- from the user ----
@@ -243,17 +245,17 @@ function measureDrawing() {
  */
 function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   if (!Number.isInteger(wanted.seed) || wanted.seed < 0 || wanted.seed > 1_000_000_000) {
-    messages.toast({ title: "The seed does not fit", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
+    messages.toast({ title: "Invalid seed", advice: "Use a whole number from 0 to 1 000 000 000.", hint: true });
     return;
   }
   const solver = solverFor(wanted.scenario, wanted.solver ?? chosenSolver());
   const coarse = wanted.coarse === undefined ? chosenCoarse() : wanted.coarse;
-  chosen = { ...wanted, solver, coarse: solver === "mpm" ? coarse : null };
-  showChoice(chosen);
+  shown.chosen = { ...wanted, solver, coarse: solver === "mpm" ? coarse : null };
+  showChoice(shown.chosen);
   const address = new URL(window.location.href);
   address.hash = "";
   for (const name of ["coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
-  for (const [name, value] of Object.entries(chosen)) {
+  for (const [name, value] of Object.entries(shown.chosen)) {
     if (value !== null) address.searchParams.set(name, String(value));
   }
   if (itsPreset === PIPELINE) address.searchParams.set("preset", "pipeline");
@@ -261,19 +263,19 @@ function startScene(wanted, { itsPreset = null, plays = true } = {}) {
   presenter.set(itsPreset);
   setWatching(false);
   steering.clear();
-  newestMessage = null;
-  startsPlaying = plays;
-  session.start(chosen);
+  shown.message = null;
+  shown.startsPlaying = plays;
+  session.start(shown.chosen);
 }
 
-/** Show a session of somebody else, with no tool that changes it; or no longer only that. */
+/** Show another visitor's session, without tools that change it, or end that. */
 function setWatching(value) {
-  watches = value;
+  shown.watches = value;
   document.body.dataset.watches = String(value);
   document.getElementById("watching").hidden = !value;
 }
 
-/** Leave the session for a scene or a run that somebody has brought. */
+/** Leave the session for a scene or a run from a file, a link or the builder. */
 function openOwn(body, hash = "") {
   const address = new URL(window.location.href);
   for (const name of ["scenario", "seed", "solver", "coarse", "session", "watch", "preset"]) address.searchParams.delete(name);
@@ -282,9 +284,9 @@ function openOwn(body, hash = "") {
   presenter.set(null);
   setWatching(false);
   steering.clear();
-  newestMessage = null;
-  startsPlaying = "scene" in body;
-  replays = "log" in body;
+  shown.message = null;
+  shown.startsPlaying = "scene" in body;
+  shown.replays = "log" in body;
   session.start(body);
 }
 
@@ -295,17 +297,17 @@ async function openLink(hash) {
   } catch {
     messages.toast({
       title: "This link is damaged",
-      detail: "It was meant to carry a whole run, and a part of it is missing or changed.",
-      advice: "Ask for it again. Another scene is shown.",
+      detail: "A part of the run in it is missing or changed.",
+      advice: "Ask for a new link. The start scene is shown.",
     });
     startScene(WELCOME.scene, { plays: !reducedMotion.matches });
   }
 }
 
 controls.bindControls({
-  play: () => session.send({ type: playing ? "pause" : "play" }),
+  play: () => session.send({ type: shown.playing ? "pause" : "play" }),
   step: () => {
-    if (playing) session.send({ type: "pause" });
+    if (shown.playing) session.send({ type: "pause" });
     session.send({ type: "step", frames: 1 });
   },
   reset: () => {
@@ -315,8 +317,8 @@ controls.bindControls({
     const wanted = Math.min(1, Math.max(0.01, value));
     controls.showSpeed(wanted);
     // A dragged slider reports every pixel; the server only needs the value where it rests.
-    clearTimeout(speedTimer);
-    speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
+    clearTimeout(shown.speedTimer);
+    shown.speedTimer = setTimeout(() => session.send({ type: "speed", value: wanted }), 120);
   },
   tool: (name) => tools.choose(name),
   undo: () => steering.takeBack(),
@@ -327,7 +329,7 @@ controls.bindControls({
 
 bindAppearance();
 const pressures = new Polled({
-  ask: async () => (session.state === "live" && scene !== null ? session.pressure() : null),
+  ask: async () => (session.state === "live" && shown.scene !== null ? session.pressure() : null),
   changed: () => {
     stage.showPressure(pressures.latest);
     showHighest(stage.highest);
@@ -342,15 +344,15 @@ bindScene(async (wanted) => {
     startScene(wanted);
     return;
   }
-  // A scene of one's own stays; what changes is who simulates it.
+  // A scene of your own stays; only its simulator changes.
   const log = await session.log();
   const coarse = chosenCoarse();
   openOwn({ scene: log.scene, ...(coarse === null ? {} : { coarse }) });
 });
-// What few visitors ask for is loaded when it is asked for.
+// Rarely used parts are loaded on demand.
 const planned = {
-  scene: () => ({ scenario: chosen.scenario, seed: chosen.seed }),
-  start: (coarse) => startScene({ scenario: chosen.scenario, seed: chosen.seed, ...coarse }),
+  scene: () => ({ scenario: shown.chosen.scenario, seed: shown.chosen.seed }),
+  start: (coarse) => startScene({ scenario: shown.chosen.scenario, seed: shown.chosen.seed, ...coarse }),
 };
 document.getElementById("planner-open").addEventListener("click", async () => {
   const { openPlanner } = await import("./plan/panel.js");
@@ -376,8 +378,8 @@ document.getElementById("share-file").addEventListener("change", async ({ target
   const { openChosen } = await import("./share/panel.js");
   openChosen(target, shared);
 });
-bindToolPanel((shown) => {
-  forces.wanted = shown;
+bindToolPanel((wanted) => {
+  forces.wanted = wanted;
 });
 document.getElementById("pipeline").addEventListener("click", () => startScene(PIPELINE.scene, { itsPreset: PIPELINE }));
 for (const kind of ["pointerdown", "keydown", "wheel"]) {
@@ -395,22 +397,22 @@ const modelsKnown = request("GET", "/v1/models").then(
   },
 );
 modelsKnown.then(() => {
-  showChoice(chosen);
+  showChoice(shown.chosen);
   document.getElementById("preset").hidden = solverFor(PIPELINE.scene.scenario) === "mpm";
 });
-/** Begin with what the address asks for. Where motion is to be reduced, nothing plays before somebody wants it. */
+/** Begin with the scene in the address. Where motion is to be reduced, nothing plays by itself. */
 function begin() {
   const plays = !reducedMotion.matches;
   if (query.has("seed") && !isSeed(query.get("seed"))) {
     messages.toast({
-      title: "The seed in the address does not fit",
-      detail: `It is "${query.get("seed").slice(0, 40)}", and a seed is a whole number from 0 to 999 999 999.`,
+      title: "Invalid seed in the address",
+      detail: `A seed is a whole number from 0 to 999 999 999, not "${query.get("seed").slice(0, 40)}".`,
       advice: "Seed 0 is shown. Choose another one in the scene panel.",
       hint: true,
     });
   }
-  const asksFor = (...names) => names.some((name) => query.has(name));
-  if (carriesLog(window.location.hash)) {
+  const hasAny = (...names) => names.some((name) => query.has(name));
+  if (hasLog(window.location.hash)) {
     openLink(window.location.hash);
   } else if (query.get("preset") === "pipeline") {
     modelsKnown.then(() => startScene(PIPELINE.scene, { itsPreset: PIPELINE, plays }));
@@ -419,25 +421,25 @@ function begin() {
     session.attach(query.get("watch"), { watches: true });
   } else if (query.has("session")) {
     session.attach(query.get("session"));
-  } else if (!asksFor("scenario", "seed", "solver", "coarse")) {
+  } else if (!hasAny("scenario", "seed", "solver", "coarse")) {
     startScene(WELCOME.scene, { itsPreset: plays ? WELCOME : null, plays });
-  } else if (chosen.solver === "mpm") {
-    startScene(chosen, { plays });
+  } else if (shown.chosen.solver === "mpm") {
+    startScene(shown.chosen, { plays });
   } else {
-    modelsKnown.then(() => startScene(chosen, { plays }));
+    modelsKnown.then(() => startScene(shown.chosen, { plays }));
   }
 }
 begin();
 request("GET", "/v1/scenarios").then(
-  (answer) => showScenarios(answer.scenarios, chosen),
+  (answer) => showScenarios(answer.scenarios, shown.chosen),
   () => {
-    // The session's own attempt to connect already tells the user that the server is away.
+    // The session's own attempt to connect already shows that the server is away.
   },
 );
 requestAnimationFrame(animate);
 setInterval(measureDrawing, 500);
 window.addEventListener("hashchange", () => {
-  if (carriesLog(window.location.hash)) openLink(window.location.hash);
+  if (hasLog(window.location.hash)) openLink(window.location.hash);
 });
 window.addEventListener("pagehide", (event) => {
   if (!event.persisted) session.dispose();

@@ -6,8 +6,8 @@ const GHOST_POINTS = 60; // points of a sketch that a ghost hand draws one after
 const LOOK_FRAMES = 60; // frames for which the first sketch stays on the picture when it is done
 
 /**
- * A scene whose sketch draws itself at a frame, in so many seconds of the wall clock. What repeats is drawn again
- * after a reset; any touch of mouse, finger or key ends what does not.
+ * A scene whose sketch draws itself at a frame, within `seconds` of the wall clock. A preset that repeats is drawn
+ * again after a reset; any touch of mouse, finger or key ends the others.
  */
 export const PIPELINE = {
   scene: { scenario: "water_2d", seed: 10, solver: "hybrid" },
@@ -27,7 +27,7 @@ export const WELCOME = {
   repeats: false,
 };
 
-/** Presents the sketch of a preset when its frame is shown, unless somebody draws at that moment. */
+/** Presents the sketch of a preset when its frame is shown, unless the visitor draws at that moment. */
 export class Presenter {
   ghost = null; // {sketch: as far as the ghost hand has drawn it, hand: [x, y]}; null while it draws nothing
   #preset = null;
@@ -48,7 +48,7 @@ export class Presenter {
     this.ghost = null;
   }
 
-  /** Note that somebody has touched mouse, finger or key. */
+  /** Note a touch of mouse, finger or key. */
   interrupt() {
     this.#presented = false;
     if (this.#preset !== null && !this.#preset.repeats) this.set(null);
@@ -88,7 +88,7 @@ export class Presenter {
     this.#presented = true;
   }
 
-  /** Leave the picture to the visitor, who has seen what a sketch does. */
+  /** Remove the sketch some time after its end. */
   #clearWhenDone(frame) {
     const { phase, plan } = this.#steering;
     if (phase !== "done" || frame < plan.first_frame + plan.frames + plan.hold + LOOK_FRAMES) return;

@@ -1,4 +1,4 @@
-// The tool in hand: what pointers on the stage do with it.
+// The chosen tool, and the pointers on the stage that use it.
 
 import * as controls from "./panels/controls.js";
 import { StageKeys } from "./sketch/keys.js";
@@ -64,7 +64,7 @@ export class Tools {
   #begin(sample) {
     const { stage, steering, hand, isLive, play } = this.#parts;
     if (!isLive()) return;
-    // Strokes are taken in the front view: whoever draws does not want to wait for the camera.
+    // Strokes are taken in the front view, which the camera reaches at once for them.
     if (stage.view.settle(Infinity)) stage.invalidateView();
     if (this.name === "push") {
       play();

@@ -158,13 +158,13 @@ class Crowd:
         ) as stream:
             yield stream
 
-    def upsampler(self) -> socket.socket:
+    def raw(self) -> socket.socket:
         """Return a connection whose own buffer is small."""
         host, _, port = self._server.address.partition(":")
-        upsampler = socket.socket()
-        upsampler.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        upsampler.connect((host, int(port)))
-        return upsampler
+        client_socket = socket.socket()
+        client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        client_socket.connect((host, int(port)))
+        return client_socket
 
 
 def honest(crowd: Crowd) -> None:
@@ -191,18 +191,18 @@ def careless(crowd: Crowd) -> None:
 
 def silent(crowd: Crowd) -> None:
     """Connect, and say nothing, or half a request."""
-    with crowd.upsampler() as upsampler:
-        upsampler.sendall(b"POST /v1/sessions HTTP/1.1\r\nHost: 127.0")
+    with crowd.raw() as client_socket:
+        client_socket.sendall(b"POST /v1/sessions HTTP/1.1\r\nHost: 127.0")
         crowd.pause(0.3)
 
 
 def sleeping(crowd: Crowd) -> None:
     """Watch a session, and read nothing."""
-    with crowd.http() as client, crowd.upsampler() as upsampler:
+    with crowd.http() as client, crowd.raw() as client_socket:
         links = _create(client)
         with (
             contextlib.suppress(ConnectionClosed, OSError),
-            crowd.stream(links, sock=upsampler, max_queue=1) as one,
+            crowd.stream(links, sock=client_socket, max_queue=1) as one,
         ):
             one.send(json.dumps({"type": "play"}))
             crowd.pause(1.0)

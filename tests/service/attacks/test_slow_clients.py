@@ -84,11 +84,11 @@ def test_a_viewer_that_stops_reading_is_dropped_and_its_session_pauses(start: Ca
     service = start(send_seconds=0.2)
     path = service.create(DENSE_SCENE)
     session = service.session(path)
-    with socket.socket() as upsampler:
-        upsampler.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        upsampler.connect(_address(service))
+    with socket.socket() as client_socket:
+        client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client_socket.connect(_address(service))
         address = f"ws://{service.address}{path}/stream"
-        with connect(address, sock=upsampler, compression=None, max_queue=1, close_timeout=0) as sleeping:
+        with connect(address, sock=client_socket, compression=None, max_queue=1, close_timeout=0) as sleeping:
             sleeping.send(json.dumps({"type": "play"}))
             _until(lambda: session.playing)
             _until(lambda: not session.watched)
@@ -109,11 +109,11 @@ def test_connections_have_bounded_buffers_and_end_if_nothing_is_acknowledged(
     with service.stream(service.create()) as stream:
         stream.receive()
         for connection in service._server.server_state.connections:
-            upsampler = connection.transport.get_extra_info("socket")
+            client_socket = connection.transport.get_extra_info("socket")
             # The system reports twice the size that it was asked for.
-            assert upsampler.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) <= 2 * 512 * 1024
+            assert client_socket.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) <= 2 * 512 * 1024
             if hasattr(socket, "TCP_USER_TIMEOUT"):
-                assert upsampler.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 20_000
+                assert client_socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 20_000
 
 
 @pytest.mark.parametrize(
@@ -230,17 +230,17 @@ def test_pings_of_a_client_that_does_not_read_fill_no_memory(start: Callable[...
         "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
     )
     ping = b"\x89" + bytes([0x80 | 125]) + bytes(4) + bytes(125)
-    with socket.socket() as upsampler:
-        upsampler.settimeout(WAIT_SECONDS)
-        upsampler.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        upsampler.connect(_address(service))
-        upsampler.sendall("\r\n".join((*upgrade, "", "")).encode())
+    with socket.socket() as client_socket:
+        client_socket.settimeout(WAIT_SECONDS)
+        client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client_socket.connect(_address(service))
+        client_socket.sendall("\r\n".join((*upgrade, "", "")).encode())
         _until(lambda: service.session(path).watched)
         (connection,) = [c for c in service._server.server_state.connections if hasattr(c, "writable")]
-        upsampler.sendall(20_000 * ping)
+        client_socket.sendall(20_000 * ping)
         _until(connection.transport.get_write_buffer_size)
         # The server goes on reading, and answers no more.
-        upsampler.sendall(20_000 * ping)
+        client_socket.sendall(20_000 * ping)
         assert 0 < connection.transport.get_write_buffer_size() < 1 << 20
         assert service.http.get("/livez").status_code == 200
 

@@ -89,13 +89,13 @@ def test_a_bad_session_is_refused_with_field_and_range(
         (b'{"scenario": "water_2d", "seed": 1e999}', "body.seed"),
         (json.dumps(_body(lower=[float("nan"), 0.4])).encode(), "body.scene.bodies[0].lower[0]"),
         (json.dumps(_scene(frame_dt=float("inf"))).encode(), "body.scene.frame_dt"),
-        (b'{"scenario": "\\ud800"}', "body.scenario"),
+        (b'{"scenario": "\\ud800"}', "body"),
         (b'{"scenario"', "body"),
         (b"", "body"),
         (b"\xff\xfe", "body"),
     ],
 )
-def test_numbers_and_text_that_json_should_not_hold(
+def test_values_that_json_does_not_have_are_refused(
     service: Any, problem: Any, text: bytes, field: str
 ) -> None:
     answer = service.http.post("/v1/sessions", content=text, headers=JSON)
@@ -105,7 +105,7 @@ def test_numbers_and_text_that_json_should_not_hold(
 def test_json_that_is_nested_too_deeply_is_refused(service: Any, problem: Any) -> None:
     text = b'{"scene":' + b"[" * 2000 + b"]" * 2000 + b"}"
     answer = service.http.post("/v1/sessions", content=text, headers=JSON)
-    assert "in each other" in problem(answer, 422)["detail"]
+    assert "recursion limit" in problem(answer, 422)["detail"]
 
 
 @pytest.mark.parametrize("frames", [0, -1, 2001, 1.5, "3", None, True])

@@ -63,20 +63,22 @@ def test_the_models_are_listed(learned: Service) -> None:
     assert (listed[0]["scenarios"], listed[0]["r_p"], listed[0]["r_t"]) == (["water_2d"], 0.25, 4)
 
 
-def test_a_session_says_who_simulates_it(learned: Service, create: Callable[..., str]) -> None:
-    told = {}
+def test_a_session_names_its_simulator(learned: Service, create: Callable[..., str]) -> None:
+    found = {}
     for solver in ("mpm", "hybrid", "neural"):
         body = learned.http.get(create(solver=solver)).json()
-        told[solver] = [body[key] for key in ("solver", "model", "r_p", "mode", "safeguard")]
-    safeguard = {"kind": "ours", "r_c": None, "value": None, "mpm_share": 1.0}
-    assert told == {
+        found[solver] = [body[key] for key in ("solver", "model", "r_p", "mode", "safeguard")]
+    safeguard = {"r_c": None, "value": None, "mpm_share": 1.0}
+    assert found == {
         "mpm": ["mpm", None, 1.0, "mpm", None],
         "hybrid": ["hybrid", "falling", 0.25, "mpm", safeguard],
         "neural": ["neural", "falling", 0.25, "mpm", None],
     }
 
 
-def test_a_network_tells_no_pressure(learned: Service, create: Callable[..., str], problem: Any) -> None:
+def test_the_pressure_of_a_network_is_refused(
+    learned: Service, create: Callable[..., str], problem: Any
+) -> None:
     for solver in ("hybrid", "neural"):
         answer = learned.http.get(f"{create(solver=solver)}/pressure")
         body = problem(answer, 409)
@@ -107,9 +109,9 @@ def test_the_page_offers_the_levels_that_there_are(learned: Service) -> None:
 def test_a_hybrid_session_computes_what_the_library_computes(
     learned: Service, create: Callable[..., str], model_folder: Path
 ) -> None:
-    path = create(solver="hybrid", r_c=0.5, safeguard="paper")
+    path = create(solver="hybrid", r_c=0.5)
     physics = NeuralModel.load(model_folder / "falling.onnx")
-    simulator = HybridSimulator(scenarios.get("water_2d", SEED), physics, r_c=0.5, safeguard="paper")
+    simulator = HybridSimulator(scenarios.get("water_2d", SEED), physics, r_c=0.5)
     modes = []
     for _ in range(3):
         body = _advance(learned, path, 40)
@@ -122,7 +124,7 @@ def test_a_hybrid_session_computes_what_the_library_computes(
     assert modes == ["neural", "neural", "mpm"]
     # The frames show all particles of the scene, of which the network moves a quarter.
     assert len(_positions(learned, path)) == len(simulator.scene.sample().x)
-    assert (body["safeguard"]["kind"], body["safeguard"]["r_c"]) == ("paper", 0.5)
+    assert body["safeguard"]["r_c"] == 0.5
     centroid = np.average(simulator.positions, axis=0, weights=simulator.mass)
     assert body["centroid"] == pytest.approx(centroid, abs=1e-6)
 
@@ -242,10 +244,8 @@ def test_a_hybrid_session_survives_the_same_network(learned: Service, create: Ca
         (WATER | {"coarse": "1/16", "solver": "hybrid"}, "body.coarse", 'solver "mpm", got "hybrid"'),
         ({"scene": SMALL_SCENE, "coarse": "1/64"}, "body.coarse", "r_p must be at least"),
         (WATER | {"r_c": 0.5}, "body.r_c", 'belongs to the solver "hybrid", got "mpm"'),
-        (WATER | {"solver": "neural", "safeguard": "ours"}, "body.safeguard", 'the solver "hybrid"'),
         (WATER | {"solver": "hybrid", "r_c": 1.5}, "body.r_c", "less than or equal to 1"),
         (WATER | {"solver": "hybrid", "r_c": "0.5"}, "body.r_c", "number"),
-        (WATER | {"solver": "hybrid", "safeguard": "mine"}, "body.safeguard", "'ours' or 'paper'"),
         ({"scenario": "sand_2d", "solver": "hybrid"}, "body.model", "there are models for water_2d"),
         ({"scenario": "sand_2d", "solver": "hybrid", "model": "falling"}, "body.model", "with water"),
         ({"scene": SMALL_SCENE, "solver": "hybrid"}, "body.model", "is required with a scene"),
@@ -281,8 +281,6 @@ def test_phases_reach_back_as_far_as_the_values() -> None:
         Decision(frame=frame, mode=mode, value=None, reason="", noticed=frame)  # type: ignore[arg-type]
         for frame, mode in log
     )
-    guard = Safeguard(
-        kind="ours", r_c=0.8, value=None, mpm_share=1, frames=(), values=(), decisions=decisions
-    )
+    guard = Safeguard(r_c=0.8, value=None, mpm_share=1, frames=(), values=(), decisions=decisions)
     assert guard.phases(1280) == [(84, "mpm"), (300, "neural"), (1250, "mpm")]
     assert guard.phases(100) == [(0, "mpm"), (20, "neural"), (84, "mpm"), (300, "neural"), (1250, "mpm")]

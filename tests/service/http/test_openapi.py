@@ -10,10 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, creation, datasets, logs, requests
-from hybridmpm_service.http import learned_answers as learned
-from hybridmpm_service.http.estimates import checks, plans
-from hybridmpm_service.http.sketches import answers as sketch_answers
+from hybridmpm_service.http import answers, creation, estimates, jobs, logs, requests, sketches
 
 OPERATIONS = {
     ("get", "/livez"),
@@ -121,21 +118,21 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     [
         creation.CreateSession,
         creation.CheckScene,
-        checks.CheckBody,
-        checks.FindingBody,
+        estimates.CheckBody,
+        answers.FindingBody,
         logs.LogBody,
-        datasets.MakeDataSet,
+        jobs.MakeDataSet,
         requests.AdvanceSession,
         requests.SketchRequest,
-        plans.PlanRequest,
+        creation.PlanRequest,
         answers.SessionBody,
         answers.ScenarioBody,
         answers.ParticlesBody,
-        learned.DecisionBody,
-        learned.ModelBody,
-        sketch_answers.SketchBody,
-        sketch_answers.TrajectoryBody,
-        sketch_answers.ForceBody,
+        answers.DecisionBody,
+        answers.ModelBody,
+        sketches.SketchBody,
+        sketches.TrajectoryBody,
+        sketches.ForceBody,
     ],
 )
 def test_examples_are_accepted_by_their_models(model: type[BaseModel]) -> None:

@@ -212,7 +212,7 @@ def test_jobs_are_forgotten_in_time(tmp_path: Path) -> None:
         table = JobTable(4, 10.0, lambda: now)
 
         async def work(progress: Progress, folder: Path) -> Result:
-            progress.tell(1, 1)
+            progress.update(1, 1)
             (folder / "made").write_bytes(b"!")
             return Result(file=folder / "made", media_type="text/plain")
 

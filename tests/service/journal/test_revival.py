@@ -226,7 +226,7 @@ def test_a_session_of_another_version_is_computed_again_from_frame_0(
         assert "need not be as it was: it was computed by version 3 of the solver" in session.notice
 
     with monkeypatch.context() as patch:
-        patch.setattr("hybridmpm_service.sessions.journal.origin.SOLVER_VERSION", 3)
+        patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
         _play(tmp_path, before)
     _play(tmp_path, after)
 

@@ -1,4 +1,4 @@
-"""Plans over HTTP: what the library answers, and a session that has the level."""
+"""Plans over HTTP: the plans of the library, and sessions with their methods."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from tests.service.conftest import SMALL_SCENE
 
 from hybridmpm import plan, scenarios
 from hybridmpm.client import Client
-from hybridmpm_service.http.estimates import PlanRequest
+from hybridmpm_service.http.creation import PlanRequest
 
 
 @pytest.fixture(autouse=True)
@@ -15,7 +15,7 @@ def _no_times_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HYBRIDMPM_CALIBRATION", "none.json")
 
 
-def test_a_plan_is_the_librarys_and_a_session_can_have_it(service: Any) -> None:
+def test_a_plan_is_that_of_the_library_and_a_session_can_use_it(service: Any) -> None:
     with Client(str(service.http.base_url)) as client:
         found = client.plan("water_2d", 7, max_error=0.5)
         expected = plan(scenarios.water_2d(7), max_error=0.5)
@@ -57,7 +57,7 @@ def test_the_examples_work(service: Any) -> None:
         ({"scene": {"dim": 4}, "budget_ms": 1.0}, "dim"),
     ],
 )
-def test_other_demands_are_refused(service: Any, body: dict[str, Any], said: str) -> None:
+def test_an_invalid_demand_is_refused(service: Any, body: dict[str, Any], said: str) -> None:
     answer = service.http.post("/v1/plans", json=body)
     assert answer.status_code == 422
     assert said in answer.text

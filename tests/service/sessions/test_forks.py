@@ -10,7 +10,7 @@ from hybridmpm import Box, BoxSink, HybridSimulator, MpmSolver, RectangularEmitt
 from hybridmpm.control import Ellipse, prepare
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm_service.sessions.simulation import Simulation
-from hybridmpm_service.sessions.solvers import ChosenSolver, SafeguardSettings
+from hybridmpm_service.sessions.solvers import ChosenSolver
 
 SCENE = Scene(
     dim=2,
@@ -41,21 +41,19 @@ def test_a_fork_goes_on_with_the_same_bits_and_by_itself(sketch: Ellipse | None)
     assert _digest(simulation) == before
     simulation.advance(22)
     assert _digest(fork) == _digest(simulation)
-    assert fork.look().control == simulation.look().control
+    assert fork.view().control == simulation.view().control
     fork.reset()
-    assert fork.look().frame == 0
+    assert fork.view().frame == 0
 
 
 def test_a_fork_of_a_hybrid_session_keeps_its_record() -> None:
     solver = HybridSimulator(SCENE, FreeFall(SCENE.frame_dt, r_t=1))
-    simulation = Simulation(
-        ChosenSolver(solver, "zero", SafeguardSettings("ours", 0.8)), clock=time.perf_counter
-    )
+    simulation = Simulation(ChosenSolver(solver, "zero", 0.8), clock=time.perf_counter)
     simulation.advance(45)
     fork = simulation.fork()
     for each in (simulation, fork):
         each.advance(25)
-    assert fork.look().safeguard == simulation.look().safeguard
+    assert fork.view().safeguard == simulation.view().safeguard
     assert _digest(fork) == _digest(simulation)
 
 

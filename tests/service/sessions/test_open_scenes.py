@@ -31,7 +31,7 @@ def test_frames_tell_who_comes_and_goes() -> None:
     for _ in range(12):
         simulation.advance(3)
         solver.advance(3)
-        view = simulation.look()
+        view = simulation.view()
         frame = decode(view.message.of(2))
         assert frame.population is not None
         assert frame.population.ids.tolist() == solver.ids.tolist() == simulation.particles().ids.tolist()
@@ -49,7 +49,7 @@ def test_a_scene_that_has_run_empty_has_no_centroid() -> None:
     solver = MpmSolver(SCENE.model_copy(update={"sinks": (drain,)}))
     simulation = Simulation(ChosenSolver(solver), clock=time.perf_counter)
     simulation.advance(1)
-    view = simulation.look()
+    view = simulation.view()
     assert (view.particles, view.centroid) == (0, None)
     assert decode(view.message.of(2)).positions.shape == (0, 2)
 
@@ -61,7 +61,7 @@ def test_what_a_sketch_reached_counts_who_is_still_there() -> None:
     simulation, solver = Simulation(ChosenSolver(MpmSolver(scene)), clock=time.perf_counter), MpmSolver(scene)
     simulation.steer(prepare(simulation.copy(), ARROW, frames=20), 1, {})
     simulation.advance(20)
-    control = simulation.look().control
+    control = simulation.view().control
     following = follow(solver, ARROW, frames=20).run()
     assert control is not None
     assert np.array_equal(simulation.particles().positions, solver.positions)

@@ -86,7 +86,7 @@ def _play(
         if now >= seconds:
             raise end
 
-    monkeypatch.setattr("hybridmpm_service.sessions.playing.player.asyncio.sleep", sleep)
+    monkeypatch.setattr("hybridmpm_service.sessions.player.asyncio.sleep", sleep)
 
     async def scene() -> None:
         player = Player(

@@ -61,23 +61,23 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     guidance = prepare(simulation.copy(), ARROW, frames=40, hold=2)
     steered = simulation.steer(guidance, 1, {})
     assert (steered.number, steered.first_frame, steered.guidance) == (1, 3, guidance)
-    control = simulation.look().control
+    control = simulation.view().control
     assert control is not None
     assert (control.kind, control.phase, control.method) == ("arrow", "steering", "analytic")
     assert (control.first_frame, control.frames_done, control.frames, control.hold) == (3, 0, 40, 2)
     simulation.advance(40)
-    control = simulation.look().control
+    control = simulation.view().control
     assert control is not None
     assert (control.phase, control.frames_done, control.inside) == ("holding", 40, None)
     simulation.advance(2)
-    view = simulation.look()
+    view = simulation.view()
     assert view.control is not None
     assert (view.control.phase, view.control.frames_done) == ("done", 42)
     assert decode(view.message.of(2)).steered
     solver.advance(42, guidance)
     simulation.advance(1)
     solver.advance(1)
-    assert not decode(simulation.look().message.of(2)).steered
+    assert not decode(simulation.view().message.of(2)).steered
     assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
@@ -85,7 +85,7 @@ def test_what_was_reached_is_what_following_the_sketch_reports() -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     simulation.steer(prepare(simulation.copy(), OVAL, frames=60), 1, {})
     simulation.advance(60)
-    control = simulation.look().control
+    control = simulation.view().control
     reached = follow(solver, OVAL, frames=60).run().reached
     assert control is not None
     assert (control.inside, control.inside_drawn) == (reached.inside, reached.inside_drawn)
@@ -102,7 +102,7 @@ def test_late_input_costs_little_for_the_goal_is_aimed_at_from_where_the_particl
         simulation.advance(late)
         assert simulation.steer(guidance, 1, {}).first_frame == late
         simulation.advance(60)
-        control = simulation.look().control
+        control = simulation.view().control
         assert control is not None
         assert control.inside is not None
         inside.append(control.inside)
@@ -115,11 +115,11 @@ def test_a_goal_that_is_out_of_reach_is_called_so() -> None:
     assert not guidance.needs().reachable
     simulation.steer(guidance, 1, {})
     simulation.advance(3)
-    control = simulation.look().control
+    control = simulation.view().control
     assert control is not None
     assert control.phase == "out_of_reach"
     simulation.advance(2)
-    control = simulation.look().control
+    control = simulation.view().control
     assert control is not None
     assert control.phase == "done"
     assert control.miss is not None
@@ -136,7 +136,7 @@ def test_a_newer_sketch_replaces_an_older_one() -> None:
     simulation.advance(6)
     solver.advance(2, first)
     solver.advance(6, second)
-    control = simulation.look().control
+    control = simulation.view().control
     assert control is not None
     assert (control.number, control.phase, control.frames_done) == (2, "done", 5)
     assert np.array_equal(simulation.particles().positions, solver.positions)
@@ -151,7 +151,7 @@ def test_a_sketch_that_is_taken_back_steers_no_more() -> None:
     simulation.advance(4)
     solver.advance(4, guidance)
     solver.advance(4)
-    assert simulation.look().control is None
+    assert simulation.view().control is None
     assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
@@ -162,7 +162,7 @@ def test_reset_goes_back_to_the_start_without_control() -> None:
     simulation.hand = push((0.5, 0.5), (1, 0), 0.1)
     simulation.advance(2)
     simulation.reset()
-    view = simulation.look()
+    view = simulation.view()
     assert (view.frame, view.control, view.last_frame) == (0, None, None)
     assert np.array_equal(simulation.particles().positions, start)
     simulation.advance(5)
@@ -201,11 +201,11 @@ def test_a_sketch_wakes_regions_that_sleep() -> None:
     solver.advance(400)
     assert solver.asleep.mean() > 0.9
     simulation = Simulation(ChosenSolver(solver), clock=_Clock())
-    start = simulation.look().centroid
+    start = simulation.view().centroid
     arrow = Arrow(np.array([[0.5, 0.2], [0.5, 0.4]]))
     simulation.steer(prepare(simulation.copy(), arrow), 1, {})
     simulation.advance(100)
-    assert simulation.look().centroid[1] > start[1] + 0.1
+    assert simulation.view().centroid[1] > start[1] + 0.1
 
 
 def test_a_failing_frame_leaves_the_state_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,14 +220,14 @@ def test_a_failing_frame_leaves_the_state_before_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(MpmSolver, "advance", fail_at_five)
     with pytest.raises(DomainError):
         simulation.advance(10)
-    assert simulation.look().frame == 5
+    assert simulation.view().frame == 5
 
 
 def test_it_stops_when_it_is_told_to() -> None:
     simulation = _simulation()
     left = iter([True, True, False])
     assert simulation.advance(10, lambda: next(left)) == 2
-    assert simulation.look().frame == 2
+    assert simulation.view().frame == 2
 
 
 def test_it_tells_how_fast_frames_come() -> None:

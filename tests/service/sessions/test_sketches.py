@@ -38,7 +38,7 @@ class _Gate:
 
             return prepare(*arguments, on_frame=counted, **settings)
 
-        monkeypatch.setattr(f"hybridmpm_service.sessions.sketches.{module}.prepare", held)
+        monkeypatch.setattr(f"hybridmpm_service.sessions.{module}.prepare", held)
 
     async def reached(self) -> None:
         assert await asyncio.to_thread(self.inside.wait, 60)
@@ -121,7 +121,7 @@ def test_a_sketch_that_is_being_prepared_is_dropped(
 
 
 async def _trace(session: Session, sketch: Arrow, **settings: Any) -> tuple[Guidance, ControlledTrajectory]:
-    return await session.beside(lambda twin, check: traced(twin, check, sketch, **settings))
+    return await session.on_copy(lambda twin, check: traced(twin, check, sketch, **settings))
 
 
 @pytest.mark.parametrize(("plan", "module"), [(Session.steer, "planning"), (_trace, "tracing")])
@@ -161,7 +161,7 @@ def test_whoever_cancels_work_beside_a_session_finds_it_ended() -> None:
                 time.sleep(0.05)
                 notes.append("ended")
 
-        working = asyncio.create_task(session.beside(work))
+        working = asyncio.create_task(session.on_copy(work))
         assert await asyncio.to_thread(begun.wait, 60)
         working.cancel()
         with pytest.raises(asyncio.CancelledError):

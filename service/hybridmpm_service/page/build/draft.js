@@ -1,4 +1,4 @@
-// A draft of a scene: its things, which of them is chosen, and the way back.
+// A draft of a scene: its things, the chosen one, and undo.
 
 import { sceneOf, thingsOf } from "./things.js";
 
@@ -49,7 +49,7 @@ export class Draft {
     this.#become({ things: [...this.things, thing], selected: this.things.length });
   }
 
-  /** Replace the chosen thing; what was before is remembered by whoever begins the change. */
+  /** Replace the chosen thing; the start of a change keeps the state before it. */
   replace(thing) {
     this.#become({ things: this.things.map((one, index) => (index === this.selected ? thing : one)) });
   }

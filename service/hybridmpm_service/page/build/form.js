@@ -1,4 +1,4 @@
-// The numbers of the chosen thing, to be typed.
+// Number fields of the chosen thing.
 
 import { byId, setText } from "../panels/dom.js";
 import { boundsOf, DIRECTIONS, directionOf, moved, nameOf, otherShape, resized, turned } from "./things.js";

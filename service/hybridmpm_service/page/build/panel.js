@@ -1,4 +1,4 @@
-// The dialog in which a scene is made: things are placed by mouse, finger or keyboard, checked by the server, and simulated.
+// The dialog for building a scene: things are placed by mouse, finger or keyboard, checked by the server, and simulated.
 
 import { request } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
@@ -8,22 +8,24 @@ import { bindHands } from "./hands.js";
 import { drawDraft, focusThing, viewOf } from "./picture.js";
 import { freeRoom, indexIn, inWords, KINDS, made, nameOf } from "./things.js";
 
-const CHECK_MS = 700; // rest after a change before the server is asked
-const FIRST_SIZE = 0.16; // m, of what a button adds
+const CHECK_MS = 700; // rest after a change before a check
+const FIRST_SIZE = 0.16; // m, of a thing that a button adds
 
-let parts = null; // from openBuilder
-let kind = null; // that a drag on free ground draws
-let timer = 0;
-let checked = null; // the things that the newest check is about
-let asked = 0; // number of the newest check, which tells answers to older ones apart
+const state = {
+  parts: null, // from openBuilder
+  kind: null, // drawn by a drag on free ground
+  timer: 0,
+  checked: null, // the things of the newest check
+  number: 0, // number of the newest check; answers to older ones are dropped
+};
 
 const draft = new Draft(changed);
 const picture = () => byId("build-picture");
 const view = () => viewOf(draft.base.walls);
 
 function changed() {
-  if (draft.things !== checked) {
-    checked = draft.things;
+  if (draft.things !== state.checked) {
+    state.checked = draft.things;
     checkSoon();
   }
   drawDraft(picture(), view(), draft);
@@ -32,15 +34,15 @@ function changed() {
   byId("build-start").disabled = draft.things.length === 0;
 }
 
-/** Ask the server, some time after the latest change, what is wrong with the draft. */
+/** Check the draft some time after the latest change. */
 function checkSoon() {
-  clearTimeout(timer);
-  asked += 1;
-  timer = setTimeout(check, CHECK_MS);
+  clearTimeout(state.timer);
+  state.number += 1;
+  state.timer = setTimeout(check, CHECK_MS);
 }
 
 async function check() {
-  const number = ++asked;
+  const number = ++state.number;
   if (draft.things.length === 0) {
     showFindings([]);
     setText("build-status", "");
@@ -49,10 +51,10 @@ async function check() {
   setText("build-status", "The scene is being checked.");
   try {
     const answer = await request("POST", "/v1/checks", { scene: draft.scene });
-    if (number === asked) showAnswer(answer);
+    if (number === state.number) showAnswer(answer);
     return answer;
   } catch (problem) {
-    if (number === asked) setText("build-status", `${problem.title}. ${problem.detail} ${problem.advice}`);
+    if (number === state.number) setText("build-status", `${problem.title}. ${problem.detail} ${problem.advice}`);
     return null;
   }
 }
@@ -97,34 +99,34 @@ function showFindings(findings) {
 }
 
 function add(name) {
-  kind = name;
+  state.kind = name;
   for (const button of byId("build-kinds").children) button.setAttribute("aria-pressed", String(button.dataset.kind === name));
   draft.add(made(name, ...freeRoom(draft.base.walls, draft.things, FIRST_SIZE)));
   focusThing(picture(), draft.selected);
 }
 
 async function start() {
-  clearTimeout(timer);
+  clearTimeout(state.timer);
   const answer = await check();
   if (answer === null || !answer.ok) {
     byId("build-status").focus();
     return;
   }
   byId("builder").close();
-  parts.open({ scene: draft.scene });
+  state.parts.open({ scene: draft.scene });
 }
 
-/** Begin with the scene that is shown, if it is flat. */
+/** Begin with the current scene, if it is flat. */
 async function beginWithShown() {
   try {
-    const { scene } = await parts.log();
+    const { scene } = await state.parts.log();
     if (scene.dim === 2) {
       draft.begin(scene);
       return;
     }
-    setText("build-status", "The scene that is shown has depth, and this picture is flat: it begins with an empty box.");
+    setText("build-status", "The current scene is 3D, and this builder is flat: it begins with an empty box.");
   } catch (problem) {
-    setText("build-status", `The scene that is shown cannot be read: ${problem.title}. This is an empty box.`);
+    setText("build-status", `The current scene cannot be read: ${problem.title}. This is an empty box.`);
   }
   draft.begin(null);
 }
@@ -139,7 +141,7 @@ function bind() {
     return button;
   });
   byId("build-kinds").replaceChildren(...buttons);
-  bindHands(picture(), { draft, view, kind: () => kind });
+  bindHands(picture(), { draft, view, kind: () => state.kind });
   byId("build-undo").addEventListener("click", () => draft.goBack());
   byId("build-delete").addEventListener("click", () => draft.remove());
   byId("build-empty").addEventListener("click", () => draft.begin(null));
@@ -151,18 +153,18 @@ function bind() {
       draft.goBack();
       event.preventDefault();
     }
-    event.stopPropagation(); // The page behind has keys of its own.
+    event.stopPropagation(); // The page behind has its own keys.
   });
 }
 
 /**
- * Open the dialog with the draft that was left in it, or at first with the scene that is shown.
+ * Open the dialog with its earlier draft, or at first with the current scene.
  *
  * @param given {log() -> promise of the session's log, open(body of POST /v1/sessions)}
  */
 export async function openBuilder(given) {
-  const first = parts === null;
-  parts = given;
+  const first = state.parts === null;
+  state.parts = given;
   if (first) bind();
   byId("builder").showModal();
   if (first) await beginWithShown();

@@ -1,4 +1,4 @@
-// The gallery: scenes with more in them than the scenarios have, as pictures to choose from.
+// The gallery: pictures of richer scenes than the scenarios.
 
 import { request } from "../net/api.js";
 import { byId } from "../panels/dom.js";
@@ -14,7 +14,7 @@ const SCENES = {
   letters: "Letters",
   "dam-in-space": "Dam in space",
 };
-const LEVELS = { "dam-in-space": "1/16" }; // where so many particles need few that carry them
+const LEVELS = { "dam-in-space": "1/16" }; // scenes with too many particles to simulate all of them
 
 let parts = null; // {open, show, toast}, from openGallery
 

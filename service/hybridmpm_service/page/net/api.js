@@ -1,4 +1,4 @@
-// HTTP calls to the service. Each failure becomes a Problem, which says what the user can do.
+// HTTP calls to the service. Each failure becomes a Problem, with advice for the user.
 
 const ADVICE = {
   404: "Start a new simulation from the scene panel.",
@@ -8,11 +8,11 @@ const ADVICE = {
 };
 
 const ADVICE_BY_TYPE = {
-  "urn:hybridmpm:problem:model-damaged": "Let MPM simulate, or ask the operator of the server.",
-  "urn:hybridmpm:problem:simulation-failed": "Go back to the start (r), or begin a new simulation.",
+  "urn:hybridmpm:problem:model-damaged": "Choose MPM, or contact the operator of the server.",
+  "urn:hybridmpm:problem:simulation-failed": "Return to the start (r), or start a new simulation.",
 };
 
-/** What to do about a body that was refused, by the end of the address. */
+/** Advice about a refused body, by the end of the address. */
 const ADVICE_ON_BODY = {
   sketches: "Draw the stroke again, inside the box.",
   sessions: "Choose another scenario or seed in the scene panel, or correct the file that was opened.",
@@ -21,11 +21,11 @@ const ADVICE_ON_BODY = {
 /** A request that the server refused or that never reached it. */
 export class Problem extends Error {
   /**
-   * @param {string} title   what went wrong, in a few words
-   * @param {string} detail  what exactly, with the field and its range where the server names them
+   * @param {string} title   short description
+   * @param {string} detail  exact description, with the field and its range where the server names them
    * @param {number} status  HTTP status, 0 when there was no answer
    * @param {string} type    name of the kind of problem, where the server gives one
-   * @param {string} path    address that was asked; empty for a command of the stream
+   * @param {string} path    address of the call; empty for a command of the stream
    */
   constructor(title, detail, status, type = "", path = "") {
     super(detail ? `${title}: ${detail}` : title);
@@ -51,7 +51,7 @@ async function problemOf(response, path) {
 /**
  * Make a call and return its JSON, or null for a 204. Throws Problem for every answer that is not a success.
  *
- * @param signal an AbortSignal that takes the call back
+ * @param signal an AbortSignal that cancels the call
  */
 export async function request(method, path, body, signal) {
   let response;
@@ -81,7 +81,7 @@ export async function requestFile(path, accept = "*/*") {
   return response.blob();
 }
 
-/** Delete a session while the page goes away; nobody waits for the answer. */
+/** Delete a session while the page closes, without waiting for the answer. */
 export function abandon(path) {
   fetch(path, { method: "DELETE", keepalive: true }).catch(() => {
     // The session expires by itself when the server cannot be reached.

@@ -1,4 +1,4 @@
-// An answer of the server that is asked for again and again as long as somebody wants to see it.
+// An answer of the server that is requested again and again while it is shown.
 
 const EVERY_MS = 150;
 
@@ -33,7 +33,7 @@ export class Polled {
     try {
       answer = await this.#ask();
     } catch {
-      // A session that is gone, or a server that is away, is told of elsewhere.
+      // A missing session or server is reported elsewhere.
     }
     if (!this.#wanted) return;
     this.#take(answer);

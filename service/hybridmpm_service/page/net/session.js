@@ -85,7 +85,7 @@ export class SessionClient {
     return request("GET", `${this.path}/force`);
   }
 
-  /** The mean pressure of the particles of each cell of a grid; MPM alone knows it. */
+  /** The mean pressure of the particles of each cell of a grid; only MPM computes it. */
   pressure() {
     return request("GET", `${this.path}/pressure`);
   }
@@ -169,7 +169,7 @@ export class SessionClient {
     this.#handlers.onState(state, info);
   }
 
-  /** Ask over HTTP first: it tells "server away" from "session gone", which a failed WebSocket does not. */
+  /** Call over HTTP first: it distinguishes a missing server from a missing session, unlike a failed WebSocket. */
   async #resume(generation) {
     try {
       await request("GET", this.path);

@@ -1,4 +1,4 @@
-// Light or dark, full screen, and what particles are coloured by. The page stores nothing: a choice stays in the address.
+// Light or dark, full screen, and the colours of particles. The page stores nothing: a choice stays in the address.
 
 import { QUANTITIES } from "../stage/quantities.js";
 import { css, onScale } from "../stage/renderer/palette.js";
@@ -32,13 +32,13 @@ function showScale(quantity) {
   byId("scale-bar").style.background = `linear-gradient(to right, ${stops.join(", ")})`;
 }
 
-/** Show what the upper end of the scale stands for; null where nobody knows. */
+/** Show the value at the upper end of the scale; null where it is unknown. */
 export function showHighest(most) {
   const scale = QUANTITIES[byId("quantity").value];
   if (scale !== undefined) setText("scale-high", `${most ?? "…"} ${scale.unit}`);
 }
 
-/** Offer the pressure, or not: MPM alone knows it. */
+/** Offer the pressure, or not: only MPM computes it. */
 export function offerPressure(known) {
   const option = byId("quantity").querySelector('[value="pressure"]');
   if (option.disabled === !known) return;

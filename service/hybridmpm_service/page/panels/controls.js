@@ -1,4 +1,4 @@
-// What the user operates: the player, the speed, the tools, the depth of a stroke, the keyboard.
+// The controls: player, speed, tools, depth of a stroke, keyboard.
 
 import { byId, setText } from "./dom.js";
 

@@ -15,7 +15,7 @@ export function showFrame({ frame, time }) {
   setText("time", `${time.toFixed(3)} s`);
 }
 
-/** Show how many pictures a second are drawn; null while none are. */
+/** Show the number of pictures a second; null while none are drawn. */
 export function showDrawing(framesPerSecond) {
   setText("fps", framesPerSecond === null ? "idle" : `${Math.round(framesPerSecond)} fps`);
 }

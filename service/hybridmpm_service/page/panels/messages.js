@@ -1,4 +1,4 @@
-// What the page says about the connection and about problems: the state, the banner, messages in the corner.
+// Messages about the connection and about problems: the state, the banner, notices in the corner.
 
 import { byId, setText } from "./dom.js";
 
@@ -8,7 +8,7 @@ const CONNECTION = {
   connecting: "Connecting",
   live: "Live",
   reconnecting: "Reconnecting",
-  lost: "Simulation gone",
+  lost: "Simulation ended",
   failed: "Not running",
 };
 
@@ -31,7 +31,7 @@ export function hideSkeleton() {
 
 let bannerAction = null;
 
-/** Show a line across the page with one thing to do, {text, label, action}; null takes the line away. */
+/** Show a line across the page with one action, {text, label, action}; null removes it. */
 export function showBanner(banner) {
   byId("banner").hidden = banner === null;
   if (banner === null) return;

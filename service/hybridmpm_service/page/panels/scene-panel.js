@@ -29,14 +29,14 @@ export function showScenarios(scenarios, chosen) {
   if (own === null) chooseScene(chosen);
 }
 
-/** Show that the scene is none of the scenarios; `name` is its own. */
+/** Show the name of a scene that is not from a scenario. */
 export function showOwnScene(name) {
   byId("own-scene")?.remove();
   const option = document.createElement("option");
   option.id = "own-scene";
   option.value = "";
   option.textContent = `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
-  option.dataset.text = "A scene of your own, from the gallery, a file or a link. A scenario that is chosen begins another simulation.";
+  option.dataset.text = "A scene from the gallery, a file or a link. Choosing a scenario starts another simulation.";
   byId("scenario").prepend(option);
   byId("scenario").value = "";
   byId("seed").disabled = true;
@@ -61,7 +61,7 @@ function nounOf(field) {
   return part && PARTS[part[1]] ? `${PARTS[part[1]]} ${Number(part[2]) + 1}` : field;
 }
 
-/** Tell what a check of the scene has found, each finding with what to change; nothing where there is none. */
+/** Show the findings of the scene's check, each with its remedy. */
 export function showFindings(findings) {
   const items = findings.map(({ field, problem, advice }) => {
     const item = document.createElement("li");
@@ -72,7 +72,7 @@ export function showFindings(findings) {
   byId("findings").hidden = items.length === 0;
 }
 
-/** Call `newScene` with {scenario, seed} whenever the user asks for another scene or simulator. */
+/** Call `newScene` with {scenario, seed} when the user chooses another scene or simulator. */
 export function bindScene(newScene) {
   const start = () => newScene({ scenario: byId("scenario").value, seed: Number(byId("seed").value) });
   byId("scenario").addEventListener("change", () => {

@@ -1,4 +1,4 @@
-// The simulator: its choice, the badge on the picture that says who simulates, the card of the latest frames.
+// The simulator: its choice, the badge on the picture, the card of the latest frames.
 
 import { byId, setText } from "./dom.js";
 import { drawStrips, latencyStrip, safeguardStrip, signed, Track, volumeStrip } from "./strips.js";
@@ -6,26 +6,24 @@ import { drawStrips, latencyStrip, safeguardStrip, signed, Track, volumeStrip } 
 const MODES = { mpm: "MPM simulates", neural: "Network simulates" };
 const NAMES = { mpm: "MPM", neural: "Network" };
 const REASONS = {
-  audit: "the network erred",
+  audit: "the network was inaccurate",
   calm: "the network's turn",
   cosine: "the motion is complex",
-  density: "particles crowded",
-  divergence: "the flow diverged",
-  drift: "the network erred",
+  density: "particles are crowded",
+  drift: "the network was inaccurate",
   energy: "energy grew",
   force: "a sketch or a push steers",
-  free_fall: "all falls freely",
-  impact: "an impact",
+  free_fall: "free fall",
   "non-finite": "the network failed",
   outside: "particles left the box",
-  rest: "all is at rest",
+  rest: "everything is at rest",
   unsound: "the network failed",
-  "warm-up": "enough frames to look back on",
+  "warm-up": "the network has enough frames",
 };
 const EMPTY = { frames: [], values: [], phases: [[0, "mpm"]], decisions: [] };
 
 let models = [];
-let charted = { history: EMPTY, safeguard: null, frame: 0 }; // what the newest status says
+let charted = { history: EMPTY, safeguard: null, frame: 0 }; // from the newest status
 let latencies = new Track();
 let volumes = new Track();
 
@@ -37,12 +35,12 @@ export function setModels(list) {
   models = list;
 }
 
-/** The solver that is wanted, or MPM where no network serves the scenario. */
+/** The chosen solver, or MPM where no network serves the scenario. */
 export const solverFor = (scenario, solver) => (modelFor(scenario) === undefined ? "mpm" : solver);
 
 export const chosenSolver = () => document.querySelector('input[name="solver"]:checked').value;
 
-/** The coarse of this name; null, for all particles, where there is none. */
+/** The coarse level of this name; null, for all particles, where there is none. */
 export const asCoarse = (name) => [...byId("coarse").options].find(({ value }) => value !== "" && value === name)?.value ?? null;
 
 export const chosenCoarse = () => asCoarse(byId("coarse").value);
@@ -64,19 +62,19 @@ function choiceText(solver, model, coarse) {
     case "hybrid":
       return `A network simulates ${share}. Where a guard alarms, MPM takes over.`;
     case "neural":
-      return `A network alone simulates ${share}. No guard watches it.`;
+      return `A network alone simulates ${share}, without guards.`;
     default: {
-      const who = coarse === null ? "simulates all particles" : `simulates ${coarse} of the particles, which carry all others along`;
-      const text = `The material point method (MPM) ${who}.`;
+      const part = coarse === null ? "simulates all particles" : `simulates ${coarse} of the particles; all are shown`;
+      const text = `The material point method (MPM) ${part}.`;
       return model === undefined ? `${text} There is no network for this scenario.` : text;
     }
   }
 }
 
-// ---- who simulates now ----
+// ---- the present simulator ----
 
 /**
- * Show who simulates now.
+ * Show the present simulator.
  *
  * @param session the session of a hello or status message
  * @param history the history of a status message; null where there is none
@@ -112,8 +110,8 @@ export function clearTracks() {
 /**
  * Note a frame that is shown.
  *
- * @param solverMs what it took [ms]
- * @param volume room that the matter takes [m^dim]; null where it was not measured
+ * @param solverMs time of the frame [ms]
+ * @param volume volume of the matter [m^dim]; null where it was not measured
  */
 export function trackFrame({ frame, solverMs }, volume) {
   latencies.add(frame, solverMs);

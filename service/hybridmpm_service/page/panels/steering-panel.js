@@ -1,4 +1,4 @@
-// What the page says about a sketch: the line under the picture, and the numbers beside it.
+// Text about a sketch: the line under the picture, and the numbers beside it.
 
 import { byId, setText } from "./dom.js";
 
@@ -19,9 +19,9 @@ function reachedText({ sketch, reached }) {
 }
 
 const HINTS = {
-  orbit: "Drag to look around. Pick Push, Arrow or Oval to steer.",
+  orbit: "Drag to look around. Choose Push, Arrow or Oval to steer.",
   push: "Drag through the fluid to push it",
-  arrow: "Draw an arrow: the fluid moves by it",
+  arrow: "Draw an arrow: the fluid follows it",
   oval: "Drag across an oval, or trace one, for the fluid to fill",
   free: "Draw an arrow or an oval: the fluid follows",
 };
@@ -31,14 +31,14 @@ function steerText(steering, { live, playing, tool, ghost }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
     case "drawing":
-      return kind === "oval" ? "Oval: release to gather the fluid there" : "Arrow: release to move the fluid by it";
+      return kind === "oval" ? "Oval: release to gather the fluid there" : "Arrow: release to move the fluid along it";
     case "staged":
-      return `Taken for an ${kind}`;
+      return `Read as an ${kind}`;
     case "planning":
       return "Planning…";
     case "following":
       if (!playing) return `Paused: play to follow the ${kind}`;
-      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: going near";
+      return steering.plan.needs.reachable ? `Following the ${kind}` : "Out of reach: moving as near as possible";
     case "holding":
       return `Holding: ${reachedText(steering) || kind}`;
     case "done":

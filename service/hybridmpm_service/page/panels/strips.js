@@ -1,4 +1,4 @@
-// The chart of the latest frames: who simulated, the safeguard, what a frame took, how much room the matter takes.
+// The chart of the latest frames: simulator, safeguard, time of a frame, volume of the matter.
 
 import { roundUp } from "../stage/quantities.js";
 
@@ -45,19 +45,19 @@ export function latencyStrip({ points, values }) {
   return { name: "Solver, ms a frame", low: 0, high, marks: [[high, String(high)], [0, "0"]], threshold: null, points };
 }
 
-/** The strip of the room that the matter takes, over that at the first frame seen. */
+/** The strip of the volume of the matter, relative to the first shown frame. */
 export function volumeStrip({ points, values }) {
   const first = values[0] || 1;
   const parts = points.map(([frame, value]) => [frame, value / first]);
   const high = Math.max(1.5, roundUp(Math.max(...parts.map(([, part]) => part), 0)));
-  return { name: "Volume, of the first shown", low: 0, high, marks: [[high, String(high)], [1, "1"], [0, "0"]], threshold: null, points: parts };
+  return { name: "Volume, relative to the first", low: 0, high, marks: [[high, String(high)], [1, "1"], [0, "0"]], threshold: null, points: parts };
 }
 
 /**
  * The layout of the chart in CSS pixels. A pure function.
  *
  * @param strips {name, low, high, marks: [[value, text]], threshold or null, points: [[frame, value]]}, the uppermost first
- * @param phases [[frame, "mpm" | "neural"], ...]: who simulated from when on
+ * @param phases [[frame, "mpm" | "neural"], ...]: first frame and simulator of each phase
  * @returns {areas, first, last, bands: [{x, width}], ticks: [{y, text, threshold}], lines: [[[x, y]]]}
  */
 export function layout(strips, { phases, frame, width, height }) {

@@ -1,4 +1,4 @@
-// How hard and how long the tools act: the settings of the next sketch and of the hand.
+// Strength and duration of the tools: the settings of the next sketch and of the hand.
 
 import { byId, setText } from "./dom.js";
 
@@ -26,7 +26,7 @@ function describe() {
   const duration = Number(byId("duration").value);
   setText("duration-out", duration < FEWEST_FRAMES ? "as needed" : `${seconds(duration)}, ${duration} frames`);
   const hold = Number(byId("hold").value);
-  setText("hold-out", hold === 0 ? "let go at once" : `${seconds(hold)}, ${hold} frames`);
+  setText("hold-out", hold === 0 ? "none" : `${seconds(hold)}, ${hold} frames`);
 }
 
 /** Call `showForces(whether)` whenever the user asks to see the forces, or no more. */
@@ -36,7 +36,7 @@ export function bindToolPanel(showForces) {
   describe();
 }
 
-/** Tell durations in frames of so many seconds. */
+/** Set the length of a frame [s], for durations. */
 export function showFrameLength(length) {
   frameDt = length;
   describe();

@@ -1,4 +1,4 @@
-// All that a plan chose among: error against time, the demand, and the coarse level that was chosen.
+// The chart of a plan: error against time of all methods, the limit, and the chosen method.
 
 const SPACE = "http://www.w3.org/2000/svg";
 const WIDTH = 360;
@@ -29,7 +29,7 @@ function ticks(low, high) {
  * @param svg     the element
  * @param plan    the answer of the server
  * @param demand  {budget_ms} or {max_error}
- * @param titleOf turns the name of a coarse level into a title
+ * @param titleOf turns the name of a method into a title
  */
 export function drawPlans(svg, plan, demand, titleOf) {
   const points = plan.candidates;

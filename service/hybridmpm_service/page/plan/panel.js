@@ -1,4 +1,4 @@
-// The dialog that asks the server which way to simulate the scene is the quickest, or the most accurate.
+// The dialog that finds the fastest or the most accurate method for the scene.
 
 import { request } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
@@ -9,7 +9,7 @@ const METHODS = { mpm: "MPM", coarse: "MPM, coarse mode", neural: "Network", hyb
 let parts = null; // from openPlanner
 let plan = null; // the newest answer; null before the first, and after one that failed
 
-/** "coarse 1/16" -> "MPM carrying all particles, fitted 1/16". */
+/** "coarse 1/16" -> "MPM, coarse mode, 1/16". */
 function titleOf(name) {
   const [method, ...label] = name.split(" ");
   return `${METHODS[method] ?? method}, ${label.join(" ")}`;
@@ -37,7 +37,7 @@ function show(answer) {
   });
   byId("plan-notes").replaceChildren(...notes);
   byId("plan-start").disabled = answer.session === null;
-  byId("plan-start").textContent = answer.session === null ? "Only in Python: no session has these settings" : "Simulate so";
+  byId("plan-start").textContent = answer.session === null ? "Only in Python: sessions lack these settings" : "Use this method";
   drawPlans(byId("plan-chart"), answer, demand(), titleOf);
 }
 
@@ -51,7 +51,7 @@ async function ask(scene) {
   }
 }
 
-/** Let the dialog do what its parts promise; once. */
+/** Bind the controls of the dialog, once. */
 function bind() {
   byId("plan-form").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -70,9 +70,9 @@ function bind() {
 }
 
 /**
- * Open the dialog, and ask at once.
+ * Open the dialog, and find a method at once.
  *
- * @param given {scene() -> {scenario, seed} of the scene that is asked about, start({solver, coarse}) at the coarse level chosen}
+ * @param given {scene() -> {scenario, seed} of the scene, start({solver, coarse}) with the chosen method}
  */
 export function openPlanner(given) {
   if (parts === null) {

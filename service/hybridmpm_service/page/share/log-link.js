@@ -1,4 +1,4 @@
-// A whole run in a link: the log of a session, packed so that damage is noticed.
+// A whole run in a link: the log of a session, packed with a checksum.
 
 const NAME = "replay";
 
@@ -7,9 +7,9 @@ async function through(bytes, stream) {
   return new Uint8Array(await new Response(result).arrayBuffer());
 }
 
-/** The part of an address behind the # that carries a log. */
+/** The part of an address behind the # with a log. */
 export async function packedLog(log) {
-  // gzip, for it carries a checksum.
+  // gzip, because it has a checksum.
   const bytes = await through(new TextEncoder().encode(JSON.stringify(log)), new CompressionStream("gzip"));
   let binary = "";
   for (const byte of bytes) binary += String.fromCharCode(byte);

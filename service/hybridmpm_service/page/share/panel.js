@@ -1,4 +1,4 @@
-// What can be taken away: links, code, films, particles, scenes, whole runs; and what can be brought back.
+// Sharing and export: links, code, films, particles, scenes and whole runs; and opening of files.
 
 import { packedLog } from "./log-link.js";
 import { asCurl, asPython } from "./snippets.js";
@@ -10,19 +10,19 @@ const FILM = { frames: 200, every: 4, format: "gif", width: 480, speed: 0.5 };
 
 let parts = null; // {session, toast, open, picture}
 
-const tell = (text) => setText("share-text", text);
+const report = (text) => setText("share-text", text);
 
 async function copy(text, what) {
   byId("share-copy").hidden = true;
   try {
     await navigator.clipboard.writeText(text);
-    tell(`${what} is in the clipboard.`);
+    report(`${what} is in the clipboard.`);
   } catch {
-    // Without permission, or over plain HTTP: the user copies it.
+    // Without permission, or over plain HTTP, the user copies the text.
     byId("share-copy").value = text;
     byId("share-copy").hidden = false;
     byId("share-copy").select();
-    tell(`${what}, to be copied:`);
+    report(`${what}: copy it from here.`);
   }
 }
 
@@ -36,7 +36,7 @@ function download(content, name, type) {
 
 async function saveParticles(kind, text) {
   download(await parts.session.particles(kind), `particles.${kind}`);
-  tell(text);
+  report(text);
 }
 
 const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?? 0}` : scene.name || "scene");
@@ -44,26 +44,26 @@ const titleOf = ({ scenario, seed, scene }) => (scenario ? `${scenario}-${seed ?
 const ACTIONS = {
   link: async () => {
     const link = `${window.location.origin}/#${await packedLog(await parts.session.log())}`;
-    if (link.length > LONGEST_LINK) tell("This run has too many inputs for a link: save it as a file.");
+    if (link.length > LONGEST_LINK) report("This run has too many inputs for a link: save it as a file.");
     else await copy(link, "A link that computes this run again");
   },
   watch: async () => {
     const id = parts.session.path.split("/").at(-1);
-    await copy(`${window.location.origin}/?watch=${id}`, "A link to watch this simulation, as long as you keep it open,");
+    await copy(`${window.location.origin}/?watch=${id}`, "A link to watch this simulation while it is open");
   },
   python: async () => copy(asPython(await parts.session.log()), "Python for this scene"),
   curl: async () => copy(asCurl(await parts.session.log(), window.location.origin), "A shell command for this scene"),
   film: async () => {
-    tell("The next half second is filmed.");
+    report("The next half second is filmed.");
     const job = await parts.session.record(FILM);
-    const ended = await parts.session.jobEnd(job, ({ done, total }) => tell(`Filming: ${done} of ${total ?? "?"}.`));
+    const ended = await parts.session.jobEnd(job, ({ done, total }) => report(`Filming: ${done} of ${total ?? "?"}.`));
     if (ended.phase === "failed") throw ended.problem;
     download(await parts.session.file(ended.links.result), "hybridmpm.gif");
-    tell("The film is saved.");
+    report("The film is saved.");
   },
   picture: async () => {
     download(await parts.picture(), "hybridmpm.png");
-    tell("The picture is saved.");
+    report("The picture is saved.");
   },
   npz: () => saveParticles("npz", "Positions, velocities, types and ids are saved."),
   ply: () => saveParticles("ply", "The particles are saved as a point cloud for mesh tools."),
@@ -71,17 +71,17 @@ const ACTIONS = {
   fork: async () => {
     const fork = await parts.session.fork();
     const link = Object.assign(document.createElement("a"), { href: `?session=${fork.id}`, target: "_blank", textContent: "Open the fork" });
-    byId("share-text").replaceChildren("A second simulation goes on from this state by itself. ", link);
+    byId("share-text").replaceChildren("A second simulation continues from this state. ", link);
   },
   scene: async () => {
     const log = await parts.session.log();
     download(JSON.stringify(log.scene, null, 1), `${titleOf(log)}.json`, "application/json");
-    tell("The scene is saved; Open brings it back, and so does Scene.load in Python.");
+    report("The scene is saved; Open brings it back, and so does Scene.load in Python.");
   },
   run: async () => {
     const log = await parts.session.log();
     download(JSON.stringify(log), `${titleOf(log)}-run.json`, "application/json");
-    tell("Scene and inputs are saved; Open computes the run again.");
+    report("Scene and inputs are saved; Open computes the run again.");
   },
 };
 
@@ -90,7 +90,7 @@ async function open(file) {
   try {
     content = JSON.parse(await file.text());
   } catch {
-    parts.toast({ title: "This file cannot be read", detail: `${file.name} is no JSON.`, advice: "Open a scene or a run that was saved here." });
+    parts.toast({ title: "This file cannot be read", detail: `${file.name} is not JSON.`, advice: "Open a scene or a run that was saved here." });
     return;
   }
   const isRun = typeof content === "object" && content !== null && "inputs" in content;
@@ -98,7 +98,7 @@ async function open(file) {
 }
 
 /**
- * Do what a button of the card promises.
+ * Perform the action of a button of the card.
  *
  * @param button the button
  * @param given  {session, toast(problem), open(body of POST /v1/sessions), picture() -> promise of a blob}
@@ -112,7 +112,7 @@ export async function share(button, given) {
   try {
     await ACTIONS[button.dataset.share]();
   } catch (problem) {
-    tell("");
+    report("");
     parts.toast(problem);
   }
 }

@@ -30,8 +30,8 @@ export function asPython(log) {
 /** What the service needs to start the session of a log, without its inputs. */
 export function bodyOf({ scenario, seed, scene, solver, coarse, model }) {
   const what = scenario ? { scenario, seed } : { scene };
-  const who = solver === "mpm" ? { solver, ...(coarse ? { coarse } : {}) } : { solver, model };
-  return { ...what, ...who };
+  const simulator = solver === "mpm" ? { solver, ...(coarse ? { coarse } : {}) } : { solver, model };
+  return { ...what, ...simulator };
 }
 
 /** A shell command that starts the same session. */

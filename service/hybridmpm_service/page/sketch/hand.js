@@ -1,4 +1,4 @@
-// A hand in the fluid: while it is held, the server is told where it is and how fast it moves.
+// A hand in the fluid: while it is held, its place and velocity are sent to the server.
 
 /** Radius within which the hand pushes [m]. */
 export const RADIUS = 0.08;

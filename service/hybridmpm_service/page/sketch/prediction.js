@@ -1,11 +1,11 @@
-// Where a sketch will lead, as far as that can be said before the service has planned it.
+// Estimated goal of a sketch, before the service has planned it.
 
 import { depthOfWidth, ellipseOf, widthsAlong } from "./sketch.js";
 
 /**
  * The way that the centre of mass will go, and the outline that the fluid will fill, as the `goal` of a plan has them.
  *
- * An arrow carries the centre of mass along from where it is, an oval asks it to the oval's middle. What walls, obstacles
+ * An arrow moves the centre of mass along from its present place, an oval to the oval's middle. What walls, obstacles
  * and the fluid's volume make of it is for the plan to say.
  *
  * @param sketch {kind, points, widths: [start, end]}

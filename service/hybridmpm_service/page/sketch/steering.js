@@ -19,7 +19,7 @@ export class Steering {
   #stageTimer = 0;
   #lastFrame = 0;
   #seen = false; // whether the server has said that this sketch steers
-  #attempt = 0; // number of the present sketch, which tells answers to replaced ones apart
+  #attempt = 0; // number of the present sketch; answers to replaced ones have others
   #call = new AbortController(); // takes back the call that asks for the plan
   #handlers;
 

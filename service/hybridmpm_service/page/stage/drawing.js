@@ -1,4 +1,4 @@
-// Sketches, where they lead, and the hand that pushes, painted over the particles.
+// Sketches, their goals, and the pushing hand, painted over the particles.
 
 import { inSpace } from "../sketch/prediction.js";
 import { arrowHead, distance, ellipseOf, pathLength, widthsAlong } from "../sketch/sketch.js";

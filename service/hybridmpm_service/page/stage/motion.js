@@ -3,18 +3,18 @@
 /** An obstacle of the scene as it stands at `time` [s]; a moving box has `corners`, ordered as by cornersOf. */
 export function placed(obstacle, time) {
   if (obstacle.motion === undefined) return obstacle;
-  const carry = carrier(obstacle.motion, time);
+  const moved = moverAt(obstacle.motion, time);
   switch (obstacle.shape) {
     case "cylinder":
     case "segment":
-      return { ...obstacle, start: carry(obstacle.start), end: carry(obstacle.end) };
+      return { ...obstacle, start: moved(obstacle.start), end: moved(obstacle.end) };
     case "ball":
-      return { ...obstacle, center: carry(obstacle.center) };
+      return { ...obstacle, center: moved(obstacle.center) };
     case "box":
-      return { ...obstacle, corners: cornersOf(obstacle).map(carry) };
+      return { ...obstacle, corners: cornersOf(obstacle).map(moved) };
     default: {
-      const point = carry(obstacle.point);
-      const tip = carry(obstacle.point.map((value, axis) => value + obstacle.normal[axis]));
+      const point = moved(obstacle.point);
+      const tip = moved(obstacle.point.map((value, axis) => value + obstacle.normal[axis]));
       return { ...obstacle, point, normal: tip.map((value, axis) => value - point[axis]) };
     }
   }
@@ -27,8 +27,8 @@ export function cornersOf({ lower, upper }) {
   );
 }
 
-/** A function that carries a point of an obstacle at time 0 to where it is at `time` [s]. */
-function carrier(motion, time) {
+/** A function that moves a point of an obstacle at time 0 to its place at `time` [s]. */
+function moverAt(motion, time) {
   const clock = clockOf(motion, time);
   const spin = motion.angular_velocity ?? 0;
   return (point) => {

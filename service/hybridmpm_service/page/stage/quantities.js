@@ -1,4 +1,4 @@
-// What particles may be coloured by: one byte for each of them, on a scale that has a unit.
+// Colours of particles by a quantity: one byte for each, on a scale with a unit.
 
 import { FASTEST } from "./particles.js";
 
@@ -9,7 +9,7 @@ const CELL_SPACINGS = 2; // side of a cell in which particles are counted [spaci
 export const QUANTITIES = {
   speed: { title: "Speed", unit: "m/s", most: FASTEST },
   density: { title: "Density", unit: "× rest", most: DENSEST },
-  pressure: { title: "Pressure", unit: "kPa", most: null }, // as much as there is
+  pressure: { title: "Pressure", unit: "kPa", most: null }, // up to the highest
 };
 
 /** A number that a scale may end with, at least `value`: 1, 2 or 5 times a power of ten. */

@@ -37,7 +37,7 @@ export class Stage {
   #quantity = "material"; // name of what the particles are coloured by
   #pressure = null; // the newest answer of the server; null where nobody asks
   #frame = null; // the frame that is shown
-  #described = false; // whether the renderer knows the particles
+  #described = false; // whether the renderer has the particles
   #time = 0; // simulated time of the frame that is shown [s]
   #shown; // {steering, hand, presenter, forces}: what is drawn over the particles
   #centroid = null; // centre of mass of the fluid
