@@ -94,6 +94,6 @@ def test_a_seed_that_does_not_fit_is_told(open_page: Open) -> None:
     visit = open_page("renderer=canvas2d&scenario=water_2d&seed=-3")
     visit.wait_for("Number(body.frame) > 0")
     toast = visit.page.locator(".toast")
-    expect(toast).to_contain_text("The seed in the address does not fit")
+    expect(toast).to_contain_text("Invalid seed in the address")
     expect(toast).to_contain_text('It is "-3"')
     assert visit.page.locator("#seed").input_value() == "0"

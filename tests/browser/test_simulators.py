@@ -126,9 +126,7 @@ def test_a_level_is_chosen_on_the_page(
     first = visit.session
     made = service.get(f"/v1/sessions/{first}")
     assert (made["solver"], made["coarse"], made["r_p"]) == ("mpm", "1/16", 1 / 16)
-    expect(visit.page.locator("#solver-text")).to_contain_text(
-        "1/16 of the particles, which carry all others"
-    )
+    expect(visit.page.locator("#solver-text")).to_contain_text("1/16 of the particles; all are shown")
     choice = visit.page.get_by_label("Particles simulated")
     expect(choice).to_have_value("1/16")
     choice.select_option("All")
@@ -172,7 +170,7 @@ def test_a_network_that_fails_says_what_to_do(open_page: Open, service: LiveServ
     visit.page.keyboard.press("Space")
     toast = visit.page.locator(".toast")
     expect(toast).to_contain_text("non-finite in frame 21")
-    expect(toast).to_contain_text("Go back to the start (r)")
+    expect(toast).to_contain_text("Return to the start (r)")
     visit.wait_for("body.playing === 'false' && body.frame === '20'")
     visit.press_until("r", "body.frame === '0'")
 

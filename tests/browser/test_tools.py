@@ -92,7 +92,7 @@ def test_strength_duration_and_hold_go_with_the_sketch_and_the_hand(open_page: O
     visit = open_page(WATER, prepare=listen)
     visit.pause_at(5)
     expect(visit.page.locator("#duration-out")).to_have_text("as needed")
-    expect(visit.page.locator("#hold-out")).to_have_text("let go at once")
+    expect(visit.page.locator("#hold-out")).to_have_text("none")
     visit.page.locator("#strength").fill("50")
     visit.page.locator("#duration").fill("120")
     visit.page.locator("#hold").fill("40")

@@ -33,7 +33,7 @@ def test_axe_finds_nothing(open_page: Open, service: LiveService, width: int, sc
     visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
     visit.press_until("Space", "body.playing === 'false'")
     assert _violations(visit) == []
-    visit.page.get_by_role("button", name="Which is best?").click()
+    visit.page.get_by_role("button", name="Find a method").click()
     expect(visit.page.locator("#plan-answer")).to_be_visible()
     assert _violations(visit) == []
     visit.page.keyboard.press("Escape")

@@ -43,22 +43,22 @@ def test_particles_are_coloured_by_what_is_chosen(
     visit.press_until("r", "body.frame === '0'")
     assert _hues(visit)["sand"] > 100
     expect(visit.page.locator("#scale")).to_be_hidden()
-    visit.page.get_by_label("Particles coloured by").select_option("Speed")
+    visit.page.get_by_label("Colour particles by").select_option("Speed")
     expect(visit.page.locator("#scale")).to_have_text("Speed 04 m/s")
     assert "colour=speed" in visit.page.url
     # At the start all is at rest: the low end of the scale.
     still = _hues(visit)
     assert still["violet"] > 0.8 * still["any"] > 0
     assert still["sand"] == 0
-    visit.page.get_by_label("Particles coloured by").select_option("Density")
+    visit.page.get_by_label("Colour particles by").select_option("Density")
     expect(visit.page.locator("#scale-title")).to_have_text("Density")
     assert _hues(visit)["violet"] < 0.2 * still["violet"]
-    visit.page.get_by_label("Particles coloured by").select_option("Pressure")
+    visit.page.get_by_label("Colour particles by").select_option("Pressure")
     expect(visit.page.locator("#scale-high")).to_have_text("0.1 kPa")
     # Nothing presses on what falls.
     fallen = _hues(visit)
     assert fallen["violet"] > 0.8 * fallen["any"] > 0
-    visit.page.get_by_label("Particles coloured by").select_option("Density")
+    visit.page.get_by_label("Colour particles by").select_option("Density")
     visit.page.reload()
     visit.wait_for("body.state === 'live' && Number(body.frame) > 0")
     expect(visit.page.locator("#scale-title")).to_have_text("Density")

@@ -60,7 +60,7 @@ def test_a_link_computes_the_run_again(open_page: Open, service: LiveService, wi
     other.wait_for("body.state === 'live'")
     other.page.goto(link)  # which changes the part behind the # alone
     other.wait_for(f"body.state === 'live' && Number(body.frame) === {log['frame']}")
-    expect(other.page.locator("#toasts")).to_contain_text("Computed again, bit by bit")
+    expect(other.page.locator("#toasts")).to_contain_text("Computed again with the same bits")
     assert other.session != visit.session
     assert service.get(f"/v1/sessions/{other.session}/log")["digest"] == log["digest"]
     damaged = link[:-40] + link[-20:]

@@ -4,15 +4,15 @@ import { request } from "../net/api.js";
 import { byId, setText } from "../panels/dom.js";
 import { drawPlans } from "./chart.js";
 
-const METHODS = { mpm: "MPM", coarse: "MPM, coarse mode", neural: "Network", hybrid: "Hybrid" };
+const METHODS = { mpm: "MPM", coarse: "Coarse mode", neural: "Network", hybrid: "Hybrid" };
 
 let parts = null; // from openPlanner
 let plan = null; // the newest answer; null before the first, and after one that failed
 
-/** "coarse 1/16" -> "MPM, coarse mode, 1/16". */
+/** "coarse 1/16" -> "Coarse mode, 1/16"; "mpm 1" -> "MPM, all particles". */
 function titleOf(name) {
   const [method, ...label] = name.split(" ");
-  return `${METHODS[method] ?? method}, ${label.join(" ")}`;
+  return `${METHODS[method] ?? method}, ${label.join(" ") === "1" ? "all particles" : label.join(" ")}`;
 }
 
 const figures = ({ error, ms_per_frame: ms }) => `error ${Number(error.toPrecision(2))}, ${Number(ms.toPrecision(2))} ms a frame`;
