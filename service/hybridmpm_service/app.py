@@ -2,17 +2,22 @@
 
 import asyncio
 import contextlib
+import functools
+import hashlib
 import logging
 import time
 from collections.abc import AsyncIterator
+from html import escape
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
 
 import hybridmpm
-from hybridmpm_service.front import PAGE, front
 from hybridmpm_service.http import problems
 from hybridmpm_service.http.middleware import (
     AccessMiddleware,
@@ -21,11 +26,15 @@ from hybridmpm_service.http.middleware import (
 )
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.jobs import JobTable
-from hybridmpm_service.routes import catalogue, estimates, health, jobs, sessions, sketches, stream
+from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
 from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.settings import Settings
+
+PAGE = Path(__file__).parent / "page"
+"""Folder of the page's files."""
+
 
 _SWEEP_SECONDS = 30.0
 """Longest time between two searches for idle sessions."""
@@ -60,14 +69,14 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (health, catalogue, estimates, sessions, sketches, jobs, stream)
+    modules = (catalogue, estimates, sessions, sketches, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)
     app.state.operations = [
         route for router in routers for route in router.routes if isinstance(route, APIRoute)
     ]
-    app.add_route("/", front, methods=["GET", "HEAD"], include_in_schema=False)
+    app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.
     app.add_middleware(BodyLimitMiddleware, max_bytes=settings.max_body_bytes)
@@ -109,6 +118,20 @@ async def _sweep(manager: SessionManager, jobs: JobTable, seconds: float) -> Non
             await manager.expire()
         except Exception:  # noqa: BLE001 - the next sweep may succeed, and must come
             _log.exception("ending idle sessions failed; trying again")
+
+
+def _front(request: Request) -> Response:
+    """Return the page; previews of links need the whole address of the picture in it."""
+    text = _index().replace("{{address}}", escape(str(request.base_url).rstrip("/")))
+    tag = f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"ETag": tag})
+    return HTMLResponse(text, headers={"ETag": tag})
+
+
+@functools.cache
+def _index() -> str:
+    return (PAGE / "index.html").read_text(encoding="utf-8")
 
 
 def _document(app: FastAPI) -> None:

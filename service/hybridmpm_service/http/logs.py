@@ -7,26 +7,14 @@ from pydantic import ConfigDict, FailFast, Field, model_validator
 from hybridmpm.control import MAX_POINTS
 from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.requests import Cap, Request, SketchSettings
-from hybridmpm_service.sessions.inputs import Input, Origin, input_of
+from hybridmpm_service.http.requests import Hand, Request, SketchSettings
+from hybridmpm_service.sessions.inputs import Input, Origin, Versions, input_of
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
 
 FORMAT = 1
 """Version of the form of a log."""
 Frame = Annotated[int, Field(ge=0, strict=True)]
-Numbers = Annotated[list[float], Field(min_length=2, max_length=3)]
-
-
-class LoggedVersions(Request):
-    """Versions that computed a session; others need not give the same bits."""
-
-    hybridmpm: str = Field(max_length=100)
-    """Version of the library."""
-    solver: int = Field(strict=True)
-    """Version of the solver."""
-    model: str | None = Field(max_length=64)
-    """SHA-256 of the network's file; null without a network."""
 
 
 class LoggedSketch(Request):
@@ -83,18 +71,6 @@ class LoggedRelease(Request):
     """First frame whose state no sketch acts on."""
 
 
-class LoggedForce(Request):
-    """A local force, as by a hand that moves through the fluid."""
-
-    point: Numbers
-    """Centre [m]."""
-    velocity: Numbers
-    """Velocity of the hand [m/s]."""
-    radius: float = Field(gt=0, le=1)
-    """Reach of the force [m]."""
-    cap: Cap
-
-
 class LoggedPush(Request):
     """Start, change or end of a hand's push."""
 
@@ -102,7 +78,7 @@ class LoggedPush(Request):
     """Kind of the input."""
     frame: Frame
     """First frame whose state it acts on."""
-    push: LoggedForce | None
+    push: Hand | None
     """Force of the hand; null ends it."""
 
 
@@ -151,7 +127,7 @@ class LogBody(Request):
 
     format: Literal[1]
     """Version of the form of the log."""
-    versions: LoggedVersions
+    versions: Versions
     """Versions that computed the session."""
     scenario: str | None = Field(max_length=100)
     """Scenario that the scene was drawn from; null where a scene was sent."""
@@ -220,7 +196,7 @@ class LogBody(Request):
         """
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
-        origin = Origin.of_record(vars(self) | {"versions": vars(self.versions)})
+        origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()})
         inputs = tuple(
             _input(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
             for place, one in enumerate(self.inputs)

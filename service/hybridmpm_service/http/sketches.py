@@ -24,8 +24,7 @@ from hybridmpm.control import (
 )
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
 from hybridmpm_service.http.answers import Answer, example
-from hybridmpm_service.http.json_text import read_json
-from hybridmpm_service.http.requests import SketchRequest, SketchSettings
+from hybridmpm_service.http.requests import SketchRequest, SketchSettings, read_json
 from hybridmpm_service.sessions.inputs import sketch_record
 from hybridmpm_service.sessions.view import CellMeans
 

@@ -12,7 +12,7 @@ from fastapi.routing import APIRoute
 from starlette.requests import ClientDisconnect
 
 from hybridmpm_service.errors import FieldError, IdempotencyKeyError, UnavailableError
-from hybridmpm_service.http.json_text import read_json
+from hybridmpm_service.http.requests import read_json
 
 HEADER = "Idempotency-Key"
 _LONGEST_KEY = 200

@@ -1,24 +1,25 @@
-"""Routes of the scenarios, of the scenes drawn from them, and of the networks."""
+"""Routes of scenarios, scenes and networks, and of the health of the process."""
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
+from pydantic import BaseModel
 
 from hybridmpm import scenarios
 from hybridmpm_service.errors import ScenarioNotFoundError
 from hybridmpm_service.http.answers import ModelBody, ModelList, ScenarioBody, ScenarioList
 from hybridmpm_service.routes.dependencies import Sessions, problems
 
-router = APIRouter(prefix="/v1")
+router = APIRouter()
 
 
-@router.get("/scenarios", tags=["scenarios"])
+@router.get("/v1/scenarios", tags=["scenarios"])
 async def list_scenarios() -> ScenarioList:
     """List the scenarios."""
     return ScenarioList(scenarios=[ScenarioBody.of(scenarios.describe(name)) for name in scenarios.NAMES])
 
 
-@router.get("/scenarios/{name}", tags=["scenarios"], responses=problems(404, 422))
+@router.get("/v1/scenarios/{name}", tags=["scenarios"], responses=problems(404, 422))
 def get_scene(
     name: Annotated[str, Path(description="Name of the scenario.")],
     seed: Annotated[int, Query(ge=0, lt=2**53, description="Seed that the scene is drawn with.")] = 0,
@@ -30,7 +31,30 @@ def get_scene(
     return scenarios.get(name, seed).model_dump(mode="json", exclude_none=True)
 
 
-@router.get("/models", tags=["models"])
+@router.get("/v1/models", tags=["models"])
 async def list_models(sessions: Sessions) -> ModelList:
     """List the networks that may simulate sessions; the first that serves a scenario is its default."""
     return ModelList(models=[ModelBody.of(*item) for item in sessions.solvers.models.items()])
+
+
+class Health(BaseModel, use_attribute_docstrings=True):
+    """State of the process."""
+
+    status: str
+    """State of the process: "alive" or "ready"."""
+
+
+@router.get("/livez", tags=["health"])
+async def livez() -> Health:
+    """Answer that the process is alive."""
+    return Health(status="alive")
+
+
+@router.get("/readyz", tags=["health"], responses=problems(503))
+async def readyz(sessions: Sessions) -> Health:
+    """Answer whether a session can be created now."""
+    await sessions.expire()
+    refusal = sessions.why_full()
+    if refusal is not None:
+        raise refusal
+    return Health(status="ready")

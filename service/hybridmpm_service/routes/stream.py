@@ -14,7 +14,6 @@ from hybridmpm.control import Push, push
 from hybridmpm.stream_frames import VERSIONS, FrameMessage
 from hybridmpm_service.errors import FieldError, ServiceError, SessionNotFoundError, UnavailableError
 from hybridmpm_service.http.answers import HistoryBody, SessionBody
-from hybridmpm_service.http.json_text import read_json
 from hybridmpm_service.http.problems import MAX_DETAIL, field_path, row_of, shortened, urn_of
 from hybridmpm_service.http.requests import (
     COMMAND,
@@ -26,6 +25,7 @@ from hybridmpm_service.http.requests import (
     Reset,
     Speed,
     Step,
+    read_json,
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY

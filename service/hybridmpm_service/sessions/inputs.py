@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
+from pydantic import BaseModel, Field
 
 from hybridmpm import SOLVER_VERSION, Scene, __version__
 from hybridmpm.control import Arrow, Ellipse, Push, Sketch
@@ -127,16 +128,15 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-@dataclass(frozen=True, kw_only=True)
-class Versions:
+class Versions(BaseModel, frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True):
     """Versions that computed a session; others need not give the same bits."""
 
-    hybridmpm: str
+    hybridmpm: str = Field(max_length=100)
     """Version of the library."""
     solver: int
-    """`hybridmpm.SOLVER_VERSION`."""
-    model: str | None
-    """SHA-256 of the network's file; None without a network."""
+    """Version of the solver."""
+    model: str | None = Field(max_length=64)
+    """SHA-256 of the network's file; null without a network."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +167,7 @@ class Origin:
     def record(self) -> dict[str, Any]:
         """Return the origin as plain data; `of_record` makes an equal one of it."""
         return {
-            "versions": vars(self.versions),
+            "versions": self.versions.model_dump(),
             "scenario": self.scenario,
             "seed": self.seed,
             "scene": self.scene.model_dump(mode="json", exclude_none=True),

@@ -1,13 +1,301 @@
-"""Journal: all inputs of a simulation since frame 0, in memory and, where there is a file, on disk."""
+"""Files of sessions on disk: origin, inputs and latest checkpoint of each.
 
+A file is an SQLite database with a write-ahead log. An input is appended by one transaction. A checkpoint
+replaces the older one whole or not at all. A log torn at its tail, by a crash or a full disk, is read up to
+its last whole transaction. A killed process loses nothing that was committed. A power cut may lose the latest
+transactions, since they are not forced to the disk one by one, but never damages the file.
+"""
+
+import contextlib
+import json
 import logging
+import math
+import re
+import sqlite3
 import time
-from collections.abc import Callable, Iterable
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Self, TypeAlias
 
+from hybridmpm.errors import ConfigError
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.inputs import Input
-from hybridmpm_service.sessions.storage import Checkpoint, SessionFile
+from hybridmpm_service.sessions.inputs import Input, Origin, input_of
+
+_FORMAT = 1
+_BEGUN = "begun"
+"""Key of the session's start [s since 1970] in the record of the origin."""
+_TABLES = """
+CREATE TABLE origin (record TEXT NOT NULL);
+CREATE TABLE progress (reached INTEGER NOT NULL, complete INTEGER NOT NULL);
+CREATE TABLE inputs (number INTEGER PRIMARY KEY, record TEXT NOT NULL, guidance BLOB);
+CREATE TABLE checkpoint (
+    frame INTEGER NOT NULL, inputs INTEGER NOT NULL, state BLOB NOT NULL, guidance BLOB, rest TEXT NOT NULL
+);
+INSERT INTO progress VALUES (0, 1);
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkpoint:
+    """State of a simulation after some frame."""
+
+    frame: int
+    """Number of the frame."""
+    state: bytes
+    """Snapshot of the simulator."""
+    guidance: bytes | None
+    """Snapshot of the guidance that steers; None where none does."""
+    rest: Mapping[str, Any]
+    """Other state of the simulation, as plain data."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """Contents of a session file."""
+
+    origin: Origin
+    inputs: tuple[Input, ...]
+    """In the order in which they acted."""
+    guidances: Mapping[int, bytes]
+    """Snapshots of the guidances of sketches, by the place of the sketch among the inputs."""
+    checkpoint: Checkpoint | None
+    """None before the first."""
+    checked: int
+    """Number of inputs that the checkpoint contains."""
+    reached: int
+    """Latest frame that an answer reported to a client."""
+    complete: bool
+    """Whether the inputs are all since frame 0."""
+
+
+def start_of(path: Path) -> float:
+    """Return the start of a file's session [s since 1970]; an unreadable file counts as the newest."""
+    try:
+        with contextlib.closing(sqlite3.connect(path)) as database:
+            (record,) = database.execute("SELECT record FROM origin").fetchone()
+        return float(json.loads(record).get(_BEGUN, 0.0))
+    except (sqlite3.Error, TypeError, ValueError, AttributeError):
+        return math.inf
+
+
+class SessionFile:
+    """The file of one session. Used by one thread at a time.
+
+    Each method that writes is one transaction, and raises StorageError where it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _stored(path):
+            # The threads of a session take turns.
+            self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+            self._database.execute("PRAGMA synchronous = NORMAL")
+
+    @classmethod
+    def create(cls, path: Path, origin: Origin) -> Self:
+        """Return the new file of a session.
+
+        Raises
+        ------
+        StorageError
+            It cannot be written.
+        """
+        file = cls(path)
+        try:
+            with _stored(path):
+                file._database.execute("PRAGMA journal_mode = WAL")
+                file._database.execute(f"PRAGMA user_version = {_FORMAT}")
+                file._database.executescript(_TABLES)
+                record = json.dumps({_BEGUN: time.time(), **origin.record()})
+                file._database.execute("INSERT INTO origin VALUES (?)", (record,))
+        except StorageError:
+            file.close()
+            file.remove()
+            raise
+        return file
+
+    def read(self) -> Stored:
+        """Return the contents of the file.
+
+        Raises
+        ------
+        StorageError
+            The file is damaged, or of another version.
+        """
+        with _stored(self._path):
+            (version,) = self._database.execute("PRAGMA user_version").fetchone()
+            if version != _FORMAT:
+                raise StorageError(f"{self._path} has the format {version}, this service reads {_FORMAT}")
+            (origin,) = self._database.execute("SELECT record FROM origin").fetchone()
+            reached, complete = self._database.execute("SELECT reached, complete FROM progress").fetchone()
+            rows = self._database.execute("SELECT record, guidance FROM inputs ORDER BY number").fetchall()
+            found = self._database.execute("SELECT * FROM checkpoint").fetchone()
+        try:
+            checkpoint, checked = None, 0
+            if found is not None:
+                frame, checked, state, guidance, rest = found
+                checkpoint = Checkpoint(frame=frame, state=state, guidance=guidance, rest=json.loads(rest))
+            return Stored(
+                origin=Origin.of_record(json.loads(origin)),
+                inputs=tuple(input_of(json.loads(record)) for record, _ in rows),
+                guidances={place: row[1] for place, row in enumerate(rows) if row[1] is not None},
+                checkpoint=checkpoint,
+                checked=checked,
+                reached=reached,
+                complete=bool(complete),
+            )
+        except (KeyError, TypeError, ValueError) as err:
+            raise StorageError(f"{self._path} is damaged: {err}") from err
+
+    def append(self, made: Input, guidance: bytes | None) -> None:
+        """Add an input, with a snapshot of its guidance if it is a sketch."""
+        with self._transaction() as database:
+            _insert(database, made, guidance)
+
+    def mark(self, frame: int) -> None:
+        """Note the frame that an answer reports to a client."""
+        with self._transaction() as database:
+            database.execute("UPDATE progress SET reached = ?", (frame,))
+
+    def overflow(self) -> None:
+        """Note that from now on the inputs are not all since frame 0."""
+        with self._transaction() as database:
+            database.execute("UPDATE progress SET complete = 0")
+
+    def check(self, checkpoint: Checkpoint) -> None:
+        """Replace the checkpoint by one that contains all inputs so far."""
+        with self._transaction() as database:
+            _check(database, checkpoint)
+
+    def clear(self) -> None:
+        """Forget everything but the origin: the session is at frame 0 again."""
+        with self._transaction() as database:
+            _clear(database)
+
+    def rewrite(self, inputs: Sequence[Input], checkpoint: Checkpoint, *, complete: bool) -> None:
+        """Replace everything by these inputs, and a checkpoint that contains them."""
+        with self._transaction() as database:
+            _clear(database)
+            for made in inputs:
+                _insert(database, made, None)
+            _check(database, checkpoint)
+            database.execute("UPDATE progress SET complete = ?", (complete,))
+
+    def close(self) -> None:
+        """Close the file."""
+        with contextlib.suppress(sqlite3.Error):
+            self._database.close()
+
+    def remove(self) -> None:
+        """Delete the file, which may still be open."""
+        for suffix in ("", "-wal", "-shm"):
+            self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with _stored(self._path):
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._database
+                self._database.execute("COMMIT")
+            except BaseException:
+                with contextlib.suppress(sqlite3.Error):
+                    self._database.execute("ROLLBACK")
+                raise
+
+
+def _insert(database: sqlite3.Connection, made: Input, guidance: bytes | None) -> None:
+    database.execute(
+        "INSERT INTO inputs (record, guidance) VALUES (?, ?)", (json.dumps(made.record()), guidance)
+    )
+
+
+def _check(database: sqlite3.Connection, checkpoint: Checkpoint) -> None:
+    (inputs,) = database.execute("SELECT count(*) FROM inputs").fetchone()
+    # The checkpoint contains the guidance that still steers.
+    database.execute("UPDATE inputs SET guidance = NULL WHERE guidance IS NOT NULL")
+    database.execute("DELETE FROM checkpoint")
+    database.execute(
+        "INSERT INTO checkpoint VALUES (?, ?, ?, ?, ?)",
+        (
+            checkpoint.frame,
+            inputs,
+            checkpoint.state,
+            checkpoint.guidance,
+            json.dumps(dict(checkpoint.rest)),
+        ),
+    )
+
+
+def _clear(database: sqlite3.Connection) -> None:
+    database.execute("DELETE FROM inputs")
+    database.execute("DELETE FROM checkpoint")
+    database.execute("UPDATE progress SET reached = 0, complete = 1")
+
+
+@contextlib.contextmanager
+def _stored(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (sqlite3.Error, OSError) as err:
+        raise StorageError(f"{path} cannot be read or written: {err}") from err
+
+
+_SUFFIX = ".session"
+_NAME = re.compile(r"[0-9a-f]{32}")
+
+
+class Folder:
+    """A folder with a file for each session, which one service at a time may use.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it does not exist.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written, or another service uses it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            # The system releases the lock when the process ends, in any way.
+            self._lock = sqlite3.connect(path / "lock", timeout=0, isolation_level=None)
+            self._lock.execute("BEGIN EXCLUSIVE")
+        except (sqlite3.Error, OSError) as err:
+            raise ConfigError(
+                f"state_folder: {path} cannot be used: {err}. It must be a folder that the service may "
+                "write, and that no other service uses"
+            ) from None
+
+    def names(self) -> list[str]:
+        """Return the names of the sessions that have a file, in the order in which they began."""
+        files = [path for path in self._path.glob(f"*{_SUFFIX}") if _NAME.fullmatch(path.stem)]
+        return [path.stem for path in sorted(files, key=lambda path: (start_of(path), path.stem))]
+
+    def create(self, name: str, origin: Origin) -> SessionFile:
+        """Return the new file of a session; errors as `SessionFile.create`."""
+        return SessionFile.create(self._path / f"{name}{_SUFFIX}", origin)
+
+    def open(self, name: str) -> SessionFile:
+        """Return the file of a session that `names` lists.
+
+        Raises
+        ------
+        StorageError
+            It cannot be read.
+        """
+        return SessionFile(self._path / f"{name}{_SUFFIX}")
+
+    def close(self) -> None:
+        """Let another service use the folder."""
+        self._lock.close()
+
 
 MAX_INPUTS = 50_000
 """Largest number of inputs that are kept; a hand that moves in every frame for eight minutes at a quarter of

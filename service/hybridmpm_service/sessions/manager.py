@@ -18,19 +18,14 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions.admission import (
-    Machine,
-    estimated_frame_seconds,
-    static_findings,
-    within_limits,
-)
+from hybridmpm_service.sessions.admission import estimated_frame_seconds, static_findings, within_limits
 from hybridmpm_service.sessions.inputs import Origin
-from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock
+from hybridmpm_service.sessions.journal import Folder
+from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
-from hybridmpm_service.sessions.storage import Folder
 from hybridmpm_service.settings import Settings
 
 CLOSE_GOING_AWAY = 1001

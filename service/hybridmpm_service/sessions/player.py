@@ -1,4 +1,7 @@
-"""Player of a session: it computes the frames that are due at a chosen speed."""
+"""Player of a session, which computes the frames that are due at a chosen speed, and the load of all players.
+
+Sessions that play are limited by the measured time of their frames. A paused session takes memory alone.
+"""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -6,8 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from hybridmpm import SimulationError
-from hybridmpm_service.errors import SessionBusyError
-from hybridmpm_service.sessions.admission import Machine
+from hybridmpm_service.errors import MachineFullError, SessionBusyError
 
 Clock = Callable[[], float]
 """Returns the seconds since an arbitrary start; they never go back."""
@@ -77,6 +79,84 @@ _TICK_SECONDS = 1 / 60
 """Shortest time between two ticks: no screen shows more frames."""
 _MAX_TURN_SECONDS = 0.025
 """Longest time of a turn of the player on the session's thread."""
+
+
+class Machine:
+    """The cores of the machine, shared by the sessions that play.
+
+    The load of a session is the time of its frames in a second at its speed, at most all of its threads.
+    Calls that compute frames without the player are not counted: they end by themselves.
+
+    Parameters
+    ----------
+    cores : float > 0
+        Largest sum of the loads [cores].
+    threads : int >= 1
+        Threads of each session.
+    """
+
+    def __init__(self, cores: float, threads: int) -> None:
+        self._cores, self._threads = cores, threads
+        self._players: set["Player"] = set()
+
+    def join(self, player: "Player") -> None:
+        """Count the load of a session from now on."""
+        self._players.add(player)
+
+    def leave(self, player: "Player") -> None:
+        """Count the load of a session no more."""
+        self._players.discard(player)
+
+    def load_of(self, frame_seconds: float, frame_dt: float, speed: float) -> float:
+        """Return the load of a session that plays [cores].
+
+        Parameters
+        ----------
+        frame_seconds : float
+            Time of a frame [s].
+        frame_dt : float
+            Simulated time of a frame [s].
+        speed : float
+            Simulated seconds per second.
+        """
+        return self._threads * min(1.0, frame_seconds * speed / frame_dt)
+
+    def full(self) -> MachineFullError | None:
+        """Return the refusal of any further load; None if a small one has room."""
+        load = sum(player.load for player in list(self._players))
+        if load < self._cores:
+            return None
+        return MachineFullError(
+            f"sessions that play take {load:.2f} of {self._cores:g} cores: pause or delete a session, lower "
+            "a speed, or try again later"
+        )
+
+    def check(self, more: float, who: str, player: "Player | None" = None) -> None:
+        """Check that a load fits beside those of the other sessions. A single session always fits.
+
+        Parameters
+        ----------
+        more : float
+            The load [cores].
+        who : str
+            Source of the load, for the message.
+        player : Load, optional
+            Player whose present load does not count.
+
+        Raises
+        ------
+        MachineFullError
+            The load does not fit; the message has the load, the limit and a remedy.
+        """
+        # Copied at once, since sessions may join and leave meanwhile in other threads.
+        others = sum(other.load for other in list(self._players) if other is not player)
+        if others > 0.0 and others + more > self._cores:
+            raise MachineFullError(
+                f"sessions that play take {others:.2f} of {self._cores:g} cores, and {who} would take about "
+                f"{more:.2f}: pause or delete a session, lower a speed, choose a smaller scene, or try again "
+                "later"
+            )
+
 
 Compute: TypeAlias = Callable[[int, Callable[[], bool]], Awaitable[int]]
 """Computes frames on the session's thread, as long as the function is true; returns their number."""

@@ -9,11 +9,10 @@ from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, prepare
 from hybridmpm_service.errors import FieldError, ServiceError
 from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, SketchInput, Versions
-from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
+from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal, SessionFile
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
-from hybridmpm_service.sessions.storage import SessionFile
 from hybridmpm_service.sessions.view import Particles
 
 

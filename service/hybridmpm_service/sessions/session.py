@@ -11,11 +11,10 @@ from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.admission import Machine
+from hybridmpm_service.sessions.copies import Check, Planner
 from hybridmpm_service.sessions.inputs import Origin
 from hybridmpm_service.sessions.journal import Kept
-from hybridmpm_service.sessions.planning import Check, Planner
-from hybridmpm_service.sessions.player import Clock, Player
+from hybridmpm_service.sessions.player import Clock, Machine, Player
 from hybridmpm_service.sessions.revival import SessionLog, log_of
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.steering import Steered

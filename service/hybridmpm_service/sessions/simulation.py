@@ -15,7 +15,7 @@ from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
-from hybridmpm.stream_frames import Frame, FrameMessage, Population
+from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
     PushInput,
@@ -24,11 +24,10 @@ from hybridmpm_service.sessions.inputs import (
     push_of,
     push_record,
 )
-from hybridmpm_service.sessions.journal import Journal
+from hybridmpm_service.sessions.journal import Checkpoint, Journal
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.steering import Steered, Steering
-from hybridmpm_service.sessions.storage import Checkpoint
 from hybridmpm_service.sessions.view import (
     CellMeans,
     Control,
@@ -37,6 +36,7 @@ from hybridmpm_service.sessions.view import (
     SafeguardRecorder,
     Timing,
     View,
+    frame_of,
 )
 
 _TIMES_KEPT = 400
@@ -53,9 +53,8 @@ class Simulation:
     chosen : ChosenSolver
         Simulator at frame 0; it may not be used elsewhere from now on.
     clock : Clock
-        Clock for the times of frames.
     journal : Journal, optional
-        Journal of the inputs; a new one if absent.
+        A new one if absent.
 
     Attributes
     ----------
@@ -250,20 +249,13 @@ class Simulation:
 
     def view(self) -> View:
         """Return the present state for other threads."""
-        positions = self._solver.positions
-        frame = Frame(
-            number=self._solver.frame,
-            time=self._solver.time,
-            solver_ms=self._milliseconds[-1] if self._milliseconds else 0.0,
-            steered=self._steered,
-            positions=positions,
-            population=self._population() if self.scene.is_open else None,
-        )
+        latest = self._milliseconds[-1] if self._milliseconds else 0.0
+        frame = frame_of(self._solver, solver_ms=latest, steered=self._steered)
         return View(
             frame=frame.number,
             time=frame.time,
-            particles=len(positions),
-            centroid=self._centroid(positions),
+            particles=len(frame.positions),
+            centroid=self._centroid(frame.positions),
             control=self._control,
             last_frame=self._last_frame(frame) if frame.number else None,
             mode=self._solver.mode,
@@ -297,10 +289,6 @@ class Simulation:
         span = min(self._solver.r_t, len(latest))
         return sorted(statistics.fmean(latest[i : i + span]) for i in range(len(latest) - span + 1) if span)
 
-    def _population(self) -> Population:
-        ids = self._solver.ids.astype(np.uint32)
-        return Population(ids=ids, types=self._solver.materials.copy())
-
     def _centroid(self, positions: npt.NDArray[np.float32]) -> tuple[float, ...] | None:
         if not len(positions):
             return None
@@ -309,9 +297,8 @@ class Simulation:
 
     def _last_frame(self, frame: Frame) -> LastFrame:
         report = self._solver.last_frame
-        if report is None:
-            return LastFrame(substeps=None, bound=None, ms=frame.solver_ms)
-        return LastFrame(substeps=report.substeps, bound=report.bound, ms=frame.solver_ms)
+        substeps, bound = (None, None) if report is None else (report.substeps, report.bound)
+        return LastFrame(substeps=substeps, bound=bound, ms=frame.solver_ms)
 
     def _one_frame(self) -> None:
         steering = self._steering

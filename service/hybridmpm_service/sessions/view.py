@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from hybridmpm.decisions import Decision, Mode, without_undone
 from hybridmpm.probes import PressureSamples
 from hybridmpm.simulator import Simulator
-from hybridmpm.stream_frames import FrameMessage
+from hybridmpm.stream_frames import Frame, FrameMessage, Population
 
 _Floats = npt.NDArray[np.float64]
 
@@ -245,6 +245,21 @@ class SafeguardRecorder:
             values=tuple(value for _, value in self._values),
             decisions=self._simulator.log,
         )
+
+
+def frame_of(simulator: Simulator, *, solver_ms: float = 0.0, steered: bool = True) -> Frame:
+    """Return the present state of a simulator as a frame for viewers."""
+    population = None
+    if simulator.scene.is_open:
+        population = Population(ids=simulator.ids.astype(np.uint32), types=simulator.materials.copy())
+    return Frame(
+        number=simulator.frame,
+        time=simulator.time,
+        solver_ms=solver_ms,
+        steered=steered,
+        positions=simulator.positions,
+        population=population,
+    )
 
 
 def finite(value: float | None) -> float | None:

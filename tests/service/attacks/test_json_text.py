@@ -5,7 +5,7 @@ import json
 import pytest
 
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.json_text import MAX_LOG_VALUES, MAX_VALUES, read_json
+from hybridmpm_service.http.requests import MAX_LOG_VALUES, MAX_VALUES, read_json
 
 
 @pytest.mark.parametrize(

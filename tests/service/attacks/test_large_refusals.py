@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from hybridmpm_service.http.json_text import MAX_VALUES
 from hybridmpm_service.http.problems import MAX_ERRORS, Row, problem_response
+from hybridmpm_service.http.requests import MAX_VALUES
 
 _SCENE = {"dim": 2, "bodies": []}
 _MANY = MAX_VALUES // 2

@@ -10,8 +10,8 @@ from hybridmpm import Box, MpmSolver, Scene
 from hybridmpm.control import Arrow, Ellipse, Push
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, ReleaseInput, SketchInput
+from hybridmpm_service.sessions.journal import Checkpoint, SessionFile
 from hybridmpm_service.sessions.solvers import ChosenSolver
-from hybridmpm_service.sessions.storage import Checkpoint, SessionFile
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 ORIGIN = Origin.of(SCENE, ChosenSolver(MpmSolver(SCENE)), None, None)

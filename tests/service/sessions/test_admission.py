@@ -9,8 +9,9 @@ import pytest
 from hybridmpm import Box, Scene
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import MachineFullError
-from hybridmpm_service.sessions.admission import Machine, estimated_frame_seconds
+from hybridmpm_service.sessions.admission import estimated_frame_seconds
 from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.player import Machine
 from hybridmpm_service.sessions.simulation import Simulation
 
 if TYPE_CHECKING:

@@ -1,12 +1,14 @@
-"""Planning of sketches and other work on copies of a session's simulator, in threads of their own."""
+"""Work on copies of a session's simulator: planning and following of sketches, recording of frames."""
 
 import asyncio
 import contextlib
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from hybridmpm.control import Guidance, Sketch, prepare
+from hybridmpm import export, recording
+from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SketchDroppedError
 from hybridmpm_service.sessions.view import Control
@@ -171,3 +173,96 @@ class Planner:
     async def ended(self) -> None:
         """Wait until the threads have ended after `stop`."""
         await asyncio.gather(self._sketches.ended(), self._copies.ended())
+
+
+Report: TypeAlias = Callable[[int, int], object]
+"""Called with the number of parts done and that of all parts."""
+
+
+def traced(
+    twin: Simulator,
+    check: Check,
+    sketch: Sketch,
+    *,
+    most: int,
+    on_frame: Report = lambda _done, _total: None,
+    **settings: Any,
+) -> tuple[Guidance, ControlledTrajectory]:
+    """Let a copy of a simulator follow a sketch to the end.
+
+    Parameters
+    ----------
+    twin : Simulator
+        In the state that the sketch was drawn on.
+    check : callable
+        Raises where the work is to end early.
+    sketch : Arrow or Ellipse
+    most : int
+        Largest number of frames if none is given, `hold` included.
+    on_frame : callable
+        Called at the start and after each frame.
+    **settings
+        The others of `hybridmpm.control.prepare`.
+
+    Raises
+    ------
+    ConfigError, SketchError, SimulationError
+        As `hybridmpm.control.prepare`; a frame failed.
+    """
+    guidance = prepare(twin, sketch, most=most, on_frame=check, **settings)
+    following = Following(twin, guidance)
+    total = guidance.frames + guidance.hold
+    on_frame(0, total)
+    for done, _ in enumerate(following, start=1):
+        check()
+        on_frame(done, total)
+    return guidance, following.result
+
+
+def recorded(
+    twin: Simulator,
+    check: Check,
+    file: Path,
+    style: export.Style,
+    *,
+    frames: int,
+    every: int,
+    on_part: Report,
+) -> None:
+    """Compute frames with a copy of a simulator, and write them to a file in the format of its suffix.
+
+    Parameters
+    ----------
+    twin : Simulator
+    check : callable
+        Raises where the work is to end early.
+    file : Path
+    style : Style
+        Look of films and pictures.
+    frames, every : int
+        As in `hybridmpm.recording.record`.
+    on_part : callable
+        Called after some frames, and again after some pictures.
+
+    Raises
+    ------
+    ConfigError, SimulationError
+        As `hybridmpm.recording.record`.
+    ExportError
+        The file cannot be written.
+    """
+    done = 0
+
+    def note(more: int) -> None:
+        nonlocal done
+        check()
+        done += more
+        on_part(done, frames)
+
+    def drawn(pictures: int, total: int) -> None:
+        check()
+        on_part(frames + pictures, frames + total)
+
+    on_part(0, frames)
+    states = recording.record(twin, frames, every=every, on_progress=note)
+    export.save(file, states, style, on_progress=drawn)
