@@ -10,7 +10,7 @@ from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.needs import Needs, Obstruction
 from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.region import Fill
-from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, prepare
+from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
 from hybridmpm.control.methods.controlnet import ControlNet
@@ -35,6 +35,7 @@ __all__ = [
     "ControlledFrame",
     "ControlledTrajectory",
     "Ellipse",
+    "FallBack",
     "Fill",
     "Following",
     "Goal",

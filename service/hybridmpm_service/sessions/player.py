@@ -97,7 +97,7 @@ class Machine:
 
     def __init__(self, cores: float, threads: int) -> None:
         self._cores, self._threads = cores, threads
-        self._players: set["Player"] = set()
+        self._players: set[Player] = set()
 
     def join(self, player: "Player") -> None:
         """Count the load of a session from now on."""

@@ -15,7 +15,7 @@ from hybridmpm.control import Arrow, Ellipse, push
 from hybridmpm.errors import ConfigError
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import FieldError, SessionNotFoundError, StorageError, UnavailableError
-from hybridmpm_service.sessions.journal import journal, session_file
+from hybridmpm_service.sessions import journal
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.solvers import SolverChoice
@@ -235,14 +235,14 @@ def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch
     monkeypatch.setattr(journal, "_RETRY_SECONDS", 0.0)
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
     full = [False]
-    insert = session_file._insert
+    insert = journal._insert
 
     def failing(*arguments: Any) -> None:
         if full[0]:
             raise OSError(28, "No space left on device")
         insert(*arguments)
 
-    monkeypatch.setattr(session_file, "_insert", failing)
+    monkeypatch.setattr(journal, "_insert", failing)
     expected: list[str] = []
 
     async def before(manager: SessionManager) -> None:
@@ -268,7 +268,7 @@ def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def scene(manager: SessionManager) -> None:
-        monkeypatch.setattr(session_file, "_TABLES", "CREATE nonsense")
+        monkeypatch.setattr(journal, "_TABLES", "CREATE nonsense")
         with pytest.raises(StorageError, match="cannot be read or written"):
             await manager.create(lambda: SCENE)
         assert manager.all() == []
