@@ -13,7 +13,7 @@ from fastapi import FastAPI
 
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
-from hybridmpm_service.http.protocols import StreamProtocol, request_protocol
+from hybridmpm_service.http.connection import StreamProtocol, request_protocol
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 

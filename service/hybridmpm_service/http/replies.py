@@ -16,9 +16,9 @@ from hybridmpm.control import Sketch
 from hybridmpm.export import Cloud
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import encode
-from hybridmpm_service.sessions.copies import Check, traced
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.view import frame_of
+from hybridmpm_service.sessions.work import Check, traced
 
 NPZ = "application/x-npz"
 """Media type of numpy's npz."""

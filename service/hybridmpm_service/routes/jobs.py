@@ -15,7 +15,7 @@ from hybridmpm_service.http.jobs import JobBody, JobList, MakeDataSet, RecordSes
 from hybridmpm_service.jobs import MEDIA_TYPE, Phase, Progress, Result, made
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
-from hybridmpm_service.sessions.copies import recorded
+from hybridmpm_service.sessions.work import recorded
 
 router = APIRouter(prefix="/v1", tags=["jobs"], route_class=SessionRoute)
 

@@ -31,7 +31,7 @@ from hybridmpm_service.http.sketches import (
 from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
-from hybridmpm_service.sessions.copies import Report, traced
+from hybridmpm_service.sessions.work import Report, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
 

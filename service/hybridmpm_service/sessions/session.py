@@ -11,16 +11,14 @@ from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, Push, Sketch
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import ServiceError, SessionNotFoundError
-from hybridmpm_service.sessions.copies import Check, Planner
 from hybridmpm_service.sessions.inputs import Origin
 from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.player import Clock, Machine, Player
 from hybridmpm_service.sessions.revival import SessionLog, log_of
-from hybridmpm_service.sessions.simulation import Simulation
-from hybridmpm_service.sessions.steering import Steered
+from hybridmpm_service.sessions.simulation import Simulation, Steered
 from hybridmpm_service.sessions.view import CellMeans, Control, Particles, View
 from hybridmpm_service.sessions.viewers import Audience, Mailbox
-from hybridmpm_service.sessions.worker import Worker
+from hybridmpm_service.sessions.work import Check, Planner, Worker
 
 CLOSE_DELETED = 4404
 """WebSocket close code of a session that is unknown, deleted or expired."""
@@ -235,8 +233,7 @@ class Session:
     async def release(self) -> None:
         """End the sketch that steers; drop one that is being prepared. Errors as in `advance`."""
         self._planner.drop("the sketch was taken back before it began to steer")
-        with self._in_use():
-            await self._on_worker(self.simulation.release)
+        await self._call(self.simulation.release)
 
     def push(self, push: Push | None, by: Mailbox) -> None:
         """Push the fluid by a viewer's hand from the next frame on, until the next call or the viewer leaves.
@@ -253,34 +250,28 @@ class Session:
 
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""
-        with self._in_use():
-            return await self._on_worker(self.simulation.particles)
+        return await self._call(self.simulation.particles)
 
     async def force(self) -> CellMeans:
         """Return the force of sketch and hand in the next frame; errors as in `advance`."""
-        with self._in_use():
-            return await self._on_worker(self.simulation.force)
+        return await self._call(self.simulation.force)
 
     async def pressure(self) -> CellMeans:
         """Return the pressure; errors as in `advance` and of `Simulation.pressure`."""
-        with self._in_use():
-            return await self._on_worker(self.simulation.pressure)
+        return await self._call(self.simulation.pressure)
 
     async def log(self) -> SessionLog:
         """Return the log of the session; errors as in `advance` and `log_of`."""
-        with self._in_use():
-            return await self._on_worker(lambda: log_of(self.origin, self.simulation))
+        return await self._call(lambda: log_of(self.origin, self.simulation))
 
     async def fork(self) -> Simulation:
         """Return an independent simulation in the present state; errors as in `advance`."""
-        with self._in_use():
-            return await self._on_worker(self.simulation.fork)
+        return await self._call(self.simulation.fork)
 
     async def reset(self) -> None:
         """Return to frame 0; a running player continues from there. Errors as in `advance`."""
         self._planner.drop("the session went back to its start before the sketch began to steer")
-        with self._in_use():
-            await self._on_worker(self.simulation.reset)
+        await self._call(self.simulation.reset)
 
     def play(self) -> None:
         """Compute frames at the chosen speed until `pause`, or until the last viewer leaves.
@@ -395,6 +386,11 @@ class Session:
         self._player.stop()
         self.audience.post_problem(problem)
         self.audience.post_status()
+
+    async def _call(self, job: Callable[[], T]) -> T:
+        """Run a job of a client's call on the session's thread; return its result."""
+        with self._in_use():
+            return await self._on_worker(job)
 
     async def _on_worker(self, job: Callable[[], T]) -> T:
         """Run a job on the session's thread after earlier ones; return its result."""

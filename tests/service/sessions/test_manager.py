@@ -16,10 +16,9 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions.copies import traced
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
-from hybridmpm_service.sessions.worker import MAX_WAITING
+from hybridmpm_service.sessions.work import MAX_WAITING, traced
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 

@@ -14,9 +14,9 @@ from hybridmpm import DomainError, MpmSolver, SketchError
 from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, follow, prepare, push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SessionNotFoundError, SketchDroppedError
-from hybridmpm_service.sessions.copies import traced
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.work import traced
 
 ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 
