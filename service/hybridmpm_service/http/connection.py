@@ -1,8 +1,8 @@
 """Limits below the routes: middleware of every request, and uvicorn's protocols with deadlines.
 
-The protocols subclass private classes of uvicorn, because its public settings have no deadline for the head and
-body of a request, none for a stream whose client does not read, and no limit that also counts silent connections.
-A proxy in front would close these holes only for those who run one. Tests of slow clients guard the overrides.
+The protocols subclass private classes of uvicorn. Its public settings have no deadline for the head and body
+of a request, none for a stream whose client does not read, and no limit that counts silent connections. A
+proxy in front would close these holes only for those who run one. Tests of slow clients guard the overrides.
 """
 
 import asyncio

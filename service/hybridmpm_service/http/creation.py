@@ -11,7 +11,7 @@ from hybridmpm.scenarios import NAMES
 from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.logs import LogBody
-from hybridmpm_service.http.requests import Request
+from hybridmpm_service.sessions.inputs import Strict
 from hybridmpm_service.sessions.solvers import SolverChoice
 
 Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
@@ -31,7 +31,7 @@ def _alternatives(**nulls: tuple[str, ...]) -> list[JsonDict]:
     ]
 
 
-class SceneRequest(Request):
+class SceneRequest(Strict):
     """A scenario with a seed, or a scene."""
 
     scenario: str | None = Field(

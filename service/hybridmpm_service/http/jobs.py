@@ -12,8 +12,8 @@ from hybridmpm.scenarios import NAMES
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import Answer
 from hybridmpm_service.http.problems import Problem, problem_of
-from hybridmpm_service.http.requests import FrameCount, Request
 from hybridmpm_service.jobs import Job, Kind, Phase
+from hybridmpm_service.sessions.inputs import FrameCount, Strict
 from hybridmpm_service.settings import Settings
 
 _LOOK_SECONDS = 0.1
@@ -25,7 +25,7 @@ MOST_NUMBERS = 1 << 27
 """Largest number of coordinates in a data set, all states of all trajectories together: 512 MiB."""
 
 
-class RecordSession(Request):
+class RecordSession(Strict):
     """Settings of a recording."""
 
     frames: FrameCount = Field(examples=[200])
@@ -41,7 +41,7 @@ class RecordSession(Request):
     """Simulated seconds in a second of film."""
 
 
-class MakeDataSet(Request):
+class MakeDataSet(Strict):
     """A data set of trajectories of a scenario; a trajectory depends on these settings and its seed alone."""
 
     model_config = ConfigDict(

@@ -4,88 +4,17 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, FailFast, Field, model_validator
 
-from hybridmpm.control import MAX_POINTS
 from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.http.requests import Hand, Request, SketchSettings
-from hybridmpm_service.sessions.inputs import Input, Origin, Versions, input_of
+from hybridmpm_service.sessions.inputs import Frame, Input, Origin, PushInput, SketchInput, Strict, Versions
 from hybridmpm_service.sessions.journal import MAX_INPUTS
 from hybridmpm_service.sessions.revival import SessionLog
 
 FORMAT = 1
 """Version of the form of a log."""
-Frame = Annotated[int, Field(ge=0, strict=True)]
 
 
-class LoggedSketch(Request):
-    """A sketch as interpreted: an arrow has points and widths, an ellipse the rest."""
-
-    kind: Literal["arrow", "ellipse"]
-    """Kind of the sketch."""
-    points: list[list[float]] | None = Field(default=None, max_length=MAX_POINTS)
-    """Points of an arrow from tail to tip [m]."""
-    widths: list[float] | None = Field(default=None, max_length=MAX_POINTS)
-    """Width of an arrow's stroke at each point [pixels of 512]."""
-    center: list[float] | None = None
-    """Centre of an ellipse [m]."""
-    axes: list[float] | None = None
-    """Semi-axes of an ellipse, major first [m]."""
-    angle: float | None = None
-    """Angle of the major axis to +x [rad]."""
-    width: float | None = None
-    """Width of an ellipse's stroke [pixels of 512]."""
-
-
-class LoggedSettings(SketchSettings):
-    """Settings of a sketch."""
-
-    most: int = Field(ge=1, strict=True)
-    """Largest number of frames, above that of `hold`."""
-
-
-class LoggedSteering(Request):
-    """A sketch that begins to steer; it replaces an older one."""
-
-    kind: Literal["sketch"]
-    """Kind of the input."""
-    frame: Frame
-    """First frame whose state it acts on."""
-    number: int = Field(ge=1, strict=True)
-    """Number of the sketch in its session."""
-    drawn_frame: Frame
-    """Frame of the state that it was planned for."""
-    planned_by: str = Field(max_length=100)
-    """Name of the method that planned."""
-    sketch: LoggedSketch
-    """The sketch."""
-    settings: LoggedSettings
-    """Its settings."""
-
-
-class LoggedRelease(Request):
-    """End of the sketch that steers."""
-
-    kind: Literal["release"]
-    """Kind of the input."""
-    frame: Frame
-    """First frame whose state no sketch acts on."""
-
-
-class LoggedPush(Request):
-    """Start, change or end of a hand's push."""
-
-    kind: Literal["push"]
-    """Kind of the input."""
-    frame: Frame
-    """First frame whose state it acts on."""
-    push: Hand | None
-    """Force of the hand; null ends it."""
-
-
-LoggedInput = Annotated[LoggedSteering | LoggedRelease | LoggedPush, Field(discriminator="kind")]
-
-
-class LogBody(Request):
+class LogBody(Strict):
     """Log of a session, to compute it again from, with the digest of the result.
 
     Sent as `log` of a new session, to this server or another one, it makes a session in the same state: with
@@ -146,7 +75,9 @@ class LogBody(Request):
     frame: Frame
     """Frame at which the log ends."""
     # Only the first wrong input is reported: thousands of errors would take long to make.
-    inputs: Annotated[list[LoggedInput], FailFast()] = Field(max_length=MAX_INPUTS)
+    inputs: Annotated[list[Annotated[Input, Field(discriminator="kind")]], FailFast()] = Field(
+        max_length=MAX_INPUTS
+    )
     """Inputs of the session, in order; frames ascend."""
     digest: str = Field(pattern="^[0-9a-f]{64}$")
     """SHA-256 of the state in which the log ends: ids (uint64), positions and velocities (float32),
@@ -160,7 +91,7 @@ class LogBody(Request):
         if frames and frames[-1] > self.frame:
             raise ValueError(f"an input acts in frame {frames[-1]}, after the end of the log at {self.frame}")
         for one in self.inputs:
-            if isinstance(one, LoggedSteering) and one.drawn_frame > one.frame:
+            if isinstance(one, SketchInput) and one.drawn_frame > one.frame:
                 raise ValueError(
                     f"sketch {one.number} was planned in frame {one.drawn_frame}, after it began to steer"
                 )
@@ -169,15 +100,8 @@ class LogBody(Request):
     @classmethod
     def of(cls, log: SessionLog) -> Self:
         """Return the body of a log."""
-        return cls.model_validate(
-            {
-                "format": FORMAT,
-                **log.origin.record(),
-                "frame": log.frame,
-                "inputs": [one.record() for one in log.inputs],
-                "digest": log.digest,
-            }
-        )
+        ends = {"frame": log.frame, "inputs": list(log.inputs), "digest": log.digest}
+        return cls.model_validate({"format": FORMAT, **log.origin.record(), **ends})
 
     def log(self, most_frames: int, most_sketch_frames: int) -> SessionLog:
         """Return the log.
@@ -197,33 +121,27 @@ class LogBody(Request):
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
         origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()})
-        inputs = tuple(
-            _input(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
-            for place, one in enumerate(self.inputs)
-        )
-        return SessionLog(origin=origin, frame=self.frame, inputs=inputs, digest=self.digest)
+        for place, one in enumerate(self.inputs):
+            _check(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
+        return SessionLog(origin=origin, frame=self.frame, inputs=tuple(self.inputs), digest=self.digest)
 
 
-def _input(
-    one: LoggedSteering | LoggedRelease | LoggedPush, field: str, dim: int, most_sketch_frames: int
-) -> Input:
-    record = one.model_dump()
-    if isinstance(one, LoggedSteering):
+def _check(one: Input, field: str, dim: int, most_sketch_frames: int) -> None:
+    """Refuse an input that does not fit the scene, or a limit of this server."""
+    if isinstance(one, SketchInput):
         settings = one.settings
         longest = max(settings.most, (settings.frames or 1) + settings.hold)
         if longest > most_sketch_frames:
             raise FieldError(
                 f"{field}.settings", f"steers for up to {longest} frames, at most {most_sketch_frames} may be"
             )
-        record["sketch"] = {name: value for name, value in record["sketch"].items() if value is not None}
-    if isinstance(one, LoggedPush) and one.push is not None:
+        try:
+            one.sketch.sketch()
+        except TypeError:
+            text = "an arrow has points, an ellipse center, axes and angle"
+            raise FieldError(f"{field}.sketch", text) from None
+    if isinstance(one, PushInput) and one.push is not None:
         for name in ("point", "velocity"):
             given = len(getattr(one.push, name))
             if given != dim:
                 raise FieldError(f"{field}.push.{name}", f"must have {dim} numbers, got {given}")
-    try:
-        return input_of(record)
-    except TypeError:
-        raise FieldError(
-            f"{field}.sketch", "an arrow has points, an ellipse center, axes and angle"
-        ) from None

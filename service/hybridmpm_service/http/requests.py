@@ -6,11 +6,12 @@ The text below a field describes it in the OpenAPI document.
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field, TypeAdapter
 from pydantic_core import from_json
 
-from hybridmpm.control import DEFAULT_CAP, MAX_CAP, METHODS, Fill, Stroke
+from hybridmpm.control import Stroke
 from hybridmpm_service.errors import FieldError
+from hybridmpm_service.sessions.inputs import FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 
 MAX_VALUES = 1 << 15
@@ -73,56 +74,13 @@ def _check_beside_inputs(body: dict[str, Any], field: str) -> None:
         raise FieldError(field, f"has {values} values beside its inputs, and may have at most {MAX_VALUES}")
 
 
-MAX_PUSH_SPEED = 100.0
-"""Largest speed of a hand along an axis [m/s]."""
-FrameCount = Annotated[int, Field(ge=1, strict=True)]
-Cap = Annotated[
-    float, Field(gt=0, le=MAX_CAP, description="Largest acceleration of a particle [g = 9.81 m/s^2].")
-]
-
-
-def _known_method(name: str) -> str:
-    if name != "auto" and name not in METHODS:
-        raise ValueError(f"must be auto, {' or '.join((', '.join([*METHODS][:-1]), [*METHODS][-1]))}")
-    return name
-
-
-class Request(BaseModel):
-    """Base of bodies: unknown fields, infinite numbers and strings in place of numbers are refused."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, use_attribute_docstrings=True)
-
-
-class AdvanceSession(Request):
+class AdvanceSession(Strict):
     """Number of frames to advance a session by."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"frames": 10}]})
 
     frames: FrameCount = 1
     """Number of frames to compute, at most the setting max_advance_frames."""
-
-
-class SketchSettings(Request):
-    """Settings of a sketch. An absent one takes its default."""
-
-    method: Annotated[str, AfterValidator(_known_method)] = Field(
-        default="auto",
-        description=f"Method that plans: auto, or one of {', '.join(METHODS)}.",
-        examples=["auto", "constant"],
-    )
-    frames: FrameCount | None = None
-    """Number of frames in which the goal is to be reached; with `hold` at most the setting max_sketch_frames.
-    Chosen by the needs of the goal if absent."""
-    cap: Cap = DEFAULT_CAP
-    strength: float = Field(default=1.0, gt=0, le=1)
-    """Factor on `cap`."""
-    hold: int = Field(default=0, ge=0, strict=True)
-    """Number of frames for which the goal is kept after it was reached."""
-    fill: Fill = "even"
-    """Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid
-    (shrink)."""
-    seed: int = Field(default=0, ge=0, lt=2**32, strict=True)
-    """Seed of random numbers of a method."""
 
 
 class SketchRequest(SketchSettings):
@@ -152,50 +110,36 @@ class SketchRequest(SketchSettings):
         return SketchSettings.model_validate(self.model_dump(exclude={"strokes"}))
 
 
-class Play(Request):
+class Play(Strict):
     """Start the player."""
 
     type: Literal["play"]
 
 
-class Pause(Request):
+class Pause(Strict):
     """Stop the player."""
 
     type: Literal["pause"]
 
 
-class Step(Request):
+class Step(Strict):
     """Stop the player, then compute some frames."""
 
     type: Literal["step"]
     frames: FrameCount = 1
 
 
-class Reset(Request):
+class Reset(Strict):
     """Return to frame 0; a running player continues from there."""
 
     type: Literal["reset"]
 
 
-class Speed(Request):
+class Speed(Strict):
     """Choose the target speed of the player: simulated seconds per second."""
 
     type: Literal["speed"]
     value: float = Field(ge=MIN_SPEED, le=MAX_SPEED)
-
-
-class Hand(Request):
-    """A local force, as by a hand that moves through the fluid."""
-
-    point: list[Annotated[float, Field(ge=0, le=1)]] = Field(min_length=2, max_length=3)
-    """Centre [m]."""
-    velocity: list[Annotated[float, Field(ge=-MAX_PUSH_SPEED, le=MAX_PUSH_SPEED)]] = Field(
-        min_length=2, max_length=3
-    )
-    """Velocity of the hand [m/s]."""
-    radius: float = Field(gt=0, le=1)
-    """Reach of the force [m]."""
-    cap: Cap = DEFAULT_CAP
 
 
 class PushFluid(Hand):
@@ -204,7 +148,7 @@ class PushFluid(Hand):
     type: Literal["push"]
 
 
-class EndPush(Request):
+class EndPush(Strict):
     """Let go of the fluid."""
 
     type: Literal["push_end"]

@@ -24,8 +24,8 @@ from hybridmpm.control import (
 )
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
 from hybridmpm_service.http.answers import Answer, example
-from hybridmpm_service.http.requests import SketchRequest, SketchSettings, read_json
-from hybridmpm_service.sessions.inputs import sketch_record
+from hybridmpm_service.http.requests import SketchRequest, read_json
+from hybridmpm_service.sessions.inputs import SketchRecord, SketchSettings
 from hybridmpm_service.sessions.view import CellMeans
 
 _PICTURE = "sketch"
@@ -248,7 +248,7 @@ class GuidanceBody(Answer):
     def of(cls, guidance: Guidance, first_frame: int, **more: Any) -> Self:
         """Describe a guidance that steers from `first_frame` on."""
         return cls(
-            sketch=sketch_record(guidance.sketch),
+            sketch=SketchRecord.of(guidance.sketch).model_dump(exclude_none=True),
             method=guidance.method,
             reason=guidance.reason,
             frames=guidance.frames,

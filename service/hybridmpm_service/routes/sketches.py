@@ -19,7 +19,6 @@ from hybridmpm_service.http.replies import (
     streamed,
     with_nulls,
 )
-from hybridmpm_service.http.requests import SketchSettings
 from hybridmpm_service.http.sketches import (
     ForceBody,
     GuidanceBody,
@@ -31,6 +30,7 @@ from hybridmpm_service.http.sketches import (
 from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
+from hybridmpm_service.sessions.inputs import SketchSettings
 from hybridmpm_service.sessions.work import Report, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)

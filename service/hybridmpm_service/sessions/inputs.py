@@ -1,134 +1,183 @@
-"""Origin and inputs of a session: together they determine its state at each frame, to the bit."""
+"""Origin and inputs of a session: together they determine its state at each frame, to the bit.
+
+Inputs are everything that acts on a session from outside, each with the frame that it acts from. They are
+pydantic models, since clients send them, and logs and files contain them. The text below a field describes it
+in the OpenAPI document.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from hybridmpm import SOLVER_VERSION, Scene, __version__
-from hybridmpm.control import Arrow, Ellipse, Push, Sketch
+from hybridmpm.control import DEFAULT_CAP, MAX_CAP, MAX_POINTS, METHODS, Arrow, Ellipse, Fill, Push, Sketch
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
+MAX_PUSH_SPEED = 100.0
+"""Largest speed of a hand along an axis [m/s]."""
+Frame = Annotated[int, Field(ge=0)]
+FrameCount = Annotated[int, Field(ge=1)]
+Cap = Annotated[
+    float, Field(gt=0, le=MAX_CAP, description="Largest acceleration of a particle [g = 9.81 m/s^2].")
+]
 
-@dataclass(frozen=True, kw_only=True)
-class SketchInput:
+
+def _known_method(name: str) -> str:
+    if name != "auto" and name not in METHODS:
+        raise ValueError(f"must be auto, {' or '.join((', '.join([*METHODS][:-1]), [*METHODS][-1]))}")
+    return name
+
+
+class Strict(BaseModel):
+    """Base of data from clients: unknown fields, infinite numbers and strings for numbers are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, use_attribute_docstrings=True)
+
+
+class SketchSettings(Strict):
+    """Settings of a sketch. An absent one takes its default."""
+
+    method: Annotated[str, AfterValidator(_known_method)] = Field(
+        default="auto",
+        description=f"Method that plans: auto, or one of {', '.join(METHODS)}.",
+        examples=["auto", "constant"],
+    )
+    frames: FrameCount | None = None
+    """Number of frames in which the goal is to be reached; with `hold` at most the setting max_sketch_frames.
+    Chosen by the needs of the goal if absent."""
+    cap: Cap = DEFAULT_CAP
+    strength: float = Field(default=1.0, gt=0, le=1)
+    """Factor on `cap`."""
+    hold: int = Field(default=0, ge=0)
+    """Number of frames for which the goal is kept after it was reached."""
+    fill: Fill = "even"
+    """Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid
+    (shrink)."""
+    seed: int = Field(default=0, ge=0, lt=2**32)
+    """Seed of random numbers of a method."""
+
+
+class LimitedSettings(SketchSettings):
+    """All settings of a sketch that steers: the arguments of `hybridmpm.control.prepare`."""
+
+    most: int = Field(ge=1)
+    """Largest number of frames, above that of `hold`."""
+
+
+class SketchRecord(Strict):
+    """A sketch as interpreted: an arrow has points and widths, an ellipse the rest."""
+
+    kind: Literal["arrow", "ellipse"]
+    """Kind of the sketch."""
+    points: list[list[float]] | None = Field(default=None, max_length=MAX_POINTS)
+    """Points of an arrow from tail to tip [m]."""
+    widths: list[float] | None = Field(default=None, max_length=MAX_POINTS)
+    """Width of an arrow's stroke at each point [pixels of 512]."""
+    center: list[float] | None = None
+    """Centre of an ellipse [m]."""
+    axes: list[float] | None = None
+    """Semi-axes of an ellipse, major first [m]."""
+    angle: float | None = None
+    """Angle of the major axis to +x [rad]."""
+    width: float | None = None
+    """Width of an ellipse's stroke [pixels of 512]."""
+
+    @classmethod
+    def of(cls, sketch: Sketch) -> Self:
+        """Return the record of a sketch."""
+        return cls(kind=sketch.kind, **_plain(sketch))
+
+    def sketch(self) -> Sketch:
+        """Return the sketch.
+
+        Raises
+        ------
+        SketchError, TypeError
+            The sketch is out of range, or has the fields of the other kind.
+        """
+        fields = self.model_dump(exclude={"kind"}, exclude_none=True)
+        return Arrow(**fields) if self.kind == "arrow" else Ellipse(**fields)
+
+
+class Hand(Strict):
+    """A local force, as by a hand that moves through the fluid."""
+
+    point: list[Annotated[float, Field(ge=0, le=1)]] = Field(min_length=2, max_length=3)
+    """Centre [m]."""
+    velocity: list[Annotated[float, Field(ge=-MAX_PUSH_SPEED, le=MAX_PUSH_SPEED)]] = Field(
+        min_length=2, max_length=3
+    )
+    """Velocity of the hand [m/s]."""
+    radius: float = Field(gt=0, le=1)
+    """Reach of the force [m]."""
+    cap: Cap = DEFAULT_CAP
+
+    @classmethod
+    def of(cls, push: Push | None) -> Self | None:
+        """Return the record of a push; None without one."""
+        return None if push is None else cls(**_plain(push))
+
+    def push(self) -> Push:
+        """Return the push."""
+        return Push(np.array(self.point), np.array(self.velocity), self.radius, self.cap)
+
+
+class SketchInput(Strict):
     """A sketch that begins to steer; it replaces an older one."""
 
-    kind: ClassVar = "sketch"
-    frame: int
+    kind: Literal["sketch"] = "sketch"
+    """Kind of the input."""
+    frame: Frame
     """First frame whose state it acts on."""
-    number: int
+    number: int = Field(ge=1)
     """Number of the sketch in its session, counted from 1."""
-    drawn_frame: int
+    drawn_frame: Frame
     """Frame of the state that it was planned for."""
-    planned_by: str
+    planned_by: str = Field(max_length=100)
     """Name of the method that planned."""
-    sketch: Sketch
-    settings: Mapping[str, Any]
-    """Settings of `hybridmpm.control.prepare`."""
-
-    def record(self) -> dict[str, Any]:
-        """Return the input as plain data; `input_of` makes an equal one of it."""
-        return {
-            "kind": self.kind,
-            "frame": self.frame,
-            "number": self.number,
-            "drawn_frame": self.drawn_frame,
-            "planned_by": self.planned_by,
-            "sketch": sketch_record(self.sketch),
-            "settings": dict(self.settings),
-        }
+    sketch: SketchRecord
+    """The sketch."""
+    settings: LimitedSettings
+    """Its settings."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReleaseInput:
+class ReleaseInput(Strict):
     """End of the sketch that steers."""
 
-    kind: ClassVar = "release"
-    frame: int
+    kind: Literal["release"] = "release"
+    """Kind of the input."""
+    frame: Frame
     """First frame whose state no sketch acts on."""
 
-    def record(self) -> dict[str, Any]:
-        """Return the input as plain data."""
-        return {"kind": self.kind, "frame": self.frame}
 
-
-@dataclass(frozen=True, kw_only=True)
-class PushInput:
+class PushInput(Strict):
     """Start, change or end of a hand's push."""
 
-    kind: ClassVar = "push"
-    frame: int
+    kind: Literal["push"] = "push"
+    """Kind of the input."""
+    frame: Frame
     """First frame whose state it acts on."""
-    push: Push | None
-    """None ends it."""
-
-    def record(self) -> dict[str, Any]:
-        """Return the input as plain data."""
-        return {"kind": self.kind, "frame": self.frame, "push": push_record(self.push)}
+    push: Hand | None
+    """Force of the hand; null ends it."""
 
 
 Input: TypeAlias = SketchInput | ReleaseInput | PushInput
+INPUT: TypeAdapter[Input] = TypeAdapter(Annotated[Input, Field(discriminator="kind")])
+"""Reader of an input's JSON."""
 
 
-def input_of(record: Mapping[str, Any]) -> Input:
-    """Return the input of a record.
-
-    Raises
-    ------
-    SketchError
-        The sketch is out of range.
-    KeyError, TypeError, ValueError
-        The record is malformed.
-    """
-    kind, frame = record["kind"], record["frame"]
-    if kind == ReleaseInput.kind:
-        return ReleaseInput(frame=frame)
-    if kind == PushInput.kind:
-        return PushInput(frame=frame, push=push_of(record["push"]))
-    if kind != SketchInput.kind:
-        raise ValueError(f"there is no input {kind!r}")
-    return SketchInput(
-        frame=frame,
-        number=record["number"],
-        drawn_frame=record["drawn_frame"],
-        planned_by=record["planned_by"],
-        sketch=_sketch_of(record["sketch"]),
-        settings=record["settings"],
-    )
+def _plain(record: Sketch | Push) -> dict[str, Any]:
+    """Return the fields of a record, with arrays as lists and without absent ones."""
+    fields = {name: value for name, value in vars(record).items() if value is not None}
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()
+    }
 
 
-def sketch_record(sketch: Sketch) -> dict[str, Any]:
-    """Return a sketch as plain data."""
-    fields = {name: _plain(value) for name, value in vars(sketch).items() if value is not None}
-    return {"kind": sketch.kind} | fields
-
-
-def push_record(push: Push | None) -> dict[str, Any] | None:
-    """Return a push as plain data; None where there is none."""
-    return None if push is None else {name: _plain(value) for name, value in vars(push).items()}
-
-
-def push_of(record: Mapping[str, Any] | None) -> Push | None:
-    """Return the push of a record of `push_record`."""
-    if record is None:
-        return None
-    vectors = {name: np.array(record[name], dtype=np.float64) for name in ("point", "velocity")}
-    return Push(**vectors, radius=record["radius"], cap=record["cap"])
-
-
-def _sketch_of(record: Mapping[str, Any]) -> Sketch:
-    fields = {name: value for name, value in record.items() if name != "kind"}
-    return Arrow(**fields) if record["kind"] == Arrow.kind else Ellipse(**fields)
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
-
-
-class Versions(BaseModel, frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True):
+class Versions(Strict):
     """Versions that computed a session; others need not give the same bits."""
 
     hybridmpm: str = Field(max_length=100)
@@ -156,10 +205,7 @@ class Origin:
     def of(cls, scene: Scene, chosen: ChosenSolver, scenario: str | None, seed: int | None) -> Self:
         """Return the origin of a session that begins now."""
         choice = SolverChoice(
-            solver=chosen.simulator.kind,
-            coarse=chosen.coarse,
-            model=chosen.model,
-            r_c=chosen.r_c,
+            solver=chosen.simulator.kind, coarse=chosen.coarse, model=chosen.model, r_c=chosen.r_c
         )
         versions = Versions(hybridmpm=__version__, solver=SOLVER_VERSION, model=chosen.model_sha256)
         return cls(scene=scene, scenario=scenario, seed=seed, choice=choice, versions=versions)
@@ -182,7 +228,7 @@ class Origin:
         ------
         SceneError, FieldError
             The scene or the choice is refused.
-        KeyError, TypeError
+        KeyError, TypeError, ValueError
             The record is malformed.
         """
         return cls(

@@ -20,7 +20,7 @@ from typing import Any, Literal, Self, TypeAlias
 
 from hybridmpm.errors import ConfigError
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.inputs import Input, Origin, input_of
+from hybridmpm_service.sessions.inputs import INPUT, Input, Origin
 
 _FORMAT = 1
 _BEGUN = "begun"
@@ -138,7 +138,7 @@ class SessionFile:
                 checkpoint = Checkpoint(frame=frame, state=state, guidance=guidance, rest=json.loads(rest))
             return Stored(
                 origin=Origin.of_record(json.loads(origin)),
-                inputs=tuple(input_of(json.loads(record)) for record, _ in rows),
+                inputs=tuple(INPUT.validate_json(record) for record, _ in rows),
                 guidances={place: row[1] for place, row in enumerate(rows) if row[1] is not None},
                 checkpoint=checkpoint,
                 checked=checked,
@@ -207,7 +207,7 @@ class SessionFile:
 
 def _insert(database: sqlite3.Connection, made: Input, guidance: bytes | None) -> None:
     database.execute(
-        "INSERT INTO inputs (record, guidance) VALUES (?, ?)", (json.dumps(made.record()), guidance)
+        "INSERT INTO inputs (record, guidance) VALUES (?, ?)", (made.model_dump_json(), guidance)
     )
 
 

@@ -117,7 +117,9 @@ def replay(
         simulation.advance(stop - simulation.frame)
         for place, sketch in drawn.items():
             if sketch.drawn_frame == stop:
-                plans[place] = prepare(simulation.copy(), sketch.sketch, on_frame=check, **sketch.settings)
+                plans[place] = prepare(
+                    simulation.copy(), sketch.sketch.sketch(), on_frame=check, **sketch.settings.model_dump()
+                )
         while waiting and waiting[0][1].frame == stop:
             place, one = waiting.pop(0)
             _act(simulation, one, plans.get(place))
@@ -125,9 +127,9 @@ def replay(
 
 def _act(simulation: Simulation, one: Input, guidance: Guidance | None) -> None:
     if isinstance(one, PushInput):
-        simulation.hand = one.push
+        simulation.hand = None if one.push is None else one.push.push()
     elif guidance is not None and isinstance(one, SketchInput):
-        simulation.steer(guidance, one.number, one.settings)
+        simulation.steer(guidance, one.number, one.settings.model_dump())
     else:
         simulation.release()
 

@@ -20,11 +20,12 @@ from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
+    Hand,
+    LimitedSettings,
     PushInput,
     ReleaseInput,
     SketchInput,
-    push_of,
-    push_record,
+    SketchRecord,
 )
 from hybridmpm_service.sessions.journal import Checkpoint, Journal
 from hybridmpm_service.sessions.player import Clock
@@ -250,8 +251,8 @@ class Simulation:
             number=number,
             drawn_frame=guidance.first_frame,
             planned_by=guidance.method,
-            sketch=guidance.sketch,
-            settings=settings,
+            sketch=SketchRecord.of(guidance.sketch),
+            settings=LimitedSettings(**settings),
         )
         self.journal.add(made, guidance.snapshot)
         self._steering = Steering(number, guidance, self._solver)
@@ -276,7 +277,7 @@ class Simulation:
 
     def checkpoint(self) -> Checkpoint:
         """Return the state, for `recall` by a simulation of the same scene and simulator."""
-        steering = self._steering
+        steering, hand = self._steering, Hand.of(self._noted_hand)
         return Checkpoint(
             frame=self.frame,
             state=self._solver.snapshot(),
@@ -284,7 +285,7 @@ class Simulation:
             rest={
                 "control": None if self._control is None else self._control.model_dump(),
                 "steered": self._steered,
-                "hand": push_record(self._noted_hand),
+                "hand": None if hand is None else hand.model_dump(),
                 "safeguard": None if self._recorder is None else self._recorder.values,
             },
         )
@@ -305,7 +306,7 @@ class Simulation:
             guidance = Guidance.restored(checkpoint.guidance, self.scene)
             self._steering = Steering(self._control.number, guidance, self._solver, self._control)
         self._steered = rest["steered"]
-        self.hand = self._noted_hand = push_of(rest["hand"])
+        self.hand = self._noted_hand = None if rest["hand"] is None else Hand(**rest["hand"]).push()
         if self._recorder is not None and rest["safeguard"] is not None:
             self._recorder.recall(rest["safeguard"])
 
@@ -414,7 +415,7 @@ class Simulation:
         """Return the force of sketch and hand in the next frame; note a change of the hand."""
         hand = self.hand
         if hand is not self._noted_hand:
-            self.journal.add(PushInput(frame=self.frame, push=hand))
+            self.journal.add(PushInput(frame=self.frame, push=Hand.of(hand)))
             self._noted_hand = hand
         acting = self._acting(hand)
         return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None

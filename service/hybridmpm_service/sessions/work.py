@@ -1,4 +1,4 @@
-"""Threads of a session: jobs one after the other; sketches, motions and recordings on copies of the simulator."""
+"""Threads of a session: jobs in order; sketches, motions and recordings on copies of the simulator."""
 
 import asyncio
 import contextlib
@@ -97,7 +97,6 @@ class Worker:
         self._thread.shutdown(wait=True)
 
 
-T = TypeVar("T")
 Check: TypeAlias = Callable[[], None]
 """Raises where work is to end early."""
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from hybridmpm_service import Settings, create_app
-from hybridmpm_service.http import answers, creation, estimates, jobs, logs, requests, sketches
+from hybridmpm_service.http import answers, creation, jobs, logs, requests, sketches
 
 OPERATIONS = {
     ("get", "/livez"),
@@ -118,7 +118,7 @@ def test_every_operation_with_a_body_or_an_answer_of_ours_has_examples(document:
     [
         creation.CreateSession,
         creation.CheckScene,
-        estimates.CheckBody,
+        answers.CheckBody,
         answers.FindingBody,
         logs.LogBody,
         jobs.MakeDataSet,

@@ -73,7 +73,7 @@ async def _story(session: Session) -> None:
 
 
 async def _until(happens: Callable[[], bool]) -> None:
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(60):
         while not happens():  # noqa: ASYNC110 - what it waits for has no event
             await asyncio.sleep(0.005)
 
@@ -187,7 +187,7 @@ def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
         again = await manager.replay(log)
         assert (again.view.frame, again.notice) == (60, None)
         assert await again.log() == dataclasses.replace(log, inputs=(await again.log()).inputs)
-        assert [one.record() for one in (await again.log()).inputs] == [one.record() for one in log.inputs]
+        assert (await again.log()).inputs == log.inputs
         assert await _digest(again, 25) == await _digest(session, 25)
 
     _play(None, scene)
@@ -380,7 +380,7 @@ async def _particles_digest(session: Session) -> str:
     return (await session.particles()).positions.tobytes().hex()
 
 
-def test_a_log_is_not_played_for_somebody_who_has_gone() -> None:
+def test_the_replay_of_a_cancelled_call_ends() -> None:
     async def scene(manager: SessionManager) -> None:
         session = await manager.create(lambda: SCENE)
         log = dataclasses.replace(await session.log(), frame=100_000)
@@ -389,7 +389,7 @@ def test_a_log_is_not_played_for_somebody_who_has_gone() -> None:
         replaying.cancel()
         with pytest.raises(asyncio.CancelledError):
             await replaying
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while manager._being_made:  # noqa: ASYNC110 - nothing tells when it has ended
                 await asyncio.sleep(0.01)
         assert manager.all() == [session]

@@ -9,7 +9,16 @@ import pytest
 from hybridmpm import Box, MpmSolver, Scene
 from hybridmpm.control import Arrow, Ellipse, Push
 from hybridmpm_service.errors import StorageError
-from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, ReleaseInput, SketchInput
+from hybridmpm_service.sessions.inputs import (
+    Hand,
+    Input,
+    LimitedSettings,
+    Origin,
+    PushInput,
+    ReleaseInput,
+    SketchInput,
+    SketchRecord,
+)
 from hybridmpm_service.sessions.journal import Checkpoint, SessionFile
 from hybridmpm_service.sessions.solvers import ChosenSolver
 
@@ -27,19 +36,15 @@ INPUTS: tuple[Input, ...] = (
             number=number,
             drawn_frame=2,
             planned_by="analytic",
-            sketch=sketch,
-            settings={"cap": 15.0, "frames": None, "most": 400},
+            sketch=SketchRecord.of(sketch),
+            settings=LimitedSettings(cap=12.0, most=400),
         )
         for number, sketch in enumerate(SKETCHES, start=1)
     ),
-    PushInput(frame=6, push=HAND),
+    PushInput(frame=6, push=Hand.of(HAND)),
     PushInput(frame=7, push=None),
     ReleaseInput(frame=9),
 )
-
-
-def _records(inputs: tuple[Input, ...]) -> list[object]:
-    return [one.record() for one in inputs]
 
 
 @pytest.fixture
@@ -60,7 +65,7 @@ def test_inputs_origin_and_checkpoint_come_back(path: Path) -> None:
     file.close()
     stored = SessionFile(path).read()
     assert stored.origin.record() == ORIGIN.record()
-    assert _records(stored.inputs) == _records(INPUTS)
+    assert stored.inputs == INPUTS
     assert (stored.checked, stored.reached, stored.complete) == (3, 12, True)
     assert stored.checkpoint == checkpoint
     assert stored.guidances == {}
@@ -89,7 +94,7 @@ def test_a_tail_that_is_torn_off_costs_the_latest_inputs_alone(path: Path, lost:
     torn.with_name(torn.name + "-wal").write_bytes(log[:-lost])
     stored = SessionFile(torn).read()
     assert 0 < len(stored.inputs) < 5 * len(INPUTS)
-    assert _records(stored.inputs) == (5 * _records(INPUTS))[: len(stored.inputs)]
+    assert stored.inputs == (5 * INPUTS)[: len(stored.inputs)]
 
 
 def test_a_damaged_file_is_refused_with_its_name(path: Path) -> None:

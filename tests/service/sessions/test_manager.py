@@ -250,7 +250,8 @@ def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
         await _until(lambda: session._worker._unfinished)
         await asyncio.sleep(0.05)
         await manager.delete(session.id)
-        assert manager._ending == set()
+        async with asyncio.timeout(60):
+            await asyncio.gather(*manager._ending)
         assert session.view.frame == 0
         results = await asyncio.gather(*calls, return_exceptions=True)
         assert all(isinstance(result, SessionNotFoundError) for result in results), results

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from hybridmpm_service.sessions.admission import Machine
-from hybridmpm_service.sessions.player import MAX_LAG_SECONDS, Pace, Player
+from hybridmpm_service.sessions.player import MAX_LAG_SECONDS, Machine, Pace, Player
 
 
 def _pace(speed: float = 1.0) -> Pace:
