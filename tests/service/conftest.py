@@ -4,6 +4,7 @@ import contextlib
 import json
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -91,6 +92,15 @@ class Service:
         found: Session = self.app.state.sessions.get(path.rpartition("/")[2])
         return found
 
+    def ended(self, job: dict[str, Any]) -> dict[str, Any]:
+        """Wait until a job has ended; return its description."""
+        deadline = time.monotonic() + WAIT_SECONDS
+        while job["phase"] == "running":
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            job = self.http.get(job["links"]["self"]).json()
+        return job
+
     @contextlib.contextmanager
     def stream(self, path: str, version: str | None = None, **options: Any) -> Iterator[Stream]:
         """Open a WebSocket, and ask for a version of the frames."""
@@ -104,6 +114,21 @@ class Service:
         self._thread.join(WAIT_SECONDS)
         assert not self._thread.is_alive()
         self.http.close()
+
+
+class Hold:
+    """A gate in the frames of a session's simulator, which its thread waits at until it is opened."""
+
+    def __init__(self, session: Session) -> None:
+        solver = session.simulation._solver
+        advance, self.reached, self.gate = solver.advance, threading.Event(), threading.Event()
+
+        def held(frames: int = 1, force: Any = None) -> None:
+            self.reached.set()
+            assert self.gate.wait(WAIT_SECONDS)
+            advance(frames, force)
+
+        solver.advance = held  # type: ignore[method-assign]
 
 
 @contextlib.contextmanager

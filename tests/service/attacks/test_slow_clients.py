@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
-from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, Hold
 from websockets.sync.client import connect
 
 from hybridmpm.stream_frames import decode
@@ -257,22 +257,14 @@ def test_calls_whose_clients_have_gone_are_cancelled(start: Callable[..., Any]) 
     service = start()
     path = service.create()
     session = service.session(path)
-    solver = session.simulation._solver
-    advance, inside, gate = solver.advance, threading.Event(), threading.Event()
-
-    def held(frames: int = 1, force: Any = None) -> None:
-        inside.set()
-        assert gate.wait(WAIT_SECONDS)
-        advance(frames, force)
-
-    solver.advance = held
+    hold = Hold(session)
     with contextlib.ExitStack() as connections:
         for _ in range(10):
             connections.enter_context(_raw(service, _post(f"{path}/advance", b'{"frames": 2000}')))
-        assert inside.wait(WAIT_SECONDS)
+        assert hold.reached.wait(WAIT_SECONDS)
         _until(lambda: session._calls == 10)
     _until(lambda: session._calls == 0)
-    gate.set()
+    hold.gate.set()
     # One was at its first frame; the others had not started.
     assert service.http.post(f"{path}/advance", json={"frames": 1}).json()["frame"] == 2
 

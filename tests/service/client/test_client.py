@@ -256,12 +256,12 @@ def test_the_same_with_asyncio(service: Any) -> None:
     assert asyncio.run(use())[-1] == 4
 
 
-def test_jobs_tell_their_progress_and_bring_files(client: Client) -> None:
+def test_jobs_report_progress_and_return_files(client: Client) -> None:
     session = client.create("water_2d", 1)
     job = session.record(50, every=25)
-    told = list(job.events())
-    assert told[-1]["phase"] == job.info["phase"] == "done"
-    assert (told[-1]["done"], told[-1]["total"]) == (50, 50)
+    events = list(job.events())
+    assert events[-1]["phase"] == job.info["phase"] == "done"
+    assert (events[-1]["done"], events[-1]["total"]) == (50, 50)
     with np.load(io.BytesIO(job.result())) as arrays:
         assert arrays["frames"].tolist() == [0, 25, 50]
     assert [one.id for one in client.jobs()] == [job.id]
@@ -275,15 +275,15 @@ def test_jobs_tell_their_progress_and_bring_files(client: Client) -> None:
     async def use() -> bytes:
         async with AsyncClient(client.address) as awaited:
             mine = await awaited.session(session.id)
-            begun = await mine.record(6, every=3, format="gif", width=64)
-            made = await begun.result()
-            await begun.delete()
+            job = await mine.record(6, every=3, format="gif", width=64)
+            made = await job.result()
+            await job.delete()
             return made
 
     assert asyncio.run(use()).startswith(b"GIF89a")
 
 
-def test_errors_say_what_to_do(client: Client) -> None:
+def test_errors_name_the_field_and_the_remedy(client: Client) -> None:
     with pytest.raises(ServiceError, match=r"body\.seed: ") as raised:
         client.create("water_2d", -1)
     assert raised.value.status == 422
@@ -308,7 +308,7 @@ def test_a_service_that_is_full_says_when_to_try_again(start: Callable[..., Any]
         assert raised.value.retry_after > 0
 
 
-def test_no_service_and_no_answer_are_told_apart(service: Any) -> None:
+def test_a_missing_service_and_a_late_answer_have_different_errors(service: Any) -> None:
     with (
         Client("http://127.0.0.1:9") as nobody,
         pytest.raises(UnreachableError, match="start one with `hybridmpm serve`"),
@@ -316,11 +316,12 @@ def test_no_service_and_no_answer_are_told_apart(service: Any) -> None:
         nobody.ready()
     with Client(f"http://{service.address}", timeout=60) as client:
         session = client.create("water_2d")
-        client.timeout = 0.05
-        with session.stream() as stream, pytest.raises(UnreachableError, match="not answered in time"):
+        with session.stream() as stream:
             # A session at rest sends its state once, and then a status four times a second.
-            for _ in stream:
-                pass
+            stream._awaited._timeout = 0.05
+            with pytest.raises(UnreachableError, match="not answered in time"):
+                for _ in stream:
+                    pass
         session.delete()
 
 

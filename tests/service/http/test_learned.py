@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.service.conftest import SMALL_SCENE, Service
 
-from hybridmpm import HybridSimulator, MpmSolver, NeuralPhysics, scenarios
+from hybridmpm import HybridSimulator, NeuralPhysics, scenarios
 from hybridmpm.coarse import coarse_table
 from hybridmpm.hybrid import Decision
 from hybridmpm.physics import NeuralModel
@@ -86,22 +86,7 @@ def test_the_pressure_of_a_network_is_refused(
         assert "MPM alone" in body["detail"]
 
 
-def test_a_session_at_a_level_shows_all_particles_of_the_scene(
-    learned: Service, create: Callable[..., str]
-) -> None:
-    path = create(coarse="1/16")
-    body = learned.http.get(path).json()
-    scene = scenarios.water_2d(body["seed"])
-    own = MpmSolver(scene, coarse="1/16")
-    assert [body[key] for key in ("solver", "coarse", "model", "r_p")] == ["mpm", "1/16", None, 1 / 16]
-    assert body["particles"] == len(scene.sample().x) == own.particle_count
-    learned.http.post(f"{path}/advance", json={"frames": 6}).raise_for_status()
-    own.advance(6)
-    shown = learned.http.get(f"{path}/particles").json()["positions"]
-    assert np.array_equal(np.array(shown, dtype=np.float32), own.positions)
-
-
-def test_the_page_offers_the_levels_that_there_are(learned: Service) -> None:
+def test_the_page_offers_all_coarse_levels(learned: Service) -> None:
     offered = re.findall(r'<option value="(1/[0-9]+)">', learned.http.get("/").text)
     assert offered == list(reversed(coarse_table().ratios))
 

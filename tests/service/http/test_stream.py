@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+from tests.service.conftest import Hold
 from websockets.exceptions import InvalidStatus
 
 from hybridmpm import DomainError
@@ -255,20 +256,10 @@ def test_a_failing_frame_pauses_at_the_last_good_one_and_disturbs_nobody_else(
     service.http.delete(other)
 
 
-def test_a_long_computation_blocks_neither_the_loop_nor_other_sessions(
-    service: Any, path: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_computation_blocks_neither_the_loop_nor_other_sessions(service: Any, path: str) -> None:
     """While the session's thread is held inside a frame, everybody else is served."""
     other = service.create()
-    solver = service.session(path).simulation._solver
-    advance, inside, gate = solver.advance, threading.Event(), threading.Event()
-
-    def held(frames: int = 1, force: Any = None) -> None:
-        inside.set()
-        assert gate.wait(60)
-        advance(frames, force)
-
-    monkeypatch.setattr(solver, "advance", held)
+    hold = Hold(service.session(path))
     answers: list[httpx.Response] = []
     caller = threading.Thread(
         target=lambda: answers.append(
@@ -277,7 +268,7 @@ def test_a_long_computation_blocks_neither_the_loop_nor_other_sessions(
     )
     caller.start()
     try:
-        assert inside.wait(60)
+        assert hold.reached.wait(60)
         assert service.http.get("/livez").status_code == 200
         assert service.http.get(path).json()["frame"] == 0
         assert service.http.post(f"{other}/advance", json={"frames": 3}).json()["frame"] == 3
@@ -285,7 +276,7 @@ def test_a_long_computation_blocks_neither_the_loop_nor_other_sessions(
             assert stream.receive()["type"] == "hello"
         assert answers == []
     finally:
-        gate.set()
+        hold.gate.set()
         caller.join(60)
     assert answers[0].json()["frame"] == 1
     service.http.delete(other)

@@ -1,7 +1,6 @@
 """Data sets as jobs: those of the library, bounded, and ended when asked."""
 
 import io
-import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import WAIT_SECONDS
 
 from hybridmpm import data
 from hybridmpm.client import Client
@@ -20,15 +18,6 @@ from hybridmpm.data.generation.executors import Threads
 @pytest.fixture(scope="module")
 def service(start_module: Callable[..., Any]) -> Any:
     return start_module(max_jobs=4, max_dataset_frames=1000)
-
-
-def _ended(service: Any, job: dict[str, Any]) -> dict[str, Any]:
-    deadline = time.monotonic() + WAIT_SECONDS
-    while job["phase"] == "running":
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-        job = service.http.get(job["links"]["self"]).json()
-    return job
 
 
 @pytest.mark.needs("h5py", "data")
@@ -61,12 +50,12 @@ def test_it_ends_when_it_is_deleted_and_makes_room_for_the_next(service: Any) ->
     asked = {"scenario": "water_3d", "trajectories": 1, "frames": 1000}
     long = service.http.post("/v1/datasets", json=asked)
     assert long.status_code == 202
-    begun = long.json()
-    assert long.headers["Location"] == begun["links"]["self"]
-    assert service.http.delete(begun["links"]["self"]).status_code == 204
-    assert service.http.get(begun["links"]["self"]).status_code == 404
+    address = long.json()["links"]["self"]
+    assert long.headers["Location"] == address
+    assert service.http.delete(address).status_code == 204
+    assert service.http.get(address).status_code == 404
     body = {"scenario": "water_2d", "trajectories": 1, "frames": 4}
-    ended = _ended(service, service.http.post("/v1/datasets", json=body).json())
+    ended = service.ended(service.http.post("/v1/datasets", json=body).json())
     assert ended["phase"] == "done"
 
 
@@ -87,7 +76,7 @@ def test_it_ends_when_it_is_deleted_and_makes_room_for_the_next(service: Any) ->
         ({"control": True}, "body.control", "not permitted"),
     ],
 )
-def test_what_cannot_be_made_is_refused(service: Any, changed: dict[str, Any], field: str, text: str) -> None:
+def test_an_invalid_data_set_is_refused(service: Any, changed: dict[str, Any], field: str, text: str) -> None:
     body = {"scenario": "water_2d", "trajectories": 1, "frames": 100} | changed
     answer = service.http.post("/v1/datasets", json=body)
     assert answer.status_code == 422
@@ -96,7 +85,7 @@ def test_what_cannot_be_made_is_refused(service: Any, changed: dict[str, Any], f
     assert text in error["message"]
 
 
-def test_without_h5py_it_is_told_what_is_missing(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_h5py_is_named(service: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.import_module", _missing)
     answer = service.http.post("/v1/datasets", json={"scenario": "water_2d", "trajectories": 1})
     assert answer.status_code == 422

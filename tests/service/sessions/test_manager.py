@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+from tests.service.conftest import Hold
 
 from hybridmpm import Box, Elastic, Scene, SceneError
 from hybridmpm.control import Arrow
@@ -164,31 +165,17 @@ async def _until(happened: Callable[[], object]) -> None:
         await asyncio.sleep(0.001)
 
 
-def _held(session: Session) -> tuple[threading.Event, threading.Event]:
-    """Hold the session's thread within frames; return the events of its arrival and its release."""
-    solver = session.simulation._solver
-    advance, inside, gate = solver.advance, threading.Event(), threading.Event()
-
-    def hold(frames: int = 1, force: Any = None) -> None:
-        inside.set()
-        assert gate.wait(60)
-        advance(frames, force)
-
-    solver.advance = hold  # type: ignore[method-assign]
-    return inside, gate
-
-
 def test_a_cancelled_call_ends_after_its_frame_and_still_reaches_the_viewers() -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        inside, gate = _held(session)
+        hold = Hold(session)
         calling = asyncio.create_task(session.advance(1000))
         queued = asyncio.create_task(session.advance(1000))
-        assert await asyncio.to_thread(inside.wait, 60)
+        assert await asyncio.to_thread(hold.reached.wait, 60)
         calling.cancel()
         queued.cancel()
         await asyncio.gather(calling, queued, return_exceptions=True)
-        gate.set()
+        hold.gate.set()
         await session.particles()
         assert session.view.frame == 1
 
@@ -262,13 +249,13 @@ def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
 def test_sessions_that_still_end_take_room() -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        inside, gate = _held(session)
+        hold = Hold(session)
         calling = asyncio.create_task(session.advance(1))
-        assert await asyncio.to_thread(inside.wait, 60)
+        assert await asyncio.to_thread(hold.reached.wait, 60)
         await manager.delete(session.id)
         with pytest.raises(TooManySessionsError):
             await manager.create(lambda: SCENE)
-        gate.set()
+        hold.gate.set()
         with pytest.raises(SessionNotFoundError):
             await calling
         await asyncio.gather(*manager._ending)
