@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
 
+from pydantic import ValidationError
+
 from hybridmpm.errors import ConfigError
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import INPUT, Input, Origin
@@ -146,7 +148,8 @@ class SessionFile:
                 complete=bool(complete),
             )
         except (KeyError, TypeError, ValueError) as err:
-            raise StorageError(f"{self._path} is damaged: {err}") from err
+            why = err.errors(include_url=False)[0]["msg"] if isinstance(err, ValidationError) else err
+            raise StorageError(f"{self._path} is damaged: {why}") from err
 
     def append(self, made: Input, guidance: bytes | None) -> None:
         """Add an input, with a snapshot of its guidance if it is a sketch."""

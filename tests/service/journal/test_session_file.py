@@ -115,7 +115,7 @@ def test_a_file_with_a_foreign_record_is_refused(path: Path) -> None:
     file = SessionFile.create(path, ORIGIN)
     with sqlite3.connect(path) as database:
         database.execute("""INSERT INTO inputs (record) VALUES ('{"kind": "wish", "frame": 3}')""")
-    with pytest.raises(StorageError, match="is damaged: there is no input 'wish'"):
+    with pytest.raises(StorageError, match="is damaged: Input tag 'wish'"):
         file.read()
 
 

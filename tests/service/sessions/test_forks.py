@@ -32,7 +32,7 @@ OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 def test_a_fork_goes_on_with_the_same_bits_and_by_itself(sketch: Ellipse | None) -> None:
     simulation = Simulation(ChosenSolver(MpmSolver(OPEN_SCENE)), clock=time.perf_counter)
     if sketch is not None:
-        simulation.steer(prepare(simulation.copy(), sketch, frames=20, hold=5), 1, {})
+        simulation.steer(prepare(simulation.copy(), sketch, frames=20, hold=5), 1, {"most": 400})
     simulation.advance(7)
     fork = simulation.fork()
     before = _digest(simulation)

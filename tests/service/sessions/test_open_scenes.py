@@ -59,7 +59,7 @@ def test_what_a_sketch_reached_counts_who_is_still_there() -> None:
         update={"emitters": (JET,), "sinks": (BoxSink(lower=(0.4, 0.3), upper=(0.45, 0.7)),)}
     )
     simulation, solver = Simulation(ChosenSolver(MpmSolver(scene)), clock=time.perf_counter), MpmSolver(scene)
-    simulation.steer(prepare(simulation.copy(), ARROW, frames=20), 1, {})
+    simulation.steer(prepare(simulation.copy(), ARROW, frames=20), 1, {"most": 400})
     simulation.advance(20)
     control = simulation.view().control
     following = follow(solver, ARROW, frames=20).run()

@@ -59,7 +59,7 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     simulation.advance(3)
     solver.advance(3)
     guidance = prepare(simulation.copy(), ARROW, frames=40, hold=2)
-    steered = simulation.steer(guidance, 1, {})
+    steered = simulation.steer(guidance, 1, {"most": 400})
     assert (steered.number, steered.first_frame, steered.guidance) == (1, 3, guidance)
     control = simulation.view().control
     assert control is not None
@@ -83,7 +83,7 @@ def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
 
 def test_what_was_reached_is_what_following_the_sketch_reports() -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
-    simulation.steer(prepare(simulation.copy(), OVAL, frames=60), 1, {})
+    simulation.steer(prepare(simulation.copy(), OVAL, frames=60), 1, {"most": 400})
     simulation.advance(60)
     control = simulation.view().control
     reached = follow(solver, OVAL, frames=60).run().reached
@@ -100,7 +100,7 @@ def test_late_input_costs_little_for_the_goal_is_aimed_at_from_where_the_particl
         simulation = _simulation()
         guidance = prepare(simulation.copy(), OVAL, frames=60)
         simulation.advance(late)
-        assert simulation.steer(guidance, 1, {}).first_frame == late
+        assert simulation.steer(guidance, 1, {"most": 400}).first_frame == late
         simulation.advance(60)
         control = simulation.view().control
         assert control is not None
@@ -113,7 +113,7 @@ def test_a_goal_that_is_out_of_reach_is_called_so() -> None:
     simulation = _simulation()
     guidance = prepare(simulation.copy(), ARROW, frames=5, cap=2)
     assert not guidance.needs().reachable
-    simulation.steer(guidance, 1, {})
+    simulation.steer(guidance, 1, {"most": 400})
     simulation.advance(3)
     control = simulation.view().control
     assert control is not None
@@ -129,10 +129,10 @@ def test_a_goal_that_is_out_of_reach_is_called_so() -> None:
 def test_a_newer_sketch_replaces_an_older_one() -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     first = prepare(simulation.copy(), ARROW, frames=10)
-    simulation.steer(first, 1, {})
+    simulation.steer(first, 1, {"most": 400})
     simulation.advance(2)
     second = prepare(simulation.copy(), Arrow(np.array([[0.5, 0.5], [0.45, 0.5]])), frames=5)
-    simulation.steer(second, 2, {})
+    simulation.steer(second, 2, {"most": 400})
     simulation.advance(6)
     solver.advance(2, first)
     solver.advance(6, second)
@@ -145,7 +145,7 @@ def test_a_newer_sketch_replaces_an_older_one() -> None:
 def test_a_sketch_that_is_taken_back_steers_no_more() -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     guidance = prepare(simulation.copy(), ARROW, frames=10)
-    simulation.steer(guidance, 1, {})
+    simulation.steer(guidance, 1, {"most": 400})
     simulation.advance(4)
     simulation.release()
     simulation.advance(4)
@@ -158,7 +158,7 @@ def test_a_sketch_that_is_taken_back_steers_no_more() -> None:
 def test_reset_goes_back_to_the_start_without_control() -> None:
     simulation = _simulation()
     start = simulation.particles().positions
-    simulation.steer(prepare(simulation.copy(), ARROW, frames=10), 1, {})
+    simulation.steer(prepare(simulation.copy(), ARROW, frames=10), 1, {"most": 400})
     simulation.hand = push((0.5, 0.5), (1, 0), 0.1)
     simulation.advance(2)
     simulation.reset()
@@ -176,7 +176,7 @@ def test_a_hand_pushes_beside_a_sketch(method: str) -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     hand = push((0.5, 0.5), (1.0, 0.5), 0.08)
     guidance = prepare(simulation.copy(), ARROW, method=method, frames=40)
-    simulation.steer(guidance, 1, {})
+    simulation.steer(guidance, 1, {"most": 400})
     simulation.hand = hand
     simulation.advance(3)
     simulation.hand = None
@@ -203,7 +203,7 @@ def test_a_sketch_wakes_regions_that_sleep() -> None:
     simulation = Simulation(ChosenSolver(solver), clock=_Clock())
     start = simulation.view().centroid
     arrow = Arrow(np.array([[0.5, 0.2], [0.5, 0.4]]))
-    simulation.steer(prepare(simulation.copy(), arrow), 1, {})
+    simulation.steer(prepare(simulation.copy(), arrow), 1, {"most": 400})
     simulation.advance(100)
     assert simulation.view().centroid[1] > start[1] + 0.1
 
