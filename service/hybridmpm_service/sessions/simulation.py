@@ -16,6 +16,7 @@ import numpy.typing as npt
 from hybridmpm import CancelFlag, Scene
 from hybridmpm.control import Guidance, Push
 from hybridmpm.errors import ConfigError
+from hybridmpm.force import total_force
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import PressureUnknownError
@@ -323,7 +324,7 @@ class Simulation:
 
     def force(self) -> CellMeans:
         """Return the force of sketch and hand in the next frame, in the mean over cells; nothing changes."""
-        force = self._sum(self._acting(self.hand))
+        force = total_force(self._acting(self.hand), self._solver.ids, self.scene.dim)
         return CellMeans.of_force(self._solver.frame, self._solver.positions, force)
 
     def pressure(self) -> CellMeans:
@@ -418,7 +419,9 @@ class Simulation:
             self.journal.add(PushInput(frame=self.frame, push=Hand.of(hand)))
             self._noted_hand = hand
         acting = self._acting(hand)
-        return acting[0] if len(acting) == 1 else self._sum(acting) if acting else None
+        if len(acting) < 2:
+            return acting[0] if acting else None
+        return total_force(acting, self._solver.ids, self.scene.dim)
 
     def _acting(self, hand: Push | None) -> list[Any]:
         """Return the forces of the sketch and of a hand in the next frame, without absent ones."""
@@ -426,16 +429,3 @@ class Simulation:
         if hand is not None:
             forces.append(hand(self._solver))
         return [force for force in forces if force is not None]
-
-    def _sum(self, forces: list[Any]) -> npt.NDArray[np.float32]:
-        """Return the sum (N, D) of forces, some of which may be for the particles of some ids alone."""
-        ids = self._solver.ids
-        total = np.zeros((len(ids), self.scene.dim), dtype=np.float32)
-        for force in forces:
-            if isinstance(force, tuple):
-                named, accelerations = force
-                present = np.isin(named, ids)
-                total[np.searchsorted(ids, named[present])] += accelerations[present]
-            else:
-                total += force
-        return total

@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from hybridmpm_lab.service.hostile import uploads
-from hybridmpm_lab.service.server import Server
+from hybridmpm_lab.service.server import Server, running
 
 MIB = 2**20
 CLOSE_FLOODED = 1008
@@ -39,7 +39,7 @@ class Footprint:
     @classmethod
     def of(cls, server: Server) -> "Footprint":
         """Measure a server; the test is skipped where the system has no /proc."""
-        memory, folder = server.memory(), Path(f"/proc/{server._process.pid}")
+        memory, folder = server.memory(), Path(f"/proc/{server.process.pid}")
         if memory is None:
             pytest.skip("the system lacks /proc")
         return cls(memory, len(list((folder / "fd").iterdir())), len(list((folder / "task").iterdir())))
@@ -47,13 +47,13 @@ class Footprint:
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    with Server("--send-seconds", "0.5") as started:
+    with running("--send-seconds", "0.5") as started:
         yield started
 
 
 @contextlib.contextmanager
 def _http(server: Server) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=f"http://{server.address}", timeout=WAIT_SECONDS) as client:
+    with httpx.Client(base_url=server.address, timeout=WAIT_SECONDS) as client:
         yield client
 
 
@@ -154,16 +154,18 @@ class Crowd:
     def stream(self, links: dict[str, str], **options: Any) -> Iterator[Any]:
         """Watch a session."""
         with connect(
-            f"ws://{self._server.address}{links['stream']}", compression=None, close_timeout=1, **options
+            f"ws{self._server.address.removeprefix('http')}{links['stream']}",
+            compression=None,
+            close_timeout=1,
+            **options,
         ) as stream:
             yield stream
 
     def raw(self) -> socket.socket:
         """Return a connection whose own buffer is small."""
-        host, _, port = self._server.address.partition(":")
         client_socket = socket.socket()
         client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        client_socket.connect((host, int(port)))
+        client_socket.connect(("127.0.0.1", self._server.port))
         return client_socket
 
 
@@ -230,7 +232,7 @@ KINDS = [honest, careless, silent, sleeping, flooding]
     "seconds", [1.0, pytest.param(300.0, marks=[pytest.mark.long, pytest.mark.timeout(1800)])]
 )
 def test_clients_that_come_and_go_leave_nothing(seconds: float) -> None:
-    with Server("--idle-seconds", "5", "--send-seconds", "0.5") as server:
+    with running("--idle-seconds", "5", "--send-seconds", "0.5") as server:
         _come_and_go(server, seconds)
 
 
