@@ -149,7 +149,7 @@ class AsyncClient:
         log : mapping, optional
             Result of `log` of a session, which is computed again.
         **settings
-            The simulator: solver, coarse, model, r_c, safeguard; see docs/reference/http-api.md.
+            The simulator: solver, coarse, model, r_c; see docs/reference/http-api.md.
 
         Raises
         ------
