@@ -62,7 +62,6 @@ class SimulatorSettings(TypedDict, total=False):
     """Name of a network."""
     r_c: float
     """Value below which the safeguard alarms, in [-1, 1]."""
-    safeguard: Literal["ours", "paper"]
 
 
 class PlanSettings(TypedDict, total=False):
