@@ -1,5 +1,6 @@
 """The real service in a process of its own, and a real Chromium to look at its page."""
 
+import json
 import os
 import shutil
 import socket
@@ -200,6 +201,16 @@ class Visit:
             self.page.mouse.move(*self.pixel(*point), steps=2)
         if release:
             self.page.mouse.up()
+
+
+def collect(page: Page, event: str, into: list[Any]) -> None:
+    """Collect the JSON messages of a page's streams: those of the event "framesent" or "framereceived"."""
+
+    def note(message: str | bytes) -> None:
+        if isinstance(message, str):
+            into.append(json.loads(message))
+
+    page.on("websocket", lambda socket: socket.on(event, note))
 
 
 Open = Callable[..., Visit]

@@ -30,7 +30,7 @@ def test_restarted_server_is_announced(open_page: Open, service: LiveService) ->
     assert "does not answer" in (banner.text_content() or "")
     service.start()
     visit.wait_for("body.state === 'lost'")
-    assert "no longer has this simulation" in (banner.text_content() or "")
+    assert "no longer exists" in (banner.text_content() or "")
     visit.page.get_by_role("button", name="Start a new one").click()
     visit.wait_for(f"body.session !== '{first}' && {LIVE}")
     assert banner.is_hidden()

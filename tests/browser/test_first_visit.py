@@ -1,4 +1,4 @@
-"""What somebody sees who opens the page for the first time: it moves, a hand draws, the fluid follows."""
+"""The page at a first visit: it moves, a hand draws, the fluid follows."""
 
 from urllib.parse import urlsplit
 
@@ -47,7 +47,7 @@ def test_a_ghost_hand_draws_once_and_the_fluid_follows(open_page: Open, viewport
     assert visit.value("control") == "idle"
 
 
-def test_whoever_touches_the_page_is_not_shown_how(open_page: Open) -> None:
+def test_a_touch_ends_the_ghost_hand(open_page: Open) -> None:
     visit = open_page()
     visit.wait_for("body.state === 'live'")
     visit.page.keyboard.press("p")
@@ -55,7 +55,7 @@ def test_whoever_touches_the_page_is_not_shown_how(open_page: Open) -> None:
     assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
 
 
-def test_who_comes_for_a_scene_is_shown_the_scene_alone(open_page: Open) -> None:
+def test_an_address_with_a_scene_has_no_ghost_hand(open_page: Open) -> None:
     visit = open_page("renderer=canvas2d&scenario=water_2d&seed=0")
     visit.wait_for("Number(body.frame) > 170")
     assert (visit.value("control"), visit.value("tool")) == ("idle", "push")
@@ -77,23 +77,23 @@ def test_where_motion_is_reduced_nothing_starts_by_itself(open_page: Open, query
 
 @pytest.mark.parametrize("viewport", SIZES, ids=["desktop", "phone"])
 def test_motion_waits_for_no_list_and_nothing_on_demand(open_page: Open, viewport: ViewportSize) -> None:
-    asked: list[str] = []
+    requested: list[str] = []
 
     def hold_lists(page: Page) -> None:
-        page.on("request", lambda request: asked.append(urlsplit(request.url).path))
+        page.on("request", lambda request: requested.append(urlsplit(request.url).path))
         for name in ("models", "scenarios"):
             page.route(f"**/v1/{name}", lambda _: None)
 
     visit = open_page("", viewport=viewport, prepare=hold_lists)
     visit.wait_for("Number(body.frame) >= 5")
-    assert {"/v1/models", "/v1/scenarios", "/v1/sessions"} <= set(asked)
-    assert not [path for path in asked if path.startswith(("/build/", "/gallery/", "/plan/", "/share/"))]
+    assert {"/v1/models", "/v1/scenarios", "/v1/sessions"} <= set(requested)
+    assert not [path for path in requested if path.startswith(("/build/", "/gallery/", "/plan/", "/share/"))]
 
 
-def test_a_seed_that_does_not_fit_is_told(open_page: Open) -> None:
+def test_an_invalid_seed_is_reported(open_page: Open) -> None:
     visit = open_page("renderer=canvas2d&scenario=water_2d&seed=-3")
     visit.wait_for("Number(body.frame) > 0")
     toast = visit.page.locator(".toast")
     expect(toast).to_contain_text("Invalid seed in the address")
-    expect(toast).to_contain_text('It is "-3"')
+    expect(toast).to_contain_text('not "-3"')
     assert visit.page.locator("#seed").input_value() == "0"

@@ -9,7 +9,7 @@ pytestmark = pytest.mark.browser
 
 
 def test_the_address_of_the_preset_shows_it_on_load(open_page: Open, service: LiveService) -> None:
-    """Who simulates, the ghost of the sketch, what was reached, and who goes on."""
+    """Simulator, sketch, result, and the simulator after that."""
     visit = open_page("renderer=canvas2d&preset=pipeline")
     visit.wait_for("body.state === 'live'")
     # A hundredth and a tenth of real time, so that a busy machine sees each part.

@@ -1,4 +1,4 @@
-"""Who simulates, on the page: the choice, the badge, and the chart of the safeguard."""
+"""The simulator on the page: the choice, the badge, and the chart of the safeguard."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_choosing_a_simulator_starts_a_session_of_it(open_page: Open, service: L
     assert "solver=hybrid" in visit.page.url
     expect(visit.page.locator("#safeguard-numbers")).to_be_visible()
     expect(visit.page.locator("#solver-text")).to_contain_text("25 % of the particles")
-    # A network tells no pressure.
+    # A network computes no pressure.
     expect(visit.page.locator('#quantity [value="pressure"]')).to_be_disabled()
 
     second = visit.session
@@ -163,7 +163,7 @@ def test_a_sketch_puts_mpm_in_the_networks_place(open_page: Open, service: LiveS
     expect(visit.page.locator("#decision-reason")).to_have_text("a sketch or a push steers")
 
 
-def test_a_network_that_fails_says_what_to_do(open_page: Open, service: LiveService) -> None:
+def test_a_failing_network_is_reported_with_a_remedy(open_page: Open, service: LiveService) -> None:
     answer = service.post("/v1/sessions", {"scenario": "water_2d", "solver": "neural", "model": "broken"})
     visit = open_page(f"renderer=canvas2d&session={answer['id']}")
     visit.wait_for("body.state === 'live' && body.solver === 'neural'")

@@ -1,15 +1,14 @@
-"""Every tool at the width of a desktop and of a phone, and how hard and how long tools act."""
+"""Every tool at the width of a desktop and of a phone, and the strength and duration of tools."""
 
-import json
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Locator, Page, Route, ViewportSize, expect
+from playwright.sync_api import Locator, Route, ViewportSize, expect
 
-from .conftest import LiveService, Open, Visit
+from .conftest import LiveService, Open, Visit, collect
 
 pytestmark = pytest.mark.browser
 
@@ -56,7 +55,7 @@ def test_each_tool_does_what_it_says(open_page: Open, service: LiveService, view
     visit = open_page(WATER, viewport=viewport)
     visit.pause_at(5)
     assert visit.value("tool") == "push"
-    # Whoever pushes wants to see it.
+    # A push starts the player.
     visit.drag([(0.3, 0.4), (0.5, 0.4)], release=False)
     visit.wait_for("body.playing === 'true'")
     visit.page.mouse.up()
@@ -83,13 +82,7 @@ def test_each_tool_does_what_it_says(open_page: Open, service: LiveService, view
 def test_strength_duration_and_hold_go_with_the_sketch_and_the_hand(open_page: Open) -> None:
     sent: list[dict[str, Any]] = []
 
-    def listen(page: Page) -> None:
-        page.on(
-            "websocket",
-            lambda socket: socket.on("framesent", lambda frame: sent.append(json.loads(frame))),
-        )
-
-    visit = open_page(WATER, prepare=listen)
+    visit = open_page(WATER, prepare=lambda page: collect(page, "framesent", sent))
     visit.pause_at(5)
     expect(visit.page.locator("#duration-out")).to_have_text("as needed")
     expect(visit.page.locator("#hold-out")).to_have_text("none")
@@ -157,6 +150,7 @@ def test_all_tools_have_room(open_page: Open, scenario: str) -> None:
         assert len(boxes) == (7 if scenario == "water_2d" else 8)
         toolbar = _box(visit.page.locator(".toolbar"))
         for box in boxes:
+            assert min(box.width, box.height) >= 40
             assert box.y + box.height <= size["height"]
             assert toolbar.x <= box.x
             assert box.x + box.width <= toolbar.x + toolbar.width + 0.5, size
