@@ -80,9 +80,9 @@ def test_a_sketch_that_another_client_ends_disappears(open_page: Open, service: 
     _draw(visit, [(0.5, 0.4), (0.5, 0.6)])
     visit.wait_for("body.control === 'following'")
     service.advance(visit.session, 3)
-    # The page has to know that its sketch steers.
+    # The page ends the sketch only after a status with it.
     visit.eventually(
-        lambda: ((received[-1].get("session") or {}).get("control") or {}).get("frames_done") == 3
+        lambda: any(one["type"] == "status" and one["session"]["control"] is not None for one in received)
     )
     httpx.delete(f"{service.url}/v1/sessions/{visit.session}/sketches").raise_for_status()
     visit.wait_for("body.control === 'idle'")
