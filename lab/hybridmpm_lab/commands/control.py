@@ -4,52 +4,17 @@ from pathlib import Path
 
 import click
 
-from hybridmpm import scenarios
 from hybridmpm.cli.progress import progress
-from hybridmpm.errors import ConfigError
-from hybridmpm_lab.commands.options import (
-    chart_option,
-    json_option,
-    print_origin,
-    runs_option,
-    save,
-    scenario_option,
-    source,
-)
+from hybridmpm_lab.commands.options import chart_option, json_option, print_origin, runs_option, save
 from hybridmpm_lab.control.chart import chart
-from hybridmpm_lab.control.methods import NAMES, methods_of
-from hybridmpm_lab.control.runner import count_missing, measure, rows_of, settings
+from hybridmpm_lab.control.runner import ControlSettings, count_missing, measure, rows_of, run_store
 from hybridmpm_lab.control.sheets import sheets, write_sheets
-from hybridmpm_lab.control.suite import FAMILIES, cases
 from hybridmpm_lab.control.table import compared_with_aims, means, tables
-from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.settings import origin_of, settings_options
 
 
 @click.command()
-@click.option(
-    "--family",
-    "families",
-    type=click.Choice(FAMILIES),
-    multiple=True,
-    default=FAMILIES,
-    help="Family of the sketches. May be given several times. Default: all.",
-)
-@scenario_option("Scenario of the scenes.", default=scenarios.NAMES)
-@click.option(
-    "--seeds",
-    type=click.IntRange(1, 50),
-    help="Largest number of sketches of each kind in each family and scenario. Default: all, up to 50.",
-)
-@click.option(
-    "--method",
-    "names_of_methods",
-    multiple=True,
-    default=NAMES,
-    show_default=True,
-    metavar="METHOD",
-    help="A method, or MODULE:ATTRIBUTE for one of your own. May be given several times. The constant force "
-    "always takes part, because the others are compared with it.",
-)
+@settings_options(ControlSettings)
 @runs_option
 @json_option
 @chart_option
@@ -62,11 +27,7 @@ from hybridmpm_lab.harness.store import RowStore
     "that analytic follows worst. These sketches run again.",
 )
 def control(
-    *,
-    families: tuple[str, ...],
-    names: tuple[str, ...],
-    seeds: int | None,
-    names_of_methods: tuple[str, ...],
+    settings: ControlSettings,
     runs_file: Path | None,
     json_file: Path | None,
     chart_file: Path | None,
@@ -78,25 +39,11 @@ def control(
     ovals behind obstacles, fluid in pieces that is to be gathered, and ovals and arrows as a hand draws them.
     With --runs an interrupted command is resumed.
     """
-    some = cases(families, names, seeds)
-    if not some:
-        raise ConfigError(
-            f"the families {', '.join(families)} have no sketches in {', '.join(names)}: bent and gather "
-            "leave out ramps, reversed has water and sand in 2D and 3D"
-        )
-    methods = methods_of(names_of_methods)
-    origin = source(
-        "control",
-        family=families if families != FAMILIES else (),
-        scenario=names if names != scenarios.NAMES else (),
-        seeds=(seeds,),
-        method=names_of_methods if names_of_methods != NAMES else (),
-    )
-    store = RowStore(settings(), runs_file)
-    with progress("Measuring", count_missing(some, methods, store)) as bar:
-        measure(some, methods, store, origin, bar.update)
-    rows = means(store, some, methods)
-    runs = rows_of(some, methods, store)
+    origin = origin_of("control", settings)
+    some, methods, store = settings.cases, settings.methods, run_store(runs_file)
+    with progress("Measuring", count_missing(settings, store)) as bar:
+        measure(settings, store, origin, bar.update)
+    rows, runs = means(store, some, methods), rows_of(some, methods, store)
     save(rows, json_file, chart_file, chart)
     click.echo(tables(rows, compared_with_aims(runs)))
     if folder is not None:

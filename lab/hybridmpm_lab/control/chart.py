@@ -7,6 +7,7 @@ from typing import Any
 from hybridmpm._support import charts
 from hybridmpm_lab.control.methods import FILLED, NAMES
 from hybridmpm_lab.control.table import ALL, judged_by
+from hybridmpm_lab.harness.chart import legend
 from hybridmpm_lab.harness.rows import Row
 
 _COLUMNS = 3
@@ -47,12 +48,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         else:
             panel.set(yscale="log")
             charts.plain_log_ticks(panel.yaxis)
-    entries = {
-        label: handle
-        for panel in axes.flat
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=2 + 2 * columns)
+    legend(figure, axes)
     charts.save(figure, file)
 
 

@@ -27,12 +27,7 @@ def methods_of(names: tuple[str, ...]) -> Methods:
 
     A name is one of `NAMES`, `controlnet-4` for `controlnet` with four evaluations of its network a frame, or
     `MODULE:ATTRIBUTE`: an object with the surface of `hybridmpm.control.Method`, or a class or function
-    that returns one without arguments.
-
-    Raises
-    ------
-    ConfigError
-        There is no such name, module or attribute, or the attribute is no method.
+    that returns one without arguments. Raises a `ConfigError` where there is no such method.
     """
     return dict(map(_method, names if CONSTANT in names else (CONSTANT, *names)))
 
@@ -47,23 +42,16 @@ def _method(name: str) -> tuple[str, Method | None]:
         return name, _NAMED[name]
     if (steps := _CONTROLNET.fullmatch(name)) is not None:
         return name, ControlNet(steps=int(steps[1]))
-    module, colon, attribute = name.partition(":")
-    if not colon:
-        raise ConfigError(
-            f"method must be one of {', '.join(NAMES)} or MODULE:ATTRIBUTE for a method of your own, got "
-            f"{name!r}"
-        )
+    module, _, attribute = name.partition(":")
     try:
         found = getattr(importlib.import_module(module), attribute)
-        made = found() if isinstance(found, type) or not hasattr(found, "plan") else found
-        own, is_method = made.name, callable(made.plan)
+        made: Method = found() if isinstance(found, type) or not hasattr(found, "plan") else found
+        own, _ = made.name, made.plan
     except Exception as error:
         raise ConfigError(
-            f"the method {name} cannot be made ({type(error).__name__}: {error}); give a method with `name` "
-            "and `plan(simulator, task)`, or a class or function without arguments, in a module on PYTHONPATH"
+            f"method must be one of {', '.join(NAMES)} or MODULE:ATTRIBUTE, on PYTHONPATH: a method, "
+            f"or a class or function that makes one; got {name!r} ({type(error).__name__}: {error})"
         ) from error
-    if not is_method or not isinstance(own, str) or own in NAMES:
-        raise ConfigError(
-            f"the method {name} must have a function `plan` and a `name` of its own, got {own!r}"
-        )
+    if own in NAMES:
+        raise ConfigError(f"the method {name} must have a `name` of its own, got {own!r}")
     return own, made

@@ -4,22 +4,24 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import scenarios
-from hybridmpm.control import Following, Method, Oracle, Sketch, follow, prepare, reversed_case
+from hybridmpm.control import Method, Oracle, Sketch, follow, prepare, reversed_case
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.simulator import Simulator
 from hybridmpm_lab.control.measures import distance_from_path, end_figures, force_figures
-from hybridmpm_lab.control.methods import FILLED, ORACLE, Methods, takes_part
+from hybridmpm_lab.control.methods import FILLED, NAMES, ORACLE, Methods, methods_of, takes_part
 from hybridmpm_lab.control.naturalness import LEAST_SEEDS, features
-from hybridmpm_lab.control.suite import REFERENCE_SEEDS, VERSION, Case, digest
+from hybridmpm_lab.control.suite import FAMILIES, REFERENCE_SEEDS, VERSION, Case, cases, digest
 from hybridmpm_lab.harness.provenance import Provenance, shipped
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.harness.settings import scenarios_setting, setting
 from hybridmpm_lab.harness.store import Key, RowStore
 from hybridmpm_lab.harness.timing import Calibration
 
@@ -42,9 +44,39 @@ MEASURES = (
 _NETWORKS = {"learned": "transport", "controlnet": "controlnet"}
 
 
-def settings() -> Row:
-    """Return the settings that runs must share to be compared."""
-    return {"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD}
+@dataclass(frozen=True, kw_only=True)
+class ControlSettings:
+    """Sketches and methods that are compared."""
+
+    family: tuple[str, ...] = setting(FAMILIES, "Family of the sketches.", FAMILIES)
+    scenario: tuple[str, ...] = scenarios_setting()
+    seeds: int | None = setting(
+        None, "Largest number of sketches of each kind in each family and scenario, else all.", low=1, high=50
+    )
+    method: tuple[str, ...] = setting(
+        NAMES, "A method, or MODULE:ATTRIBUTE for one of your own. The constant force always takes part.", str
+    )
+
+    @cached_property
+    def cases(self) -> list[Case]:
+        """The sketches; raises `ConfigError` where there are none."""
+        found = cases(self.family, self.scenario, self.seeds)
+        if not found:
+            raise ConfigError(
+                f"the families {', '.join(self.family)} have no sketches in {', '.join(self.scenario)}: bent "
+                "and gather leave out ramps, reversed has water and sand in 2D and 3D"
+            )
+        return found
+
+    @cached_property
+    def methods(self) -> Methods:
+        """The methods by name; raises as `methods_of`."""
+        return methods_of(self.method)
+
+
+def run_store(file: Path | None = None) -> RowStore:
+    """Open or create a store of runs; those of another suite, cap or hold are refused."""
+    return RowStore({"version": VERSION, "suite": digest(), "cap": CAP, "hold": HOLD}, file)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,26 +136,18 @@ def problem(case: Case) -> Problem:
     start = case.start()
     solver = MpmSolver(start.scene)
     solver.advance(start.frame)
-    return Problem(case, solver, start.sketch, start.sketch if start.meant is None else start.meant)
+    return Problem(case, solver, start.sketch, start.meant or start.sketch)
 
 
 def run(problem: Problem, name: str, method: Method | None) -> Trial:
     """Let a method follow the sketch of a case, and measure the result.
 
-    Raises
-    ------
-    ConfigError
-        The method is broken: it raised something else than a SimulationError, or its law gave no force.
+    Raises a `ConfigError` where the method is broken: it raised something else than a SimulationError, or its
+    law gave no force.
     """
     case = problem.case
-    head = {
-        "scenario": case.scenario,
-        "family": case.family,
-        "sketch": case.kind,
-        "seed": case.seed,
-        "bodies": len(problem.simulator.scene.bodies),
-        "method": name,
-    }
+    head = {"scenario": case.scenario, "family": case.family, "sketch": case.kind, "seed": case.seed}
+    head |= {"bodies": len(problem.simulator.scene.bodies), "method": name}
     looks: list[list[float]] = []
     end: npt.NDArray[np.floating] | None = None
     figures: Row = {}
@@ -147,45 +171,36 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
     return Trial(head | rounded | {"failed": failed}, looks, end)
 
 
-def measure(
-    cases: Sequence[Case], methods: Methods, store: RowStore, origin: Provenance, on_progress: Progress
-) -> None:
+def measure(settings: ControlSettings, store: RowStore, origin: Provenance, on_progress: Progress) -> None:
     """Run what the store lacks, and add it run by run; `on_progress` counts runs, see `count_missing`.
 
     `slowdown` of a run is the larger slowdown of the machine before and after it. For scenarios with enough
     reversed cases, looks at uncontrolled scenes are added.
 
-    Raises
-    ------
-    ConfigError
-        A method is broken; the message names it and the case.
-    SimulationError
-        A case could not be simulated up to its sketch.
-    ExportError
-        The file of runs cannot be written to.
+    Raises `ConfigError` as `run`, `SimulationError` as `problem`, and `ExportError` as the store.
     """
     calibration = Calibration(threads=1)
-    for case in cases:
-        if names := _missing(case, methods, store):
+    for case in settings.cases:
+        if names := _missing(settings, case, store):
             ready, before = problem(case), calibration.slowdown()
             for name in names:
-                trial = run(ready, name, methods[name])
+                trial = run(ready, name, settings.methods[name])
                 after = calibration.slowdown()
                 row = trial.row | {"slowdown": significant(max(before, after), 3)}
                 row = origin.using(*_weights(name, case.scenario)).stamped(row)
                 store.add(run_key(case, name), {"run": row, "looks": trial.looks})
                 before = after
                 on_progress(1)
-    for scenario, seed in _missing_references(cases, store):
+    for scenario, seed in _missing_references(settings, store):
         looks = [_look(solver) for solver in _uncontrolled(scenario, seed)]
         store.add(("reference", scenario, seed), {"looks": looks})
         on_progress(1)
 
 
-def count_missing(cases: Sequence[Case], methods: Methods, store: RowStore) -> int:
+def count_missing(settings: ControlSettings, store: RowStore) -> int:
     """Return the number of steps that `measure` will count."""
-    runs = sum(len(_missing(case, methods, store)) for case in cases)
-    return runs + len(_missing_references(cases, store))
+    runs = sum(len(_missing(settings, case, store)) for case in settings.cases)
+    return runs + len(_missing_references(settings, store))
 
 
 def run_key(case: Case, name: str) -> Key:
@@ -199,13 +214,14 @@ def rows_of(cases: Sequence[Case], methods: Methods, store: RowStore) -> list[Ro
     return [store[key]["run"] for key in keys if key in store]
 
 
-def _missing(case: Case, methods: Methods, store: RowStore) -> list[str]:
-    return [name for name in methods if takes_part(name, case.family) and run_key(case, name) not in store]
+def _missing(settings: ControlSettings, case: Case, store: RowStore) -> list[str]:
+    names = [name for name in settings.methods if takes_part(name, case.family)]
+    return [name for name in names if run_key(case, name) not in store]
 
 
-def _missing_references(cases: Sequence[Case], store: RowStore) -> list[tuple[str, int]]:
+def _missing_references(settings: ControlSettings, store: RowStore) -> list[tuple[str, int]]:
     seeds: dict[str, set[int]] = {}
-    for case in cases:
+    for case in settings.cases:
         if case.family == "reversed":
             seeds.setdefault(case.scenario, set()).add(case.seed)
     names = [name for name, mine in seeds.items() if len(mine) >= LEAST_SEEDS]
@@ -230,37 +246,26 @@ def _followed(
     following = follow(
         twin, problem.sketch, method, frames=problem.frames, cap=cap, hold=HOLD, seed=problem.case.seed
     )
-    spent, looks = _run(following, start)
-    guidance, result = following.guidance, following.result
-    frames, end = guidance.frames, result.positions[guidance.frames]
-    figures: Row = {
-        **end_figures(twin, problem.judged, problem.truth, end, result.positions[-1]),
-        **force_figures(guidance.goal, [result.force_at(index) for index in range(frames)]),
-        **spent,
-        "handed_over": float(guidance.method != name),
-        "plan_ms": guidance.planning_ms,
-    }
-    if problem.case.kind == "arrow":
-        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
-    return figures, looks, end
-
-
-def _run(following: Following, start: float) -> tuple[Row, list[list[float]]]:
-    """Compute all frames; return the times of the sketch's frames, and features of some of them."""
-    frames = following.guidance.frames
+    guidance, frames = following.guidance, following.guidance.frames
     moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}
-    looks, aside = [], 0.0
-    spent: Row = {}
+    figures: Row = {"handed_over": float(guidance.method != name), "plan_ms": guidance.planning_ms}
+    looks: list[list[float]] = []
     for done, _ in enumerate(following, start=1):
         now = time.perf_counter()
         if done == 1:
-            spent["first_frame_ms"] = 1000 * (now - start)
+            figures["first_frame_ms"] = 1000 * (now - start)
         if done == frames:
-            spent["total_ms"] = 1000 * (now - start - aside)
+            figures["total_ms"] = 1000 * (now - start)
         if done in moments:
-            looks.append(_look(following.simulator))
-            aside += time.perf_counter() - now
-    return spent, looks
+            looks.append(_look(twin))
+            start += time.perf_counter() - now  # A look is no part of the run.
+    result = following.result
+    end = result.positions[frames]
+    figures |= end_figures(twin, problem.judged, problem.truth, end, result.positions[-1])
+    figures |= force_figures(guidance.goal, [result.force_at(index) for index in range(frames)])
+    if problem.case.kind == "arrow":
+        figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
+    return figures, looks, end
 
 
 def _uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:

@@ -27,13 +27,7 @@ def sheets(some: Sequence[Case], rows: Sequence[Row]) -> dict[str, list[Case]]:
     """Return the cases of each sheet: of each family, and the `worst` of all.
 
     A family's sheet has the first case of each scenario and kind of sketch. The worst case of a family is the
-    one on which `analytic` is worst by `judged_by`.
-
-    Parameters
-    ----------
-    some : sequence of Case
-    rows : sequence of Row
-        Runs of these cases.
+    one on which `analytic` is worst by `judged_by`. `rows` are the runs of the cases.
     """
     first: dict[str, dict[tuple[str, str], Case]] = {}
     for case in some:
@@ -51,15 +45,7 @@ def sheets(some: Sequence[Case], rows: Sequence[Row]) -> dict[str, list[Case]]:
 def write_sheets(
     folder: Path, lines: Mapping[str, Sequence[Case]], methods: Methods, on_progress: Progress
 ) -> list[Path]:
-    """Run the cases of each sheet once more, and write `control-NAME.png`; `on_progress` counts cases.
-
-    Raises
-    ------
-    ConfigError, SimulationError
-        As `run`.
-    ExportError
-        A file cannot be written.
-    """
+    """Run the cases of each sheet once more, and write `control-NAME.png`; `on_progress` counts cases."""
     written = []
     step = _SIZE + _GAP
     for name, some in lines.items():

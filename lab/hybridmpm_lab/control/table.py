@@ -1,9 +1,9 @@
 """Means over the sketches of each family, scenario and kind, and the tables of docs/control-bench.md."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from hybridmpm.metrics import Estimate
 from hybridmpm_lab.control.methods import CONSTANT, Methods
@@ -13,6 +13,7 @@ from hybridmpm_lab.control.suite import REFERENCE_SEEDS, SETTINGS, Case, cases
 from hybridmpm_lab.harness.rows import Row, significant
 from hybridmpm_lab.harness.store import RowStore
 
+_Floats = npt.NDArray[np.float64]
 ALL = "all"
 """Name of the rows over all scenarios of a family."""
 Cells = dict[tuple[str, str], str]
@@ -74,7 +75,7 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
     sketches were run; those on which the run `failed` are left out of the means. The origin is that of the
     first run, the ingredients are those of all runs.
     """
-    soundness = {name: _soundness(store, name) for name in dict.fromkeys(case.scenario for case in some)}
+    natural = {name: _natural(store, name) for name in SETTINGS}
     rows = []
     for (family, scenario, kind), group in _groups(some).items():
         found = rows_of(group, methods, store)
@@ -83,6 +84,7 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
         for name in dict.fromkeys(row["method"] for row in found):
             mine = [row for row in found if row["method"] == name]
             used = {word for row in mine for word in (row["ingredients"] or "").split()}
+            runs = [store[key] for case in group if (key := run_key(case, name)) in store]
             rows.append(
                 {
                     "scenario": scenario,
@@ -94,7 +96,7 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
                     "failed": sum(row["failed"] is not None for row in mine),
                     "threads": 1,
                     **_figures(found, name, judged_by(family)),
-                    **_naturalness(store, group, name, soundness.get(scenario)),
+                    **_naturalness(runs, natural.get(scenario) if family == "reversed" else None),
                     **{field: mine[0][field] for field in _ORIGIN},
                     "ingredients": " ".join(sorted(used)) or None,
                 }
@@ -121,7 +123,7 @@ def compared_with_aims(rows: Sequence[Row]) -> list[Row]:
     return found
 
 
-def ratio_of_means(pairs: np.ndarray[Any, np.dtype[np.float64]]) -> tuple[float, float | None]:
+def ratio_of_means(pairs: _Floats) -> tuple[float, float | None]:
     """Return mean(a) / mean(b) of pairs (K, 2), and its standard error to first order; None for one pair."""
     mine, others = pairs.T
     ratio = float(mine.mean() / others.mean())
@@ -132,12 +134,9 @@ def ratio_of_means(pairs: np.ndarray[Any, np.dtype[np.float64]]) -> tuple[float,
 
 
 def tables(rows: Sequence[Row], aims: Sequence[Row]) -> str:
-    """Return tables in Markdown: results by family, costs, naturalness, aims, and the paper's figures.
+    """Return tables in Markdown, of rows of `means` and of `compared_with_aims`.
 
-    Parameters
-    ----------
-    rows : rows of `means`
-    aims : rows of `compared_with_aims`
+    They are results by family, costs, naturalness, aims, and errors beside the paper's.
     """
     groups: dict[str, list[Row]] = {}
     for row in rows:
@@ -174,14 +173,10 @@ def _aims(aims: Sequence[Row]) -> Cells:
     for row in aims:
         bodies = ", one body" if row["bodies"] == "1" else ""
         line = f"{row['scenario']}, {row['sketch']}s{bodies}, {row['method']}"
-        spread = "" if row["se"] is None else f" ± {row['se']}"
-        columns = {
-            "sketches": str(row["count"]),
-            "largest ratio": f"{row['aim']:.2f}",
-            "measured": f"{row['measured']}{spread}",
-            "": "met" if row["met"] else "missed",
-        }
-        cells |= {(line, column): text for column, text in columns.items()}
+        cells[line, "sketches"] = str(row["count"])
+        cells[line, "largest ratio"] = f"{row['aim']:.2f}"
+        cells[line, "measured"] = f"{row['measured']}" + ("" if row["se"] is None else f" ± {row['se']}")
+        cells[line, ""] = "met" if row["met"] else "missed"
     return cells
 
 
@@ -249,7 +244,7 @@ def _figures(rows: Sequence[Row], name: str, judged: str) -> Row:
     }
 
 
-def _pairs(rows: Sequence[Row], name: str, measure: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _pairs(rows: Sequence[Row], name: str, measure: str) -> _Floats:
     """Return a measure (K, 2) of a method and of the constant force on the same sketches."""
     by_sketch: dict[tuple[str, int], dict[str, float]] = {}
     for row in rows:
@@ -259,24 +254,16 @@ def _pairs(rows: Sequence[Row], name: str, measure: str) -> np.ndarray[Any, np.d
     return np.array(both, dtype=np.float64).reshape(-1, 2)
 
 
-def _references(store: RowStore, scenario: str) -> list[np.ndarray[Any, np.dtype[np.float64]]]:
+def _natural(store: RowStore, scenario: str) -> tuple[list[_Floats], float] | None:
+    """Return looks at uncontrolled scenes, and their AUC against each other; None with too few for halves."""
     rows = (store.get(("reference", scenario, seed)) for seed in REFERENCE_SEEDS)
-    return [np.array(row["looks"]) for row in rows if row is not None]
+    looks = [np.array(row["looks"]) for row in rows if row is not None]
+    return (looks, real_against_real(looks)) if len(looks) >= 2 * LEAST_SEEDS else None
 
 
-def _soundness(store: RowStore, scenario: str) -> float | None:
-    """Return the AUC of uncontrolled frames against each other; None with too few seeds for halves."""
-    looks = _references(store, scenario)
-    return real_against_real(looks) if len(looks) >= 2 * LEAST_SEEDS else None
-
-
-def _naturalness(store: RowStore, group: Sequence[Case], name: str, soundness: float | None) -> Row:
-    if group[0].family != "reversed":
-        soundness = None
-    found = None
-    if soundness is not None and abs(soundness - 0.5) <= TOLERANCE:
-        runs = (store.get(run_key(case, name)) for case in group)
-        looks = [np.array(run["looks"]) for run in runs if run is not None and run["looks"]]
-        if len(looks) >= LEAST_SEEDS:
-            found = auc(looks, _references(store, group[0].scenario))
-    return {"naturalness": significant(found), "naturalness_of_reals": significant(soundness)}
+def _naturalness(runs: Sequence[Row], natural: tuple[list[_Floats], float] | None) -> Row:
+    looks = [np.array(run["looks"]) for run in runs if run["looks"]]
+    is_valid = natural is not None and abs(natural[1] - 0.5) <= TOLERANCE and len(looks) >= LEAST_SEEDS
+    found = auc(looks, natural[0]) if natural is not None and is_valid else None
+    reals = None if natural is None else natural[1]
+    return {"naturalness": significant(found), "naturalness_of_reals": significant(reals)}
