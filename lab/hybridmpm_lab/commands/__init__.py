@@ -3,6 +3,7 @@
 from hybridmpm.cli import commands_of
 
 _MODULES = {
+    "all": "all",
     "batch": "speed",
     "control": "control",
     "crossing": "compare",

@@ -1,5 +1,6 @@
 """The comparisons: `tradeoff`, `coarse`, `models`, `hybrid` and `crossing`, and `plan-errors`."""
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ import click
 from hybridmpm._support.machine import usable_cores
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
-from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option
+from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option, save
 from hybridmpm_lab.compare import coarse as coarse_modes
 from hybridmpm_lab.compare import comparison
 from hybridmpm_lab.compare import crossing as crossings
@@ -23,13 +24,13 @@ from hybridmpm_lab.harness import chart
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.table import print_table
 from hybridmpm_lab.harness.timing import QUIET
 from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
 
 _COLUMNS = (
     "scenario", "method", "label", "ms_per_frame", "ms_p95", "error", "error_se", "error_40", "error_100",
-    "error_200", "transport", "kinetic_energy", "density", "mpm_share", "failed", "on_front", "dominated_by",
-    "equal_mpm_ms",
+    "error_200", "transport", "mpm_share", "failed", "on_front", "dominated_by", "equal_mpm_ms",
 )  # fmt: skip
 _HYBRID_COLUMNS = (
     "part", "scenario", "method", "label", "scenes", "mpm_share", "network", "free_fall", "rest", "contact",
@@ -68,6 +69,13 @@ class _Comparison:
         @number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts.")
         @number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one.")
         @runs_option
+        @click.option(
+            "--rows",
+            "rows_file",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            metavar="FILE",
+            help="Print and draw the rows of this file of --json, and measure nothing.",
+        )
         @json_option
         @chart_option
         def run(**given: Any) -> None:
@@ -84,9 +92,15 @@ class _Comparison:
         passes: int,
         jobs: int,
         runs_file: Path | None,
+        rows_file: Path | None,
         json_file: Path | None,
         chart_file: Path | None,
     ) -> None:
+        if rows_file is not None:
+            rows = json.loads(rows_file.read_text(encoding="utf-8"))
+            print_table(rows, [name for name in self.columns if name in rows[0]])
+            save(rows, json_file, chart_file, self.draw)
+            return
         if only == "table" and runs_file is None:
             raise ConfigError(
                 "--only table makes the table of runs that are there: name their file by --runs"

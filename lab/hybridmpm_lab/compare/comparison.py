@@ -226,7 +226,7 @@ def table(cases: Sequence[Case], store: RowStore) -> list[Row]:
     `on_front` is whether no other method is as quick and as accurate by `error`, `on_front_transport` the
     same by `transport`. `dominated_by` is the quickest that is neither slower nor worse, `equal_mpm` the
     quickest MPM that errs no more, and `equal_mpm_ms` its time, below which the method would pay.
-    `error_minus_dominator` and `error_minus_equal_mpm` are mean differences on the same scenes.
+    `error_minus_equal_mpm` is the mean difference of the two errors on the same scenes.
 
     Machine, date, commit, command and ingredients are those of the errors, `timed_...` those of the time.
     """
@@ -240,29 +240,35 @@ def samples(case: Case, name: str, store: RowStore) -> dict[int, Row]:
 
 
 def _of_case(case: Case, store: RowStore) -> list[Row]:
-    by_scene, rows = metrics.ErrorTable(), []
-    for name in dict.fromkeys((*case.methods, *case.bounds)):
-        mine = samples(case, name, store)
-        time = store.get(("times", *case.key, name)) or {}
-        if mine and not any(row["failed"] for row in mine.values()):
+    names = dict.fromkeys((*case.methods, *case.bounds))
+    known = {name: samples(case, name, store) for name in names}
+    by_scene = metrics.ErrorTable()
+    for name, mine in known.items():
+        if not any(row["failed"] for row in mine.values()):
             for seed, row in mine.items():
                 by_scene.add(name, str(seed), {one: row[one] for one in MEASURES if one in row})
-        if mine or time:
-            rows.append(_row(case, name, list(mine.values()), time, by_scene))
+    rows = []
+    for name in names:
+        time = store.get(("times", *case.key, name)) or {}
+        if known[name] or time:
+            rows.append(_row(case, name, list(known[name].values()), time, by_scene))
     real = [row for row in rows if row_name(row) not in BOUNDS]
     rivals = [row for row in real if row["method"] in RIVALS]
-    fronts = [one for one in FRONTS if case.is_full or one == "error"]
     for row in rows:
         can_run = row_name(row) not in BOUNDS
-        for one in fronts:
-            name = "on_front" if one == "error" else f"on_front_{one}"
-            row[name] = can_run and is_on_front(row, real, one)
+        for measure_ in FRONTS:
+            if measure_ in row:
+                name = "on_front" if measure_ == "error" else f"on_front_{measure_}"
+                row[name] = can_run and is_on_front(row, real, measure_)
         better = dominating(row, real) if can_run else None
         equal = equal_error(row, rivals) if can_run else None
         row["dominated_by"] = better and row_name(better)
         row["equal_mpm"], row["equal_mpm_ms"] = equal and row_name(equal), equal and equal["ms_per_frame"]
-        row.update(_apart(by_scene, row, better, "error_minus_dominator"))
-        row.update(_apart(by_scene, row, equal, "error_minus_equal_mpm"))
+        apart = None
+        if equal is not None and equal is not row:
+            apart = by_scene.difference(row_name(row), row_name(equal), "error")
+        row["error_minus_equal_mpm"] = significant(apart.mean if apart else None)
+        row["error_minus_equal_mpm_se"] = significant(apart.standard_error if apart else None)
     return rows
 
 
@@ -270,19 +276,17 @@ def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metri
     kind, _, label = name.partition(" ")
     method = case.methods.get(name)
     estimates: Row = {}
-    for one in MEASURES if case.is_full else ("error", "sliced"):
-        there = name in by_scene.methods and one in by_scene.measures
-        found = by_scene.estimate(name, one) if there else None
+    for one in [one for one in MEASURES if one in by_scene.measures] or ["error"]:
+        found = by_scene.estimate(name, one) if name in by_scene.methods else None
         estimates[one] = significant(found.mean if found else None)
         estimates[f"{one}_se"] = significant(found.standard_error if found else None)
-    r_p = method.r_p if method else RATIOS.get(label)
     first = known[0] if known else time
     return {
         **case.head,
         "method": method.method if method else kind,
         "label": method.label if method else label or None,
         "variant": method and method.variant,
-        "r_p": significant(r_p),
+        "r_p": significant(method.r_p if method else RATIOS.get(label)),
         "r_t": method and method.r_t,
         "r_c": method and method.r_c,
         "threads": time.get("threads", case.threads),
@@ -294,7 +298,7 @@ def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metri
         **{one: time.get(one) for one in FIELDS},
         **estimates,
         **{one: first.get(one) for one in ORIGIN},
-        **{f"timed_{one}": time.get(one) for one in ("machine", "date", "commit")},
+        **{f"timed_{one}": time.get(one) for one in ("date", "commit")},
     }
 
 
@@ -302,14 +306,3 @@ def mean(rows: Sequence[Row], name: str) -> float | None:
     """Return the mean of a field over the rows that have it; None without any."""
     values = [row[name] for row in rows if row.get(name) is not None]
     return significant(float(np.mean(values))) if values else None
-
-
-def _apart(by_scene: metrics.ErrorTable, row: Row, other: Row | None, name: str) -> Row:
-    """Return the mean difference of the errors of two rows on the same scenes, and its standard error."""
-    apart = None
-    if other is not None and other is not row:
-        apart = by_scene.difference(row_name(row), row_name(other), "error")
-    return {
-        name: significant(apart.mean if apart else None),
-        f"{name}_se": significant(apart.standard_error if apart else None),
-    }

@@ -31,7 +31,6 @@ MEASURES = (
     "kinetic_energy",
     "centroid",
     "max_density",
-    "density",
     "density_error",
     "sliced",
 )
@@ -155,10 +154,9 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
         Some of `MEASURES`, those of frames that are there. `error` is the mean of `grid_rmse` over the
         states, `error_40` that of the state 40 frames after the start; `grid_nrmse` and `grid_node_error` are
         means of the other readings. `transport` is the distance of transport [m] by an assignment of 300
-        clusters, a mean over the frames of `AT`, `sliced` the sliced distance of these frames. `density` is
-        the 99th percentile of the density at the particles over that at rest, the largest of these frames,
-        `density_error` how far that percentile is from the truth's, over the truth's, as a mean of them. All
-        others are means over the states of the errors of `metrics.compare`.
+        clusters, a mean over the frames of `AT`, `sliced` the sliced distance of these frames. The relative
+        error of the 99th percentile of the density at the particles is `density_error`, a mean of these
+        frames. All others are means over the states of the errors of `metrics.compare`.
     """
     true = truth.states
     measured, rows = metrics.compare(run, true), _rows(true)
@@ -172,7 +170,6 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
         "error": float(measured["grid_rmse"].mean()),
         **{f"error_{frame}": float(measured["grid_rmse"][row]) for frame, row in rows.items()},
         "transport": float(np.mean(moved)),
-        "density": float(dense.max()),
         "density_error": float(np.mean(np.abs(dense / right - 1))),
         "sliced": _sliced(run, true),
     }

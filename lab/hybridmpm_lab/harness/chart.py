@@ -40,7 +40,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     """
     for measure in MEASURES:
         name = file.stem if measure == "error" else f"{file.stem}-{measure}"
-        if any(row[measure] is not None and row["ms_per_frame"] is not None for row in rows):
+        if any(row.get(measure) is not None and row["ms_per_frame"] is not None for row in rows):
             _draw(rows, measure, file.with_name(f"{name}{file.suffix}"))
 
 
@@ -57,7 +57,7 @@ def legend(figure: Any, axes: Any) -> None:
 
 def _draw(rows: Sequence[Row], measure: str, file: Path) -> None:
     names = list(dict.fromkeys(row["scenario"] for row in rows))
-    columns = min(_COLUMNS, len(names) + 1)
+    columns = len(names) + 1 if len(names) <= _COLUMNS else _COLUMNS
     figure, axes = charts.panels(columns, -(-(len(names) + 1) // columns), width=4.4, height=3.9)
     panels = list(axes.flat)
     shades = _shades()
@@ -67,7 +67,9 @@ def _draw(rows: Sequence[Row], measure: str, file: Path) -> None:
     explained, *unused = panels[len(names) :]
     for panel in (explained, *unused):
         panel.axis("off")
-    _explain(explained, panels[: len(names)], figure, shades)
+    kinds = [(row["method"], row["variant"]) for row in rows]
+    marks = dict(_MARKS[kind] for kind in _MARKS if kind in kinds)
+    _explain(explained, panels[: len(names)], marks, shades)
     for row in axes:
         row[0].set_ylabel(MEASURES[measure])
     charts.save(figure, file)
@@ -140,7 +142,7 @@ def _point(panel: Any, row: Row, measure: str, *, is_front: bool, colour: Any) -
     )
 
 
-def _explain(panel: Any, others: Sequence[Any], figure: Any, shades: Any) -> None:
+def _explain(panel: Any, others: Sequence[Any], marks: dict[str, str], shades: Any) -> None:
     """Fill the last panel with the meaning of lines, markers and colours."""
     from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
 
@@ -150,9 +152,9 @@ def _explain(panel: Any, others: Sequence[Any], figure: Any, shades: Any) -> Non
         for handle, label in zip(*other.get_legend_handles_labels(), strict=True)
     }
     grey = partial(Line2D, [], [], color="#555555", linestyle="none")
-    marks = {label: grey(marker=marker) for marker, label in _MARKS.values()}
     hollow = grey(marker="o", markerfacecolor="white")
-    entries = {**lines, **marks, "hollow: dominated by another": hollow}
+    points = {label: grey(marker=marker) for marker, label in marks.items()}
+    entries = {**lines, **points, "hollow: dominated by another": hollow}
     panel.legend(entries.values(), entries.keys(), loc="upper left", fontsize=7.5)
-    bar = figure.colorbar(shades, ax=panel, location="bottom", shrink=0.8, aspect=25)
+    bar = panel.figure.colorbar(shades, ax=panel, location="bottom", shrink=0.8, aspect=25)
     bar.set_label("share of the frames that MPM simulated", fontsize=8)

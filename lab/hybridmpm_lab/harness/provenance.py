@@ -18,17 +18,49 @@ from hybridmpm.errors import ConfigError
 from hybridmpm_lab.harness.rows import Row
 
 _LIBRARY = Path(hybridmpm.__file__).parent
-_TABLES = {"levels": _LIBRARY / "coarse/levels.json", "calibration": _LIBRARY / "planner/calibration.json"}
-"""Fitted files by the name of the ingredient: constants of coarse levels, and errors and times of plans."""
+_LEVELS = _LIBRARY / "coarse/levels.json"
+_CONSTANTS = ("material", "dim", "name", "particles_per_cell", "modulus", "cfl", "affine_share", "relaxation")
+"""Fields of the levels that take part in a simulation."""
+_BYTES, _METADATA = 2, 14
+"""Wire type of a field of bytes, and number of the field of the description, in an ONNX file."""
 _DIGITS = 12
 """Hexadecimal digits of a digest in a row."""
 
 
 @cache
 def shipped() -> dict[str, str]:
-    """Return the digest of each fitted file of the library: networks by their names, and `_TABLES`."""
-    files = {file.stem: file for file in sorted(_LIBRARY.rglob("*.onnx"))} | _TABLES
-    return {name: hashlib.sha256(file.read_bytes()).hexdigest()[:_DIGITS] for name, file in files.items()}
+    """Return the digest of each fitted file of the library: networks by their names, and "levels"."""
+    entries = json.loads(_LEVELS.read_text(encoding="utf-8"))["entries"]
+    constants = [[entry[name] for name in _CONSTANTS] for entry in entries]
+    contents = {file.stem: graph_of(file.read_bytes()) for file in sorted(_LIBRARY.rglob("*.onnx"))}
+    contents["levels"] = json.dumps(constants).encode()
+    return {name: hashlib.sha256(data).hexdigest()[:_DIGITS] for name, data in contents.items()}
+
+
+def graph_of(model: bytes) -> bytes:
+    """Return an ONNX file without its description, which is written after the network has been measured.
+
+    The description is field 14 of the protocol buffer, `metadata_props`; all other fields are kept.
+    """
+    kept, at = bytearray(), 0
+    while at < len(model):
+        start = at
+        key, at = _varint(model, at)
+        length, after = _varint(model, at)
+        at = after + length if key & 7 == _BYTES else after
+        if key >> 3 != _METADATA:
+            kept += model[start:at]
+    return bytes(kept)
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """Return a number of variable length, and the place after it."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value, shift, at = value | (byte & 0x7F) << shift, shift + 7, at + 1
+        if byte < 0x80:
+            return value, at
 
 
 @dataclass(frozen=True)
@@ -44,7 +76,7 @@ class Provenance:
     command: str
     """Command that measures the rows again."""
     solver_version: int = SOLVER_VERSION
-    """Version of the solver's results."""
+    """Version of the solver whose results these are."""
     ingredients: str | None = None
     """Names and digests of the fitted files that took part, as "fluids_2d=863b085e5a4d levels=..."."""
 
@@ -99,7 +131,7 @@ def _commit(file: Path) -> str | None:
     try:
         # An installed copy may lie in some other project's checkout, which does not track it.
         _git(file.parent, "ls-files", "--error-unmatch", file.name)
-        head = _git(file.parent, "rev-parse", "HEAD")
+        head = _git(file.parent, "rev-parse", "--short=12", "HEAD")
         changed = _git(file.parent, "status", "--porcelain", "--untracked-files=no")
     except ConfigError:
         return None

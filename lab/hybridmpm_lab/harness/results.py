@@ -1,0 +1,95 @@
+"""The published results: their files, commands and order, and which are no longer of what ships."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hybridmpm.planner.store import SHIPPED
+from hybridmpm_lab.harness.provenance import outdated
+from hybridmpm_lab.harness.rows import Row
+
+FOLDER = Path(__file__).resolve().parents[3] / "docs/results"
+"""Folder of the published rows; the laboratory is run in its checkout."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """A published table of rows, NAME.json in `FOLDER`."""
+
+    name: str
+    """Name of the file of rows, and of the chart."""
+    command: str
+    """Command of the laboratory with its options, without those for files."""
+    minutes: int
+    """Time that the command takes on two idle cores [min]."""
+    needs: tuple[str, ...] = ()
+    """Results that have to be fresh before."""
+    has_chart: bool = True
+    """Whether the command draws."""
+    has_runs: bool = False
+    """Whether the command can be resumed."""
+    after: str | None = None
+    """Command that passes the rows on."""
+
+    @property
+    def file(self) -> Path:
+        """File of the rows."""
+        return FOLDER / f"{self.name}.json"
+
+    def rows(self) -> list[Row]:
+        """Return the rows that are committed."""
+        found: list[Row] = json.loads(self.file.read_text(encoding="utf-8"))
+        return found
+
+    def reasons(self) -> list[str]:
+        """Return the ingredients of its rows that are no longer those that ship; none of a fresh result."""
+        return sorted({reason for row in self.rows() if (reason := outdated(row)) is not None})
+
+    def words(self, runs: Path) -> list[str]:
+        """Return the arguments of the command; runs are appended to a file in a folder."""
+        words = [*self.command.split(), "--json", str(self.file)]
+        words += ["--chart", str(self.file.with_suffix(".svg"))] if self.has_chart else []
+        return words + (["--runs", str(runs / f"{self.name}.jsonl")] if self.has_runs else [])
+
+
+_PEERS = "--peer taichi --peer quadrants"
+RESULTS = (
+    Result(name="mpm", command=f"speed {_PEERS} --peer warp", minutes=25),
+    Result(name="batch", command="batch", minutes=5, has_chart=False),
+    Result(name="scaling", command="scaling", minutes=15),
+    Result(name="neighbors", command="neighbors --peer scipy", minutes=5),
+    Result(name="coarse", command="coarse", minutes=25, has_runs=True),
+    Result(
+        name="tradeoff",
+        command=f"tradeoff {_PEERS} --paper",
+        minutes=110,
+        has_runs=True,
+        after=f"plan-errors {FOLDER / 'tradeoff.json'} {SHIPPED}",
+    ),
+    Result(name="models", command="models", minutes=25, has_runs=True),
+    Result(name="hybrid", command="hybrid --bounded 200", minutes=240, has_runs=True),
+    Result(name="crossing", command="crossing", minutes=120, has_runs=True),
+    Result(name="stability", command="stability", minutes=15),
+    Result(name="stability-map", command="stability --map", minutes=20, has_runs=True),
+    Result(name="control", command="control", minutes=180, has_runs=True),
+    Result(name="service", command="service", minutes=10, has_chart=False),
+)
+"""All results of rows, in the order in which they are made."""
+STALE = {
+    "tradeoff": "its networks were trained anew",
+    "crossing": "its networks were trained anew; two hours of an idle machine",
+    "stability-map": "its networks were trained anew",
+    "control": "ovals behind posts are of solver version 4; three hours of an idle machine",
+}
+"""Results that are known to be stale, with the reason why nobody can make them today."""
+
+
+def stale() -> Iterator[tuple[Result, list[str]]]:
+    """Yield the results that are no longer of what ships, and those that need them, with the reasons."""
+    old: set[str] = set()
+    for one in RESULTS:
+        reasons = one.reasons() + [f"needs {name}" for name in one.needs if name in old]
+        if reasons:
+            old.add(one.name)
+            yield one, reasons
