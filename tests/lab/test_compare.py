@@ -137,9 +137,7 @@ def test_all_methods_of_a_plan_are_compared() -> None:
     for case in tradeoff.cases(tradeoff.TradeoffSettings()):
         name = case.head["scenario"]
         served = methods.serving(name)
-        assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "mpm sleeping", "coarse 1/64"} < set(
-            case.methods
-        )
+        assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "coarse 1/64"} < set(case.methods)
         assert {f"{kind} {one}" for one in served for kind in ("neural", "hybrid")} < set(case.methods)
         assert [one.r_c for one in case.methods.values() if one.variant == "cosine"][0::5] == [0.0, 0.9]
         assert case.warm_up == max(5 * models()[one].r_t for one in served)

@@ -130,7 +130,7 @@ tradeoff = _Comparison(
     cases=tradeoffs.cases,
     summary="""Compare all methods by error and time.
 
-    Methods are MPM in full and with fewer particles, alone, showing all and fitted; softer, sleeping; each
+    Methods are MPM in full and with fewer particles, alone, showing all and fitted; softer; each
     network of the library, and hybrids with it. Errors are taken against the truth in scenes that no data set
     and no fit contains. Methods that another one beats in both are dominated, all others are the Pareto
     front. equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.

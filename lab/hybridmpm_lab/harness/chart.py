@@ -16,10 +16,8 @@ _LINES = (("still", "initial state held (ceiling)", ":"), ("jitter", "truth, oth
 _MARKS = {
     ("mpm", "plain"): ("o", "MPM"),
     ("mpm", "softer"): ("v", "MPM, softer material"),
-    ("mpm", "sleeping"): ("h", "MPM, sleeping"),
     ("coarse", "plain"): ("s", "coarse, unfitted"),
     ("coarse", "fitted"): ("D", "coarse"),
-    ("coarse", "sleeping"): ("p", "coarse, sleeping"),
     ("neural", "alone"): ("^", "network"),
     ("neural", "all shown"): (">", "network, all shown"),
     ("hybrid", "default guards"): ("X", "hybrid"),

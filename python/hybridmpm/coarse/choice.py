@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from hybridmpm.errors import CoarseWarning, ConfigError
 from hybridmpm.scene import Scene
 
 SHALLOW = {2: 1.0, 3: 2.0}
-"""Depth [cells of the level], by dimension, below which matter at rest was seen to lose volume."""
+"""Depth [cells of the level], by dimension, below which matter at rest loses volume."""
 UNEQUAL = 10.0
-"""Ratio of densities from which on something is said."""
+"""Warn when densities differ by more than this factor."""
 
 
 def coarse_level(scene: Scene, name: str, table: CoarseTable | None = None) -> CoarseLevel:
@@ -47,17 +48,25 @@ def coarse_level(scene: Scene, name: str, table: CoarseTable | None = None) -> C
     Warns
     -----
     CoarseWarning
-        Matter can land faster than in any scene of the scenarios that the coarse level was fitted to, an obstacle is
-        thinner than a cell of its grid, matter settles into a layer that only the scene's own grid tells, or
-        is of densities that differ by a factor above 10.
+        Matter may land faster than in any scene of the scenarios that the level was fitted to, an obstacle is
+        thinner than a cell of its grid, matter settles into a layer of less than one or two of its cells, or
+        densities differ by a factor above 10.
     """
-    known = coarse_table() if table is None else table
-    level = _settings(scene, name, known)
-    _tell_speed(scene, level)
-    _tell_thin(scene, level, known)
-    _tell_shallow(scene, level)
-    _tell_densities(scene, level)
+    level = level_settings(scene, name, table)
+    for text in level_warnings(scene, level, table):
+        warnings.warn(text, CoarseWarning, stacklevel=3)
     return level
+
+
+def level_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None = None) -> list[str]:
+    """Return the texts of the warnings that `coarse_level` raises of a level in a scene."""
+    known = coarse_table() if table is None else table
+    return [
+        *_speed_warnings(scene, level),
+        *_thin_warnings(scene, level, known),
+        *_shallow_warnings(scene, level),
+        *_density_warnings(scene, level),
+    ]
 
 
 def _fitted(scene: Scene, name: str, table: CoarseTable) -> list[FittedLevel]:
@@ -66,8 +75,9 @@ def _fitted(scene: Scene, name: str, table: CoarseTable) -> list[FittedLevel]:
     return [entry for entry in entries if entry is not None]
 
 
-def _settings(scene: Scene, name: str, known: CoarseTable) -> CoarseLevel:
-    """Return the settings of a level in a scene, and warn of nothing."""
+def level_settings(scene: Scene, name: str, table: CoarseTable | None = None) -> CoarseLevel:
+    """Return the settings of a fitted level in a scene, without warnings; see `coarse_level`."""
+    known = coarse_table() if table is None else table
     r_p = _checked_ratio(name, known)
     entries = [known.find(material.kind, scene.dim, name) for material in scene.materials]
     fitted = _fitted(scene, name, known)
@@ -94,7 +104,7 @@ def _settings(scene: Scene, name: str, known: CoarseTable) -> CoarseLevel:
 
 
 def _modulus(entry: FittedLevel, least: float) -> float:
-    """Return the factor on a material's moduli, which depth asks to be at least `least`."""
+    """Return the factor on a material's moduli; `least` is the smallest that the depth allows."""
     return min(1.0, max(entry.modulus, least))
 
 
@@ -116,68 +126,60 @@ def _suggestion(name: object, ratios: dict[str, float]) -> str:
     return "" if near is None else f"; did you mean {near!r}?"
 
 
-def _tell_speed(scene: Scene, level: CoarseLevel) -> None:
+def _speed_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     speed = fastest_impact(scene)
     if level.fastest is not None and speed > level.fastest:
-        warnings.warn(
-            f"matter may land at {speed:.2g} m/s in this scene, but coarse level {level.name!r} was fitted up to "
-            f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a "
-            "coarse level of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are not "
-            "fitted",
-            CoarseWarning,
-            stacklevel=4,
+        yield (
+            f"this scene may reach {speed:.2g} m/s, but coarse level {level.name!r} was fitted up to "
+            f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse "
+            "level of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are "
+            "not fitted"
         )
 
 
-def _tell_shallow(scene: Scene, level: CoarseLevel) -> None:
+def _shallow_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     """Warn where matter settles into about a cell of the level, but into several of the scene."""
     gravity = float(np.linalg.norm(scene.gravity))
     depth = settled_potential(scene) / gravity if gravity else math.inf
     if 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
-        warnings.warn(
-            f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} is "
-            f"{_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse level of "
-            "more particles",
-            CoarseWarning,
-            stacklevel=4,
+        yield (
+            f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} "
+            f"is {_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse "
+            "level of more particles"
         )
 
 
-def _tell_densities(scene: Scene, level: CoarseLevel) -> None:
-    """Warn where matter is far lighter than other matter: coarse levels were fitted to scenes of one density."""
+def _density_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn where densities differ much: coarse levels were fitted to scenes of one density."""
     densities = [material.density for material in scene.materials]
     if max(densities) > UNEQUAL * min(densities):
-        warnings.warn(
-            f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse level "
-            f"{level.name!r} was fitted to matter of one density: its error may be larger than the table "
-            "says; take a coarse level of more particles",
-            CoarseWarning,
-            stacklevel=4,
+        yield (
+            f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse "
+            f"level {level.name!r} was fitted to matter of one density: its error may be larger than the "
+            "table says; take a coarse level of more particles"
         )
 
 
-def _tell_thin(scene: Scene, level: CoarseLevel, table: CoarseTable) -> None:
-    """Warn of obstacles thinner than a cell of the level, which the few may pass with what they carry."""
+def _thin_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> Iterator[str]:
+    """Warn of obstacles thinner than a cell of the level, which particles may pass."""
     if level.resolution >= scene.resolution:
-        return  # The solver tells of what is thin on the scene's own grid.
+        return  # The solver warns of obstacles that are thin on the scene's own grid.
     cell = _cell(level)
     for i, obstacle in enumerate(scene.obstacles):
         thickness = obstacle.smallest_extent
         if thickness >= cell:
             continue
         finer = (name for name, r_p in table.ratios.items() if r_p > level.r_p)
-        fits = next((one for one in finer if _cell(_settings(scene, one, table)) <= thickness), None)
+        fits = next((one for one in finer if _cell(level_settings(scene, one, table)) <= thickness), None)
         other = f"coarse level {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
         rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
-        warnings.warn(
+        yield (
             f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m "
-            f"of coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m thick"
-            f"{rest}",
-            CoarseWarning,
-            stacklevel=4,
+            f"of coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m "
+            f"thick{rest}"
         )
 
 
 def _cell(level: CoarseLevel) -> float:
-    """Return the width of a cell [m], rounded up: who makes an obstacle as thick is not told again."""
+    """Return the width of a cell [m], rounded up: an obstacle of this thickness raises no warning."""
     return math.ceil(1e4 / level.resolution) / 1e4

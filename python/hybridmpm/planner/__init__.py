@@ -1,20 +1,12 @@
-"""Plans: which coarse level of all ladders simulates a scene within an error, or within a time.
+"""Plans: the fastest method for a scene within an error bound, or the most accurate within a time budget.
 
-`plan(scene, max_error=...)` answers the cheapest, `plan(scene, budget_ms=...)` the most accurate; the `Plan`
-makes the simulator. Errors were measured once for all, times are those of the machine: `hybridmpm bench
-calibrate` takes them.
+`plan` returns a `Plan`, which makes the simulator; `estimates` returns error and time of every method.
+`AutoSolver` keeps a time budget while it runs. Errors were measured once; times are those of the machine,
+from `hybridmpm calibrate`.
 """
 
 from hybridmpm.planner.auto import AutoSolver, Change
-from hybridmpm.planner.planning import Plan, Prospect, plan, prospective
+from hybridmpm.planner.planning import Estimate, Plan, estimates, plan
 from hybridmpm.planner.store import CalibrationWarning
 
-__all__ = [
-    "AutoSolver",
-    "CalibrationWarning",
-    "Change",
-    "Plan",
-    "Prospect",
-    "plan",
-    "prospective",
-]
+__all__ = ["AutoSolver", "CalibrationWarning", "Change", "Estimate", "Plan", "estimates", "plan"]

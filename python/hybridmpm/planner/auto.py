@@ -2,28 +2,38 @@
 
 import time
 import warnings
-from collections.abc import Callable
-from copy import deepcopy
-from dataclasses import asdict, dataclass, replace
+from collections import deque
+from collections.abc import Callable, Sequence
+from copy import copy, deepcopy
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import PrivateAttr
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag
 from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm.coarse import CoarseSimulator, Upsampler
+from hybridmpm.coarse.simulator import Simulated
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.candidates import Candidate
-from hybridmpm.planner.controller import Controller
-from hybridmpm.planner.ongoing import Ongoing
-from hybridmpm.planner.planning import Plan, Prospect, plan, prospective
-from hybridmpm.scene import Scene
-from hybridmpm.simulator import Kind, Simulator
+from hybridmpm.planner.planning import Estimate, Plan, estimates, plan
+from hybridmpm.probes.probe import PressureSamples
+from hybridmpm.scene import Particles, Scene
+from hybridmpm.simulator import Kind
 
-_MAGIC, _VERSION = b"HMPMAUTO", 2
+_MAGIC, _VERSION = b"HMPMAUTO", 3
+WINDOW = 20
+"""Number of the latest frames that a decision is based on: five updates of the particles shown."""
+_NTH_LONGEST = 2
+"""The second longest time of the window has to keep within the budget: one frame in twenty may exceed it."""
+_ROOM = 0.8
+"""Largest share of the budget that a more accurate level may take, by its estimate, to be tried."""
+_LONGEST_WAIT = 4096
 
 _Floats = npt.NDArray[np.float32]
 
@@ -33,40 +43,115 @@ class Change:
     """A change of level."""
 
     frame: int
-    """Frame after which the other coarse level goes on."""
+    """Number of the last frame of the former level."""
     before: str
-    """Name of the coarse level until then."""
+    """Name of the former level."""
     after: str
-    """Name of the coarse level from then on."""
+    """Name of the new level."""
     ms_per_frame: float
-    """What frames took before [ms]."""
+    """Time of the frames before [ms]."""
 
 
-class AutoSolver(Simulator):
-    """The most accurate coarse level whose frames keep within a time.
+@dataclass
+class Controller:
+    """Chooses among levels by the times of frames, with neither clock nor simulator.
 
-    It begins at the coarse level of `plan(scene, budget_ms=...)`, takes the time of each frame, and changes to a
-    cheaper or to a more accurate coarse level when frames leave the budget or leave much of it. All particles of the
-    scene are shown throughout, and a change moves none of them: those that are simulated from then on are
-    merged anew from those shown, at their velocities. What the material remembers beyond (J, F) begins anew.
-    A change itself takes some 20 to 60 ms at 4000 particles.
+    Parameters
+    ----------
+    expected : sequence of float
+        Expected times of the coarse levels [ms], ascending.
+    budget : float
+        Time that a frame may take [ms].
+    index : int
+        Index of the present coarse level.
+    """
 
-    Which coarse level simulates depends on a clock, so two runs need not have the same bits; `changes` tells what
-    happened.
+    expected: Sequence[float]
+    budget: float
+    index: int
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _frames: int = 0
+    _wait: int = 2 * WINDOW
+    _climbed: bool = False
+
+    @property
+    def time(self) -> float | None:
+        """Time of a frame [ms]: the second longest of the window; None until it is full."""
+        return sorted(self._times)[-_NTH_LONGEST] if len(self._times) == WINDOW else None
+
+    def enter(self, milliseconds: float) -> int:
+        """Enter the time of a frame, and return the level for the next ones.
+
+        Above the budget it is the most accurate of the faster levels whose estimate is within, else the
+        fastest. Otherwise it is the next more accurate level, if the budget has room for it. After a level
+        that exceeded the budget, the next attempt takes twice as many frames.
+        """
+        self._times.append(milliseconds)
+        self._frames += 1
+        time = self.time
+        if time is None:
+            return self.index
+        factor = time / self.expected[self.index]
+        if time > self.budget and self.index > 0:
+            within = [i for i in range(self.index) if factor * self.expected[i] <= self.budget]
+            if self._climbed:
+                self._wait = min(2 * self._wait, _LONGEST_WAIT)
+            self._change(max(within, default=0), climbed=False)
+        elif (
+            self.index + 1 < len(self.expected)
+            and self._frames >= self._wait
+            and factor * self.expected[self.index + 1] <= _ROOM * self.budget
+        ):
+            self._change(self.index + 1, climbed=True)
+        return self.index
+
+    def _change(self, index: int, *, climbed: bool) -> None:
+        self.index, self._climbed, self._frames = index, climbed, 0
+        self._times.clear()
+
+
+class _ContinuedScene(Scene):
+    """A scene whose particles are given: a solver of it begins at their positions and velocities."""
+
+    _particles: Particles = PrivateAttr()
+
+    @classmethod
+    def of(cls, scene: Scene, x: _Floats, v: _Floats) -> "_ContinuedScene":
+        """Return a scene with its own particles at `x` (N, D) [m] with velocities `v` (N, D) [m/s]."""
+        # The fields of the scene have been validated.
+        found = cls.model_construct(**{name: getattr(scene, name) for name in Scene.model_fields})
+        found._particles = replace(scene.sample(), x=x, v=v)  # noqa: SLF001 - of this class
+        return found
+
+    def sample(self) -> Particles:
+        """Return the particles."""
+        return self._particles
+
+
+class AutoSolver(CoarseSimulator):
+    """Simulator within a time budget: it changes between levels, methods of different cost.
+
+    The first level is the method of `plan(scene, budget_ms=...)`. Frames are timed. Where they exceed the
+    budget, a faster level goes on; where they leave much of it, a more accurate one. All particles of the
+    scene are shown throughout, and a change moves none of them: the particles simulated are merged anew from
+    those shown, at their velocities. Other state of the material (J, F) starts anew. A change takes some 20
+    to 60 ms at 4000 particles.
+
+    Levels depend on a clock, so two runs need not have the same bits; `changes` lists the changes.
 
     Parameters
     ----------
     scene : Scene
         Scene without emitters, sinks and moving obstacles.
     budget_ms : float > 0
-        Time that a frame may take, with what is shown [ms].
+        Time budget of a frame, with what is shown [ms].
     threads : int in [1, 1024]
         Threads of the solver; plans count with one.
     measure : str
-        Error by which coarse levels are ranked; see `plan`.
+        Error by which levels are ranked; see `plan`.
     learned : bool
-        Whether hybrids and networks that carry all particles are levels, too, where no MPM is both quicker and
-        more accurate. Each begins with some frames of MPM, which it looks back on.
+        Whether hybrids and networks that show all particles are levels, too. Networks are candidates only if
+        no MPM setting is both faster and more accurate. Each begins with frames of MPM, its history.
     calibration : str or Path, optional
         As for `plan`.
     clock : callable
@@ -96,63 +181,75 @@ class AutoSolver(Simulator):
         self._plan = plan(scene, budget_ms=budget_ms, measure=measure, calibration=calibration)
         if scene.is_open or any(obstacle.motion is not None for obstacle in scene.obstacles):
             raise ConfigError(
-                "a solver that changes coarse level begins anew at each change, so its scene must have no emitters, "
-                "sinks and moving obstacles; choose one coarse level by plan(scene, budget_ms=...)"
+                "an AutoSolver starts a new solver at each change, so its scene must have no emitters, sinks "
+                "and moving obstacles; choose one method by plan(scene, budget_ms=...)"
             )
         self._scene, self._threads, self._clock = scene, threads, clock
-        found = prospective(scene, measure=measure, calibration=calibration)
-        self._levels, expected = _front(found, learned=flag("learned", learned))
+        found = estimates(scene, measure=measure, calibration=calibration)
+        self._levels, expected = _pareto_front(found, learned=flag("learned", learned))
         first = max((i for i, ms in enumerate(expected) if ms <= budget_ms), default=0)
         self._controller = Controller(expected, float(budget_ms), first)
-        self._begin = self._controller
+        self._first_controller = self._controller
         self._offset, self._changes, self._earlier = 0, list[Change](), tuple[Decision, ...]()
-        self._started: Scene = scene
-        self._made()
+        self._start: Scene = scene
+        self._inner = self._made()
         self._first_inner = self._inner
         self.reset()
 
-    def _made(self) -> None:
-        """Make the solver of the present level, of the scene as it is."""
+    def _made(self) -> CoarseSimulator:
+        """Return a solver of the present level at the start of its frames."""
         with warnings.catch_warnings():
             if self._changes:
-                warnings.simplefilter("ignore")  # they have been told
-            self._inner = self._levels[self._controller.index].make(self._started, self._threads)
+                warnings.simplefilter("ignore")  # raised at the start
+            return self._levels[self._controller.index].make(self._start, self._threads)
 
     @property
     def plan(self) -> Plan:
-        """The plan that it began with."""
+        """The plan at the start."""
         return self._plan
 
     @property
     def level_name(self) -> str:
-        """Name of the coarse level that simulates the next frame."""
+        """Name of the present level."""
         return self._levels[self._controller.index].name
 
     @property
     def level_names(self) -> tuple[str, ...]:
-        """Names of the coarse levels among which it changes, the cheapest first."""
+        """Names of all levels, the fastest first."""
         return tuple(one.name for one in self._levels)
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes of coarse level so far."""
+        """All changes of level so far."""
         return tuple(self._changes)
 
     def _advance_frame(self, force: _Floats | None) -> None:
         began = self._clock()
-        self._inner.advance(1, force)
+        self._advance_few(force)
         _ = self._inner.positions
         took = 1e3 * (self._clock() - began)
         before, level = self._controller.index, self._controller.time
         if self._controller.enter(took) != before:
             self._change(before, took if level is None else level)
 
+    def _advance_few(self, force: _Floats | None) -> None:
+        """Advance the simulator of the present level, with the particles that it shows."""
+        self._inner.advance(1, force)
+
     def _change(self, before: int, ms: float) -> None:
         names = [self._levels[level].name for level in (before, self._controller.index)]
         self._changes.append(Change(frame=self.frame, before=names[0], after=names[1], ms_per_frame=ms))
-        self._started = Ongoing.of(self._scene, self._inner.positions, self._inner.velocities)
+        self._start = _ContinuedScene.of(self._scene, self._inner.positions, self._inner.velocities)
         self._earlier, self._offset = self.log, self.frame
-        self._made()
+        self._inner = self._made()
+
+    @property
+    def _few(self) -> Simulated:
+        return self._inner._few  # noqa: SLF001 - of this class's family
+
+    @property
+    def _upsampler(self) -> Upsampler | None:
+        return self._inner._upsampler  # noqa: SLF001 - of this class's family
 
     @property
     def scene(self) -> Scene:
@@ -166,12 +263,12 @@ class AutoSolver(Simulator):
 
     @property
     def r_t(self) -> int:
-        """Frames that the present coarse level computes at once: 1 of MPM."""
+        """Frames of a step of the present level: 1 of MPM."""
         return self._inner.r_t
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame."""
+        """Simulator of the next frame: "mpm" or "neural"."""
         return self._inner.mode
 
     @property
@@ -189,48 +286,17 @@ class AutoSolver(Simulator):
         return self._offset + self._inner.frame
 
     @property
-    def particle_spacing(self) -> float:
-        """Distance of the particles of `positions` at rest [m]."""
-        return self._scene.spacing
-
-    @property
-    def particle_count(self) -> int:
-        """Number N of particles."""
-        return self._inner.particle_count
-
-    @property
-    def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that the particles keep for good, ascending; read-only."""
-        return self._inner.ids
-
-    @property
-    def positions(self) -> _Floats:
-        """Positions (N, D) [m]; a snapshot, read-only."""
-        return self._inner.positions
-
-    @property
-    def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s]; a snapshot, read-only."""
-        return self._inner.velocities
-
-    @property
-    def materials(self) -> npt.NDArray[np.uint8]:
-        """DeepMind's particle types (N,); a snapshot, read-only."""
-        return self._inner.materials
-
-    @property
-    def mass(self) -> _Floats:
-        """Masses (N,) [kg]; a snapshot, read-only."""
-        return self._inner.mass
-
-    @property
     def last_frame(self) -> _core.FrameReport | None:
-        """How the latest frame was cut into substeps; None before the first of a level."""
+        """Substeps of the latest frame; None before the first of a level."""
         return self._inner.last_frame
 
     def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._inner.diagnostics()
+
+    def pressure_samples(self) -> PressureSamples:
+        """Return the pressures of the particles simulated, where MPM simulates."""
+        return self._inner.pressure_samples()
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed; see `Simulator.cancel_by`."""
@@ -238,35 +304,32 @@ class AutoSolver(Simulator):
         self._inner.cancel_by(flag)
 
     def reset(self) -> None:
-        """Go back to frame 0, at the coarse level of the plan."""
-        self._controller = deepcopy(self._begin)
-        self._offset, self._changes, self._earlier, self._started = 0, [], (), self._scene
+        """Go back to frame 0, at the level of the plan."""
+        self._controller = deepcopy(self._first_controller)
+        self._offset, self._changes, self._earlier, self._start = 0, [], (), self._scene
         self._inner = self._first_inner.copy()
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state."""
-        twin = object.__new__(type(self))
-        twin.__dict__.update(self.__dict__)
-        twin._controller = deepcopy(self._controller)
-        twin._changes, twin._inner = list(self._changes), self._inner.copy()
+        twin = copy(self)
+        twin.__dict__.update(
+            _controller=deepcopy(self._controller), _changes=list(self._changes), _inner=self._inner.copy()
+        )
         return twin
 
     def snapshot(self) -> bytes:
         """Return state and level, versioned and checksummed; the times of the latest frames are not kept."""
-        start = self._started.sample()
-        return pack(
-            _MAGIC,
-            _VERSION,
-            {
-                "coarse": self._controller.index,
-                "offset": self._offset,
-                "x": start.x,
-                "v": start.v,
-                "inner": self._inner.snapshot(),
-                "changes": [asdict(change) for change in self._changes],
-                "earlier": [asdict(decision) for decision in self._earlier],
-            },
-        )
+        start = self._start.sample()
+        tree = {
+            "level": self._controller.index,
+            "offset": self._offset,
+            "x": start.x,
+            "v": start.v,
+            "inner": self._inner.snapshot(),
+            "changes": [asdict(change) for change in self._changes],
+            "earlier": [asdict(decision) for decision in self._earlier],
+        }
+        return pack(_MAGIC, _VERSION, tree)
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene and budget.
@@ -278,27 +341,31 @@ class AutoSolver(Simulator):
         """
         twin = self.copy()
         with unfitting("snapshot"):
-            state = unpack(_MAGIC, _VERSION, data)
-            twin._controller = deepcopy(self._begin)  # noqa: SLF001 - of this very class
-            twin._controller.index = int(state["coarse"])  # noqa: SLF001
-            twin._changes = [Change(**change) for change in state["changes"]]  # noqa: SLF001
-            twin._earlier = tuple(Decision(**one) for one in state["earlier"])  # noqa: SLF001
-            twin._offset = int(state["offset"])  # noqa: SLF001
-            is_first = not twin._changes  # noqa: SLF001
-            twin._started = self._scene if is_first else Ongoing.of(self._scene, state["x"], state["v"])  # noqa: SLF001
-            twin._made()  # noqa: SLF001
-            twin._inner.restore(state["inner"])  # noqa: SLF001
+            twin._take(unpack(_MAGIC, _VERSION, data))  # noqa: SLF001 - of this very class
         self.__dict__.update(twin.__dict__)
+
+    def _take(self, tree: dict[str, Any]) -> None:
+        """Take the state of a snapshot's tree; where this raises, the state is incomplete."""
+        self._controller = deepcopy(self._first_controller)
+        self._controller.index = int(tree["level"])
+        self._changes = [Change(**change) for change in tree["changes"]]
+        self._earlier = tuple(Decision(**one) for one in tree["earlier"])
+        self._offset = int(tree["offset"])
+        self._start = _ContinuedScene.of(self._scene, tree["x"], tree["v"]) if self._changes else self._scene
+        self._inner = self._made()
+        self._inner.restore(tree["inner"])
 
     def _settings_to_save(self) -> dict[str, Any]:
         raise ConfigError(
-            "a solver that changes coarse level is not written to files: its coarse level depends on a clock; record its "
-            "states, or choose one coarse level by plan(scene, budget_ms=...) and save the solver that it makes"
+            "an AutoSolver is not written to files: its level depends on a clock; record its states, or "
+            "choose one method by plan(scene, budget_ms=...) and save the solver that it makes"
         )
 
 
-def _front(found: list[tuple[Prospect, Candidate]], *, learned: bool) -> tuple[list[Candidate], list[float]]:
-    """Return the coarse levels that show all particles and that no other beats, with their times [ms], ascending."""
+def _pareto_front(
+    found: list[tuple[Estimate, Candidate]], *, learned: bool
+) -> tuple[list[Candidate], list[float]]:
+    """Return the Pareto-optimal methods that show all particles, with their times [ms], ascending."""
     whole = [
         (expected, level)
         for expected, level in found

@@ -1,4 +1,4 @@
-"""What a plan knows: the errors of each candidate, and the times of the machine; checked records in JSON."""
+"""Calibration of plans: errors of each candidate, and times of the machine; checked records in JSON."""
 
 from typing import Annotated, Literal
 
@@ -20,7 +20,7 @@ MEASURES = {
     "kinetic_energy": "kinetic_energy",
     "centroid": "centroid",
 }
-"""Errors that a plan may be asked about, and their fields in the rows of `python -m hybridmpm_lab tradeoff`."""
+"""Measures of the error, and their fields in the rows of `python -m hybridmpm_lab tradeoff`."""
 
 
 class MethodErrors(Record):
@@ -38,8 +38,8 @@ class MaterialTimes(Record):
 
     A frame of n particles that fill c cells of the grid, with k obstacles, takes in s substeps
     s (substep + obstacle_substep k + particle_substep n + obstacle_particle_substep k n + cell_substep c)
-    + frame + particle n. Carrying N particles along adds upsample + upsample_coarse n + upsample_shown N
-    + upsample_obstacle k N, each frame looked at.
+    + frame + particle n. Showing all N particles adds upsample + upsample_coarse n + upsample_shown N
+    + upsample_obstacle k N, for each frame shown.
     """
 
     material: Literal["water", "sand"]
@@ -80,7 +80,7 @@ class Ratio(Record):
 
 
 class MachineTimes(Record):
-    """What a machine takes for each kind of work."""
+    """Time of a machine for each kind of work."""
 
     version: int
     solver_version: int

@@ -1,4 +1,4 @@
-"""The ways to simulate a scene that a plan chooses among, by name."""
+"""Candidates of a plan: methods of simulating a scene, by name."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from hybridmpm.coarse import CoarseSimulator, coarse_table
 from hybridmpm.hybrid import HybridSimulator
-from hybridmpm.mpm import MpmSolver, Sleep
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.manifest import models
 from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.simulator import NeuralPhysics
@@ -27,25 +27,23 @@ RATIOS = {
 """r_p by label."""
 SOFTER = {"1/4": 1 / 4, "1/16": 1 / 16}
 """Factors on the elastic moduli by label, for all particles at full resolution."""
-SLEEPING_LEVEL = "1/16"
-"""Fitted coarse level that may sleep, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A way to simulate a scene."""
+    """A method of simulating a scene."""
 
     method: Method
-    """Whether MPM simulates all particles or the few that are shown, few carry all, or a network or a hybrid
-    simulates."""
+    """"mpm" shows the particles simulated, "coarse" all of the scene; "neural" is a network, "hybrid" a
+    network with guards and MPM."""
     label: str
-    """Name among those of its method."""
+    """Name within its method."""
     variant: str
-    """What sets it apart within its method, such as "fitted"."""
+    """Group within its method, such as "fitted"."""
     r_p: float
     """Share of the particles that are simulated."""
     r_t: int = 1
-    """Frames that are computed at once."""
+    """Frames of a step."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the simulator, besides scene, network and threads."""
     softer: float = 1.0
@@ -60,7 +58,7 @@ class Candidate:
 
     @property
     def show_all(self) -> bool:
-        """Whether all particles of the scene are carried along with fewer."""
+        """Whether all particles of the scene are shown where fewer are simulated."""
         return self.method == "coarse" or bool(self.settings.get("show_all", self.method == "hybrid"))
 
     def make(self, scene: Scene, threads: int = 1) -> CoarseSimulator:
@@ -104,7 +102,6 @@ def _solvers() -> Iterator[Candidate]:
     full = partial(Candidate, method="mpm", r_p=1.0)
     for label, factor in SOFTER.items():
         yield full(label=f"softer {label}", variant="softer", softer=factor)
-    yield full(label="sleeping", variant="sleeping", settings={"sleep": Sleep()})
     coarse = partial(Candidate, method="coarse")
     for label, r_p in RATIOS.items():
         if r_p < 1:
@@ -114,12 +111,6 @@ def _solvers() -> Iterator[Candidate]:
     ratios = dict(sorted(coarse_table().ratios.items(), key=lambda item: -item[1]))
     for label, r_p in ratios.items():
         yield coarse(label=label, variant="fitted", r_p=r_p, settings={"coarse": label})
-    yield coarse(
-        label=f"{SLEEPING_LEVEL} sleeping",
-        variant="sleeping",
-        r_p=ratios[SLEEPING_LEVEL],
-        settings={"coarse": SLEEPING_LEVEL, "sleep": Sleep()},
-    )
 
 
 def _learned(scenario: str) -> Iterator[Candidate]:

@@ -1,26 +1,21 @@
-"""The time of a frame of a candidate in a scene, from what a machine takes for each kind of work."""
+"""Cost model: the time of a frame of a candidate in a scene, from a machine's time for each kind of work."""
 
 import math
-import threading
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hybridmpm.coarse import CoarseLevel, choice, coarse_level, coarse_table
+from hybridmpm.coarse import CoarseLevel
 from hybridmpm.coarse.bounds import fastest_impact
-from hybridmpm.errors import CoarseWarning
+from hybridmpm.coarse.choice import level_settings, level_warnings
 from hybridmpm.mpm.cost import cfl_substeps, frame_cost
 from hybridmpm.planner.calibration import Calibration, MaterialTimes
 from hybridmpm.planner.candidates import Candidate, softened, solvers
 from hybridmpm.scene import Scene
 
-_CATCHING = threading.Lock()
-"""Threads that catch warnings at the same time would leave each other's filters behind."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What a candidate has to do in a frame of a scene."""
+    """Work of a candidate in a frame of a scene."""
 
     particles: int
     """Particles that are simulated."""
@@ -31,7 +26,7 @@ class Work:
     cells: float
     """Cells that the material fills at rest."""
     obstacles: int
-    """Obstacles that particles are kept outside of."""
+    """Number of obstacles."""
     substeps: int
     """Substeps in mid-splash."""
     moduli: tuple[float, ...]
@@ -39,7 +34,7 @@ class Work:
 
 
 def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
-    """Tell what a candidate has to do in a frame.
+    """Return the work of a candidate in a frame.
 
     Parameters
     ----------
@@ -54,7 +49,7 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
         Its grid would be too coarse for the scene.
     """
     scene = softened(scene, candidate.softer)
-    level = _level(candidate, scene)
+    level = level_of(candidate, scene)
     count = particle_count(scene)
     few = max(round(level.r_p * count), len(scene.bodies), 1)
     materials = [
@@ -74,12 +69,12 @@ def work(candidate: Candidate, scene: Scene, speed: float) -> Work:
 
 
 def filled_cells(scene: Scene, count: int, resolution: int) -> float:
-    """Return how many cells of a grid of `resolution` cells per metre `count` particles of a scene fill."""
+    """Return the number of cells that `count` particles fill on a grid of `resolution` cells per metre."""
     return count * float(scene.spacing * resolution) ** scene.dim
 
 
 def particle_count(scene: Scene) -> int:
-    """Return about how many particles a scene has, those included that emitters let in within its length."""
+    """Return the approximate number of particles, with those of emitters over the scene's frames."""
     count = frame_cost(scene).particles
     for emitter in scene.emitters:
         end = scene.frames * scene.frame_dt
@@ -89,31 +84,22 @@ def particle_count(scene: Scene) -> int:
     return min(count, scene.max_particles)
 
 
-def warned_of(candidate: Candidate, scene: Scene) -> list[str]:
-    """Return what the simulator of a candidate will warn of about its level."""
-    name = candidate.settings.get("coarse")
-    if name is None:
-        return []
-    with _CATCHING, warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", CoarseWarning)
-        coarse_level(scene, name)
-    return [str(one.message) for one in told]
-
-
-def _level(candidate: Candidate, scene: Scene) -> CoarseLevel:
+def level_of(candidate: Candidate, scene: Scene) -> CoarseLevel:
     """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
     name = candidate.settings.get("coarse")
-    if name is not None:
-        # `coarse_level` warns of each; `warned_of` tells of the one that is chosen.
-        return choice._settings(scene, name, coarse_table())  # noqa: SLF001
-    return CoarseLevel.unfitted(scene, candidate.r_p)
+    return CoarseLevel.unfitted(scene, candidate.r_p) if name is None else level_settings(scene, name)
+
+
+def warnings_of(candidate: Candidate, scene: Scene) -> list[str]:
+    """Return the texts of the warnings of coarse levels that building a candidate raises."""
+    return level_warnings(scene, level_of(candidate, scene)) if "coarse" in candidate.settings else []
 
 
 def milliseconds(candidate: Candidate, scene: Scene, calibration: Calibration) -> float | None:
-    """Return the median time of a frame in mid-splash [ms]; None where nothing is known of its network.
+    """Return the median time of a frame in mid-splash [ms]; None where its network was not calibrated.
 
-    Materials that nobody calibrated cost what sand costs. Where several meet, each counts as much as it has
-    of the scene's volume.
+    Materials without a calibration cost as much as sand. Several materials count by their share of the
+    volume.
 
     Raises
     ------
@@ -157,7 +143,7 @@ def _of_material(
         each = times.upsample_shown + times.upsample_obstacle * todo.obstacles
         spent = times.upsample + times.upsample_coarse * n + each * todo.shown
     if candidate.method == "hybrid":
-        return None  # known by its ratio alone
+        return None  # its time is a ratio, found above
     if candidate.method == "neural":
         known = (one for one in calibration.times.networks if one.model == candidate.model)
         network = next(known, None)

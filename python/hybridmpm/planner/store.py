@@ -1,4 +1,4 @@
-"""Where calibrations come from: the one that ships, and the times of this machine in a file of the user."""
+"""Calibrations: the one of the library, and the times of this machine in a file of the user."""
 
 import os
 import warnings
@@ -18,9 +18,9 @@ _VARIABLE = "HYBRIDMPM_CALIBRATION"
 
 
 class CalibrationWarning(UserWarning):
-    """The user's calibration is damaged or foreign, so the times that came with the library stand in for it.
+    """The user's calibration is damaged or does not fit, so the times of the library are used.
 
-    Not an error: plans are made, but their times are those of another machine.
+    Plans are made, but their times are those of another machine.
     """
 
 
@@ -64,7 +64,7 @@ def read_times(path: Path) -> MachineTimes:
     for name, value in here.items():
         if there[name] != value:
             raise DataError(
-                f"{path} is foreign: its {name} is {there[name]}, that of this is {value}; {remedy}"
+                f"calibration {path} was made for {name} {there[name]}, this machine has {value}; {remedy}"
             )
     there_are = {(one.material, one.dim) for one in times.materials}
     lacking = [
@@ -76,22 +76,22 @@ def read_times(path: Path) -> MachineTimes:
 
 
 def present(path: Path | None = None) -> tuple[Calibration, str]:
-    """Return the calibration to plan with, and a sentence that tells where its times come from.
+    """Return the calibration for plans, and a sentence on the origin of its times.
 
     Parameters
     ----------
     path : Path, optional
-        File of times that has to be used; without it the user's file is, where there is one that fits.
+        File of times; if absent, the user's file where it exists and fits, else the library's times.
 
     Raises
     ------
     DataError
-        The file named is missing, damaged or foreign.
+        The file named is missing, damaged, or of another machine or solver.
 
     Warns
     -----
     CalibrationWarning
-        The user's file is damaged or foreign; the times that came with the library stand in for it.
+        The user's file is damaged or does not fit; the times of the library are used.
     """
     base = shipped()
     if path is not None:
@@ -102,15 +102,15 @@ def present(path: Path | None = None) -> tuple[Calibration, str]:
             return base.model_copy(update={"times": read_times(mine)}), f"times of {mine}"
         except DataError as error:
             warnings.warn(
-                f"{error}; until then plans take the times that came with the library",
+                f"{error}; until then plans use the times of the library",
                 CalibrationWarning,
                 stacklevel=4,
             )
     if base.times.machine == cpu_model():
-        return base, f"times that came with the library, of the same processor ({base.times.machine})"
+        return base, f"times of the library, from the same processor ({base.times.machine})"
     return base, (
-        f"times that came with the library, of another processor ({base.times.machine}): "
-        "`hybridmpm calibrate` takes those of this one"
+        f"times of the library, from another processor ({base.times.machine}): "
+        "`hybridmpm calibrate` measures those of this one"
     )
 
 

@@ -14,7 +14,7 @@ from hybridmpm.checking import Finding, SceneCheck, Severity
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import SceneError
 from hybridmpm.physics import Entry
-from hybridmpm.planner import Plan, Prospect
+from hybridmpm.planner import Estimate, Plan
 from hybridmpm.scenarios import ScenarioInfo
 from hybridmpm.simulator import Kind
 from hybridmpm_service.http.creation import Measure
@@ -452,7 +452,7 @@ class CheckBody(Answer):
         return cls(**nothing, scene="", ok=False, findings=FindingBody.first_of(found))
 
 
-class ProspectBody(Answer):
+class EstimateBody(Answer):
     """Expected error and time of a method in the scene."""
 
     name: str = Field(examples=["coarse 1/16"])
@@ -465,7 +465,7 @@ class ProspectBody(Answer):
     """Median time of a frame in mid-splash on one thread of the server [ms]."""
 
 
-class PlanBody(ProspectBody):
+class PlanBody(EstimateBody):
     """The chosen method."""
 
     measure: Measure
@@ -484,9 +484,9 @@ class PlanBody(ProspectBody):
     """Whether all particles of the scene are shown where fewer are simulated."""
     session: dict[str, Any] | None = Field(examples=[{"solver": "mpm", "coarse": "1/16"}])
     """Fields of `POST /v1/sessions` that choose this method; null where no session can have it."""
-    candidates: list[ProspectBody]
+    candidates: list[EstimateBody]
     """All compared methods, the fastest first."""
-    runner_up: ProspectBody | None
+    runner_up: EstimateBody | None
     """The second choice."""
     reason: str
     """Reason of the choice; for an infeasible limit, the requirements of a feasible one."""
@@ -494,7 +494,7 @@ class PlanBody(ProspectBody):
     """Sources of the figures."""
 
     @classmethod
-    def of(cls, plan: Plan, candidates: Sequence[Prospect]) -> Self:
+    def of(cls, plan: Plan, candidates: Sequence[Estimate]) -> Self:
         """Describe a plan and the methods that it was chosen from."""
         ascending = sorted(candidates, key=lambda one: one.ms_per_frame)
         plain = {**plan.to_dict(), "candidates": [asdict(one) for one in ascending]}

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 from hybridmpm import scenarios
 from hybridmpm.errors import SceneError
-from hybridmpm.planner import plan, prospective
+from hybridmpm.planner import estimates, plan
 from hybridmpm_service.errors import ScenarioNotFoundError
 from hybridmpm_service.http.answers import (
     CheckBody,
@@ -88,4 +88,4 @@ def make_plan(body: PlanRequest) -> PlanBody:
     """Choose the fastest method within an error, or the most accurate within a time; nothing is simulated."""
     scene = body.make_scene()
     found = plan(scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
-    return PlanBody.of(found, [one for one, _ in prospective(scene, measure=body.measure)])
+    return PlanBody.of(found, [one for one, _ in estimates(scene, measure=body.measure)])

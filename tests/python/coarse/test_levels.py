@@ -201,7 +201,7 @@ def test_constants_out_of_range_are_refused() -> None:
 def test_a_scene_too_fast_is_told() -> None:
     body = block("sand", (0.4, 0.4), (0.6, 0.6), velocity=(20.0, 0.0))
     with pytest.warns(
-        CoarseWarning, match=r"may land at 20 m/s in this scene, but coarse level '1/16' was fitted up"
+        CoarseWarning, match=r"this scene may reach 20 m/s, but coarse level '1/16' was fitted up"
     ) as told:
         MpmSolver(Scene(dim=2, resolution=64, bodies=(body,)), coarse="1/16")
     assert told[0].filename == __file__

@@ -8,10 +8,9 @@ import pytest
 
 from hybridmpm import AutoSolver, BoxSink, CoarseWarning, Scene, scenarios
 from hybridmpm.errors import ConfigError, SnapshotError
-from hybridmpm.planner import auto
+from hybridmpm.planner import Estimate, auto
+from hybridmpm.planner.auto import WINDOW, Controller
 from hybridmpm.planner.candidates import Candidate, candidates
-from hybridmpm.planner.controller import WINDOW, Controller
-from hybridmpm.planner.planning import Prospect
 
 EXPECTED = (0.1, 0.2, 0.4, 0.8)
 
@@ -148,13 +147,13 @@ def test_a_network_takes_part_where_it_pays(clock: Clock, monkeypatch: pytest.Mo
     expected = {few: (0.9, 0.1), "hybrid fluids_2d": (0.5, 0.3), "neural fluids_2d all shown": (0.6, 0.35)}
     known = candidates("water_2d")
 
-    def prospects(_scene: Scene, **_: object) -> list[tuple[Prospect, Candidate]]:
+    def prospects(_scene: Scene, **_: object) -> list[tuple[Estimate, Candidate]]:
         return [
-            (Prospect(name=name, error=error, error_se=None, ms_per_frame=ms), known[name])
+            (Estimate(name=name, error=error, error_se=None, ms_per_frame=ms), known[name])
             for name, (error, ms) in expected.items()
         ]
 
-    monkeypatch.setattr(auto, "prospective", prospects)
+    monkeypatch.setattr(auto, "estimates", prospects)
     clock.frame_seconds = 3e-4
     assert AutoSolver(scene, budget_ms=0.4).level_names == (few,)
     assert AutoSolver(scene, budget_ms=0.4, learned=True).level_names == (few, "hybrid fluids_2d")

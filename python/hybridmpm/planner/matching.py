@@ -1,4 +1,4 @@
-"""Which scenarios a scene is like, whose errors stand in for its own, and where it differs from them."""
+"""Scenarios that match a scene: their errors stand in for its own."""
 
 from dataclasses import dataclass
 
@@ -14,22 +14,22 @@ _NEAR = 1.25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Likeness:
-    """What stands in for a scene."""
+class MatchingScenarios:
+    """Scenarios whose errors stand in for a scene's."""
 
-    scenarios: tuple[str, ...]
-    """Scenarios whose worst error counts."""
+    names: tuple[str, ...]
+    """Their names; the worst of their errors counts."""
     learned: bool
-    """Whether the networks of these scenarios take the scene."""
+    """Whether the networks of these scenarios accept the scene."""
     notes: tuple[str, ...]
-    """Where the scene differs from the scenarios' scenes."""
+    """Differences of the scene from the scenarios' scenes."""
 
 
-def likeness(scene: Scene) -> Likeness:
-    """Find the scenarios of the same dimension and materials, with obstacles where the scene has some."""
+def matching_scenarios(scene: Scene) -> MatchingScenarios:
+    """Return the scenarios of the same dimension and materials, with obstacles where the scene has some."""
     kinds: list[str] = sorted({material.kind for material in scene.materials})
     notes = [
-        f"nothing was calibrated for {strange}: figures of sand stand in for it"
+        f"nothing was calibrated for {strange}: figures of sand are used"
         for strange in kinds
         if strange not in {"water", "sand"}
     ]
@@ -42,11 +42,11 @@ def likeness(scene: Scene) -> Likeness:
         )
     if scene.is_open:
         notes.append(
-            f"times are those of {particle_count(scene)} particles: all that emitters let in within "
-            f"{scene.frames} frames, and nothing that sinks take away"
+            f"times are those of {particle_count(scene)} particles: all that emitters add within "
+            f"{scene.frames} frames, without what sinks remove"
         )
     notes += _other_stiffness(scene, names)
-    return Likeness(scenarios=names, learned=_learned(scene, names), notes=tuple(notes))
+    return MatchingScenarios(names=names, learned=_learned(scene, names), notes=tuple(notes))
 
 
 def _names(known: list[str], scene: Scene, notes: list[str]) -> tuple[str, ...]:
@@ -64,7 +64,7 @@ def _names(known: list[str], scene: Scene, notes: list[str]) -> tuple[str, ...]:
 
 
 def _other_stiffness(scene: Scene, names: tuple[str, ...]) -> list[str]:
-    """Tell of materials much stiffer or softer than those that errors were measured with."""
+    """Return notes on materials much stiffer or softer than those of the scenarios."""
     usual: dict[str, _core.Material] = {}
     for name in names:
         one = scenarios.get(name, 0)
@@ -82,7 +82,7 @@ def _other_stiffness(scene: Scene, names: tuple[str, ...]) -> list[str]:
 
 
 def _learned(scene: Scene, names: tuple[str, ...]) -> bool:
-    """Tell whether each network that serves the scenarios takes the scene."""
+    """Return whether each network of the scenarios accepts the scene."""
     mine = [name for name, entry in models().items() if set(names) <= set(entry.scenarios)]
     try:
         for name in mine:
