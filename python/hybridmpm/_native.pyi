@@ -999,7 +999,6 @@ def radius_graph(
         There are more edges than `max_edges`.
     """
 
-@final
 def answer_weights(
     history: npt.NDArray[np.float32],
     known_acceleration: npt.NDArray[np.float32],
