@@ -8,8 +8,8 @@ from hybridmpm.control.diffusion.network import ControlNetwork, picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.diffusion.samplers import SOLVERS, Solver
 from hybridmpm.control.diffusion.schedule import MAX_STEPS
+from hybridmpm.control.methods.learned.serving import serving
 from hybridmpm.control.methods.method import FallBack, Task
-from hybridmpm.control.methods.serving import serving
 from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 

@@ -14,8 +14,8 @@ from hybridmpm.control.laws import Tracked
 from hybridmpm.control.methods.learned.features import Aim, State
 from hybridmpm.control.methods.learned.guard import objection
 from hybridmpm.control.methods.learned.network import TransportNetwork
+from hybridmpm.control.methods.learned.serving import serving
 from hybridmpm.control.methods.method import FallBack, Task
-from hybridmpm.control.methods.serving import serving
 from hybridmpm.scene.particle_types import SAND
 from hybridmpm.simulator import Simulator
 
