@@ -14,7 +14,7 @@ from hybridmpm.errors import SnapshotError
 _CHECKSUM = hashlib.sha256().digest_size
 
 
-def pack(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
+def to_bytes(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
     """Return a tree as bytes; the same tree always gives the same bytes.
 
     Parameters
@@ -54,7 +54,7 @@ def number(value: Any) -> Any:
 
 
 @contextlib.contextmanager
-def unfitting(what: str) -> Iterator[None]:
+def as_snapshot_error(what: str) -> Iterator[None]:
     """Turn whatever goes wrong while a state is read into a `SnapshotError`.
 
     A checksum that is right does not tell that the content makes sense.
@@ -67,8 +67,8 @@ def unfitting(what: str) -> Iterator[None]:
         raise SnapshotError(f"the {what} does not fit: {type(error).__name__}: {error}") from error
 
 
-def unpack(magic: bytes, version: int, data: bytes) -> dict[str, Any]:
-    """Return the tree that `pack` made into bytes.
+def from_bytes(magic: bytes, version: int, data: bytes) -> dict[str, Any]:
+    """Return the tree that `to_bytes` made into bytes.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from hybridmpm._support.arguments import whole
-from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal, goal_of
@@ -18,7 +18,7 @@ from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill, Region
 from hybridmpm.control.goal.room import Room
-from hybridmpm.control.laws import Floats32, Law, OfIds, recalled, remembered
+from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
 from hybridmpm.control.sketch.sketch import Arrow, Ellipse, Sketch
@@ -117,13 +117,13 @@ class Guidance:
                 "cells": goal.region.cells,
                 "volume": goal.region.volume,
             },
-            "law": remembered(self.law),
+            "law": law_to_dict(self.law),
             "needs": dataclasses.asdict(self._needs),
             "settings": {
                 name: getattr(self, name) for name in ("method", "reason", "frames", "hold", "planning_ms")
             },
         }
-        return pack(_MAGIC, _VERSION, tree)
+        return to_bytes(_MAGIC, _VERSION, tree)
 
     @classmethod
     def restored(cls, data: bytes, scene: Scene) -> "Guidance":
@@ -141,19 +141,19 @@ class Guidance:
         SnapshotError
             The bytes are damaged, of another version or no snapshot of a guidance.
         """
-        with unfitting("snapshot of a guidance"):
-            tree = unpack(_MAGIC, _VERSION, data)
+        with as_snapshot_error("snapshot of a guidance"):
+            tree = from_bytes(_MAGIC, _VERSION, data)
             needs = dict(tree["needs"])
             needs["obstructions"] = tuple(Obstruction(**one) for one in needs["obstructions"])
             return cls(
-                goal=_recalled_goal(tree, scene),
-                law=recalled(tree["law"]),
+                goal=_goal_from_dict(tree, scene),
+                law=law_from_dict(tree["law"]),
                 _needs=Needs(**needs),
                 **tree["settings"],
             )
 
 
-def _recalled_goal(tree: dict[str, Any], scene: Scene) -> Goal:
+def _goal_from_dict(tree: dict[str, Any], scene: Scene) -> Goal:
     cloud = Cloud(**tree["cloud"])
     room = Room(scene, cloud.frame * cloud.frame_dt)
     kinds: dict[str, Callable[..., Sketch]] = {"arrow": Arrow, "ellipse": Ellipse}

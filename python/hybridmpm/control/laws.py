@@ -162,7 +162,7 @@ LAWS: dict[str, type[Unforced | Uniform | Tracked | Retraced | Diffused]] = {
 """Laws of the library by name."""
 
 
-def remembered(law: Law) -> dict[str, Any]:
+def law_to_dict(law: Law) -> dict[str, Any]:
     """Return a law as plain data.
 
     Raises
@@ -176,6 +176,6 @@ def remembered(law: Law) -> dict[str, Any]:
     return {"name": law.name, "fields": fields}
 
 
-def recalled(data: dict[str, Any]) -> Law:
-    """Return the law that `remembered` described."""
+def law_from_dict(data: dict[str, Any]) -> Law:
+    """Return the law that `law_to_dict` described."""
     return LAWS[data["name"]](**data["fields"])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag, real, whole
-from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.coarse import CoarseSimulator, Upsampler
 from hybridmpm.coarse.merging import checked_ratio
 from hybridmpm.decisions import Decision, Mode, StepCounts
@@ -19,7 +19,7 @@ from hybridmpm.hybrid.guard import Guard
 from hybridmpm.hybrid.guards import DEFAULT, Cosine, build, from_saved_settings, saved_settings
 from hybridmpm.hybrid.loop import HybridLoop
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
+from hybridmpm.physics.load import Model, as_stepper, model_from_dict, model_to_dict, name_of
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Scene
@@ -234,7 +234,7 @@ class HybridSimulator(CoarseSimulator):
         SnapshotError
             A guard of the caller's own has undeclared state; see `Guard`.
         """
-        return pack(_MAGIC, _VERSION, self._loop.state.to_dict())
+        return to_bytes(_MAGIC, _VERSION, self._loop.state.to_dict())
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene, network and guards.
@@ -245,12 +245,12 @@ class HybridSimulator(CoarseSimulator):
             The bytes are damaged or belong to another scene or other guards; the present state is then
             untouched.
         """
-        with unfitting("snapshot"):
-            self._loop.state = self._loop.state.from_dict(unpack(_MAGIC, _VERSION, data))
+        with as_snapshot_error("snapshot"):
+            self._loop.state = self._loop.state.from_dict(from_bytes(_MAGIC, _VERSION, data))
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {
-            "model": described(self._model),
+            "model": model_to_dict(self._model),
             "guards": saved_settings(self._guards),
             "show_all": self._show_all,
             **self._settings,
@@ -289,7 +289,7 @@ class HybridSimulator(CoarseSimulator):
 
         def make(saved: SavedState) -> Any:
             settings = dict(saved.settings)
-            stepper = recalled(settings.pop("model"), model, saved.scene, threads=threads)
+            stepper = model_from_dict(settings.pop("model"), model, saved.scene, threads=threads)
             named = settings.pop("guards")
             watching = from_saved_settings(named) if guards is None else guards
             return cls(saved.scene, stepper, guards=watching, threads=threads, **settings)

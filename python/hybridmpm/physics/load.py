@@ -60,7 +60,7 @@ def model_for(name: str | None, scenario: str | None) -> str:
     return name if name is not None else default_model(scenario or "")
 
 
-def described(stepper: Stepper) -> dict[str, Any] | None:
+def model_to_dict(stepper: Stepper) -> dict[str, Any] | None:
     """Describe a network for a snapshot file; None for one that cannot be loaded again by name."""
     if isinstance(stepper, NeuralModel) and stepper.name is not None:
         return {"name": stepper.name, "sha256": stepper.sha256}
@@ -71,11 +71,11 @@ def described(stepper: Stepper) -> dict[str, Any] | None:
 
 def name_of(stepper: Stepper) -> str:
     """Return the name of a network; that of its class where it has none of its own."""
-    description = described(stepper)
+    description = model_to_dict(stepper)
     return type(stepper).__name__ if description is None else str(description["name"])
 
 
-def recalled(
+def model_from_dict(
     description: dict[str, Any] | None, model: Model | None, scene: Scene, *, threads: int
 ) -> Stepper:
     """Return the network of a snapshot file, or the one that the caller gives in its place.

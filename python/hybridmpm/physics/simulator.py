@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag, whole
-from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.coarse import CoarseSimulator, Upsampler
 from hybridmpm.coarse.upsampler import restored
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import DomainError, NonFiniteError, SnapshotError
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.load import Model, as_stepper, described, name_of, recalled
+from hybridmpm.physics.load import Model, as_stepper, model_from_dict, model_to_dict, name_of
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import Track, warmup_frames
 from hybridmpm.scenarios.checked import checked_scene
@@ -308,7 +308,7 @@ class NeuralPhysics(CoarseSimulator):
         """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
         shown = None if self._upsampler is None else self._upsampler.snapshot()
         state = {"network": self._stepper.to_dict(), "shown": shown}
-        return pack(_MAGIC, _VERSION, state)
+        return to_bytes(_MAGIC, _VERSION, state)
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene and network.
@@ -318,14 +318,14 @@ class NeuralPhysics(CoarseSimulator):
         SnapshotError
             The bytes are damaged or belong to another scene; the present state is then untouched.
         """
-        with unfitting("snapshot"):
-            state = unpack(_MAGIC, _VERSION, data)
+        with as_snapshot_error("snapshot"):
+            state = from_bytes(_MAGIC, _VERSION, data)
             stepper = self._stepper.from_dict(state["network"])
             self._shown_by = restored(self._shown_by, state["shown"], stepper)
         self._stepper = stepper
 
     def _settings_to_save(self) -> dict[str, Any]:
-        return {"model": described(self._model), "show_all": self._show_all}
+        return {"model": model_to_dict(self._model), "show_all": self._show_all}
 
     @classmethod
     def load(cls, path: str | Path, *, model: Model | None = None, threads: int = 1) -> Self:
@@ -350,7 +350,7 @@ class NeuralPhysics(CoarseSimulator):
         threads = whole("threads", threads, 1, 1024)
 
         def make(saved: SavedState) -> Any:
-            stepper = recalled(saved.settings["model"], model, saved.scene, threads=threads)
+            stepper = model_from_dict(saved.settings["model"], model, saved.scene, threads=threads)
             return cls(saved.scene, stepper, show_all=saved.settings["show_all"], threads=threads)
 
         return cls._restored(path, make)

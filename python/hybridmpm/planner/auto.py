@@ -15,7 +15,7 @@ from pydantic import PrivateAttr
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag
-from hybridmpm._support.packing import pack, unfitting, unpack
+from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.coarse import CoarseSimulator, Upsampler
 from hybridmpm.coarse.simulator import Simulated
 from hybridmpm.decisions import Decision, Mode
@@ -329,7 +329,7 @@ class AutoSolver(CoarseSimulator):
             "changes": [asdict(change) for change in self._changes],
             "earlier": [asdict(decision) for decision in self._earlier],
         }
-        return pack(_MAGIC, _VERSION, tree)
+        return to_bytes(_MAGIC, _VERSION, tree)
 
     def restore(self, data: bytes) -> None:
         """Take the state of a snapshot of the same scene and budget.
@@ -340,8 +340,8 @@ class AutoSolver(CoarseSimulator):
             The bytes are damaged or of another scene; the present state is then untouched.
         """
         twin = self.copy()
-        with unfitting("snapshot"):
-            twin._take(unpack(_MAGIC, _VERSION, data))  # noqa: SLF001 - of this very class
+        with as_snapshot_error("snapshot"):
+            twin._take(from_bytes(_MAGIC, _VERSION, data))  # noqa: SLF001 - of this very class
         self.__dict__.update(twin.__dict__)
 
     def _take(self, tree: dict[str, Any]) -> None:

@@ -156,7 +156,7 @@ def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -
     simulation = Simulation(chosen, clock=clock)
     if checkpoint is not None and versions == origin.versions:
         try:
-            simulation.recall(checkpoint)
+            simulation.restore(checkpoint)
             restored = True
         except SnapshotError as err:
             notice = f"Its checkpoint cannot be used, and it was computed again from frame 0: {err}"

@@ -273,7 +273,7 @@ class Simulation:
         self._steering = self._control = None
         self.hand = self._noted_hand = None
         if self._recorder is not None:
-            self._recorder.recall()
+            self._recorder.restore()
         self._steered = False
 
     def checkpoint(self) -> Checkpoint:
@@ -291,7 +291,7 @@ class Simulation:
             },
         )
 
-    def recall(self, checkpoint: Checkpoint) -> None:
+    def restore(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint, with the same bits as the simulation that made it.
 
         Raises
@@ -309,7 +309,7 @@ class Simulation:
         self._steered = rest["steered"]
         self.hand = self._noted_hand = None if rest["hand"] is None else Hand(**rest["hand"]).push()
         if self._recorder is not None and rest["safeguard"] is not None:
-            self._recorder.recall(rest["safeguard"])
+            self._recorder.restore(rest["safeguard"])
 
     def particles(self) -> Particles:
         """Return a copy of the positions, velocities and types."""

@@ -216,7 +216,7 @@ class SafeguardRecorder:
     def on(self, simulator: Simulator) -> "SafeguardRecorder":
         """Return a recorder of a copy of the simulator, with the values so far."""
         twin = SafeguardRecorder(simulator, self._r_c)
-        twin.recall(self._values)
+        twin.restore(self._values)
         return twin
 
     def note(self) -> None:
@@ -230,7 +230,7 @@ class SafeguardRecorder:
         """Frames and their values, as plain data."""
         return list(self._values)
 
-    def recall(self, values: Iterable[Sequence[float]] = ()) -> None:
+    def restore(self, values: Iterable[Sequence[float]] = ()) -> None:
         """Replace all values by those of a `values` property."""
         self._values.clear()
         self._values.extend((int(frame), value) for frame, value in values)

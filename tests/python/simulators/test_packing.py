@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybridmpm import SnapshotError
-from hybridmpm._support.packing import pack, unpack
+from hybridmpm._support.packing import from_bytes, to_bytes
 
 MAGIC = b"HMPMTEST"
 
@@ -18,9 +18,9 @@ def test_a_tree_comes_back() -> None:
         "nested": {"bytes": b"\x00\xff", "list": [{"array": np.empty((0, 2))}, []]},
         "numpy": np.float32(0.5),
     }
-    data = pack(MAGIC, 3, tree)
-    assert pack(MAGIC, 3, tree) == data
-    again = unpack(MAGIC, 3, data)
+    data = to_bytes(MAGIC, 3, tree)
+    assert to_bytes(MAGIC, 3, tree) == data
+    again = from_bytes(MAGIC, 3, data)
     assert again["numbers"] == tree["numbers"]
     assert again["array"].dtype == np.float32
     np.testing.assert_array_equal(again["array"], tree["array"])
@@ -31,12 +31,12 @@ def test_a_tree_comes_back() -> None:
 
 
 def test_what_is_no_snapshot_is_refused() -> None:
-    data = pack(MAGIC, 3, {"a": 1})
+    data = to_bytes(MAGIC, 3, {"a": 1})
     with pytest.raises(SnapshotError, match="no snapshot of this kind"):
-        unpack(b"HMPMELSE", 3, data)
+        from_bytes(b"HMPMELSE", 3, data)
     with pytest.raises(SnapshotError, match="checksum does not match"):
-        unpack(MAGIC, 3, data[:-1])
+        from_bytes(MAGIC, 3, data[:-1])
     with pytest.raises(SnapshotError, match="has version 3, but this hybridmpm reads version 4"):
-        unpack(MAGIC, 4, data)
+        from_bytes(MAGIC, 4, data)
     with pytest.raises(SnapshotError, match="but not object"):
-        pack(MAGIC, 3, {"a": object()})
+        to_bytes(MAGIC, 3, {"a": object()})

@@ -22,7 +22,7 @@ from hybridmpm import (
     scenarios,
     simulators,
 )
-from hybridmpm._support.packing import pack, unpack
+from hybridmpm._support.packing import from_bytes, to_bytes
 from hybridmpm.hybrid import Audit, Cosine, Density, Guard, GuardInput, Stage
 from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
@@ -300,7 +300,7 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
         return
     simulator.advance(26)
     magic, version = {"neural": (b"HMPMNEUR", 3), "hybrid": (b"HMPMHYBR", 4)}[simulator.kind]
-    tree = unpack(magic, version, simulator.snapshot())
+    tree = from_bytes(magic, version, simulator.snapshot())
     before = simulator.snapshot()
     wrong: list[dict[str, Any]] = [
         {},
@@ -309,7 +309,7 @@ def test_a_wrong_tree_with_a_right_checksum_is_refused(make: Make) -> None:
     ]
     for one in wrong:
         with pytest.raises(SnapshotError):
-            simulator.restore(pack(magic, version, one))
+            simulator.restore(to_bytes(magic, version, one))
         assert simulator.snapshot() == before
 
 

@@ -49,7 +49,7 @@ class Diffused:
 
     def force(self, simulator: Simulator, index: int) -> npt.NDArray[np.float32]:
         """Return (N, D)."""
-        nodes, network = Nodes.recalled(self.nodes), cached(ControlNetwork, self.network)
+        nodes, network = Nodes.from_dict(self.nodes), cached(ControlNetwork, self.network)
         x, v = nodes.gathered(simulator.positions), nodes.gathered(simulator.velocities)
         step = min(index, self.frames - 1) / self.frames
         field = network.field(

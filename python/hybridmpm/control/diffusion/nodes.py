@@ -58,7 +58,7 @@ class Nodes:
         return cls(group, share, near, weight, types[firsts].astype(np.int64))
 
     @classmethod
-    def recalled(cls, fields: Mapping[str, Any]) -> Self:
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Return nodes from their fields, `vars(nodes)`."""
         return cls(**fields)
 

@@ -314,7 +314,7 @@ def test_the_ends_that_the_force_leads_to_are_those_of_the_sketch(
     assert isinstance(law, Diffused)
     for index in (0, 50, 95):
         law.force(solver, index)
-        nodes = Nodes.recalled(law.nodes)
+        nodes = Nodes.from_dict(law.nodes)
         x, v = nodes.gathered(solver.positions), nodes.gathered(solver.velocities)
         left = solver.scene.frame_dt * max(100 - index, 15)
         ends = x + (fields[-1] + 4 * v / left + np.array(solver.scene.gravity)) * left**2 / 6
