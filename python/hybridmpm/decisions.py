@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 Mode = Literal["neural", "mpm"]
-"""Who simulates: a network, or the material point method."""
+"""Simulator of a frame: a network, or the material point method."""
 
 StepSource = Literal["network", "free_fall", "rest"]
 """Source of a network's step: the network itself, or free fall or rest where nothing else can happen."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 MAGIC = 0x4D50_4D48
 VERSIONS = (1, 2)
-"""Versions of the message that a viewer may ask for; the last is the newest."""
+"""Versions of the message that viewers may request; the last is the newest."""
 KIND_POSITIONS = 1
 NUMBERS_U16 = 1
 FLAG_STEERED = 1
@@ -23,12 +23,12 @@ _UNITS_PER_MS = 100
 
 
 class FrameError(ValueError):
-    """The bytes are not a frame, or a frame cannot be said in the version that was asked for."""
+    """The bytes are not a frame, or the requested version cannot express the frame."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """Who the particles of a frame are, in a scene where particles come and go."""
+    """Ids and types of the particles of a frame, in a scene where particles come and go."""
 
     ids: npt.NDArray[np.uint32]
     """Numbers (N,) that the particles keep, modulo 2^32; who stays keeps its order, new ones are last."""
@@ -45,9 +45,9 @@ class Frame:
     time: float
     """Simulated time since the start [s]."""
     solver_ms: float
-    """Time that the simulator took for this frame [ms]; the message carries at most 655.35."""
+    """Time that the simulator took for this frame [ms]; the message has at most 655.35."""
     steered: bool
-    """Whether a sketch steered this frame."""
+    """True if a sketch steered this frame."""
     positions: npt.NDArray[np.float32]
     """Positions (N, D) [m] in [0, 1]; the message rounds them to 1 / 65535 m."""
     population: Population | None = None
@@ -55,7 +55,7 @@ class Frame:
 
 
 class FrameMessage:
-    """The bytes of a frame in each version; each is made once, and sent to all viewers who asked for it."""
+    """The bytes of a frame in each version; each is made once and sent to all its viewers."""
 
     def __init__(self, frame: Frame) -> None:
         self._newest = encode(frame)
@@ -105,12 +105,12 @@ def encode(frame: Frame) -> bytes:
     numbers: bytes = scaled.astype("<u2").tobytes()
     if population is None:
         return header + numbers
-    # The widest numbers come first, so that each array is aligned for whoever reads it in place.
+    # The widest numbers come first, so that each array is aligned and can be read in place.
     return header + population.ids.astype("<u4").tobytes() + numbers + population.types.tobytes()
 
 
 def decode(message: bytes) -> Frame:
-    """Return the frame that a message of any version carries.
+    """Return the frame of a message of any version.
 
     Raises
     ------

@@ -39,7 +39,7 @@ Progress = Callable[[int, int], object]
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How pictures and films look.
+    """Look of pictures and films.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def check_target(path: Path) -> None:
 
 
 def needs_history(path: Path, style: Style) -> bool:
-    """Whether `save` needs more states than the last for this file."""
+    """Return whether `save` needs more states than the last for this file."""
     strip = path.suffix.lower() == ".png" and style.strip > 1
     return strip or path.suffix.lower() in {".gif", ".mp4", ".npz"} or bool(_NUMBER.search(path.name))
 
@@ -116,36 +116,38 @@ def save(
     """
     path, style = Path(path), style or Style()
     check_target(path)
-    tell = on_progress or (lambda _done, _total: None)
+    progress = on_progress or (lambda _done, _total: None)
     suffix = path.suffix.lower()
     if suffix in {".gif", ".mp4"}:
         write_film = pictures.write_gif if suffix == ".gif" else pictures.write_mp4
         with replacing(path) as part:
-            write_film(part, recording, view or _view(recording, style), style.speed, tell)
+            write_film(part, recording, view or _view(recording, style), style.speed, progress)
         return [path]
     if suffix == ".npz":
         with replacing(path) as part:
             arrays.write_npz(part, recording)
         return [path]
     if suffix == ".png":
-        return _save_pictures(path, recording, style, view or _view(recording, style), tell)
-    return _save_states(path, recording, _CLOUDS[suffix], tell)
+        return _save_pictures(path, recording, style, view or _view(recording, style), progress)
+    return _save_states(path, recording, _CLOUDS[suffix], progress)
 
 
 def _view(recording: Recording, style: Style) -> View:
     return view_of(recording.scene, recording.types, style.width, recording.spacing)
 
 
-def _save_pictures(path: Path, recording: Recording, style: Style, view: View, tell: Progress) -> list[Path]:
+def _save_pictures(
+    path: Path, recording: Recording, style: Style, view: View, progress: Progress
+) -> list[Path]:
     """Write the last state, several states side by side, or each state to a file of its own."""
     if style.strip > 1 and not _NUMBER.search(path.name):
         with replacing(path) as part:
             pictures.write_strip(part, recording, view, style.strip)
         return [path]
-    return _save_states(path, recording, partial(pictures.write_png, view=view), tell)
+    return _save_states(path, recording, partial(pictures.write_png, view=view), progress)
 
 
-def _save_states(path: Path, recording: Recording, write: WriteState, tell: Progress) -> list[Path]:
+def _save_states(path: Path, recording: Recording, write: WriteState, progress: Progress) -> list[Path]:
     """Write the last state, or each state to a file of its own."""
     if not _NUMBER.search(path.name):
         with replacing(path) as part:
@@ -157,7 +159,7 @@ def _save_states(path: Path, recording: Recording, write: WriteState, tell: Prog
         with replacing(file) as part:
             write(part, recording, row)
         files.append(file)
-        tell(row + 1, len(recording.frames))
+        progress(row + 1, len(recording.frames))
     return files
 
 

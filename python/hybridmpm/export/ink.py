@@ -31,7 +31,7 @@ def with_ink(picture: Picture, raster: Picture, walls: Walls, strength: float = 
     box = (left * columns, (1 - top) * rows, right * columns, (1 - bottom) * rows)
     size = picture.shape[1], picture.shape[0]
     ink = np.asarray(Image.fromarray(raster[..., :3]).resize(size, Image.Resampling.LANCZOS, box))
-    # The ground is white and the ink of one colour: what a pixel lacks of white tells how much ink covers it.
+    # The ground is white and the ink of one colour: the missing white of a pixel is its share of ink.
     lack = 255.0 - ink
     cover = strength * lack.max(axis=2, keepdims=True) / max(1.0, float(lack.max()))
     colour = 255 - lack.reshape(-1, 3).max(axis=0)

@@ -16,7 +16,7 @@ from hybridmpm.render import View, side_by_side
 FILM_FPS = 50
 """Pictures in a second of film. GIF delays are whole hundredths of a second; browsers slow down below two."""
 
-Tell = Callable[[int, int], object]
+Progress = Callable[[int, int], object]
 
 
 def write_png(path: Path, recording: Recording, row: int, view: View) -> None:
@@ -31,20 +31,20 @@ def write_strip(path: Path, recording: Recording, view: View, count: int) -> Non
     Image.fromarray(side_by_side(pictures)).save(path, optimize=True)
 
 
-def write_gif(path: Path, recording: Recording, view: View, speed: float, tell: Tell) -> None:
+def write_gif(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
     """Write a film that repeats without end, 50 pictures a second."""
     pictures = (
         Image.fromarray(picture).quantize(256, dither=Image.Dither.NONE)
-        for picture in _film(recording, view, speed, tell)
+        for picture in _film(recording, view, speed, progress)
     )
     first = next(pictures)
     first.save(path, save_all=True, append_images=pictures, duration=1000 // FILM_FPS, loop=0)
 
 
-def write_mp4(path: Path, recording: Recording, view: View, speed: float, tell: Tell) -> None:
+def write_mp4(path: Path, recording: Recording, view: View, speed: float, progress: Progress) -> None:
     """Write an H.264 film, 50 pictures a second; raises `ExportError` where the encoder fails."""
     encoder = require_encoder()
-    pictures = _film(recording, view, speed, tell)
+    pictures = _film(recording, view, speed, progress)
     first = next(pictures)
     size = (first.shape[1], first.shape[0])
     # Views have even sizes, so blocks of 2 pixels fit without scaling the picture.
@@ -63,7 +63,7 @@ def write_mp4(path: Path, recording: Recording, view: View, speed: float, tell: 
 
 
 def require_encoder() -> ModuleType:
-    """Return the module imageio-ffmpeg, or raise `ExportError`, whose message says how to install it."""
+    """Return the module imageio-ffmpeg, or raise an `ExportError` with the command that installs it."""
     try:
         return importlib.import_module("imageio_ffmpeg")
     except ImportError:
@@ -72,7 +72,9 @@ def require_encoder() -> ModuleType:
         ) from None
 
 
-def _film(recording: Recording, view: View, speed: float, tell: Tell) -> Iterator[npt.NDArray[np.uint8]]:
+def _film(
+    recording: Recording, view: View, speed: float, progress: Progress
+) -> Iterator[npt.NDArray[np.uint8]]:
     """Yield the pictures of a film; each shows the state nearest to its time."""
     frames = recording.frames - recording.frames[0]
     frames_per_picture = speed / (FILM_FPS * recording.scene.frame_dt)
@@ -83,7 +85,7 @@ def _film(recording: Recording, view: View, speed: float, tell: Tell) -> Iterato
     rows = np.where(wanted - frames[left] < frames[right] - wanted, left, right)
     for done, row in enumerate(rows.tolist(), start=1):
         yield _draw(view, recording, row)
-        tell(done, len(rows))
+        progress(done, len(rows))
 
 
 def _draw(view: View, recording: Recording, row: int) -> npt.NDArray[np.uint8]:

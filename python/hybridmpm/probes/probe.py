@@ -1,4 +1,4 @@
-"""`Probe`: what all probes have in common, and what they need to know of a simulator."""
+"""`Probe`: the interface of all probes, and the part of a simulator that they read."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class PressureSamples:
 
 
 class Probed(Protocol):
-    """What a probe needs to know of a simulator."""
+    """The part of a simulator that a probe reads."""
 
     @property
     def scene(self) -> Scene:
@@ -53,7 +53,7 @@ class Probed(Protocol):
         """Masses (N,) [kg]."""
 
     def pressure_samples(self) -> PressureSamples:
-        """Pressures of the particles that are simulated; a `ConfigError` where nobody knows them."""
+        """Pressures of the particles that are simulated; a `ConfigError` where there are none."""
 
 
 class Probe(ABC):

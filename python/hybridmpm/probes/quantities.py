@@ -115,7 +115,7 @@ class Pressure(Probe):
         Raises
         ------
         ConfigError
-            The simulator knows no pressure: a network moves its particles, or may.
+            The simulator has no pressure, because a network moves its particles, or may.
         """
         points = checked_points("points", self.points, simulator.scene)
         samples = simulator.pressure_samples()

@@ -18,7 +18,7 @@ _MOST_FRAMES = 1_000_000
 
 
 class Advancing(Probed, Protocol):
-    """A simulator, as far as a recording of probes knows it."""
+    """The part of a simulator that a recording of probes uses."""
 
     @property
     def frame(self) -> int:
@@ -90,8 +90,8 @@ def record(
     Raises
     ------
     ConfigError
-        A number is out of range, a probe is none or does not fit into the scene, or nobody knows what it
-        reads; nothing has moved.
+        A number is out of range, an object is no probe or does not fit into the scene, or the simulator
+        lacks the quantity; no frame was simulated.
     SimulationError
         A frame failed; see `Simulator.advance`.
     """

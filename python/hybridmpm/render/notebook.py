@@ -26,7 +26,7 @@ _shown: WeakKeyDictionary[object, tuple[int, Any]] = WeakKeyDictionary()
 
 
 def view_for(owner: object, scene: Scene, types: npt.NDArray[np.uint8], width: int, spacing: float) -> View:
-    """Return what `view_of` does: the view of before where an owner, which keeps its scene, asks again."""
+    """Return `view_of`, cached for each owner, whose scene stays the same."""
     wanted = (width, spacing, types.tobytes())
     made_for, view = _views.get(owner, (None, None))
     if view is None or made_for != wanted:

@@ -1,4 +1,4 @@
-"""The ranges from which the scenarios are drawn, in one table; docs/reference/scenarios.md shows the same table."""
+"""Ranges from which the scenarios are drawn, the table of docs/reference/scenarios.md."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Sampler:
     """Ranges of one scenario; pairs of floats are the ends of uniform distributions."""
 
     text: str
-    """What happens in the scenario, in one sentence for people."""
+    """Summary of the scenario in one sentence."""
     dim: int
     frames: int
     """Suggested number of frames, that of the paper's data."""

@@ -37,7 +37,7 @@ _REDRAWS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class ScenarioInfo:
-    """What all scenes of a scenario have in common."""
+    """Properties that all scenes of a scenario share."""
 
     name: str
     dim: int
@@ -45,7 +45,7 @@ class ScenarioInfo:
     """Suggested number of frames, that of the paper's data."""
     max_particles: int
     text: str
-    """What happens in the scenario, in one sentence."""
+    """Summary of the scenario in one sentence."""
 
 
 NAMES: tuple[str, ...] = tuple(SAMPLERS)
