@@ -3,14 +3,14 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from hybridmpm.errors import ConfigError
 from hybridmpm.training import checkpoint
+from hybridmpm.training.trainable import Trainable
 
 CHECKPOINT = "checkpoint.pt"
 LOSSES = "losses.jsonl"
@@ -20,48 +20,23 @@ _LOGGED_STEPS = 100
 """Number of steps whose mean loss is a row of the log."""
 
 
-class Trainee(checkpoint.Kept, Protocol):
-    """A network in training, whatever it learns."""
-
-    step_count: int
-    """Number of training steps so far."""
-    seconds: float
-    """Time of training so far, over all runs [s]."""
-
-    @property
-    def last_step(self) -> int:
-        """Number of training steps of the whole training."""
-
-    def pace(self) -> Mapping[str, float]:
-        """Return what the schedule says at present, e.g. the learning rate, by the columns of the log."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rhythm:
-    """How often a run writes to its folder. The training does not depend on it."""
-
-    checkpoint_seconds: float = 120.0
-    """Time from one checkpoint to the next [s]."""
-    validation_seconds: float = 240.0
-    """Time from one validation to the next [s]."""
-
-
 def train(
-    trainer: Trainee,
+    trainer: Trainable[Any],
     folder: Path,
     *,
     step: Callable[[], float],
     validate: Callable[[], object],
     about: Mapping[str, str],
-    rhythm: Rhythm,
     on_step: Callable[[float], object],
     until: int | None = None,
+    checkpoint_seconds: float = 120.0,
+    validation_seconds: float = 240.0,
 ) -> None:
     """Train to the last step, with a checkpoint at the end and on any exception.
 
     Parameters
     ----------
-    trainer : Trainee
+    trainer : Trainable
     folder : Path
         Folder for `checkpoint.pt` and `losses.jsonl`.
     step : callable
@@ -72,11 +47,12 @@ def train(
         time does not count as training.
     about : mapping
         Texts about the training, which are stored in the checkpoint.
-    rhythm : Rhythm
     on_step : callable
         Called after each step with the loss.
     until : int, optional
         Step after which to stop before the last step.
+    checkpoint_seconds, validation_seconds : float
+        Time from one checkpoint and from one validation to the next [s]; the training does not depend on it.
 
     Raises
     ------
@@ -99,10 +75,10 @@ def train(
             if len(losses) == _LOGGED_STEPS:
                 _log_losses(folder, trainer, losses)
                 losses.clear()
-            if now - saved > rhythm.checkpoint_seconds:
+            if now - saved > checkpoint_seconds:
                 checkpoint.save(folder / CHECKPOINT, trainer, about)
                 saved = now
-            if now - shown > rhythm.validation_seconds:
+            if now - shown > validation_seconds:
                 validate()
                 began += time.monotonic() - now
                 shown = time.monotonic()
@@ -123,6 +99,6 @@ def log_row(path: Path, row: Mapping[str, object]) -> None:
         file.write(json.dumps(plain) + "\n")
 
 
-def _log_losses(folder: Path, trainer: Trainee, losses: Sequence[float]) -> None:
+def _log_losses(folder: Path, trainer: Trainable[Any], losses: Sequence[float]) -> None:
     row = {"step": trainer.step_count, "seconds": trainer.seconds, "loss": float(np.mean(losses))}
     log_row(folder / LOSSES, row | dict(trainer.pace()))

@@ -1,6 +1,5 @@
 """`hybridmpm train physics` as one types it: begin, go on, finetune, export; and what it refuses."""
 
-import csv
 import dataclasses
 import json
 from collections.abc import Callable
@@ -59,9 +58,9 @@ def test_a_training_goes_on_and_is_finetuned(
         assert result.exit_code == 0, result.output
     file = parts / "checkpoint.pt"
     assert torch.equal(weights(file), weights(whole / "checkpoint.pt"))
-    assert "1 trajectories, on cpu" in result.stderr
-    with (parts / "rollouts.csv").open() as rows:
-        assert int(list(csv.DictReader(rows))[-1]["trained_steps"]) == 6
+    assert "1 trajectories of 120 frames of each of water_2d, seeds from 0, on cpu" in result.stderr
+    rows = (parts / "rollouts.jsonl").read_text(encoding="utf-8").splitlines()
+    assert json.loads(rows[-1])["trained_steps"] == 6
     assert (parts / "rollout.png").stat().st_size > 1000
     assert checkpoint.read(file)["about"]["solver_versions"] == str(SOLVER_VERSION)
 
@@ -131,7 +130,7 @@ def test_a_network_of_the_library_is_finetuned(train: Train, tmp_path: Path) -> 
     assert 0 < max(change) < 0.01, "a training of one step begins with the weights of the network"
     assert json.loads(state["scales"])["noise_std"] == pytest.approx(served.info.scales.noise_std, rel=0.5)
     about = state["about"]
-    assert about["command"].startswith(served.made.training["command"] + "; hybridmpm train physics")
+    assert about["command"].startswith(served.info.training["command"] + "; hybridmpm train physics")
     assert int(about["steps_before"]) == int(served.info.training["steps"]) > 0
 
 

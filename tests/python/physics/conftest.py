@@ -20,8 +20,9 @@ from hybridmpm.physics import ModelInfo, NetworkSpec, NeuralModel, Normalization
 from hybridmpm.training import checkpoint
 from hybridmpm.training.export import to_onnx
 from hybridmpm.training.physics.network.simulator import LearnedSimulator
-from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
+from hybridmpm.training.physics.trainer import Trainer
 from hybridmpm.training.physics.windows import edges_of
+from hybridmpm.training.settings import TrainingSettings
 
 _Floats = npt.NDArray[np.float32]
 Make = Callable[..., LearnedSimulator]

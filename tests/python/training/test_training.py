@@ -21,8 +21,9 @@ from hybridmpm.training.physics import datasets
 from hybridmpm.training.physics.losses import huber_loss
 from hybridmpm.training.physics.rollouts import errors, log_rollouts, rollout
 from hybridmpm.training.physics.scales import normalization
-from hybridmpm.training.physics.trainer import Trainer, TrainingSettings
+from hybridmpm.training.physics.trainer import Trainer
 from hybridmpm.training.physics.windows import Windows, edges_of, first_push
+from hybridmpm.training.settings import TrainingSettings
 
 CPU = torch.device("cpu")
 Trajectories = list[data.Trajectory]
@@ -114,7 +115,8 @@ def test_a_run_writes_its_checkpoint_logs_and_picture(trajectories: Trajectories
         step=partial(trainer.step, windows_of(trajectories[:4], 1)),
         validate=partial(log_rollouts, trainer, tmp_path, trajectories[4:5]),
         about={"command": "a test"},
-        rhythm=run.Rhythm(checkpoint_seconds=0.1, validation_seconds=1e9),
+        checkpoint_seconds=0.1,
+        validation_seconds=1e9,
         on_step=lambda loss: seen.append((trainer.step_count, loss)),
     )
     assert [step for step, _ in seen] == list(range(1, 101))
@@ -145,7 +147,6 @@ def test_a_loss_that_is_not_finite_keeps_the_last_checkpoint(
             step=partial(trainer.step, windows_of(trajectories[:2], 1)),
             validate=lambda: None,
             about={},
-            rhythm=run.Rhythm(),
             on_step=lambda _loss: None,
         )
     assert (tmp_path / run.CHECKPOINT).read_bytes() == before

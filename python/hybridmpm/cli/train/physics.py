@@ -7,22 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hybridmpm import scenarios
-from hybridmpm.cli.devices import device_option, require_torch, torch_device
 from hybridmpm.cli.options import RatioType
 from hybridmpm.cli.progress import progress
-from hybridmpm.cli.train.begun import (
-    machine_of,
-    origin,
-    out_option,
+from hybridmpm.cli.train.common import (
+    continued,
+    device_option,
     refuse_other_options,
+    require_torch,
+    required,
     run_shown,
-    seed_option,
-    threads_option,
-    told_before,
-    until_option,
+    settings_of,
+    torch_device,
+    training_options,
 )
 from hybridmpm.physics.spec import GRID_CELLS, NetworkSpec
+from hybridmpm.training.settings import TrainingSettings
 
 if TYPE_CHECKING:
     import torch
@@ -42,185 +41,108 @@ does not lower the error (docs/results/hybrid.md)."""
 
 
 @click.command()
-@click.option(
-    "--scenario",
-    "names",
-    type=click.Choice(scenarios.NAMES),
-    multiple=True,
-    help="Scenario to train on; may be repeated for a network that serves several.",
-)
-@out_option
-@click.option(
-    "--data",
-    "root",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("data"),
-    show_default=True,
-    metavar="FOLDER",
-    help="Folder of the data sets; a missing data set is made from its seeds.",
-)
-@click.option(
-    "--latent",
-    type=click.IntRange(1, 1024),
-    default=48,
-    show_default=True,
-    help="Width of the network's latent vectors.",
-)
-@click.option(
-    "--layers",
-    type=click.IntRange(1, 64),
-    default=3,
-    show_default=True,
-    help="Number of message-passing layers.",
-)
-@click.option(
-    "--hidden-layers",
-    type=click.IntRange(1, 8),
-    default=1,
-    show_default=True,
-    help="Number of hidden layers of each perceptron.",
-)
-@click.option(
-    "--radius",
-    type=float,
-    help="Largest distance of neighbours [m]. Default: 2.5 spacings in 2D, 1.8 in 3D.",
-)
-@click.option(
-    "--r-p",
-    type=RatioType(),
-    default=1 / 8,
-    show_default="1/8",
-    help="Number of particles over that of the scene.",
-)
-@click.option(
-    "--r-t",
-    type=click.IntRange(1, 64),
-    default=4,
-    show_default=True,
-    help="Number of frames in a step of the network.",
-)
-@click.option(
-    "--grid-cells",
-    type=click.IntRange(0, GRID_CELLS[1]),
-    help="Number of cells along each axis of a grid by which far particles act on each other; 0 is without, "
-    "as in the paper. Default: 32 in 2D, 0 in 3D.",
-)
-@click.option(
-    "--steps",
-    type=click.IntRange(min=1),
-    default=100_000,
-    show_default=True,
-    help="Number of training steps.",
-)
-@until_option
-@click.option(
-    "--batch",
-    type=click.IntRange(1, 4096),
-    default=2,
-    show_default=True,
-    help="Number of samples in a training step.",
-)
-@click.option(
-    "--unroll",
-    type=click.IntRange(1, 32),
-    default=6,
-    show_default=True,
-    help="Number of successive network steps in the loss at the end of training; it grows from 1.",
-)
-@click.option(
-    "--noise",
-    type=click.FloatRange(0, 1),
-    default=0.1,
-    show_default=True,
-    help="Standard deviation of the noise on the inputs, over that of the velocity.",
-)
-@click.option(
-    "--learning-rate", type=float, default=1e-3, show_default=True, help="Learning rate at the start."
-)
-@click.option(
-    "--final-rate",
-    type=float,
-    default=3e-5,
-    show_default=True,
-    help="Learning rate at the end; the learning rate decays exponentially.",
-)
-@click.option(
-    "--trajectories",
-    type=click.IntRange(1, 100_000),
-    default=200,
-    show_default=True,
-    help="Number of trajectories of each scenario for training.",
-)
-@click.option(
-    "--frames",
-    type=click.IntRange(min=1),
-    default=400,
-    show_default=True,
-    help="Number of frames of a trajectory.",
-)
-@seed_option
-@device_option
-@threads_option
-@click.option(
-    "--finetune",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="NETWORK",
-    help="Checkpoint, .onnx file or name of a network of the library, whose weights, shape and scales this "
-    "training begins with.",
+@training_options(
+    TrainingSettings,
+    "data",
+    "Folder of the data sets; a missing data set is made from its seeds.",
+    click.option(
+        "--latent",
+        type=click.IntRange(1, 1024),
+        default=48,
+        show_default=True,
+        help="Width of the network's latent vectors.",
+    ),
+    click.option(
+        "--layers",
+        type=click.IntRange(1, 64),
+        default=3,
+        show_default=True,
+        help="Number of message-passing layers.",
+    ),
+    click.option(
+        "--hidden-layers",
+        type=click.IntRange(1, 8),
+        default=1,
+        show_default=True,
+        help="Number of hidden layers of each perceptron.",
+    ),
+    click.option(
+        "--radius",
+        type=float,
+        help="Largest distance of neighbours [m]. Default: 2.5 spacings in 2D, 1.8 in 3D.",
+    ),
+    click.option(
+        "--r-p",
+        type=RatioType(),
+        default=1 / 8,
+        show_default="1/8",
+        help="Number of particles over that of the scene.",
+    ),
+    click.option(
+        "--r-t",
+        type=click.IntRange(1, 64),
+        default=4,
+        show_default=True,
+        help="Number of frames in a step of the network.",
+    ),
+    click.option(
+        "--grid-cells",
+        type=click.IntRange(0, GRID_CELLS[1]),
+        help="Number of cells along each axis of a grid by which far particles act on each other; 0 is "
+        "without, as in the paper. Default: 32 in 2D, 0 in 3D.",
+    ),
+    click.option(
+        "--trajectories",
+        type=click.IntRange(1, 100_000),
+        default=200,
+        show_default=True,
+        help="Number of trajectories of each scenario for training.",
+    ),
+    click.option(
+        "--frames",
+        type=click.IntRange(min=1),
+        default=400,
+        show_default=True,
+        help="Number of frames of a trajectory.",
+    ),
+    device_option,
+    finetune="Checkpoint, .onnx file or name of a network of the library, whose weights, shape and scales "
+    "this training begins with.",
 )
 @click.pass_context
-def physics(
-    ctx: click.Context, /, *, names: tuple[str, ...], out: Path, threads: int | None, **options: Any
-) -> None:
+def physics(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | None, **options: Any) -> None:
     """Train a learned simulator on one or more scenarios.
 
-    After an interruption the same command goes on from the last checkpoint in the folder --out, and gives the
-    weights of an uninterrupted run. The folder also gets the losses, and rollouts on held-out scenes.
+    After an interruption the same command continues from the last checkpoint in the folder --out, and gives
+    the weights of an uninterrupted run. The folder also gets the losses, and rollouts on held-out scenes.
     """
-    torch = require_torch()
-    from hybridmpm.training import run  # noqa: PLC0415 - needs torch
+    torch = require_torch(threads)
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.physics.beginning import Beginning  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.physics.windows import Windows  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.physics.beginning import Beginning  # noqa: PLC0415
+    from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415
+    from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415
+    from hybridmpm.training.physics.windows import Windows  # noqa: PLC0415
 
-    if threads is not None:
-        torch.set_num_threads(threads)
     device = torch_device(torch, options["device"])
     amount = datasets.Amount(train=options["trajectories"], frames=options["frames"])
-    file = out / run.CHECKPOINT
-    out.mkdir(parents=True, exist_ok=True)
-    if file.exists():
-        trainer = Trainer.load(file, device)
-        there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings)}
-        refuse_other_options(ctx, there, trainer.spec.scenarios, names, file)
-        about = told_before(file)
-        _make_data(options["root"], trainer.spec, amount)
-    else:
-        beginning = None if options["finetune"] is None else Beginning.read(options["finetune"])
-        spec = _spec(ctx, names, beginning)
-        _make_data(options["root"], spec, amount)
-        trainer = _new(spec, beginning, options, device)
-        about = {
-            **origin(None if beginning is None else beginning.origin),
-            "data": _described(spec, amount),
-            "machine": machine_of(device),
-        }
-    training = datasets.trajectories(options["root"], trainer.spec, "train")
-    held_out = list(datasets.held_out(options["root"], trainer.spec))
-    windows = Windows(training, trainer.settings.unroll, step_dt=trainer.spec.step_dt)
-    weights = sum(weight.numel() for weight in trainer.simulator.parameters())
-    click.echo(f"{weights} parameters, {len(training)} trajectories, on {device}", err=True)
+    trainer = continued(ctx, partial(Trainer.load, device=device))
+    beginning = None if trainer or options["finetune"] is None else Beginning.read(options["finetune"])
+    spec = _spec(ctx, names, beginning) if trainer is None else trainer.spec
+    _make_data(options["root"], spec, amount)
+    trainer = trainer or _new(spec, beginning, options, device)
+    training = datasets.trajectories(options["root"], spec, "train")
+    held_out = list(datasets.held_out(options["root"], spec))
+    windows = Windows(training, trainer.settings.unroll, step_dt=spec.step_dt)
+    kinds = ", ".join(spec.scenarios)
     run_shown(
         trainer,
-        out,
+        ctx,
         step=partial(trainer.step, windows),
-        validate=partial(log_rollouts, trainer, out, held_out),
-        about=about,
-        until=options["until"],
+        validate=partial(log_rollouts, trainer, options["out"], held_out),
+        device=device,
+        data=f"{amount.train} trajectories of {amount.frames} frames of each of {kinds}, seeds from 0",
+        before=None if beginning is None else beginning.origin,
     )
-    click.echo(f"wrote {file}, and losses and rollouts beside it")
 
 
 def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | None") -> NetworkSpec:
@@ -228,19 +150,11 @@ def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | No
     options = ctx.params
     if beginning is not None:
         older = beginning.simulator.spec
-        refuse_other_options(
-            ctx,
-            {key: getattr(older, key) for key in _SHAPE},
-            older.scenarios,
-            (),
-            options["finetune"],
-            instead="leave it out or leave out --finetune",
-        )
+        there = {key: getattr(older, key) for key in _SHAPE}
+        refuse_other_options(ctx, there, options["finetune"], instead="leave it out or leave out --finetune")
         return dataclasses.replace(older, scenarios=names or older.scenarios)
-    if not names:
-        raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
     shape = {key: options[key] for key in _SHAPE}
-    bare = NetworkSpec(scenarios=names, **shape | {"radius": 1.0, "grid_cells": 0})
+    bare = NetworkSpec(scenarios=required(names), **shape | {"radius": 1.0, "grid_cells": 0})
     if shape["radius"] is None:
         shape["radius"] = round(_SPACINGS[bare.dim] * bare.spacing, 6)
     if shape["grid_cells"] is None:
@@ -254,10 +168,9 @@ def _new(
     """Return a new trainer, with the weights and scales that it begins with, if any."""
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.scales import normalization  # noqa: PLC0415
-    from hybridmpm.training.physics.trainer import Trainer, TrainingSettings  # noqa: PLC0415
+    from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415
 
-    fields = (field.name for field in dataclasses.fields(TrainingSettings))
-    settings = TrainingSettings(**{name: options[name] for name in fields})
+    settings = settings_of(TrainingSettings, options)
     if beginning is None:
         training = datasets.trajectories(options["root"], spec, "train")
         return Trainer(spec, normalization(training, spec, settings.noise), settings, device)
@@ -280,8 +193,3 @@ def _make_data(root: Path, spec: NetworkSpec, amount: "Amount") -> None:
         if missing:
             with progress(f"Simulating {scenario}", missing) as bar:
                 datasets.prepare(root, one, amount, bar.update)
-
-
-def _described(spec: NetworkSpec, amount: "Amount") -> str:
-    kinds = ", ".join(spec.scenarios)
-    return f"{amount.train} trajectories of {amount.frames} frames of each of {kinds}, seeds from 0"

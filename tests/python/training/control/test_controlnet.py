@@ -36,13 +36,13 @@ from hybridmpm.training.control.controlnet.network import (
 from hybridmpm.training.control.controlnet.sketch_encoder import EMBEDDING, SketchEncoder
 from hybridmpm.training.control.controlnet.trainer import (
     Conditioned,
-    ControlNetSettings,
     ControlNetTrainer,
 )
 from hybridmpm.training.control.controlnet.ways import WAY, field_of, way_of
 from hybridmpm.training.control.controlnet.windows import scale_of
 from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.physics.network.edges import SortedEdges
+from hybridmpm.training.settings import ControlNetSettings
 
 COUNT = 40
 SETTINGS = ("water_2d", "sand_3d")

@@ -17,9 +17,10 @@ from hybridmpm.training import checkpoint
 from hybridmpm.training.control import pasts, scene_files
 from hybridmpm.training.control.transport.export import export_transport
 from hybridmpm.training.control.transport.supply import Source, Supply, batch_at
-from hybridmpm.training.control.transport.trainer import TransportSettings, TransportTrainer
+from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.control.transport.windows import batch_of, drawn
 from hybridmpm.training.publish import Exported
+from hybridmpm.training.settings import TransportSettings
 
 CPU = torch.device("cpu")
 SPECS = {dim: TransportSpec(scenarios=(f"water_{dim}d",), width=4) for dim in (2, 3)}

@@ -1,21 +1,16 @@
 """The choice of a network of control for a scene."""
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any
 
 from hybridmpm import scenarios
-from hybridmpm._support.networks import cached
-from hybridmpm.control.diffusion.network import ControlNetwork
-from hybridmpm.control.methods.learned.network import TransportNetwork
+from hybridmpm._support.networks import Network, cached
 from hybridmpm.control.methods.method import FallBack
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.scene import Scene
 
 _NEAR = 1e-3
 """Relative difference of lengths and accelerations that count as the same."""
-
-
-Network = TypeVar("Network", TransportNetwork, ControlNetwork)
 
 
 def serving(kind: type[Network], name: str | None, scene: Scene) -> Network:
@@ -29,9 +24,9 @@ def serving(kind: type[Network], name: str | None, scene: Scene) -> Network:
     reasons = []
     try:
         for one in kind.FOLDER.entries() if name is None else [name]:
-            network = cached(kind, one)
+            network: Any = cached(kind, one)
             if (reason := why_foreign(scene, network.spec.scenarios)) is None:
-                return network
+                return network  # type: ignore[no-any-return]
             reasons.append(f"{one} cannot serve this scene: {reason}")
     except (DataError, ConfigError) as error:
         raise FallBack(f"there is no network: {error}") from error

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -12,13 +11,14 @@ from torch import Tensor, nn
 
 from hybridmpm.control.diffusion.schedule import TRAINING_STEPS, cosine_schedule
 from hybridmpm.physics.spec import NetworkSpec
-from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
 from hybridmpm.training.control.controlnet.cases import FRAMES, NodeCase
 from hybridmpm.training.control.controlnet.network import FluidControlNet, fluid_moments
 from hybridmpm.training.control.controlnet.ways import WAY, way_of
 from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
 from hybridmpm.training.physics.network.edges import Edges
 from hybridmpm.training.physics.network.features import edge_features, node_features
+from hybridmpm.training.settings import ControlNetSettings
+from hybridmpm.training.trainable import Trainable, adam_w
 
 _AT_NOISE = 0.6
 """Share of the samples at the last time of the diffusion, from which all samplers begin."""
@@ -28,16 +28,6 @@ _SMALL = 0.02
 """The same for the mean way of all nodes."""
 _SPEED = 1.0
 """Velocity that is one in the features [m/s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlNetSettings(Schedule):
-    """Settings of a training."""
-
-    batch: int = 8
-    """Number of samples in a training step."""
-    learning_rate: float = 1e-3
-    """Largest learning rate."""
 
 
 class Conditioned(nn.Module):
@@ -107,7 +97,7 @@ class Conditioned(nn.Module):
         )
 
 
-class ControlNetTrainer(AveragedTrainer[Conditioned]):
+class ControlNetTrainer(Trainable[Conditioned]):
     """Training by diffusion: the network predicts the clean field from a noisy one.
 
     What the network answers is not the field itself but the ways that it is made of: see `ways.field_of`.
@@ -133,7 +123,8 @@ class ControlNetTrainer(AveragedTrainer[Conditioned]):
         torch.manual_seed(settings.seed)
         self.spec, self.settings, self.scale = spec, settings, scale
         self._kept = torch.from_numpy(cosine_schedule().astype(np.float32))
-        super().__init__(Conditioned(spec), Conditioned(spec), settings)
+        network = Conditioned(spec)
+        super().__init__(network, settings, adam_w(network, settings), Conditioned(spec))
 
     def step(self, cases: Sequence[NodeCase]) -> float:
         """Take one training step on frames of some cases, and return the loss before it.

@@ -17,8 +17,8 @@ from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import DataError, SimulationError
 from hybridmpm.training.control import pasts
 from hybridmpm.training.control.pasts import Past
-from hybridmpm.training.control.transport.trainer import TransportSettings
 from hybridmpm.training.control.transport.windows import Batch, batch_of, drawn
+from hybridmpm.training.settings import TransportSettings
 
 _AHEAD = 8
 """Batches that wait at most."""

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -12,49 +11,18 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from hybridmpm._support.arguments import whole
 from hybridmpm.control.methods.learned.features import SCALE
 from hybridmpm.control.methods.learned.spec import TransportSpec
-from hybridmpm.errors import ConfigError
-from hybridmpm.training.control.averaged import AveragedTrainer, Schedule
 from hybridmpm.training.control.transport.network import TransportNetwork
 from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of
+from hybridmpm.training.settings import TransportSettings
+from hybridmpm.training.trainable import Trainable, adam_w
 
 _CHUNK = 64
 """Validation samples that are evaluated at once."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TransportSettings(Schedule):
-    """Settings of a training.
-
-    Raises
-    ------
-    ConfigError
-        A number is out of range.
-    """
-
-    particles: int = 256
-    """Number of particles of a sample whose ends are predicted."""
-    flow: float = 0.7
-    """Share of the samples on the way from noise to data, in [0, 1]; the others are at the noise, from where
-    one evaluation predicts the ends."""
-    spread: float = 0.0
-    """Weight of the relative error of the covariance of all ends, from 0 on. Ends that are means of what is
-    possible lie closer together than a fluid can; this weight spreads them."""
-    bfloat16: bool = False
-    """Whether products are computed with numbers of 16 bits."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        whole("particles", self.particles, 1, 4096)
-        if not 0.0 <= self.flow <= 1.0:
-            raise ConfigError(f"flow must be in [0, 1], got {self.flow}")
-        if not 0.0 <= self.spread <= 100.0:
-            raise ConfigError(f"spread must be in [0, 100], got {self.spread}")
-
-
-class TransportTrainer(AveragedTrainer[TransportNetwork]):
+class TransportTrainer(Trainable[TransportNetwork]):
     """Training by flow matching.
 
     A sample of the flow at time s in [0, 1] is (1 - s) noise + s data. The network predicts the data; the
@@ -76,7 +44,8 @@ class TransportTrainer(AveragedTrainer[TransportNetwork]):
     def __init__(self, spec: TransportSpec, settings: TransportSettings, device: torch.device) -> None:
         torch.manual_seed(settings.seed)
         self.spec, self.settings, self.device = spec, settings, device
-        super().__init__(_new(spec, device), _new(spec, device), settings)
+        network = _new(spec, device)
+        super().__init__(network, settings, adam_w(network, settings), _new(spec, device))
 
     def step(self, batch: Batch, time: Tensor) -> float:
         """Take one training step on samples at times (B,) of the flow, and return the loss before it.

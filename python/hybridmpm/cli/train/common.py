@@ -1,0 +1,319 @@
+"""Options and steps that all commands of `hybridmpm train` share."""
+
+import dataclasses
+import importlib
+import math
+import shlex
+import sys
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import click
+from click.core import ParameterSource
+
+from hybridmpm import scenarios
+from hybridmpm._core import SOLVER_VERSION
+from hybridmpm._support.machine import cpu_model, usable_cores
+from hybridmpm.cli.progress import progress
+from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID
+from hybridmpm.errors import ConfigError
+from hybridmpm.training.settings import Settings
+
+if TYPE_CHECKING:
+    import torch
+
+    from hybridmpm.training.trainable import Trainable
+
+F = TypeVar("F", bound=Callable[..., Any])
+S = TypeVar("S", bound=Settings)
+T = TypeVar("T", bound="Trainable[Any]")
+
+device_option = click.option(
+    "--device",
+    default="auto",
+    show_default=True,
+    help="Device of torch: cpu, cuda, or auto, which is cuda where there is one.",
+)
+_CHECKPOINT = "Checkpoint whose weights, network and scales this training begins with."
+
+
+def training_options(
+    kind: type[Settings], root: str, content: str, *more: Callable[[F], F], finetune: str = _CHECKPOINT
+) -> Callable[[F], F]:
+    """Return the options of a training.
+
+    Parameters
+    ----------
+    kind : type
+        Settings of the training; each field is an option.
+    root : str
+        Default folder of the data.
+    content : str
+        Help on this folder.
+    more : click options
+        Options of the network and of the data.
+    finetune : str
+        Help on --finetune.
+    """
+    folder = click.Path(file_okay=False, path_type=Path)
+    options: list[Callable[[F], F]] = [
+        click.option(
+            "--scenario",
+            "names",
+            type=click.Choice(scenarios.NAMES),
+            multiple=True,
+            help="Scenario to train on; may be repeated for a network that serves several.",
+        ),
+        click.option(
+            "--out",
+            type=folder,
+            required=True,
+            metavar="FOLDER",
+            help="Folder of the checkpoint and the logs. A training in it is continued.",
+        ),
+        click.option(
+            "--data",
+            "root",
+            type=folder,
+            default=Path(root),
+            show_default=True,
+            metavar="FOLDER",
+            help=content,
+        ),
+        *more,
+        *(_option(field) for field in dataclasses.fields(kind)),
+        click.option(
+            "--until",
+            type=click.IntRange(min=1),
+            help="Training step after which this run stops; a later run continues the schedule of --steps.",
+        ),
+        click.option(
+            "--threads",
+            type=click.IntRange(1, 1024),
+            help="Number of torch's threads on the CPU. Default: torch's choice.",
+        ),
+        click.option(
+            "--finetune",
+            type=click.Path(dir_okay=False, path_type=Path),
+            metavar="NETWORK",
+            help=finetune,
+        ),
+    ]
+
+    def decorate(command: F) -> F:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
+    """Return the option of a setting."""
+    low, high = field.metadata["low"], field.metadata["high"]
+    kinds: dict[Any, Any] = {bool: bool, int: click.IntRange(low, high), float: click.FloatRange(low, high)}
+    return click.option(
+        "--" + field.name.replace("_", "-"),
+        type=kinds[field.type],
+        is_flag=field.type is bool,
+        default=field.default,
+        show_default=True,
+        help=field.metadata["text"],
+    )
+
+
+scenes_option = click.option(
+    "--scenes",
+    type=click.IntRange(1, FIRST_VALID),
+    default=2000,
+    show_default=True,
+    help="Number of scenes of each scenario for training.",
+)
+valid_option = click.option(
+    "--valid",
+    type=click.IntRange(1, FIRST_TEST - FIRST_VALID),
+    default=100,
+    show_default=True,
+    help="Number of scenes of each scenario for validation.",
+)
+
+
+def settings_of(kind: type[S], options: Mapping[str, Any]) -> S:
+    """Return the settings that the options of a command give."""
+    return kind(**{field.name: options[field.name] for field in dataclasses.fields(kind)})
+
+
+def require_torch(threads: int | None = None) -> Any:
+    """Return the module torch, with a number of threads; raises `ConfigError` where it is not installed."""
+    try:
+        torch = importlib.import_module("torch")
+    except ImportError:
+        raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
+    if threads is not None:
+        torch.set_num_threads(threads)
+    return torch
+
+
+def torch_device(library: Any, name: str) -> "torch.device":
+    """Return the device of a name; "auto" is cuda where there is one, else cpu.
+
+    Raises
+    ------
+    ConfigError
+        The device cannot be used.
+    """
+    best = "cuda" if library.cuda.is_available() else "cpu"
+    try:
+        device = library.device(best if name == "auto" else name)
+        library.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"--device {name} cannot be used: {reason}; choose cpu, cuda or auto") from None
+    return cast("torch.device", device)
+
+
+def required(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the scenarios; raises `UsageError` where there is none."""
+    if not names:
+        raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
+    return names
+
+
+def splits_of(options: Mapping[str, Any]) -> tuple[range, range]:
+    """Return the seeds of the scenes for training and for validation."""
+    return range(options["scenes"]), range(FIRST_VALID, FIRST_VALID + options["valid"])
+
+
+def make_missing(
+    root: Path,
+    names: Collection[str],
+    splits: Collection[range],
+    prepare: Callable[[Path, str, range, Callable[[int], object]], object],
+) -> None:
+    """Make the missing files of scenarios and seeds by `prepare`, with a bar of progress."""
+    from hybridmpm.training.control import scene_files  # noqa: PLC0415 - needs torch
+
+    for scenario in names:
+        for seeds in splits:
+            if count := scene_files.missing(root, scenario, seeds):
+                with progress(f"Simulating {scenario}", count) as bar:
+                    prepare(root, scenario, seeds, bar.update)
+
+
+def continued(ctx: click.Context, load: Callable[[Path], T]) -> T | None:
+    """Return the trainer of the checkpoint in the folder --out, which is made where missing.
+
+    Raises
+    ------
+    ConfigError
+        An option differs from the checkpoint.
+    """
+    from hybridmpm.training import run  # noqa: PLC0415 - needs torch
+
+    out: Path = ctx.params["out"]
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / run.CHECKPOINT
+    if not file.exists():
+        return None
+    trainer: Any = load(file)
+    there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings)}
+    names, known = ctx.params["names"], trainer.spec.scenarios
+    if names and set(names) != set(known):
+        raise ConfigError(
+            f"{file} was trained on {', '.join(known)}, not on {', '.join(names)}; choose another --out"
+        )
+    refuse_other_options(ctx, there, file, instead="leave it out or choose another --out")
+    return cast("T", trainer)
+
+
+def refuse_other_options(ctx: click.Context, there: Mapping[str, Any], file: Path, *, instead: str) -> None:
+    """Refuse an option whose value differs from that of a checkpoint.
+
+    Parameters
+    ----------
+    ctx : Context
+        Context of the command, with the options that were given.
+    there : mapping
+        Values of the checkpoint, by the names of the options.
+    file : Path
+        The checkpoint.
+    instead : str
+        End of the message: the remedy.
+
+    Raises
+    ------
+    ConfigError
+        The message names the option and both values.
+    """
+    for key, value in ctx.params.items():
+        given = ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
+        if given and key in there and not math.isclose(there[key], value):
+            flag = "--" + key.replace("_", "-")
+            raise ConfigError(f"{file} has {flag} {there[key]}, not {value}; {instead}")
+
+
+def run_shown(
+    trainer: "Trainable[Any]",
+    ctx: click.Context,
+    *,
+    step: Callable[[], float],
+    validate: Callable[[], object],
+    device: "torch.device",
+    data: str,
+    before: Mapping[str, str] | None = None,
+) -> None:
+    """Run a training in the folder --out with a bar of progress; see `training.run.train`.
+
+    Parameters
+    ----------
+    trainer : Trainable
+    ctx : Context
+        Context of the command.
+    step, validate : callable
+        As for `training.run.train`.
+    device : torch.device
+    data : str
+        Text about the data.
+    before : mapping, optional
+        Result of `checkpoint.origin_of` for the weights that the training began with.
+    """
+    from hybridmpm.training import checkpoint, run  # noqa: PLC0415 - needs torch
+
+    out: Path = ctx.params["out"]
+    file = out / run.CHECKPOINT
+    if file.exists():
+        about = dict(checkpoint.read(file)["about"])
+        about["solver_versions"] = checkpoint.with_this_solver(about)
+    else:
+        command = shlex.join(["hybridmpm", *sys.argv[1:]])
+        machine = f"{cpu_model()}, {usable_cores()} cores" if device.type == "cpu" else str(device)
+        about = {"solver_versions": str(SOLVER_VERSION), **(before or {}), "machine": machine}
+        about["command"] = command if before is None else f"{before['command']}; {command}"
+    about["data"] = data
+    click.echo(f"{trainer.parameters} parameters, {data}, on {device}", err=True)
+    with progress("Training", trainer.last_step) as bar:
+        bar.update(trainer.step_count)
+
+        def show(loss: float) -> None:
+            if sys.stderr.isatty():
+                bar.label = f"Training, loss {loss:.4f}"
+            bar.update(1)
+
+        run.train(
+            trainer,
+            out,
+            step=step,
+            validate=validate,
+            about=about,
+            on_step=show,
+            until=ctx.params["until"],
+        )
+    click.echo(f"wrote {file}, and losses and validation beside it")
+
+
+def origin_of(file: Path | None) -> dict[str, str] | None:
+    """Return the origin of the weights of a checkpoint; None without one."""
+    from hybridmpm.training import checkpoint  # noqa: PLC0415 - needs torch
+
+    return None if file is None else checkpoint.origin_of(checkpoint.read(file))
