@@ -1,25 +1,35 @@
-"""Coarse simulation: merge the particles of a scene into fewer, simulate those, and show all of them.
+"""Coarse mode: merge the particles of a scene into coarse ones, simulate those, and show all of them.
 
-r_p is the number of particles after merging over the number before.
+r_p is the number of coarse particles over that of the scene.
 """
 
-from hybridmpm.coarse.choice import coarse_level
-from hybridmpm.coarse.level import CoarseLevel
-from hybridmpm.coarse.merging import FEWEST_PER_CELL, coarse_resolution, merge
+from hybridmpm.coarse.level import (
+    CoarseLevel,
+    coarse_level,
+    coarse_warnings,
+    fastest_impact,
+    settled_potential,
+)
+from hybridmpm.coarse.merging import FEWEST_PER_CELL, balanced_clusters, coarse_resolution, merge
 from hybridmpm.coarse.simulator import CoarseSimulator
 from hybridmpm.coarse.table import CoarseTable, FittedLevel, HeldOut, coarse_table
-from hybridmpm.coarse.upsampler import Upsampler
+from hybridmpm.coarse.upsampler import CoarseParticles, Upsampler
 
 __all__ = [
     "FEWEST_PER_CELL",
     "CoarseLevel",
+    "CoarseParticles",
     "CoarseSimulator",
     "CoarseTable",
     "FittedLevel",
     "HeldOut",
     "Upsampler",
+    "balanced_clusters",
     "coarse_level",
     "coarse_resolution",
     "coarse_table",
+    "coarse_warnings",
+    "fastest_impact",
     "merge",
+    "settled_potential",
 ]

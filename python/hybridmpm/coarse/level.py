@@ -1,38 +1,49 @@
-"""`CoarseLevel`: how coarse MPM simulates one scene."""
+"""`CoarseLevel`: settings of coarse mode in one scene, and the bounds within which they were fitted."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from hybridmpm.coarse.merging import checked_ratio, coarse_resolution
+import numpy as np
+
+from hybridmpm._support.suggestions import nearest
+from hybridmpm.coarse.merging import FEWEST_PER_CELL, checked_ratio, coarse_resolution
+from hybridmpm.coarse.table import CoarseTable, FittedLevel, coarse_table
 from hybridmpm.errors import ConfigError
-from hybridmpm.scene import Scene
+from hybridmpm.scene import Emitter, Scene
+
+SHALLOW = {2: 1.0, 3: 2.0}
+"""Depth [cells of the level], by dimension, below which matter at rest was seen to lose volume."""
+UNEQUAL = 10.0
+"""Ratio of densities above which a scene gets a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoarseLevel:
-    """Settings of coarse MPM for one scene, and of the particles that it carries.
+    """Settings of coarse mode in one scene: of coarse MPM and of the upsampling to shown particles.
 
     The core checks the ranges of `resolution`, `cfl`, `affine_share` and `relaxation`.
     """
 
     name: str | None
-    """Name in the table of fitted levels, such as "1/16"; None where nothing was fitted."""
+    """Name in the table of fitted levels, such as "1/16"; None for settings that were not fitted."""
     r_p: float
-    """Ratio of the particles that are simulated to those of the scene, in (0, 1]."""
+    """Number of coarse particles over that of the scene, in (0, 1]."""
     resolution: int
     """Grid cells per metre."""
     moduli: tuple[float, ...]
-    """For each of the scene's materials the factor, in (0, 1], on its elastic moduli [-]."""
+    """Factor on the elastic moduli of each of the scene's materials, in (0, 1] [-]."""
     cfl: float | None = None
     """CFL number of the substeps, in (0, 1]; None for that of each material."""
     affine_share: float = 0.5
-    """Part of the affine motion of the few that those that are carried take over, in [0, 1] [-]."""
+    """Part of the affine motion of coarse particles that is interpolated, in [0, 1] [-]."""
     relaxation: float = 2.0
-    """How far carried particles slide apart [cells] per density in excess and cell, in [0, 8]."""
+    """Displacement of shown particles in a pass of the density relaxation [cells] per excess density and
+    cell, in [0, 8]."""
     fastest: float | None = None
-    """Largest speed of matter that it was fitted to [m/s]; None where nothing was fitted."""
+    """Largest speed of matter in the scenes of the fit [m/s]; None for settings that were not fitted."""
 
     def __post_init__(self) -> None:
         checked_ratio(self.r_p)
@@ -42,7 +53,7 @@ class CoarseLevel:
 
     @classmethod
     def unfitted(cls, scene: Scene, r_p: float) -> Self:
-        """Return the coarse level that keeps a scene's materials and takes the grid that fits the particles."""
+        """Return the coarse level with the scene's own materials and the grid that fits the particles."""
         return cls(
             name=None,
             r_p=checked_ratio(r_p),
@@ -60,5 +71,200 @@ class CoarseLevel:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read what `to_dict` gives; raises a TypeError or a KeyError where fields are wrong."""
+        """Read the data of `to_dict`; raises TypeError or KeyError for wrong fields."""
         return cls(**{**data, "moduli": tuple(data["moduli"])})
+
+
+def coarse_level(scene: Scene, name: str, table: CoarseTable | None = None) -> CoarseLevel:
+    """Return the settings of a fitted level in a scene; `coarse_warnings` checks whether they suit it.
+
+    With several materials, the grid has as many particles per cell as the material that needs most, step and
+    affine share are the smallest and the relaxation is the largest of all; each material keeps its own
+    modulus. A material without a fit in this dimension, such as an elastic solid, has the constants of
+    `MpmSolver(r_p=..., show_all=True)`.
+
+    Moduli are lowered only as far as matter settled between the walls is compressed by
+    `CoarseTable.largest_compression`, or as far as the scene's own moduli allow: so deep scenes get a stiffer
+    level, which takes more substeps.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Name of a level, such as "1/16".
+    table : CoarseTable, optional
+        Fitted levels; those of the library if absent.
+
+    Raises
+    ------
+    ConfigError
+        There is no such level, or its grid would be too coarse for the scene.
+    """
+    known = coarse_table() if table is None else table
+    r_p = _ratio(name, known)
+    entries = [known.find(material.kind, scene.dim, name) for material in scene.materials]
+    fitted = [entry for entry in entries if entry is not None]
+    plain = CoarseLevel.unfitted(scene, r_p)
+    if not fitted:
+        return plain.named(name)
+    natives = [material.to_native(scene.potential_drop) for material in scene.materials]
+    unfitted = [native for native, entry in zip(natives, entries, strict=True) if entry is None]
+    per_cell = max([entry.particles_per_cell for entry in fitted] + [FEWEST_PER_CELL] * bool(unfitted))
+    settled = settled_potential(scene) / known.largest_compression
+    return CoarseLevel(
+        name=name,
+        r_p=r_p,
+        resolution=coarse_resolution(scene, r_p, per_cell),
+        moduli=tuple(
+            1.0 if entry is None else _modulus(entry, settled / native.sound_speed**2)
+            for native, entry in zip(natives, entries, strict=True)
+        ),
+        cfl=min([entry.cfl for entry in fitted] + [native.default_cfl for native in unfitted]),
+        affine_share=min([entry.affine_share for entry in fitted] + [plain.affine_share] * bool(unfitted)),
+        relaxation=max([entry.relaxation for entry in fitted] + [plain.relaxation] * bool(unfitted)),
+        fastest=min(entry.fastest for entry in fitted),
+    )
+
+
+def _modulus(entry: FittedLevel, least: float) -> float:
+    """Return the factor on a material's moduli, at least `least` for the depth of the scene."""
+    return min(1.0, max(entry.modulus, least))
+
+
+def _ratio(name: str, table: CoarseTable) -> float:
+    ratios = table.ratios
+    if isinstance(name, str) and name in ratios:
+        return ratios[name]
+    known = ", ".join(repr(one) for one in ratios)
+    raise ConfigError(f"coarse level must be one of {known}, got {name!r}{_suggestion(name, ratios)}")
+
+
+def _suggestion(name: object, ratios: dict[str, float]) -> str:
+    """Return a question with the nearest coarse level; empty if none is near."""
+    near: str | None = None
+    if isinstance(name, int | float) and not isinstance(name, bool) and name > 0 and math.isfinite(name):
+        near = min(ratios, key=lambda one: abs(math.log(ratios[one] / name)))
+    else:
+        near = nearest(name, ratios)
+    return "" if near is None else f"; did you mean {near!r}?"
+
+
+def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None = None) -> list[str]:
+    """Return a sentence for each property of a scene that is outside the bounds of a fitted level.
+
+    Checked are the speed of impacts, obstacles thinner than a cell of the level's grid, the depth of matter at
+    rest in cells, and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
+
+    Parameters
+    ----------
+    scene : Scene
+    level : CoarseLevel
+        Level of this scene, as from `coarse_level`.
+    table : CoarseTable, optional
+        Fitted levels that advice may name; those of the library if absent.
+    """
+    known = coarse_table() if table is None else table
+    return [
+        *_speed_warnings(scene, level),
+        *_obstacle_warnings(scene, level, known),
+        *_depth_warnings(scene, level),
+        *_density_warnings(scene, level),
+    ]
+
+
+def _speed_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
+    speed = fastest_impact(scene)
+    if level.fastest is None or speed <= level.fastest:
+        return []
+    return [
+        f"matter may land at {speed:.2g} m/s in this scene, but coarse level {level.name!r} was fitted up to "
+        f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse level "
+        "of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are not fitted"
+    ]
+
+
+def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> list[str]:
+    """Name obstacles thinner than a cell of the level, which coarse particles may pass."""
+    if level.resolution >= scene.resolution:
+        return []  # The solver warns of obstacles that are thin on the scene's own grid.
+    cell = _cell(level)
+    texts = []
+    for i, obstacle in enumerate(scene.obstacles):
+        thickness = obstacle.smallest_extent
+        if thickness >= cell:
+            continue
+        finer = (name for name, r_p in table.ratios.items() if r_p > level.r_p)
+        fits = next((one for one in finer if _cell(coarse_level(scene, one, table)) <= thickness), None)
+        other = f"coarse level {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
+        rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
+        texts.append(
+            f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m of "
+            f"coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m thick"
+            f"{rest}"
+        )
+    return texts
+
+
+def _depth_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
+    """Name a layer of matter at rest of about a cell of the level, but several of the scene."""
+    gravity = float(np.linalg.norm(scene.gravity))
+    depth = settled_potential(scene) / gravity if gravity else math.inf
+    if not 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
+        return []
+    return [
+        f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} is "
+        f"{_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse level of "
+        "more particles"
+    ]
+
+
+def _density_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
+    """Name a large ratio of densities: coarse levels were fitted to scenes of one density."""
+    densities = [material.density for material in scene.materials]
+    if max(densities) <= UNEQUAL * min(densities):
+        return []
+    return [
+        f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse level "
+        f"{level.name!r} was fitted to matter of one density: its error may be larger than the table says; take "
+        "a coarse level of more particles"
+    ]
+
+
+def _cell(level: CoarseLevel) -> float:
+    """Return the width of a cell [m], rounded up, so that an obstacle of the width in a warning passes."""
+    return math.ceil(1e4 / level.resolution) / 1e4
+
+
+def settled_potential(scene: Scene) -> float:
+    """Return the product g h [m^2/s^2], where h is the depth of all matter, settled between the walls.
+
+    Matter of emitters counts up to the scene's suggested length. Obstacles count as free space.
+    """
+    gravity = np.array(scene.gravity)
+    sides = np.subtract(scene.walls.upper, scene.walls.lower)
+    height = np.abs(gravity) @ sides  # times g
+    volume = sum(body.measure for body in scene.bodies)
+    volume += sum(_emitted(scene, emitter) for emitter in scene.emitters)
+    largest = scene.max_particles * scene.spacing**scene.dim
+    return float(height * min(volume, largest) / sides.prod())
+
+
+def fastest_impact(scene: Scene) -> float:
+    """Return a bound of the speed [m/s] with which matter in free fall reaches the floor."""
+    gravity = np.array(scene.gravity)
+    floor = np.maximum(gravity * scene.walls.lower, gravity * scene.walls.upper).sum()
+    squares = [0.0]
+    for part in (*scene.bodies, *scene.emitters):
+        lower, upper = part.bounds
+        top = np.minimum(gravity * lower, gravity * upper).sum()
+        velocity = part.velocity or ()
+        squares.append(sum(v**2 for v in velocity) + 2 * (floor - top))
+    return math.sqrt(max(squares))
+
+
+def _emitted(scene: Scene, emitter: Emitter) -> float:
+    """Return the volume [m^D] that an emitter adds within the scene's suggested length."""
+    end = scene.frames * scene.frame_dt
+    seconds = max(0.0, min(end, emitter.stop if emitter.stop is not None else end) - emitter.start)
+    area = len(emitter.sites(scene.spacing)) * scene.spacing ** (scene.dim - 1)
+    return float(area * emitter.speed * seconds)

@@ -1,49 +1,34 @@
-"""`CoarseSimulator`: a simulator that may carry all particles of its scene along with few."""
+"""`CoarseSimulator`: a simulator that shows the particles that it simulates, or all of the scene."""
 
 from abc import abstractmethod
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.coarse.upsampler import Few, Upsampler
+from hybridmpm.coarse.upsampler import CoarseParticles, Upsampler
 from hybridmpm.simulator import Simulator
 
 _Floats = npt.NDArray[np.float32]
 
 
-class Simulated(Few, Protocol):
-    """The n particles that somebody simulates."""
-
-    @property
-    def particle_count(self) -> int:
-        """Number n of particles."""
-
-    @property
-    def material(self) -> npt.NDArray[np.uint8]:
-        """Indices (n,) into the scene's materials."""
-
-
 class CoarseSimulator(Simulator):
-    """A simulator whose particles may carry all those of the scene along.
-
-    N particles are shown, n are simulated, D is the dimension; without carrying both are the same.
-    """
+    """A simulator of n particles, which shows N: all of the scene with an upsampler, else the same n."""
 
     @property
     @abstractmethod
-    def _few(self) -> Simulated:
+    def _coarse(self) -> CoarseParticles:
         """The particles that are simulated."""
 
     @property
     @abstractmethod
     def _upsampler(self) -> Upsampler | None:
-        """Who carries all particles of the scene along; None where those simulated are shown."""
+        """Upsampler to all particles of the scene; None where those simulated are shown."""
 
     @property
-    def _shown(self) -> Simulated | Upsampler:
-        """Who knows the particles that are shown."""
-        return self._few if self._upsampler is None else self._upsampler
+    def _shown(self) -> CoarseParticles | Upsampler:
+        """Source of the particles that are shown."""
+        return self._coarse if self._upsampler is None else self._upsampler
 
     @property
     def particle_spacing(self) -> float:
@@ -57,7 +42,7 @@ class CoarseSimulator(Simulator):
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending: 0, 1, ... as they came; read-only."""
+        """Permanent ids (N,) of the particles: 0, 1, ... in order of appearance; read-only."""
         return self._shown.ids
 
     @property
@@ -72,8 +57,8 @@ class CoarseSimulator(Simulator):
 
     @property
     def coarse_positions(self) -> _Floats:
-        """Positions (n, D) [m] of those that are simulated: without `show_all` all; a snapshot, read-only."""
-        return _read_only(self._few.positions)
+        """Positions (n, D) [m] of the particles simulated, all without `show_all`; a snapshot, read-only."""
+        return _read_only(self._coarse.positions)
 
     @property
     def materials(self) -> npt.NDArray[np.uint8]:
@@ -89,14 +74,14 @@ class CoarseSimulator(Simulator):
     def _advance_frame(self, force: _Floats | None) -> None:
         if self._upsampler is not None and force is not None and force.ndim == 2:
             force = self._upsampler.gather_force(force)
-        self._advance_few(force)
-        # Not the one from before: a simulator may have gone back to an earlier state within the frame.
+        self._advance_coarse(force)
+        # Read anew: a simulator may have gone back to an earlier state, with another upsampler.
         if self._upsampler is not None:
-            self._upsampler.follow()
+            self._upsampler.update()
 
     @abstractmethod
-    def _advance_few(self, force: _Floats | None) -> None:
-        """Advance the few by one frame under a checked acceleration, (D,) or (n, D) [m/s^2]."""
+    def _advance_coarse(self, force: _Floats | None) -> None:
+        """Advance the coarse particles by a frame under a checked acceleration, (D,) or (n, D) [m/s^2]."""
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -25,9 +25,9 @@ class HeldOut(Record):
     unfitted: float = Field(description="The same error with the constants of MpmSolver(r_p, show_all=True).")
     fitted_minus_unfitted_se: float = Field(description="Standard error of the paired difference.")
     transport: float = Field(description="Sliced Wasserstein distance [m], mean of frames 100 and 200.")
-    transport_few: float = Field(description="The same of the few of MpmSolver(r_p), without carrying.")
+    transport_few: float = Field(description="The same of the coarse particles, by MpmSolver(r_p).")
     density: float = Field(
-        description="99th percentile of the density at carried particles over that at rest, largest of the "
+        description="99th percentile of the density at shown particles over that at rest, largest of the "
         "scenes."
     )
     substeps: float = Field(description="Substeps of a frame.")
@@ -35,7 +35,7 @@ class HeldOut(Record):
 
 
 class FittedLevel(Record):
-    """Constants of one coarse level for one material in one dimension, and how they were found and judged."""
+    """Constants of a coarse level for one material in one dimension, with the search and the held-out errors."""
 
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
@@ -55,12 +55,12 @@ class FittedLevel(Record):
 
 
 class CoarseTable(Record):
-    """All fitted levels, with the solver that they were fitted to."""
+    """All fitted levels, and the version of the solver that they were fitted to."""
 
     solver_version: int
     price: _Positive = Field(
-        description="Exponent p of the objective, error * time^p: what a coarse level may lose in error by halving "
-        "its time is a factor of 2^p."
+        description="Exponent p of the objective, error * time^p: half the time is worth an error larger by a factor "
+        "of 2^p."
     )
     largest_compression: Annotated[float, Range(0, 1, open_low=True)] = Field(
         description="Compression of matter at rest [-] up to which moduli are lowered."
@@ -68,13 +68,13 @@ class CoarseTable(Record):
     entries: tuple[FittedLevel, ...]
 
     def find(self, material: str, dim: int, name: str) -> FittedLevel | None:
-        """Return the entry of a material in a dimension; None where nobody fitted it."""
+        """Return the entry of a material in a dimension; None without a fit."""
         of_name = (one for one in self.entries if one.name == name)
         return next((one for one in of_name if (one.material, one.dim) == (material, dim)), None)
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Ratios r_p of the coarse levels by name, from few particles to many."""
+        """Ratios r_p of the coarse levels by name, ascending."""
         found = {one.name: one.r_p for one in self.entries}
         return dict(sorted(found.items(), key=lambda item: item[1]))
 

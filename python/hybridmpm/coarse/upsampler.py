@@ -1,4 +1,4 @@
-"""`Upsampler`: all particles of a scene, carried along by the few that somebody simulates."""
+"""`Upsampler`: all particles of a scene, moved with the coarse particles that are simulated."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, Self
@@ -13,16 +13,24 @@ from hybridmpm.scene import Scene
 _Floats = npt.NDArray[np.float32]
 
 
-class Few(Protocol):
-    """The few particles that carry the others, n of them, whoever simulates them."""
+class CoarseParticles(Protocol):
+    """The n particles that a simulator moves, such as a compiled solver or a network."""
 
     @property
     def frame(self) -> int:
         """Number of frames since the start."""
 
     @property
+    def particle_count(self) -> int:
+        """Number n of particles."""
+
+    @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (n,) that they keep for good, ascending."""
+        """Permanent ids (n,) of the particles, ascending."""
+
+    @property
+    def material(self) -> npt.NDArray[np.uint8]:
+        """Indices (n,) into the scene's materials."""
 
     @property
     def positions(self) -> _Floats:
@@ -34,7 +42,7 @@ class Few(Protocol):
 
     @property
     def affine(self) -> _Floats | None:
-        """Velocity gradients (n, D, D) [1/s], as APIC's matrices; None where nobody knows them."""
+        """Velocity gradients (n, D, D) [1/s], as APIC's matrices; None if unknown."""
 
     @property
     def mass(self) -> _Floats:
@@ -42,32 +50,33 @@ class Few(Protocol):
 
 
 class Upsampler:
-    """All N particles of a scene, moved along by few.
+    """All N particles of a scene, shown in coarse mode and moved with n coarse particles.
 
-    At every `every`-th frame the displacements of the few since the last such frame, with a part of their
-    affine motion, are put on the nodes of their grid, weighted by mass, and interpolated to the many. Where
-    these have become denser than at rest they part, by at most a quarter of a cell of the scene's grid. A
-    particle without a node with mass around it flies on under gravity. Particles stay between the walls and
-    outside of obstacles, moving ones too. Sinks and emitters act on them by the rules that hold for the few.
+    At every `every`-th frame, displacements of the coarse particles since the previous update, with a part of
+    their affine motion, are scattered to the nodes of their grid, weighted by mass, and interpolated to the
+    shown particles. Shown particles that are denser than at rest are moved apart, by at most a quarter of a
+    cell of the scene's grid in each pass. A particle without a node with mass nearby falls freely. Particles
+    stay between the walls and outside obstacles, moving ones included. Sinks and emitters act on them by the
+    rules for coarse particles.
 
-    At the frames between, positions are interpolated from the last such frame when they are asked for, which
-    changes nothing of what follows.
+    At frames between two updates, positions are interpolated on demand, which does not change the simulation.
 
     Parameters
     ----------
     scene : Scene
-        Its own particles, at frame 0, are those that are carried.
-    few : Few
-        At frame 0 as well; the upsampler reads it whenever it is asked for something.
+        Its own particles, at frame 0, are the shown ones.
+    coarse : CoarseParticles
+        The simulated particles, at frame 0; read at each call.
     solver : _core.Solver
-        Any solver of the scene with the grid of the few; its walls, obstacles, sinks and threads are taken.
+        Any solver of the scene on the coarse grid: walls, obstacles, sinks and threads are copied.
     emitters : sequence of _core.Emitter
-        Those of the scene, for its own particles.
+        Emitters of the scene's own particles.
     affine_share : float in [0, 1]
-        Part of the affine motion that is taken over. All of it moves the centre of mass best, but lets
+        Part of the affine motion that is interpolated. With 1 the centre of mass is most accurate, but
         particles clump.
     relaxation : float in [0, 8]
-        How far particles part [cells] per density in excess and cell.
+        Displacement of shown particles in a pass of the density relaxation [cells] per excess density and
+        cell.
 
     Raises
     ------
@@ -78,7 +87,7 @@ class Upsampler:
     def __init__(
         self,
         scene: Scene,
-        few: Few,
+        coarse: CoarseParticles,
         solver: _core.Solver,
         emitters: Sequence[_core.Emitter] = (),
         *,
@@ -86,7 +95,7 @@ class Upsampler:
         relaxation: float = 2.0,
     ) -> None:
         particles = scene.sample()
-        self._few = few
+        self._coarse = coarse
         self._native = _core.Upsampler(
             solver,
             resolution=scene.resolution,
@@ -103,7 +112,7 @@ class Upsampler:
 
     @property
     def every(self) -> int:
-        """Number of frames from one carry to the next: 4, or 1 where particles come and go."""
+        """Number of frames from one update to the next: 4, or 1 with emitters or sinks."""
         return self._native.every
 
     @property
@@ -113,7 +122,7 @@ class Upsampler:
 
     @property
     def ids(self) -> npt.NDArray[np.uint64]:
-        """Numbers (N,) that particles keep for good, ascending."""
+        """Permanent ids (N,) of the particles, ascending."""
         return self._native.ids
 
     @property
@@ -128,78 +137,88 @@ class Upsampler:
 
     @property
     def emitters(self) -> list[str]:
-        """What each emitter did in the latest frame; see `MpmSolver.emitters`."""
+        """Status of each emitter in the latest frame; see `MpmSolver.emitters`."""
         return self._native.emitters
 
     @property
     def positions(self) -> _Floats:
-        """Positions (N, D) [m] at the frame of the few; a copy."""
-        return self._native.positions(self._few.frame, **self._state())
+        """Positions (N, D) [m] at the frame of the coarse particles; a copy."""
+        return self._native.positions(self._coarse.frame, **self._state())
 
     @property
     def velocities(self) -> _Floats:
-        """Velocities (N, D) [m/s] at the frame of the few, from theirs; a copy."""
-        return self._native.velocities(self._few.frame, v=self._few.velocities, **self._state())
+        """Velocities (N, D) [m/s] at the frame of the coarse particles, interpolated from theirs; a copy."""
+        return self._native.velocities(self._coarse.frame, v=self._coarse.velocities, **self._state())
 
     def frames_to_update(self) -> int:
-        """Return how many frames, at least 1, the few may advance before `follow` has to be called."""
-        return self.every - self._few.frame % self.every
+        """Return the number of frames, at least 1, until the next update."""
+        return self.every - self._coarse.frame % self.every
 
-    def follow(self) -> None:
-        """Carry all particles to the frame of the few, if it is one to carry at.
+    def update(self) -> None:
+        """Move all particles to the frame of the coarse particles, if an update is due at it.
 
-        Has to be called at each such frame, with the few at its end.
+        To be called at the end of each frame at which one is due; nothing happens at other frames.
         """
-        frame = self._few.frame
+        frame = self._coarse.frame
         if frame % self.every == 0 and frame > self._native.frame:
             self._native.update(frame, **self._state())
 
     def gather_force(self, force: _Floats) -> _Floats:
-        """Return the accelerations (n, D) [m/s^2] of the few that those of the many, (N, D), stand for.
+        """Return accelerations (n, D) [m/s^2] of the coarse particles from those of the shown ones, (N, D).
 
-        They go to the nodes of the grid, weighted by mass, and from there to the few, both as they were at
-        the latest carry: a force stays with the matter that it acts on.
+        They are scattered to the nodes of the grid, weighted by mass, and interpolated to the coarse particles,
+        all at their positions of the latest update: so a force stays with the matter that it acts on.
         """
         return self._native.gather_force(force)
 
     def snapshot(self) -> bytes:
-        """Return the complete state, without the few."""
+        """Return the complete state, without that of the simulator of the coarse particles."""
         return self._native.snapshot()
 
     def restore(self, data: bytes) -> None:
-        """Take the state of a snapshot of the same scene; or change nothing and raise `SnapshotError`."""
+        """Restore the state of a snapshot of the same scene, or change nothing and raise `SnapshotError`."""
         self._native.restore(data)
 
-    def copy(self, few: Few | None = None) -> Self:
-        """Return an independent upsampler in the same state, for a copy of the few or else for the same few."""
+    def copy(self, coarse: CoarseParticles | None = None) -> Self:
+        """Return an independent upsampler in the same state, for other coarse particles if given."""
         twin = object.__new__(type(self))
-        twin._few, twin._native = few or self._few, self._native.copy()
+        twin._coarse, twin._native = coarse or self._coarse, self._native.copy()
         return twin
 
     def _state(self) -> dict[str, Any]:
-        few = self._few
-        return {"ids": few.ids, "x": few.positions, "affine": few.affine, "mass": few.mass}
+        coarse = self._coarse
+        return {"ids": coarse.ids, "x": coarse.positions, "affine": coarse.affine, "mass": coarse.mass}
 
 
 def refuse_other_upsampler(*, saved: bool, here: bool) -> None:
-    """Refuse a snapshot that was taken with `show_all` by a simulator without, or the other way round."""
+    """Raise `SnapshotError` unless a snapshot and the present simulator agree in `show_all`."""
     if saved != here:
         raise SnapshotError(
             f"snapshot refused: it was taken with show_all={saved}, and this simulator has show_all={here}"
         )
 
 
-def restored(upsampler: Upsampler | None, data: bytes | None, few: Few | None = None) -> Upsampler | None:
-    """Return a copy of an upsampler, for `few` if given, in the state of a snapshot; None where neither is.
+def restored(
+    upsampler: Upsampler | None, data: bytes | None, coarse: CoarseParticles | None = None
+) -> Upsampler | None:
+    """Return a copy of an upsampler in the state of a snapshot, or None if both are None.
+
+    Parameters
+    ----------
+    upsampler : Upsampler or None
+    data : bytes or None
+        Snapshot of an upsampler of the same scene.
+    coarse : CoarseParticles, optional
+        Coarse particles of the copy; those of `upsampler` if absent.
 
     Raises
     ------
     SnapshotError
-        The snapshot is damaged, of another scene, or only one of upsampler and snapshot is there.
+        The snapshot is damaged or of another scene, or only one of upsampler and snapshot is None.
     """
     refuse_other_upsampler(saved=data is not None, here=upsampler is not None)
     if upsampler is None or data is None:
         return None
-    twin = upsampler.copy(few)
+    twin = upsampler.copy(coarse)
     twin.restore(data)
     return twin

@@ -446,7 +446,7 @@ class HybridLoop:
             state.go_back()
             if state.upsampler is not None:
                 # Checkpoints are taken before the upsampler has followed to their frame.
-                state.upsampler.follow()
+                state.upsampler.update()
             try:
                 self._warm_up(state.mpm)
             except SimulationError:
@@ -465,7 +465,7 @@ class HybridLoop:
                 self.state.mpm.advance(1)
                 self._after_mpm(is_forced=False)
                 if self.state.upsampler is not None:
-                    self.state.upsampler.follow()
+                    self.state.upsampler.update()
         except SimulationError:
             if not self.state.can_go_back:
                 raise

@@ -131,7 +131,7 @@ class HybridSimulator(CoarseSimulator):
         return self._model
 
     @property
-    def _few(self) -> HybridLoop:
+    def _coarse(self) -> HybridLoop:
         return self._loop
 
     @property
@@ -208,7 +208,7 @@ class HybridSimulator(CoarseSimulator):
             mpm.prescribe(self._loop.positions, self._loop.velocities, self.frame)
         return mpm.diagnostics()
 
-    def _advance_few(self, force: _Floats | None) -> None:
+    def _advance_coarse(self, force: _Floats | None) -> None:
         self._loop.advance_frame(force if force is not None and force.any() else None)
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.coarse import Upsampler
-from hybridmpm.coarse.upsampler import Few, restored
+from hybridmpm.coarse.upsampler import CoarseParticles, restored
 from hybridmpm.decisions import Decision, Mode, StepCounts, StepSource
 from hybridmpm.errors import SnapshotError
 from hybridmpm.hybrid.guard import Guard
@@ -180,14 +180,14 @@ class HybridState:
     entries: list[Checkpoint] = field(default_factory=list)
     """States in which MPM handed over to the network, before the latest handover, the oldest first."""
 
-    def copy(self, few: Few | None = None) -> "HybridState":
-        """Return an independent state with the same network; the upsampler follows `few` if given."""
+    def copy(self, coarse: CoarseParticles | None = None) -> "HybridState":
+        """Return an independent state with the same network; the upsampler reads `coarse` if given."""
         return dataclasses.replace(
             self,
             mpm=self.mpm.copy(),
             network=self.network.copy(),
             backoff=copy.copy(self.backoff),
-            upsampler=None if self.upsampler is None else self.upsampler.copy(few),
+            upsampler=None if self.upsampler is None else self.upsampler.copy(coarse),
             log=list(self.log),
             checkpoints=list(self.checkpoints),
             entries=list(self.entries),

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm._support.arguments import whole
-from hybridmpm.coarse.clustering import balanced_clusters
+from hybridmpm.coarse.merging import balanced_clusters
 from hybridmpm.errors import ConfigError
 from hybridmpm.metrics.particles import checked_particles
 

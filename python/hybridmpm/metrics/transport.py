@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.coarse.clustering import balanced_clusters
+from hybridmpm.coarse.merging import balanced_clusters
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.metrics.particles import checked_particles
 

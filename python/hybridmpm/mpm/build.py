@@ -7,7 +7,7 @@ import numpy as np
 from hybridmpm import _core
 from hybridmpm.coarse import CoarseLevel, Upsampler, merge
 from hybridmpm.coarse.merging import spacing_at
-from hybridmpm.coarse.upsampler import Few
+from hybridmpm.coarse.upsampler import CoarseParticles
 from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.scene import Emitter, Scene
@@ -61,7 +61,9 @@ def native_solver(
     )
 
 
-def upsampler_of(scene: Scene, few: Few, solver: _core.Solver, level: CoarseLevel) -> Upsampler:
+def upsampler_of(
+    scene: Scene, coarse: CoarseParticles, solver: _core.Solver, level: CoarseLevel
+) -> Upsampler:
     """Return the upsampler from coarse particles, which start as a solver's, to all particles of a scene.
 
     Raises
@@ -76,7 +78,7 @@ def upsampler_of(scene: Scene, few: Few, solver: _core.Solver, level: CoarseLeve
         )
     return Upsampler(
         scene,
-        few,
+        coarse,
         solver,
         native_emitters(scene),
         affine_share=level.affine_share,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level
-from hybridmpm.coarse.upsampler import Few
+from hybridmpm.coarse.upsampler import CoarseParticles
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import (
     CoarseWarning,
@@ -174,7 +174,7 @@ class MpmSolver(CoarseSimulator):
         return self._stepper.solver
 
     @property
-    def _few(self) -> _core.Solver:
+    def _coarse(self) -> _core.Solver:
         return self._solver
 
     @property
@@ -232,7 +232,7 @@ class MpmSolver(CoarseSimulator):
     @property
     def emitters(self) -> tuple[EmitterStatus, ...]:
         """Status of each emitter in the latest frame: "waiting", "running", "blocked", "full" or "ended"."""
-        return cast("tuple[EmitterStatus, ...]", tuple((self._upsampler or self._few).emitters))
+        return cast("tuple[EmitterStatus, ...]", tuple((self._upsampler or self._coarse).emitters))
 
     @property
     def material(self) -> npt.NDArray[np.uint8]:
@@ -285,7 +285,7 @@ class MpmSolver(CoarseSimulator):
             self._solver.advance(frames, force.array, path)
         self._warn(stacklevel=4)
 
-    def _advance_few(self, force: npt.NDArray[np.float32] | None) -> None:
+    def _advance_coarse(self, force: npt.NDArray[np.float32] | None) -> None:
         self._stepper.advance(1, force)
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:

@@ -64,14 +64,14 @@ class MpmStepper:
     def advance(self, frames: int, force: _Floats | None) -> None:
         """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
         if self.upsampler is None:
-            self._advance_few(frames, force)
+            self._advance_solver(frames, force)
             return
         last = self.solver.frame + frames
         while self.solver.frame < last:
-            self._advance_few(min(self.upsampler.frames_to_update(), last - self.solver.frame), force)
-            self.upsampler.follow()
+            self._advance_solver(min(self.upsampler.frames_to_update(), last - self.solver.frame), force)
+            self.upsampler.update()
 
-    def _advance_few(self, frames: int, force: _Floats | None) -> None:
+    def _advance_solver(self, frames: int, force: _Floats | None) -> None:
         last = self.solver.frame + frames
         while self.solver.frame < last:
             try:

@@ -217,7 +217,7 @@ class NeuralPhysics(CoarseSimulator):
         return [f"model {name_of(self._model)}"]
 
     @property
-    def _few(self) -> NetworkStepper:
+    def _coarse(self) -> NetworkStepper:
         return self._stepper
 
     @property
@@ -283,7 +283,7 @@ class NeuralPhysics(CoarseSimulator):
         solver.prescribe(self._stepper.positions, self._stepper.velocities, self.frame)
         return solver.diagnostics()
 
-    def _advance_few(self, force: _Floats | None) -> None:
+    def _advance_coarse(self, force: _Floats | None) -> None:
         self._stepper.advance(force)
 
     def cancel_by(self, flag: _core.CancelFlag) -> None:

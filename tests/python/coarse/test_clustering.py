@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from hybridmpm import ConfigError
 from hybridmpm.coarse import clustering
-from hybridmpm.coarse.clustering import balanced_clusters
+from hybridmpm.coarse.merging import balanced_clusters
 
 
 def squared_radius(x: np.ndarray, labels: np.ndarray) -> float:

@@ -27,7 +27,7 @@ from hybridmpm import (
 )
 from hybridmpm.cli import cli
 from hybridmpm.coarse import CoarseLevel, coarse_level, coarse_resolution, coarse_table
-from hybridmpm.coarse.bounds import fastest_impact, settled_potential
+from hybridmpm.coarse import fastest_impact, settled_potential
 from hybridmpm.mpm.stepper import MpmStepper
 from hybridmpm.simulators import make
 from hybridmpm.snapshots import read_state, write_state

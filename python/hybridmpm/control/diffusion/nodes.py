@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.coarse.clustering import balanced_clusters
+from hybridmpm.coarse.merging import balanced_clusters
 
 COUNT = 128
 """Number of control nodes."""

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.coarse.clustering import balanced_clusters
+from hybridmpm.coarse.merging import balanced_clusters
 from hybridmpm.control.goal.cloud import Cloud
 from hybridmpm.control.goal.goal import Goal
 from hybridmpm.control.goal.moments import fitted_in_view
