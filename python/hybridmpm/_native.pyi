@@ -725,9 +725,9 @@ class Solver:
 class Upsampler:
     """All N particles of a scene, moved with n coarse particles; see `hybridmpm.coarse.Upsampler`.
 
-    Thread safe: calls on one upsampler wait for each other, with the GIL released. Methods that take the coarse
-    particles take their `ids` (n,), ascending, positions `x` (n, D) [m], velocity gradients `affine` (n, D, D)
-    [1/s], if known, and masses `mass` (n,) [kg].
+    Thread safe: calls on one upsampler wait for each other, with the GIL released. Methods that take the
+    coarse particles take their `ids` (n,), ascending, positions `x` (n, D) [m], velocity gradients `affine`
+    (n, D, D) [1/s], if known, and masses `mass` (n,) [kg].
     """
 
     def __new__(
@@ -840,7 +840,7 @@ class Upsampler:
         """Return velocities (N, D) [m/s] at such a frame; `v` (n, D) are those of the coarse particles."""
 
     def gather_force(self, force: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Convert accelerations (N, D) [m/s^2] to those (n, D) of the coarse particles at the latest update."""
+        """Convert accelerations (N, D) [m/s^2] to those (n, D) of coarse particles at the latest update."""
 
     def snapshot(self) -> bytes:
         """Complete state, without that of the simulator of the coarse particles."""
@@ -902,8 +902,8 @@ def cfl_substeps(
     speed : float >= 0
         Largest speed of particles plus that of obstacles [m/s].
     cfl : float in (0, 1], optional
-        CFL number of waves and motion; if absent, waves take `Material.default_cfl`, and a particle crosses at
-        most 0.55 of a cell in a substep.
+        CFL number of waves and motion; if absent, waves take `Material.default_cfl`, and a particle crosses
+        at most 0.55 of a cell in a substep.
 
     Raises
     ------

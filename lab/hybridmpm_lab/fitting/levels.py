@@ -10,8 +10,7 @@ import numpy as np
 
 from hybridmpm import SOLVER_VERSION, scenarios
 from hybridmpm._support.files import replacing
-from hybridmpm.coarse import CoarseTable, FittedLevel, HeldOut, coarse_level, coarse_table
-from hybridmpm.coarse import fastest_impact
+from hybridmpm.coarse import CoarseTable, FittedLevel, HeldOut, coarse_level, coarse_table, fastest_impact
 from hybridmpm.errors import CoarseWarning, ConfigError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm_lab.fitting.cases import Case, Outcome, measure

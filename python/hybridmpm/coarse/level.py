@@ -152,8 +152,8 @@ def _suggestion(name: object, ratios: dict[str, float]) -> str:
 def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None = None) -> list[str]:
     """Return a sentence for each property of a scene that is outside the bounds of a fitted level.
 
-    Checked are the speed of impacts, obstacles thinner than a cell of the level's grid, the depth of matter at
-    rest in cells, and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
+    Checked are the speed of impacts, obstacles thinner than a cell of the level's grid, the depth of matter
+    at rest in cells, and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
 
     Parameters
     ----------
@@ -176,11 +176,13 @@ def _speed_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
     speed = fastest_impact(scene)
     if level.fastest is None or speed <= level.fastest:
         return []
-    return [
+    text = (
         f"matter may land at {speed:.2g} m/s in this scene, but coarse level {level.name!r} was fitted up to "
-        f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse level "
-        "of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are not fitted"
-    ]
+        f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse "
+        "level of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are not "
+        "fitted"
+    )
+    return [text]
 
 
 def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> list[str]:
@@ -198,9 +200,9 @@ def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> 
         other = f"coarse level {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
         rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
         texts.append(
-            f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m of "
-            f"coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m thick"
-            f"{rest}"
+            f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m "
+            f"of coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m "
+            f"thick{rest}"
         )
     return texts
 
@@ -211,11 +213,12 @@ def _depth_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
     depth = settled_potential(scene) / gravity if gravity else math.inf
     if not 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
         return []
-    return [
+    text = (
         f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} is "
-        f"{_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse level of "
-        "more particles"
-    ]
+        f"{_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse level "
+        "of more particles"
+    )
+    return [text]
 
 
 def _density_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
@@ -223,11 +226,12 @@ def _density_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
     densities = [material.density for material in scene.materials]
     if max(densities) <= UNEQUAL * min(densities):
         return []
-    return [
-        f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse level "
-        f"{level.name!r} was fitted to matter of one density: its error may be larger than the table says; take "
-        "a coarse level of more particles"
-    ]
+    text = (
+        f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse "
+        f"level {level.name!r} was fitted to matter of one density: its error may be larger than the table "
+        "says; take a coarse level of more particles"
+    )
+    return [text]
 
 
 def _cell(level: CoarseLevel) -> float:

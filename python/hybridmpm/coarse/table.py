@@ -35,7 +35,7 @@ class HeldOut(Record):
 
 
 class FittedLevel(Record):
-    """Constants of a coarse level for one material in one dimension, with the search and the held-out errors."""
+    """Constants of a coarse level for a material in a dimension, with the search and held-out errors."""
 
     material: Literal["water", "sand"]
     dim: Literal[2, 3]
@@ -59,8 +59,8 @@ class CoarseTable(Record):
 
     solver_version: int
     price: _Positive = Field(
-        description="Exponent p of the objective, error * time^p: half the time is worth an error larger by a factor "
-        "of 2^p."
+        description="Exponent p of the objective, error * time^p: half the time is worth an error larger by "
+        "a factor of 2^p."
     )
     largest_compression: Annotated[float, Range(0, 1, open_low=True)] = Field(
         description="Compression of matter at rest [-] up to which moduli are lowered."

@@ -166,8 +166,9 @@ class Upsampler:
     def gather_force(self, force: _Floats) -> _Floats:
         """Return accelerations (n, D) [m/s^2] of the coarse particles from those of the shown ones, (N, D).
 
-        They are scattered to the nodes of the grid, weighted by mass, and interpolated to the coarse particles,
-        all at their positions of the latest update: so a force stays with the matter that it acts on.
+        They are scattered to the nodes of the grid, weighted by mass, and interpolated to the coarse
+        particles, all at their positions of the latest update: so a force stays with the matter that it acts
+        on.
         """
         return self._native.gather_force(force)
 

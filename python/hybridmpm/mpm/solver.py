@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag, float32, whole
-from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level
+from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level, coarse_warnings
 from hybridmpm.coarse.upsampler import CoarseParticles
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import (
@@ -129,9 +129,12 @@ class MpmSolver(CoarseSimulator):
             self._level = CoarseLevel.unfitted(scene, r_p)
         else:
             _refuse_beside_coarse(substeps=substeps != "cfl", cfl=cfl is not None, r_p=r_p != 1)
-            self._level = (
-                _checked(coarse, scene) if isinstance(coarse, CoarseLevel) else coarse_level(scene, coarse)
-            )
+            if isinstance(coarse, CoarseLevel):
+                self._level = _checked(coarse, scene)
+            else:
+                self._level = coarse_level(scene, coarse)
+                for text in coarse_warnings(scene, self._level):
+                    warnings.warn(text, CoarseWarning, stacklevel=2)
             show_all = True
         self._warned: frozenset[str] = frozenset()
         build = partial(
@@ -337,20 +340,20 @@ class MpmSolver(CoarseSimulator):
             deform=deform,
         )
 
-    def upsampler_for(self, few: Few) -> Upsampler:
+    def upsampler_for(self, coarse: CoarseParticles) -> Upsampler:
         """Return an upsampler from coarse particles, moved by another simulator, to all of the scene.
 
         Parameters
         ----------
-        few : Few
-            Particles at frame 0, which start as those of this solver.
+        coarse : CoarseParticles
+            Coarse particles at frame 0, which start as those of this solver.
 
         Raises
         ------
         ConfigError
-            At `r_p` = 1 there is nothing to carry.
+            `r_p` is 1: there are no coarse particles.
         """
-        return upsampler_of(self._scene, few, self._solver, self._level)
+        return upsampler_of(self._scene, coarse, self._solver, self._level)
 
     def _warn(self, stacklevel: int) -> None:
         """Warn, each once, of a stopped emitter, a repeated frame and fast matter."""

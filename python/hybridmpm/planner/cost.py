@@ -4,9 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hybridmpm.coarse import CoarseLevel
-from hybridmpm.coarse.bounds import fastest_impact
-from hybridmpm.coarse.choice import level_settings, level_warnings
+from hybridmpm.coarse import CoarseLevel, coarse_level, coarse_warnings, fastest_impact
 from hybridmpm.mpm.cost import cfl_substeps, frame_cost
 from hybridmpm.planner.calibration import Calibration, MaterialTimes
 from hybridmpm.planner.candidates import Candidate, softened, solvers
@@ -87,12 +85,12 @@ def particle_count(scene: Scene) -> int:
 def level_of(candidate: Candidate, scene: Scene) -> CoarseLevel:
     """Return the settings of MPM: those of the candidate, or of the MPM that a network falls back to."""
     name = candidate.settings.get("coarse")
-    return CoarseLevel.unfitted(scene, candidate.r_p) if name is None else level_settings(scene, name)
+    return CoarseLevel.unfitted(scene, candidate.r_p) if name is None else coarse_level(scene, name)
 
 
 def warnings_of(candidate: Candidate, scene: Scene) -> list[str]:
     """Return the texts of the warnings of coarse levels that building a candidate raises."""
-    return level_warnings(scene, level_of(candidate, scene)) if "coarse" in candidate.settings else []
+    return coarse_warnings(scene, level_of(candidate, scene)) if "coarse" in candidate.settings else []
 
 
 def milliseconds(candidate: Candidate, scene: Scene, calibration: Calibration) -> float | None:

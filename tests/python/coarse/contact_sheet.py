@@ -1,4 +1,4 @@
-"""Draws docs/images/coarse.png: the seven scenarios in full and by the coarse level 1/16, at three moments each.
+"""Draws docs/images/coarse.png: the seven scenarios in full and at the level 1/16, at three moments each.
 
 `python -m tests.python.coarse.contact_sheet docs/images/coarse.png` writes it, always the same.
 """

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hybridmpm import ConfigError
-from hybridmpm.coarse import clustering
+from hybridmpm.coarse import merging
 from hybridmpm.coarse.merging import balanced_clusters
 
 
@@ -42,7 +42,7 @@ def test_exchanges_never_spread_the_clusters(monkeypatch: pytest.MonkeyPatch) ->
     x = np.random.default_rng(1).random((800, 2))
     radii = []
     for rounds in range(0, 13, 3):
-        monkeypatch.setattr(clustering, "_ROUNDS", rounds)
+        monkeypatch.setattr(merging, "_ROUNDS", rounds)
         radii.append(squared_radius(x, balanced_clusters(x, 100)))
     assert radii == sorted(radii, reverse=True)
     # A disc of the area of each cluster would have 1 / (2 pi 100).

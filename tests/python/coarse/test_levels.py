@@ -1,6 +1,5 @@
 """Coarse levels: the table that ships with the library, and what becomes of it in a scene."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +25,15 @@ from hybridmpm import (
     scenarios,
 )
 from hybridmpm.cli import cli
-from hybridmpm.coarse import CoarseLevel, coarse_level, coarse_resolution, coarse_table
-from hybridmpm.coarse import fastest_impact, settled_potential
+from hybridmpm.coarse import (
+    CoarseLevel,
+    coarse_level,
+    coarse_resolution,
+    coarse_table,
+    coarse_warnings,
+    fastest_impact,
+    settled_potential,
+)
 from hybridmpm.mpm.stepper import MpmStepper
 from hybridmpm.simulators import make
 from hybridmpm.snapshots import read_state, write_state
@@ -75,10 +81,9 @@ def test_more_particles_err_less(material: str, dim: int) -> None:
 
 @pytest.mark.parametrize("scenario", scenarios.NAMES)
 def test_scenarios_are_within_the_bounds(scenario: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for seed in range(1_100_000, 1_100_040):
-            coarse_level(scenarios.get(scenario, seed), "1/16")
+    for seed in range(1_100_000, 1_100_040):
+        scene = scenarios.get(scenario, seed)
+        assert coarse_warnings(scene, coarse_level(scene, "1/16")) == []
 
 
 def test_constants_are_those_of_the_table() -> None:
@@ -212,14 +217,12 @@ def test_obstacles_thinner_than_a_cell_are_told(resolution: int) -> None:
     body = block("water", (0.4, 0.6), (0.6, 0.8))
     plates = [BoxObstacle(lower=(0.2, 0.3), upper=(0.8, 0.3 + thickness)) for thickness in (0.014, 0.04)]
     thick = Scene(dim=2, resolution=resolution, bodies=(body,), obstacles=tuple(plates[1:]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        cells = {name: 1 / coarse_level(thick, name).resolution for name in NAMES[2:]}
+    levels = {name: coarse_level(thick, name) for name in NAMES[2:]}
+    assert not any(coarse_warnings(thick, level) for level in levels.values())
+    cells = {name: 1 / level.resolution for name, level in levels.items()}
     scene = thick.model_copy(update={"obstacles": tuple(plates)})
-    with pytest.warns(CoarseWarning) as told:
-        coarse_level(scene, "1/16")
-    (warning,) = told
-    head, advice = str(warning.message).split(", so material may pass through it: make it at least ")
+    (warning,) = coarse_warnings(scene, coarse_level(scene, "1/16"))
+    head, advice = warning.split(", so material may pass through it: make it at least ")
     assert head.startswith("obstacles[0] (box) is 0.014 m thick, less than a cell of ")
     assert cells["1/16"] == pytest.approx(float(advice.split(" m thick")[0]), abs=1e-4)
     fits = [name for name, cell in cells.items() if cell <= 0.0139]

@@ -296,7 +296,7 @@ def test_any_simulator_of_few_particles_can_carry() -> None:
         few.frame += 1
         few.positions = few.positions + np.float32([0.002, 0.001])
         few.velocities = np.full_like(few.positions, 0.7)
-        upsampler.follow()
+        upsampler.update()
     moved = np.median(upsampler.positions - start, axis=0)
     np.testing.assert_allclose(moved, [0.012, 0.006], atol=2e-5)
     np.testing.assert_allclose(upsampler.velocities, 0.7, rtol=1e-5)

@@ -9,8 +9,7 @@ import numpy as np
 
 from hybridmpm import _core, scenarios
 from hybridmpm._support.machine import cpu_model
-from hybridmpm.coarse import CoarseSimulator
-from hybridmpm.coarse import fastest_impact
+from hybridmpm.coarse import CoarseSimulator, fastest_impact
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.fit import Sample, fitted_line, fitted_work
 from hybridmpm.planner.calibrating.impact import first_frame
