@@ -112,9 +112,8 @@ class ThinObstacleWarning(UserWarning):
 
 
 class CoarseWarning(UserWarning):
-    """A scene is not one for this level, or a frame had to be done again at the safe step.
+    """A scene is outside the bounds of its coarse level, or a frame was repeated at the safe step.
 
-    The scene is faster than all that the coarse level was fitted to, or an obstacle is thinner than a cell of its
-    grid. Not an error: the frames are right as far as a coarse solver is, but errors may be larger than the
-    table of coarse levels says.
+    The scene is faster than those that the level was fitted to, or an obstacle is thinner than a cell of its
+    grid, for example. Frames are valid, but their errors may be larger than the table of levels says.
     """

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -15,9 +15,9 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Emitter, Scene
 
 SHALLOW = {2: 1.0, 3: 2.0}
-"""Depth [cells of the level], by dimension, below which matter at rest was seen to lose volume."""
+"""Depth [cells of the level], by dimension, below which matter at rest loses volume."""
 UNEQUAL = 10.0
-"""Ratio of densities above which a scene gets a warning."""
+"""Warn when densities differ by more than this factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,25 +172,45 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
     ]
 
 
-def _speed_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
+def _speed_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     speed = fastest_impact(scene)
-    if level.fastest is None or speed <= level.fastest:
-        return []
-    text = (
-        f"matter may land at {speed:.2g} m/s in this scene, but coarse level {level.name!r} was fitted up to "
-        f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse "
-        "level of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are not "
-        "fitted"
-    )
-    return [text]
+    if level.fastest is not None and speed > level.fastest:
+        yield (
+            f"this scene may reach {speed:.2g} m/s, but coarse level {level.name!r} was fitted up to "
+            f"{level.fastest:.2g} m/s: its error may be larger than the table says; compare it with a coarse "
+            "level of more particles, or with MpmSolver(scene, r_p=..., show_all=True), whose constants are "
+            "not fitted"
+        )
 
 
-def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> list[str]:
-    """Name obstacles thinner than a cell of the level, which coarse particles may pass."""
+def _depth_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn where matter settles into about a cell of the level, but into several of the scene."""
+    gravity = float(np.linalg.norm(scene.gravity))
+    depth = settled_potential(scene) / gravity if gravity else math.inf
+    if 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
+        yield (
+            f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} "
+            f"is {_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse "
+            "level of more particles"
+        )
+
+
+def _density_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn where densities differ much: coarse levels were fitted to scenes of one density."""
+    densities = [material.density for material in scene.materials]
+    if max(densities) > UNEQUAL * min(densities):
+        yield (
+            f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse "
+            f"level {level.name!r} was fitted to matter of one density: its error may be larger than the "
+            "table says; take a coarse level of more particles"
+        )
+
+
+def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> Iterator[str]:
+    """Warn of obstacles thinner than a cell of the level, which particles may pass."""
     if level.resolution >= scene.resolution:
-        return []  # The solver warns of obstacles that are thin on the scene's own grid.
+        return  # The solver warns of obstacles that are thin on the scene's own grid.
     cell = _cell(level)
-    texts = []
     for i, obstacle in enumerate(scene.obstacles):
         thickness = obstacle.smallest_extent
         if thickness >= cell:
@@ -199,43 +219,15 @@ def _obstacle_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable) -> 
         fits = next((one for one in finer if _cell(coarse_level(scene, one, table)) <= thickness), None)
         other = f"coarse level {fits!r}" if fits else "MpmSolver(scene), which simulates all particles"
         rest = f", or take {other}" if fits or thickness * scene.resolution >= 1 else ""
-        texts.append(
+        yield (
             f"obstacles[{i}] ({obstacle.shape}) is {thickness:.3g} m thick, less than a cell of {cell:g} m "
             f"of coarse level {level.name!r}, so material may pass through it: make it at least {cell:g} m "
             f"thick{rest}"
         )
-    return texts
-
-
-def _depth_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
-    """Name a layer of matter at rest of about a cell of the level, but several of the scene."""
-    gravity = float(np.linalg.norm(scene.gravity))
-    depth = settled_potential(scene) / gravity if gravity else math.inf
-    if not 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
-        return []
-    text = (
-        f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} is "
-        f"{_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse level "
-        "of more particles"
-    )
-    return [text]
-
-
-def _density_warnings(scene: Scene, level: CoarseLevel) -> list[str]:
-    """Name a large ratio of densities: coarse levels were fitted to scenes of one density."""
-    densities = [material.density for material in scene.materials]
-    if max(densities) <= UNEQUAL * min(densities):
-        return []
-    text = (
-        f"densities from {min(densities):g} to {max(densities):g} kg/m^3 meet in this scene, but coarse "
-        f"level {level.name!r} was fitted to matter of one density: its error may be larger than the table "
-        "says; take a coarse level of more particles"
-    )
-    return [text]
 
 
 def _cell(level: CoarseLevel) -> float:
-    """Return the width of a cell [m], rounded up, so that an obstacle of the width in a warning passes."""
+    """Return the width of a cell [m], rounded up: an obstacle of this thickness raises no warning."""
     return math.ceil(1e4 / level.resolution) / 1e4
 
 

@@ -16,8 +16,7 @@ from pydantic import PrivateAttr
 from hybridmpm import _core
 from hybridmpm._support.arguments import flag
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
-from hybridmpm.coarse import CoarseSimulator, Upsampler
-from hybridmpm.coarse.simulator import Simulated
+from hybridmpm.coarse import CoarseParticles, CoarseSimulator, Upsampler
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.candidates import Candidate
@@ -225,14 +224,14 @@ class AutoSolver(CoarseSimulator):
 
     def _advance_frame(self, force: _Floats | None) -> None:
         began = self._clock()
-        self._advance_few(force)
+        self._advance_coarse(force)
         _ = self._inner.positions
         took = 1e3 * (self._clock() - began)
         before, level = self._controller.index, self._controller.time
         if self._controller.enter(took) != before:
             self._change(before, took if level is None else level)
 
-    def _advance_few(self, force: _Floats | None) -> None:
+    def _advance_coarse(self, force: _Floats | None) -> None:
         """Advance the simulator of the present level, with the particles that it shows."""
         self._inner.advance(1, force)
 
@@ -244,8 +243,8 @@ class AutoSolver(CoarseSimulator):
         self._inner = self._made()
 
     @property
-    def _few(self) -> Simulated:
-        return self._inner._few  # noqa: SLF001 - of this class's family
+    def _coarse(self) -> CoarseParticles:
+        return self._inner._coarse  # noqa: SLF001 - of this class's family
 
     @property
     def _upsampler(self) -> Upsampler | None:

@@ -233,8 +233,15 @@ mod tests {
         let reach = Reach::new(0.3, true);
         for count in [0, 1, 7, 8, 9, 200] {
             let mut tile = Tile::<3>::new();
-            let candidates: Vec<u32> = (0..count).map(|i| i * 37 % 200).collect();
-            tile.gather(&candidates, &points);
+            tile.resize(count);
+            for i in 0..count {
+                let candidate = i * 37 % 200;
+                tile.points.as_flattened_mut()[i] = candidate as u32;
+                for axis in 0..3 {
+                    tile.x[axis].as_flattened_mut()[i] = points[3 * candidate + axis];
+                }
+            }
+            tile.end(count);
             let (mut mine, mut plain) = (vec![0; tile.room()], vec![0; tile.room()]);
             let found = tile.scan_around(&[0.5; 3], &reach, &mut mine);
             let x = std::array::from_fn(|axis| &tile.x[axis][..tile.groups]);
