@@ -1,15 +1,14 @@
-"""`hybridmpm check`: what is known of a scene before its first frame."""
+"""`hybridmpm check`: findings about a scene before its first frame."""
 
 import json
-from pathlib import Path
 
 import click
 
 from hybridmpm import checking, scenarios
 from hybridmpm.checking import SceneCheck
-from hybridmpm.cli.options import completing, seed_option, substeps_option, threads_option
+from hybridmpm.cli.options import completing, scene_of, seed_option, substeps_option, threads_option
 from hybridmpm.coarse import coarse_table
-from hybridmpm.errors import ConfigError, SceneError
+from hybridmpm.errors import SceneError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene
 
@@ -22,10 +21,10 @@ from hybridmpm.scene import Scene
     "--coarse",
     metavar="NAME",
     shell_complete=completing(lambda: coarse_table().ratios),
-    help="Coarse level, such as 1/16, whose cost is asked about.",
+    help="Coarse level to check, such as 1/16.",
 )
 @threads_option
-@click.option("--json", "as_json", is_flag=True, help="Print the answer as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.pass_context
 def check(
     ctx: click.Context,
@@ -37,23 +36,23 @@ def check(
     threads: int,
     as_json: bool,
 ) -> None:
-    """Tell whether SCENE runs stably, what it costs and what may go wrong, and what to change.
+    """Check whether SCENE runs stably, its cost, and what to change.
 
     SCENE is a file, .json or .yaml, or the name of a scenario. A few frames are tried. The exit status is 1
     if the scene cannot run, or not stably.
     """
     try:
-        made = scenarios.get(scene, seed) if scene in scenarios.NAMES else Scene.load(_file(scene))
+        made = scene_of(scene, seed)
     except SceneError as error:
         _refused(scene, error, as_json=as_json)
         ctx.exit(1)
-    found = _asked(made, substeps=substeps, coarse=coarse, threads=threads)
+    found = _checked(made, substeps=substeps, coarse=coarse, threads=threads)
     click.echo(json.dumps(found.to_dict(), indent=2) if as_json else str(found))
     ctx.exit(0 if found.ok else 1)
 
 
-def _asked(scene: Scene, *, substeps: Substeps, coarse: str | None, threads: int) -> SceneCheck:
-    """Check a scene with the settings that were asked about."""
+def _checked(scene: Scene, *, substeps: Substeps, coarse: str | None, threads: int) -> SceneCheck:
+    """Check a scene with the settings of the solver."""
     if substeps == "cfl" and coarse is None and threads == 1:
         return checking.check(scene)
     return checking.check_with(
@@ -61,18 +60,8 @@ def _asked(scene: Scene, *, substeps: Substeps, coarse: str | None, threads: int
     )
 
 
-def _file(name: str) -> Path:
-    path = Path(name)
-    if not path.is_file():
-        known = ", ".join(scenarios.NAMES)
-        raise ConfigError(
-            f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}"
-        )
-    return path
-
-
 def _refused(scene: str, error: SceneError, *, as_json: bool) -> None:
-    """Print all faults of a scene that is none."""
+    """Print all faults of an invalid scene."""
     faults = [{"severity": "error", "field": field, "problem": text} for field, text in error.problems] or [
         {"severity": "error", "field": "", "problem": str(error)}
     ]

@@ -6,11 +6,12 @@ from typing import Any
 
 import click
 
-from hybridmpm import export, simulators
-from hybridmpm.errors import ExportError
+from hybridmpm import export, scenarios, simulators
+from hybridmpm.errors import ConfigError, ExportError
 from hybridmpm.mpm import Substeps
 from hybridmpm.physics import models
 from hybridmpm.physics.load import ZERO
+from hybridmpm.scene import Scene
 
 
 class RatioType(click.ParamType[float, object]):
@@ -46,7 +47,7 @@ class SubstepsType(click.ParamType[Substeps, object]):
 
 
 def substeps_option(default: str | None, more: str = "") -> Callable[..., Any]:
-    """Return the option for the rule of substeps, with its default and more to say."""
+    """Return the option for the rule of substeps, with its default and more help."""
     return click.option(
         "--substeps",
         type=SubstepsType(),
@@ -64,7 +65,7 @@ seed_option = click.option("--seed", type=int, default=0, show_default=True, hel
 def completing(names: Callable[[], Iterable[str]]) -> Callable[..., list[str]]:
     """Return the completion of a name in a shell, for the `shell_complete` of an argument or an option.
 
-    `names` is called only when somebody asks.
+    `names` is called only for a completion.
     """
     return lambda _ctx, _param, incomplete: [name for name in names() if name.startswith(incomplete)]
 
@@ -136,6 +137,24 @@ speed_option = click.option(
     help="Simulated seconds in a second of film.",
 )
 """Speed of films."""
+
+
+def scene_of(name: str, seed: int) -> Scene:
+    """Return the scene of a scenario and a seed, or of a scene file.
+
+    Raises
+    ------
+    ConfigError
+        `name` is neither; the message lists the scenarios. Or the file has no valid scene.
+    """
+    if name in scenarios.NAMES:
+        return scenarios.get(name, seed)
+    if not Path(name).is_file():
+        known = ", ".join(scenarios.NAMES)
+        raise ConfigError(
+            f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}"
+        )
+    return Scene.load(Path(name))
 
 
 def check_targets(targets: Sequence[Path]) -> None:

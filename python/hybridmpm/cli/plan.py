@@ -1,4 +1,4 @@
-"""`hybridmpm plan`: which coarse level simulates a scene within an error or a time."""
+"""`hybridmpm plan`: choose the method that simulates a scene within an error or a time."""
 
 import json
 from pathlib import Path
@@ -6,23 +6,19 @@ from pathlib import Path
 import click
 
 from hybridmpm import scenarios
-from hybridmpm.cli.options import completing, seed_option
-from hybridmpm.errors import ConfigError
+from hybridmpm.cli.options import completing, scene_of, seed_option
 from hybridmpm.planner import plan as planned
 from hybridmpm.planner.calibration import MEASURES
-from hybridmpm.scene import Scene
 
 
 @click.command()
 @click.argument("scene_name", metavar="SCENE", shell_complete=completing(lambda: scenarios.NAMES))
 @seed_option
-@click.option(
-    "--max-error", type=float, help="Largest mean error: answer the quickest coarse level within it."
-)
+@click.option("--max-error", type=float, help="Largest mean error: choose the fastest method within it.")
 @click.option(
     "--budget-ms",
     type=float,
-    help="Longest time of a frame [ms]: answer the most accurate coarse level within it.",
+    help="Longest time of a frame [ms]: choose the most accurate method within it.",
 )
 @click.option(
     "--measure",
@@ -48,13 +44,13 @@ def plan(
     calibration: Path | None,
     as_json: bool,
 ) -> None:
-    """Choose the coarse level for SCENE, a scenario or a scene file (.json, .yaml).
+    """Choose the method for SCENE, a scenario or a scene file (.json, .yaml).
 
-    Give --max-error or --budget-ms. The answer tells the coarse level with its settings, what it is expected to err
-    and to take, which one comes next, and why.
+    Give --max-error or --budget-ms. Prints the method with its settings, its expected error and time, the
+    runner-up, and the reason.
     """
     found = planned(
-        _scene(scene_name, seed),
+        scene_of(scene_name, seed),
         max_error=max_error,
         budget_ms=budget_ms,
         measure=measure,
@@ -67,16 +63,8 @@ def plan(
     moduli = ", ".join(f"{factor:.3g}" for factor in found.moduli)
     click.echo(
         f"simulator {found.simulator}{f', model {found.model}' if found.model else ''}; r_p {found.r_p:.4g}, "
-        f"about {found.particles} particles{', carrying all others' if found.show_all else ''}"
+        f"about {found.particles} particles{', all particles shown' if found.show_all else ''}"
     )
     click.echo(f"grid {found.resolution} cells/m, about {found.substeps} substeps, moduli times {moduli}")
     for note in found.notes:
         click.echo(f"- {note}")
-
-
-def _scene(name: str, seed: int) -> Scene:
-    if name in scenarios.NAMES:
-        return scenarios.get(name, seed)
-    if Path(name).exists():
-        return Scene.load(Path(name))
-    raise ConfigError(f"{name} is neither a file nor a scenario; there are {', '.join(scenarios.NAMES)}")

@@ -44,7 +44,7 @@ from hybridmpm.simulator import Kind, Simulator
     "resume_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Snapshot that --save wrote, to go on from with its scene and settings.",
+    help="Snapshot that --save wrote, to continue with its scene and settings.",
 )
 @click.option(
     "--frames",
@@ -57,8 +57,7 @@ from hybridmpm.simulator import Kind, Simulator
     "--coarse",
     metavar="NAME",
     shell_complete=completing(lambda: coarse_table().ratios),
-    help="Coarse level, such as 1/16: so large a part of the particles simulates and carries all others, for "
-    "mpm.",
+    help="Coarse level, such as 1/16: MPM simulates this share of the particles, and all are shown.",
 )
 @click.option(
     "--budget-ms",
@@ -116,7 +115,7 @@ def simulate(
     speed: float,
     strip: int,
 ) -> None:
-    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or go on with --resume.
+    """Simulate SCENARIO (see `hybridmpm scenarios`) or a scene file, or continue with --resume.
 
     The suffix of each --out FILE decides its content: .npz has all recorded states, .gif or .mp4 a film, .png
     a picture of the last state, .ply or .vtp the particles of the last state. A .png, .ply or .vtp name with
@@ -160,7 +159,7 @@ def simulate(
         with progress(f"Simulating {frames} frames", frames) as bar:
             recording = record(solver, frames, every=every, on_progress=bar.update)
     finally:
-        # Ctrl-C is noticed between frames, and a failed frame leaves the state before it.
+        # Ctrl-C takes effect between frames, and a failed frame leaves the state before it.
         if save_file is not None:
             solver.save(save_file)
             click.echo(f"saved frame {solver.frame} to {save_file}")
@@ -202,7 +201,9 @@ def _refuse_beside_resume(ctx: click.Context) -> None:
         "r_c",
     )
     if given := _given(ctx, settings):
-        raise click.UsageError(f"--resume goes on with the scene and settings of its file; drop {given[0]}.")
+        raise click.UsageError(
+            f"--resume continues with the scene and settings of its file; drop {given[0]}."
+        )
 
 
 def _refuse_beside_budget(ctx: click.Context) -> None:
@@ -211,7 +212,7 @@ def _refuse_beside_budget(ctx: click.Context) -> None:
         raise click.UsageError(f"--budget-ms chooses the coarse level itself; drop {given[0]}.")
     if given := _given(ctx, ("save_file",)):
         raise click.UsageError(
-            f"{given[0]} is not for --budget-ms, whose coarse level depends on a clock; keep the states by --out."
+            f"{given[0]} is not for --budget-ms, whose coarse level depends on a clock; use --out."
         )
 
 

@@ -202,8 +202,6 @@ def test_a_subcommand_is_imported_when_it_is_asked_for() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert set(done.stdout.splitlines()[-1].split()) == {
         "hybridmpm.cli.report",
-        "hybridmpm.cli.report.commands",
-        "hybridmpm.cli.report.installation",
     }
 
 
@@ -255,8 +253,8 @@ def test_doctor_tells_what_is_broken_or_missing(monkeypatch: pytest.MonkeyPatch)
     def broken(_seed: int) -> Scene:
         raise SceneError("no scene today")
 
-    monkeypatch.setattr("hybridmpm.cli.report.installation.water_2d", broken)
-    monkeypatch.setattr("hybridmpm.cli.report.installation._BROWSERS", ())
+    monkeypatch.setattr("hybridmpm.cli.report.water_2d", broken)
+    monkeypatch.setattr("hybridmpm.cli.report._BROWSERS", ())
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     result = run("doctor")
     assert result.exit_code == 1
@@ -353,7 +351,7 @@ def test_what_a_resumed_run_cannot_change(
     MpmSolver(drop).save(tmp_path / "state")
     words = [scene_file if word == "FILE" else word for word in arguments]
     result = run("simulate", "--resume", tmp_path / "state", *words)
-    assert_fails(result, 2, "--resume goes on with the scene and settings of its file; " + message)
+    assert_fails(result, 2, "--resume continues with the scene and settings of its file; " + message)
 
 
 def test_files_that_cannot_be_resumed_or_saved(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from hybridmpm import (
     Water,
     _native,
 )
-from hybridmpm.cli.report.installation import usable_cores
+from hybridmpm.cli.report import usable_cores
 
 Vector = npt.NDArray[np.float64]
 Material = Water | Sand | Elastic

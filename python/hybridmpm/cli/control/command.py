@@ -14,6 +14,7 @@ from hybridmpm.cli.control.run import ControlRun, run_control
 from hybridmpm.cli.options import (
     check_targets,
     model_option,
+    scene_of,
     seed_option,
     solver_option,
     speed_option,
@@ -27,7 +28,6 @@ from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP
 from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.physics.load import ZERO, model_for
-from hybridmpm.scene import Scene
 from hybridmpm.simulator import Kind, Simulator
 
 
@@ -146,18 +146,10 @@ def control(
 
 def _simulator(name: str, seed: int, kind: Kind, model: str | None, threads: int) -> Simulator:
     is_scenario = name in scenarios.NAMES
-    scene = scenarios.get(name, seed) if is_scenario else _scene(name)
+    scene = scene_of(name, seed)
     if "model" in simulators.settings_of(kind):
         model = model_for(model, name if is_scenario else None)
     return simulators.make(kind, scene, model=model, threads=threads)
-
-
-def _scene(name: str) -> Scene:
-    if not Path(name).is_file():
-        raise click.UsageError(
-            f"SCENE must be a scene file or one of {', '.join(scenarios.NAMES)}, got {name!r}."
-        )
-    return Scene.load(Path(name))
 
 
 def _sketch(file: Path) -> Sketch:

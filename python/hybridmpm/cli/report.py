@@ -1,18 +1,24 @@
-"""State of this installation: versions, processor, and how to get what is missing."""
+"""`hybridmpm scenarios`, `schema` and `doctor`: reports on the library and its installation."""
 
 import importlib.metadata
 import importlib.util
+import json
 import platform
 import shutil
 import sys
 from dataclasses import dataclass
 
+import click
+
 from hybridmpm import _core
+from hybridmpm import scenarios as library
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.errors import ExportError, SimulationError
 from hybridmpm.export.pictures import require_encoder
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scenarios import water_2d
+from hybridmpm.scenarios.samplers import markdown_table
+from hybridmpm.scene import Scene
 
 _LIBRARIES = ("numpy", "pydantic", "pillow", "click", "pyyaml")
 """Distributions that the package needs."""
@@ -25,9 +31,9 @@ class Finding:
 
     subject: str
     state: str
-    """"ok", "missing" (optional and absent) or "broken" (needed and not working)."""
+    """"ok", "missing" (optional and absent) or "broken" (required and not working)."""
     detail: str
-    """Version or location; for what is missing or broken, the remedy or the error."""
+    """Version or location; of a missing or broken part the remedy or the error."""
 
 
 def examine() -> list[Finding]:
@@ -80,3 +86,35 @@ def _browser() -> Finding:
         if path:
             return Finding("chromium", "ok", path)
     return Finding("chromium", "missing", "only the browser tests need it; Debian's package is chromium")
+
+
+@click.command()
+@click.option("--ranges", is_flag=True, help="Print the ranges of the scenarios as a Markdown table.")
+def scenarios(*, ranges: bool) -> None:
+    """List the scenarios, kinds of random scenes."""
+    if ranges:
+        click.echo(markdown_table(), nl=False)
+        return
+    for name in library.NAMES:
+        info = library.describe(name)
+        limits = f"{info.dim}D  {info.frames:4d} frames  <= {info.max_particles} particles"
+        click.echo(f"{name:15s} {limits}  {info.text}")
+
+
+@click.command()
+def schema() -> None:
+    """Print the JSON Schema of scene files."""
+    click.echo(json.dumps(Scene.json_schema(), indent=2))
+
+
+@click.command()
+@click.pass_context
+def doctor(ctx: click.Context) -> None:
+    """Report versions, processor and missing parts of this installation.
+
+    The exit status is 1 if a part that is needed does not work.
+    """
+    findings = examine()
+    for finding in findings:
+        click.echo(f"{finding.subject:13s} {finding.state:8s} {finding.detail}")
+    ctx.exit(1 if any(finding.state == "broken" for finding in findings) else 0)
