@@ -29,7 +29,7 @@ class StepCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """A decision on who simulates from a frame on."""
+    """A decision: the simulator from a frame on."""
 
     frame: int
     """Number of the frame whose end is the first state that `mode` starts from."""
@@ -69,7 +69,7 @@ class Span:
 
 
 def spans(log: Iterable[Decision], frames: int) -> list[Span]:
-    """Return who simulated each of the first `frames` frames; what was undone is left out."""
+    """Return the spans of the first `frames` frames by simulator, without undone frames."""
     found = []
     since = 0
     mode: Mode = "mpm"

@@ -113,17 +113,17 @@ class _ForceOfState:
 
     def at(self, index: int) -> _Floats | None:  # noqa: ARG002 - the frame is part of the state
         """Call the function, and check its return value."""
-        where = f"the force function's answer before frame {self.simulator.frame + 1}"
+        where = f"the force function's value before frame {self.simulator.frame + 1}"
         try:
-            answer = self.function(self.simulator)
+            value = self.function(self.simulator)
         except Exception as error:
             raise ForceError(
                 f"the force function raised {type(error).__name__} before frame "
                 f"{self.simulator.frame + 1}: {error}"
             ) from error
-        if callable(answer):
+        if callable(value):
             raise ForceError(f"{where} must be an acceleration, not another function")
-        checked = _checked(answer, self.simulator, 1, where, one_frame=True)
+        checked = _checked(value, self.simulator, 1, where, one_frame=True)
         return checked.at(0)
 
 

@@ -1,4 +1,4 @@
-"""`Simulator`: what all simulators have in common, whatever moves the particles."""
+"""`Simulator`: the interface of all simulators."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -34,8 +34,8 @@ class Simulator(ABC):
     N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
     frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
 
-    Arrays that a simulator gives are snapshots of its state: they do not follow it when it advances, and they
-    are read-only, because what is written to them would reach no particle. `positions.copy()` may be changed.
+    Arrays of a simulator are snapshots of its state, which do not change when it advances. They are
+    read-only, because writing to them would move no particle. `positions.copy()` may be changed.
     """
 
     _cancel: _core.CancelFlag | None = None
@@ -49,7 +49,7 @@ class Simulator(ABC):
         return f"{type(self).__name__}({', '.join(parts)})"
 
     def _traits(self) -> Sequence[str]:
-        """Return what tells this simulator from others of its kind, in a few words for `repr`."""
+        """Return distinguishing settings, for `repr`."""
         return ()
 
     def _repr_html_(self) -> str:
@@ -102,7 +102,7 @@ class Simulator(ABC):
     @property
     @abstractmethod
     def mode(self) -> Mode:
-        """Who simulates the next frame, if no force acts on it: "mpm" or "neural"."""
+        """Simulator of the next frame, if no force acts on it: "mpm" or "neural"."""
 
     @property
     @abstractmethod
@@ -152,12 +152,12 @@ class Simulator(ABC):
     @property
     @abstractmethod
     def last_frame(self) -> _core.FrameReport | None:
-        """How MPM cut the latest frame into substeps; None before the first and where a network made it."""
+        """Substeps of MPM's latest frame; None before the first and where a network made it."""
 
     @property
     @abstractmethod
     def log(self) -> tuple[Decision, ...]:
-        """All decisions so far about who simulates, in order; those undone later stay among them."""
+        """All decisions so far between network and MPM, in order; those undone later stay among them."""
 
     @property
     def mpm_share(self) -> float:
@@ -166,7 +166,7 @@ class Simulator(ABC):
 
     @property
     def safeguard(self) -> float | None:
-        """Value of the safeguard that watches the network; None where there is none, or none yet."""
+        """Value of the safeguard of the network; None where there is none, or none yet."""
         return None
 
     @abstractmethod
@@ -174,7 +174,7 @@ class Simulator(ABC):
         """Mass, momentum, energies and extremes over all particles, at this instant."""
 
     def probe(self, probe: Probe) -> npt.NDArray[np.float64]:
-        """Return what a probe of `hybridmpm.probes` reads at this instant.
+        """Return the reading of a probe of `hybridmpm.probes` at this instant.
 
         `probes.record` reads several while the simulator advances.
 
@@ -186,7 +186,7 @@ class Simulator(ABC):
         Raises
         ------
         ConfigError
-            It is no probe, lies outside of the walls, or reads a pressure, which MPM alone knows.
+            It is no probe, lies outside of the walls, or reads a pressure where a network simulates.
         """
         checked_probe(probe).check(self.scene)
         return probe.read(self)
@@ -197,11 +197,10 @@ class Simulator(ABC):
         Raises
         ------
         ConfigError
-            The simulator knows none: a network that moves particles tells no stress.
+            A network simulates, which predicts no stress.
         """
         raise ConfigError(
-            f"pressure is known to MPM alone, and this is a simulator of kind {self.kind!r}: read it off an "
-            "MpmSolver of the same scene"
+            f"a simulator of kind {self.kind!r} has no pressure: read it off an MpmSolver of the same scene"
         )
 
     def advance(self, frames: int = 1, force: Force = None) -> None:
@@ -217,10 +216,10 @@ class Simulator(ABC):
             - (D,): the same for all particles, over the whole call;
             - (N, D): one for each particle, held over the call;
             - (T, N, D): one for each frame and particle;
-            - a function, called before each frame with this simulator: it answers with (D,), (N, D), a pair
-              as below with (K, D), or None;
-            - a pair (ids (K,), accelerations (K, D) or (T, K, D)): particles that it does not name get none,
-              and ids of particles that are gone are ignored.
+            - a function, called before each frame with this simulator: it returns (D,), (N, D), a pair as
+              below with (K, D), or None;
+            - a pair (ids (K,), accelerations (K, D) or (T, K, D)): other particles get none, and ids of
+              removed particles are ignored.
 
             Where particles come and go, arrays (N, D) are for one frame at a time and (T, N, D) is refused.
 
@@ -232,14 +231,13 @@ class Simulator(ABC):
         ConfigError
             `frames` is out of range; nothing has moved.
         SimulationError
-            A frame failed; the subclass tells how, the message names particle and frame. The state is then
-            the one before that frame.
+            A frame failed; the message names particle and frame. The state is then the one before it.
         """
         frames = whole("frames", frames, 0, MAX_FRAMES_AT_ONCE)
         self._advance(frames, checked_force(force, self, frames), None)
 
     def rollout(self, frames: int, force: Force = None) -> _Floats:
-        """Advance, and return where the particles were on the way.
+        """Advance, and return the positions of the particles after each frame.
 
         Parameters and errors are those of `advance`.
 
@@ -283,7 +281,7 @@ class Simulator(ABC):
     def cancel_by(self, flag: _core.CancelFlag) -> None:
         """Let another thread end the frame that is being computed, by setting a flag.
 
-        The flag is asked before each frame and, where MPM computes, in every substep. Once it is set,
+        The flag is read before each frame and, in MPM, in every substep. Once it is set,
         `advance` raises `FrameCancelledError`, and the state is the one before the frame that was ended.
         Frames that are completed have the same bits with and without a flag.
 
@@ -319,7 +317,7 @@ class Simulator(ABC):
     def save(self, path: str | Path) -> None:
         """Write scene, settings and state to a file that `load` goes on from with the same bits.
 
-        The file appears under its name only once it is complete. Networks are named in it, not held.
+        The file appears under its name only once it is complete. It contains the names of networks, not them.
 
         Raises
         ------
@@ -346,8 +344,7 @@ class Simulator(ABC):
         Raises
         ------
         SnapshotError
-            Whatever is wrong with the file, its settings, its network or its state; the message names the
-            file.
+            The file, its settings, its network or its state is wrong; the message names the file.
         OSError
             The file cannot be read.
         """
@@ -366,8 +363,8 @@ class Simulator(ABC):
 
 
 def checked_simulator(value: object) -> Simulator:
-    """Return a value that is a simulator, or raise `ConfigError`, which says what to write instead."""
+    """Return a value that is a simulator, or raise `ConfigError` with a remedy."""
     if isinstance(value, Simulator):
         return value
     advice = ": write MpmSolver(scene)" if isinstance(value, Scene) else ""
-    raise ConfigError(f"this takes a simulator, such as an MpmSolver; got a {type(value).__name__}{advice}")
+    raise ConfigError(f"a simulator is required, such as an MpmSolver; got a {type(value).__name__}{advice}")

@@ -1,4 +1,4 @@
-"""The three simulators by name: making one, and going on from a snapshot file of any of them."""
+"""The three simulators by name: `make` builds one, `load` resumes one from a snapshot file."""
 
 import inspect
 from pathlib import Path
@@ -57,20 +57,20 @@ def make(kind: Kind, scene: Scene, **settings: Any) -> Simulator:
 
 
 def load(path: str | Path, *, model: Model | None = None, threads: int = 1) -> Simulator:
-    """Build the simulator of a file that `Simulator.save` wrote, of whatever kind, in the state it was in.
+    """Build the simulator of any kind from a file that `Simulator.save` wrote, in the saved state.
 
     Parameters
     ----------
     path : str or Path
     model : str, Path or Stepper, optional
-        The network, for a simulator that has one, where the file does not name one that is here.
+        The network, for a simulator that has one, where the file names none that is installed.
     threads : int in [1, 1024]
         May differ from before; the result does not depend on it.
 
     Raises
     ------
     SnapshotError
-        The file is foreign, damaged, cut off, of another version, or its network is missing or another.
+        The file is of another kind or version, damaged, or its network is missing or another.
     ConfigError
         A model is given for a simulator without a network.
     OSError

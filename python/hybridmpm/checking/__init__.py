@@ -1,4 +1,4 @@
-"""What is known of a scene before its first frame: whether it is stable, what it costs, what may go wrong."""
+"""Checks of a scene before its first frame: stability, cost, and likely faults."""
 
 from hybridmpm.checking.check import check, check_with, findings
 from hybridmpm.checking.report import Finding, SceneCheck, Severity

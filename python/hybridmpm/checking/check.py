@@ -1,4 +1,4 @@
-"""`check`: whether a scene runs stably, what it costs, and what may go wrong, before any frame."""
+"""`check`: stability, cost and likely faults of a scene before its first frame."""
 
 import math
 import warnings
@@ -16,7 +16,7 @@ from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator, checked_simulator
 
-_GRAVITY_ORDER = ("error", "warning", "note")
+_SEVERITIES = ("error", "warning", "note")
 _NODE_BYTES = 16
 """Memory of a grid node [bytes]: momentum and mass."""
 _PARTICLE_BYTES = {"water": 380, "sand": 780, "elastic": 780}
@@ -26,21 +26,21 @@ _BASE_BYTES = 60 * 2**20
 
 
 def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
-    """Tell what is known of a scene before its first frame.
+    """Check stability, cost and likely faults of a scene before its first frame.
 
-    A few frames are tried on a copy, for about half a second; where a frame alone takes longer, a few of its
-    substeps, or at least two frames of a `solver` that is given.
+    Some frames are simulated on a copy, for about half a second. Of a longer frame some substeps are
+    simulated, or at least two frames of a given `solver`.
 
     Parameters
     ----------
     scene : Scene
     solver : Simulator, optional
-        The simulator of this scene that is asked about, which stays as it is; `MpmSolver(scene)` if absent.
+        A simulator of this scene, which does not change; `MpmSolver(scene)` if absent.
 
     Returns
     -------
     SceneCheck
-        What cannot run is an error among its findings, and none of the call.
+        A scene that cannot run is an error among its findings; the call raises nothing.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
     simulator: Simulator | None = solver
     try:
         with warnings.catch_warnings():
-            # What they say is among the findings.
+            # The findings contain the same.
             warnings.simplefilter("ignore")
             simulator = MpmSolver(scene) if solver is None else solver
             tried = probe_scene(scene) if solver is None else probe(solver)
@@ -77,19 +77,19 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
         substeps=None if tried is None else tried.substeps,
         milliseconds=None if tried is None else 1e3 * tried.seconds,
         memory=estimated_memory(scene, resolution_of(simulator, scene), count),
-        findings=_gravest_first(found),
+        findings=_most_severe_first(found),
     )
 
 
 def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
-    """Tell what is known of a scene before its first frame, for a simulator that has yet to be made.
+    """Check a scene as `check` does, for a simulator that is not made yet.
 
     Parameters
     ----------
     scene : Scene
     make : callable
-        Makes the simulator of this scene. Where it raises a `SimulationError`, that is an error among the
-        findings; what a coarse level warns of is a warning among them.
+        Makes the simulator of this scene. A `SimulationError` that it raises becomes an error among the
+        findings, and a `CoarseWarning` a warning.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -98,42 +98,42 @@ def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
         except SimulationError as error:
             refused = Finding(severity="error", field="", problem=str(error), advice="")
             return replace(check(scene), stable=False, findings=(refused, *findings(scene)))
-    told = [
+    warned = [
         Finding(severity="warning", field="", problem=str(one.message), advice="")
         for one in caught
         if issubclass(one.category, CoarseWarning)
     ]
     found = check(scene, simulator)
-    return replace(found, findings=_gravest_first([*told, *found.findings]))
+    return replace(found, findings=_most_severe_first([*warned, *found.findings]))
 
 
 def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]:
-    """Return what a scene itself tells, without trying a frame, the gravest first.
+    """Return the findings about the scene itself, without a frame, the most severe first.
 
     `resolution` is that of the grid that simulates, in cells per metre; the scene's if absent.
     """
     cells = resolution or scene.resolution
-    return _gravest_first([*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells)])
+    return _most_severe_first([*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells)])
 
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:
-    """Return about how much memory a process needs for so many particles on such a grid [bytes]."""
+    """Return the approximate memory of a process with so many particles on such a grid [bytes]."""
     nodes = math.prod([resolution + 16] * scene.dim)
     largest = max(_PARTICLE_BYTES[material.kind] for material in scene.materials)
     return _BASE_BYTES + _NODE_BYTES * nodes + largest * particles
 
 
 def resolution_of(simulator: Simulator | None, scene: Scene) -> int:
-    """Return the cells per metre of the grid that simulates, the scene's where nothing tells."""
+    """Return the cells per metre of a simulator's grid; the scene's where it has none."""
     return int(getattr(simulator, "resolution", scene.resolution))
 
 
-def _gravest_first(found: list[Finding]) -> tuple[Finding, ...]:
-    return tuple(sorted(found, key=lambda one: _GRAVITY_ORDER.index(one.severity)))
+def _most_severe_first(found: list[Finding]) -> tuple[Finding, ...]:
+    return tuple(sorted(found, key=lambda one: _SEVERITIES.index(one.severity)))
 
 
 def _unstable(scene: Scene, simulator: Simulator | None, tried: Probe | None) -> Finding | None:
-    """Return the finding that substeps were chosen above the stability limit, if they were."""
+    """Return the finding that the caller's substeps exceed the stability limit; None where they do not."""
     if tried is None or tried.substeps is None or tried.bound not in ("fixed", "reference"):
         return None
     dx = 1 / resolution_of(simulator, scene)

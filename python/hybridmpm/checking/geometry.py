@@ -1,4 +1,4 @@
-"""Findings about where things lie: thin solids and bodies, and bodies in each other or in solids."""
+"""Findings about places: thin solids and bodies, and bodies in each other or in solids."""
 
 from collections.abc import Iterator
 
@@ -9,12 +9,12 @@ from hybridmpm.checking.report import Finding
 from hybridmpm.scene import Scene
 from hybridmpm.scene.scene import MIN_CELLS_THICK
 
-_FEW = 0.01
-"""Share of a body's particles below which nothing is said of what others took of it."""
+_SMALL = 0.01
+"""Largest overlap of a body that is no finding, as a share of its volume."""
 _SAMPLES = 20_000
-"""Points that are looked at in a body, at most."""
+"""Largest number of sampled points in a body."""
 _ALL_SAMPLES, _FEWEST_SAMPLES = 400_000, 200
-"""Points that are looked at in all bodies, and in each of many at least: what a check takes stays bounded."""
+"""Sampled points in all bodies, and least number in each of many: they bound the time of a check."""
 _FEWEST_ROWS = 4
 """Points along each axis of a body at least: a thin one may lie with its half in another."""
 
@@ -22,7 +22,7 @@ _Points = npt.NDArray[np.float64]
 
 
 def of_geometry(scene: Scene) -> Iterator[Finding]:
-    """Yield what is to be said of the places and shapes of a scene's parts."""
+    """Yield the findings about places and shapes of a scene's parts."""
     yield from _thin_obstacles(scene)
     yield from _thin_bodies(scene)
     yield from _taken(scene)
@@ -50,13 +50,13 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
                 severity="warning",
                 field=f"bodies[{index}]",
                 problem=f"is {thickness:.3g} m thin, less than one cell of {scene.dx:.3g} m, so its "
-                "particles hardly feel each other",
+                "particles hardly interact",
                 advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
             )
 
 
 def _taken(scene: Scene) -> Iterator[Finding]:
-    """Say of what part of a body earlier bodies and obstacles take."""
+    """Yield the findings about bodies that overlap earlier bodies or obstacles."""
     solids = [obstacle.to_native() for obstacle in scene.obstacles]
     bounds = [body.bounds for body in scene.bodies]
     lowers = np.array([lower for lower, _ in bounds]).reshape(-1, scene.dim)
@@ -71,7 +71,7 @@ def _taken(scene: Scene) -> Iterator[Finding]:
         meet = (lowers[:index] < upper) & (uppers[:index] > lower)
         for before in np.flatnonzero(meet.all(axis=1)):
             share = float(scene.bodies[before].contains(x).mean())
-            if share > _FEW:
+            if share > _SMALL:
                 yield Finding(
                     severity="warning",
                     field=f"bodies[{index}]",
@@ -80,7 +80,7 @@ def _taken(scene: Scene) -> Iterator[Finding]:
                 )
         for number, solid in enumerate(solids):
             share = float((solid.signed_distance(x.astype(np.float32)) <= 0).mean())
-            if share > _FEW:
+            if share > _SMALL:
                 yield Finding(
                     severity="warning",
                     field=f"bodies[{index}]",

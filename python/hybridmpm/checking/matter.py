@@ -1,4 +1,4 @@
-"""Findings about materials: those that yield under their weight, make a frame dear, or are far lighter."""
+"""Findings about materials: soft under their weight, costly, or far lighter than others."""
 
 from collections.abc import Iterator
 
@@ -8,20 +8,20 @@ from hybridmpm.mpm.cost import cfl_substeps
 from hybridmpm.mpm.scene_warnings import FULL, SOFT, filled_share, settled_compression
 from hybridmpm.scene import Scene, Water
 
-DEAR = 3.0
-"""How many times the substeps of all others a material asks for where it is said to be dear."""
+COSTLY = 3.0
+"""Note materials that need this many times the substeps of the others."""
 MANY_SUBSTEPS = 50
-"""Substeps a frame from which on the only material of a scene is said to be dear."""
+"""Note the only material of a scene from this many substeps a frame on."""
 UNEQUAL = 100.0
-"""Ratio of densities from which on something is said."""
+"""Warn when densities differ by more than this factor."""
 
 
 def of_matter(scene: Scene, resolution: int) -> Iterator[Finding]:
-    """Yield what is to be said of the materials of a scene; `resolution` is the grid's that simulates it."""
+    """Yield the findings about the materials of a scene; `resolution` is that of the simulator's grid."""
     yield from _full(scene)
     yield from _soft(scene)
     yield from _unequal(scene)
-    yield from _dear(scene, resolution)
+    yield from _costly(scene, resolution)
 
 
 def _full(scene: Scene) -> Iterator[Finding]:
@@ -64,26 +64,26 @@ def _unequal(scene: Scene) -> Iterator[Finding]:
         )
 
 
-def _dear(scene: Scene, resolution: int) -> Iterator[Finding]:
+def _costly(scene: Scene, resolution: int) -> Iterator[Finding]:
     counts = [cfl_substeps(scene, [material], resolution) for material in scene.materials]
     for index, (material, count) in enumerate(zip(scene.materials, counts, strict=True)):
         others = max((other for place, other in enumerate(counts) if place != index), default=0)
         if count > MAX_SUBSTEPS and resolution == scene.resolution:
-            # On coarser grids moduli may be lowered, too; there the first frame tells.
+            # On coarser grids moduli may be lowered, too; there the first frame raises the error.
             yield Finding(
                 severity="error",
                 field=scene.made_of(material),
-                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a frame, "
+                problem=f"{material.kind} of {material.density:g} kg/m^3 needs {count} substeps a frame, "
                 f"and at most {MAX_SUBSTEPS} are taken",
                 advice=f"make it {(count / MAX_SUBSTEPS) ** 2:.2g} times softer or denser, or frames "
                 f"{count / MAX_SUBSTEPS:.2g} times shorter",
             )
-        elif count > (DEAR * others if others else MANY_SUBSTEPS - 1):
+        elif count > (COSTLY * others if others else MANY_SUBSTEPS - 1):
             compared = f"; all others need {others}" if others else ""
             yield Finding(
                 severity="note",
                 field=scene.made_of(material),
-                problem=f"{material.kind} of {material.density:g} kg/m^3 asks for {count} substeps a "
+                problem=f"{material.kind} of {material.density:g} kg/m^3 needs {count} substeps a "
                 f"frame{compared}",
                 advice="make it softer or denser, or take a coarser grid",
             )

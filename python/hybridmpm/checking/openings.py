@@ -1,4 +1,4 @@
-"""Findings about emitters: how many particles they will have added."""
+"""Findings about emitters: the number of particles that they add."""
 
 from collections.abc import Iterator
 
@@ -6,11 +6,11 @@ from hybridmpm.checking.report import Finding
 from hybridmpm.scene import Scene
 
 _GROWTH = 2.0
-"""How many times the particles of the start a scene has to reach before something is said of it."""
+"""Note emitters that multiply the particle count by at least this."""
 
 
 def of_openings(scene: Scene) -> Iterator[Finding]:
-    """Yield what is to be said of the emitters of a scene; solvers refuse one that opens into a solid."""
+    """Yield the findings about the emitters of a scene; solvers refuse one that opens into a solid."""
     added = [emitted(scene, index) for index in range(len(scene.emitters))]
     before = sum(body.measure for body in scene.bodies) / scene.spacing**scene.dim
     after = min(before + sum(added), scene.max_particles)
@@ -28,7 +28,7 @@ def of_openings(scene: Scene) -> Iterator[Finding]:
 
 
 def emitted(scene: Scene, index: int, frames: int | None = None) -> float:
-    """Return how many particles an emitter adds in so many frames, if nothing blocks it.
+    """Return the number of particles that an emitter adds in so many frames, if nothing blocks it.
 
     `frames` is the suggested length of the scene if absent.
     """

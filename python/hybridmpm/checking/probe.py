@@ -1,4 +1,4 @@
-"""A probe: a few frames on a copy of a simulator, which tell how frames are cut and how long they take."""
+"""A probe: frames on a copy of a simulator, for the substeps and the time of a frame."""
 
 import time
 from dataclasses import dataclass
@@ -12,28 +12,28 @@ from hybridmpm.simulator import Simulator
 _SECONDS = 0.25
 """Time after which a probe ends [s], once it has enough frames."""
 _FRAMES = 12
-"""Frames of a probe, at most, beside those that bring it to its pace."""
+"""Largest number of timed frames of a probe."""
 _FILL_SECONDS = 0.25
 """Time for which emitters may fill a scene towards the middle of its run before frames are timed [s]."""
 _LONG = 5_000_000
-"""Particles times substeps from which on a frame is too long to be tried whole: it takes 0.1 s or more."""
+"""Particles times substeps above which a frame is too long to be probed whole: it takes 0.1 s or more."""
 _SHORT_SUBSTEPS = 4
 
 
 @dataclass(frozen=True)
 class Probe:
-    """What the first frames of a simulator are like."""
+    """Substeps and time of the first frames of a simulator."""
 
     seconds: float
     """Time of a frame [s]; where emitters bring particles, of one in the middle of the run."""
     substeps: int | None
     """Substeps of MPM's latest frame; None where MPM made none."""
     bound: str | None
-    """What chose the shortest of them."""
+    """Bound that limits the shortest of them."""
 
 
 def probe_scene(scene: Scene) -> Probe:
-    """Try MPM on a scene; of long frames a few substeps.
+    """Probe MPM on a scene; of long frames some substeps.
 
     Raises
     ------
@@ -53,10 +53,10 @@ def probe_scene(scene: Scene) -> Probe:
 
 
 def probe(simulator: Simulator) -> Probe:
-    """Advance a copy by a few frames; the simulator itself stays as it is.
+    """Advance a copy by some frames; the simulator itself does not change.
 
-    A network needs frames of MPM before its first step, and moves only every `r_t` frames: those are tried
-    first, and whole steps are timed.
+    A network needs frames of MPM before its first step, and takes steps of `r_t` frames. So those frames are
+    simulated first, and whole steps are timed.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def probe(simulator: Simulator) -> Probe:
 
 
 def _grown(simulator: Simulator) -> float:
-    """Let emitters fill a scene for a while; return how many times more the middle of its run has."""
+    """Let emitters fill a scene for a while; return the factor to the particle count in mid-run."""
     scene = simulator.scene
     if not scene.emitters:
         return 1.0
@@ -96,7 +96,7 @@ def _grown(simulator: Simulator) -> float:
     while simulator.frame < middle and time.perf_counter() < end:
         simulator.advance()
     count, added = simulator.particle_count, nominal(simulator.frame) - nominal(first)
-    # Sinks and what blocks an emitter go on as they have begun.
+    # Sinks and blocked emitters are assumed to go on alike.
     kept = min(1.0, max(0.0, (count - before) / added)) if added > 0 else 1.0
     later = count + kept * max(0.0, nominal(middle) - nominal(simulator.frame))
     return max(1.0, min(later, scene.max_particles) / max(count, 1))

@@ -1,4 +1,4 @@
-"""`SceneCheck`: the answer of a check, and `Finding`, one thing that it says."""
+"""`SceneCheck`: the result of a check, and `Finding`, one remark of it."""
 
 import html
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ it costs more than it has to."""
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One thing that a check says of a scene."""
+    """One remark about a scene."""
 
     severity: Severity
     field: str
-    """The part of the scene that it is about, as a path such as "bodies[1]"; "" for the whole."""
+    """Path of the part of the scene, such as "bodies[1]"; "" for the whole."""
     problem: str
-    """What is wrong, with its figures."""
+    """The fault, with its figures."""
     advice: str
-    """What to change; "" where the problem already says it."""
+    """The remedy; "" where the problem contains it."""
 
     def __str__(self) -> str:
         where = f"{self.field}: " if self.field else ""
@@ -28,7 +28,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneCheck:
-    """What is known of a scene before its first frame."""
+    """Stability, cost and likely faults of a scene before its first frame."""
 
     scene: str
     """Title of the scene."""
@@ -38,8 +38,8 @@ class SceneCheck:
     """Whether the step of MPM is below the stability limit; None where a network moves the particles, for
     which no bound is known."""
     bound: str | None
-    """What chose the shortest substep: "sound", "speed", "obstacle", "frame", "reference" or "fixed", as in
-    `FrameReport.bound`; None where no frame could be tried, or a network made it."""
+    """Bound that limits the shortest substep: "sound", "speed", "obstacle", "frame", "reference" or "fixed",
+    as in `FrameReport.bound`; None where no frame could be simulated, or a network made it."""
     substeps: int | None
     """Substeps of the first frames; None as with `bound`."""
     milliseconds: float | None
@@ -49,7 +49,7 @@ class SceneCheck:
     memory: int
     """Memory that the simulation takes, estimated [bytes]."""
     findings: tuple[Finding, ...]
-    """What may go wrong and what is dear, the gravest first."""
+    """Likely faults and high costs, the most severe first."""
 
     @property
     def ok(self) -> bool:

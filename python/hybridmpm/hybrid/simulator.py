@@ -64,8 +64,8 @@ class HybridSimulator(CoarseSimulator):
         Names as in `hybrid.GUARDS`, or guards with other settings. Without guards the network is never
         overruled; a state that cannot be physical raises an error.
     show_all : bool
-        Where the network moves fewer particles than the scene has, carry all of them along
-        (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        Where the network moves fewer particles than the scene has, show all of the scene
+        (`coarse.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those that are simulated.
     threads : int in [1, 1024]
         Threads of MPM and of a network that is loaded here; the result does not depend on them.
@@ -187,7 +187,7 @@ class HybridSimulator(CoarseSimulator):
 
     @property
     def log(self) -> tuple[Decision, ...]:
-        """All decisions so far about who simulates, in the order in which they were made."""
+        """All decisions so far between network and MPM, in the order in which they were made."""
         return tuple(self._loop.state.log)
 
     @property

@@ -176,8 +176,8 @@ class NeuralPhysics(CoarseSimulator):
         The network: name of a model of the library, an .onnx file, or anything that steps like a
         `NeuralModel`. "zero" is free fall.
     show_all : bool
-        Where the network moves fewer particles than the scene has, carry all of them along
-        (`downsampling.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
+        Where the network moves fewer particles than the scene has, show all of the scene
+        (`coarse.Upsampler`): `positions`, `velocities`, `ids`, `mass` and `materials` are then those of
         the whole scene, and forces are given for them; `coarse_positions` are those that the network moves.
     threads : int in [1, 1024]
         Threads of the first frames, and of a network that is loaded here.
@@ -210,8 +210,8 @@ class NeuralPhysics(CoarseSimulator):
 
     def _start(self, solver: MpmSolver) -> None:
         self._stepper = NetworkStepper(solver, self._model)
-        carrying = self._show_all and solver.r_p < 1
-        self._shown_by = solver.upsampler_for(self._stepper) if carrying else None
+        shows_more = self._show_all and solver.r_p < 1
+        self._shown_by = solver.upsampler_for(self._stepper) if shows_more else None
 
     def _traits(self) -> list[str]:
         return [f"model {name_of(self._model)}"]
@@ -251,7 +251,7 @@ class NeuralPhysics(CoarseSimulator):
 
     @property
     def mode(self) -> Mode:
-        """Who simulates the next frame: "mpm" in the first 5 r_t frames, then "neural"."""
+        """Simulator of the next frame: "mpm" in the first 5 r_t frames, then "neural"."""
         return "neural" if self._stepper.track.ready else "mpm"
 
     @property
@@ -261,7 +261,7 @@ class NeuralPhysics(CoarseSimulator):
 
     @property
     def last_frame(self) -> _core.FrameReport | None:
-        """How MPM cut its latest frame; None before the first and where the network made it."""
+        """Substeps of MPM's latest frame; None before the first and where the network made it."""
         return self._solver.last_frame if self._stepper.is_by_mpm else None
 
     @property
@@ -275,7 +275,7 @@ class NeuralPhysics(CoarseSimulator):
     def diagnostics(self) -> _core.Diagnostics:
         """Mass, momentum, energies and extremes over all particles, at this instant.
 
-        A network knows no stress: elastic energy is that of the last frame that MPM made.
+        A network predicts no stress: elastic energy is that of the last frame of MPM.
         """
         if self._stepper.is_by_mpm:
             return self._solver.diagnostics()

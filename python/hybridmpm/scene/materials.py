@@ -162,9 +162,9 @@ class Elastic(Record):
 
 
 def _from_name(value: object) -> object:
-    """Let "water" stand for {"kind": "water"}."""
+    """Return {"kind": "water"} for "water"."""
     return {"kind": value} if isinstance(value, str) else value
 
 
 Material = Annotated[Water | Sand | Elastic, Field(discriminator="kind"), BeforeValidator(_from_name)]
-"""A material object; its kind alone ("water") stands for the reference material of this kind."""
+"""A material object; its kind alone ("water") is the reference material of this kind."""

@@ -22,7 +22,7 @@ from hybridmpm.scene.materials import Material
 from hybridmpm.scene.shapes import BallShape, BoxShape, Shaped
 
 EmitterStatus = Literal["waiting", "running", "blocked", "full", "ended"]
-"""What an emitter did in the latest frame.
+"""Status of an emitter in the latest frame.
 
 "waiting": it has not started. "running": its material comes. "blocked": material or an obstacle is in its
 way. "full": the scene already has `max_particles` particles. "ended": its time is over.

@@ -34,7 +34,7 @@ surface. So in a thinner obstacle it could come out on the other side.
 _ROUNDING = 1e-9
 """Length [m] by which bounds may reach past a wall: a ball that just touches it does so by rounding."""
 MIN_CELLS_BETWEEN_WALLS = 4
-"""Smallest distance [cells] of opposite walls, so that no grid node feels both."""
+"""Smallest distance [cells] of opposite walls, so that no grid node interacts with both."""
 _MAX_RESOLUTION_3D = 512
 """Largest resolution in 3D [cells/m]; the dense grid takes 2.3 GB there, and eight times as much at twice."""
 _SHAPES_OF_ONE_DIMENSION = {
@@ -44,7 +44,7 @@ _SHAPES_OF_ONE_DIMENSION = {
 }
 """The dimension of shapes that have only one, and the shapes of the other dimension."""
 YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
-"""What the YAML loader raises: besides its own errors those of conversions, e.g. a date in month 13."""
+"""Errors of the YAML loader: its own and those of conversions, e.g. a date in month 13."""
 
 
 def _by_dim(two: Any, three: Any) -> Any:
@@ -195,7 +195,7 @@ class Scene(Record):
 
     @property
     def title(self) -> str:
-        """The name, or what stands for it where there is none."""
+        """The name, or a title from the dimension where there is none."""
         return self.name or f"{self.dim}D scene"
 
     def __repr__(self) -> str:

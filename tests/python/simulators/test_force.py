@@ -211,8 +211,8 @@ def test_a_function_that_fails_stops_before_its_frame(make: Make) -> None:
 
     failures: list[tuple[Callable[[], Any], str]] = [
         (fail, "the force function raised ZeroDivisionError before frame 28: no more"),
-        (lambda: np.zeros(3), r"the force function's answer before frame 28 must have shape \(2,\)"),
-        (lambda: [np.nan, 0.0], "the force function's answer before frame 28 must be finite"),
+        (lambda: np.zeros(3), r"the force function's value before frame 28 must have shape \(2,\)"),
+        (lambda: [np.nan, 0.0], "the force function's value before frame 28 must be finite"),
         (lambda: late, "must be an acceleration, not another function"),
         (lambda: ([1, 1], np.zeros((2, 2))), "must differ, got 1 twice"),
     ]

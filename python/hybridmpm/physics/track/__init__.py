@@ -1,4 +1,4 @@
-"""Particles that a network moves: the states it looks back on, and the frames within its steps."""
+"""Particles that a network moves: its history, and the frames within its steps."""
 
 from hybridmpm.physics.track.path import StepPath
 from hybridmpm.physics.track.track import Track, warmup_frames

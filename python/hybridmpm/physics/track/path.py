@@ -1,4 +1,4 @@
-"""Where particles go within a step of a network."""
+"""Paths of particles within a step of a network."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -11,12 +11,12 @@ _Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True)
 class StepPath:
-    """Where particles go within a network step, from 0 to 1.
+    """Path of particles within a network step, from 0 to 1.
 
-    A parabola whose curvature is that of the known acceleration, on each axis as far as the second difference
-    of the network's own states confirms it. So free fall is exact, what rests stays, and an impact, which
-    happens at some unknown instant, gives a straight line: a full parabola would throw particles back
-    from the floor.
+    It is a parabola with the curvature of the known acceleration, on each axis as far as the second
+    difference of the network's own states confirms it. So free fall is exact and resting particles stay. An
+    impact, at an unknown instant, gives a straight line: a full parabola would throw particles back from the
+    floor.
     """
 
     start: _Floats

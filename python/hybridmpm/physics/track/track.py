@@ -1,4 +1,4 @@
-"""Particles that a network moves: the states it looks back on, and the frames within its steps."""
+"""`Track`: a network's history, and the frames within its steps."""
 
 import copy
 from collections import deque
@@ -28,10 +28,10 @@ def warmup_frames(r_t: int) -> int:
 
 
 class Track:
-    """What a network looks back on, and the step that is under way.
+    """History of a network, and its step under way.
 
-    It keeps the latest six states, `r_t` frames apart: `observe` takes one that somebody else computed,
-    `arrive` one that the network's own step led to. Obstacles take part as kinematic particles that are not
+    The history is the latest six states, `r_t` frames apart. `observe` adds one computed elsewhere, `arrive`
+    the end of the network's own step. Obstacles take part as kinematic particles that are not
     among the N.
 
     Parameters
@@ -61,7 +61,7 @@ class Track:
         self._solids = kinematic_particles(scene, spacing_at(scene, stepper.r_p))
         solid_types = np.full(len(self._solids), KINEMATIC)
         self.types = np.concatenate([materials, solid_types]).astype(np.int64)
-        """DeepMind's types (N + K,) of the fluid particles and of the K that stand for obstacles."""
+        """DeepMind's types (N + K,) of the fluid particles and of the K particles of obstacles."""
         self._fluid = len(materials)
         self.gravity = np.array(scene.gravity, dtype=np.float32)
         """Acceleration (D,) [m/s^2]."""
@@ -71,7 +71,7 @@ class Track:
 
     @property
     def ready(self) -> bool:
-        """Whether the network has all the states that it looks back on."""
+        """Whether the history is complete."""
         return len(self._states) == HISTORY
 
     @property

@@ -1,4 +1,4 @@
-"""From times of simulators to times of each kind of work: least squares without negative answers."""
+"""Times of each kind of work from times of simulators, by least squares without negative results."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Sample:
     obstacles: int
     """Number of obstacles."""
     show_all: bool
-    """Whether those shown are carried along."""
+    """Whether more particles are shown than simulated."""
     microseconds: float
     """Median time of a frame [us]."""
 

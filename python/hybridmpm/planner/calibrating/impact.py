@@ -35,8 +35,8 @@ def first_impact(solver: MpmSolver, limit: int) -> int:
     -------
     int
         First frame over which gravity does not explain, by more than `PUSH`, the acceleration of more than
-        `SHARE` of the particles. The solver feels a wall or another body from some cells away, so this frame
-        may be one or two before the surfaces meet.
+        `SHARE` of the particles. The solver reacts to a wall or another body from some cells away, so this
+        frame may be one or two before the surfaces meet.
 
     Raises
     ------

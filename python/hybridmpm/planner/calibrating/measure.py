@@ -39,7 +39,7 @@ _PIECE = 8
 _SPAN, _TURN, _PASSES = 160, 5 * _PIECE, 2
 
 _OBSTRUCTED = 3
-"""Scenes with obstacles of each material in 2D, from few obstacles to many."""
+"""Number of scenes with obstacles of each material in 2D, from fewest obstacles to most."""
 
 COUNT = 2 * len(CLASSES) + 2 * _OBSTRUCTED
 """Number of scenes: those of two sizes of each scenario, and those with obstacles."""
@@ -103,7 +103,7 @@ def _scenes(scenario: str) -> tuple[Scene, Scene]:
 
 
 def _obstructed(scenario: str) -> list[Scene]:
-    """Return training scenes with few, with more and with most obstacles."""
+    """Return three training scenes, with fewest, more and most obstacles."""
     drawn = [scenarios.get(scenario, seed) for seed in _SEEDS]
     drawn.sort(key=lambda scene: len(scene.obstacles))
     return [drawn[round(place)] for place in np.linspace(0, len(drawn) - 1, _OBSTRUCTED)]
@@ -141,7 +141,7 @@ def _timed(scene: Scene, chosen: Sequence[Candidate]) -> Iterator[Sample]:
 def _frames(simulator: CoarseSimulator, substeps: list[int]) -> list[float]:
     spent = []
     for _ in range(_TURN):
-        began = time.process_time()  # others who use the machine then add less
+        began = time.process_time()  # other processes add less to it
         simulator.advance(1)
         _ = simulator.positions
         spent.append(time.process_time() - began)
