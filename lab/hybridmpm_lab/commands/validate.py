@@ -1,7 +1,6 @@
 """`python -m hybridmpm_lab validate`: compare the solver with experiments and closed forms."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -9,9 +8,6 @@ from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
 from hybridmpm_lab import validation
 from hybridmpm_lab.validation import page
-
-if TYPE_CHECKING:
-    from hybridmpm_lab.validation.case import Case, CaseResult
 
 
 @click.command()
@@ -32,16 +28,17 @@ def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> No
         if not out.is_dir():
             raise click.UsageError(f"--out: the folder {out} does not exist.")
         charts.panels()  # so that a missing matplotlib is reported before the runs
-    chosen = [case for name, case in validation.CASES.items() if name in cases or not cases]
-    results: list[tuple[Case, CaseResult]] = []
+    chosen = [name for name in validation.CASES if name in cases or not cases]
+    outcomes = []
     with progress("Validating", len(chosen)) as bar:
-        for case in chosen:
-            results.append((case, case.run()))
+        for name in chosen:
+            case = validation.CASES[name]
+            outcomes.append((name, case, case.run()))
             bar.update(1)
-    for case, result in results:
+    for _, case, result in outcomes:
         click.echo(f"{case.title}\n{page.text_table(result.checks)}\n")
     if out is not None:
-        page.write(out, results)
+        page.write(out, outcomes)
         click.echo(f"wrote {out / 'README.md'} and its charts")
-    failed = any(check.verdict == "FAIL" for _, result in results for check in result.checks)
+    failed = any(check.verdict == "FAIL" for _, _, result in outcomes for check in result.checks)
     ctx.exit(1 if failed else 0)

@@ -1,4 +1,4 @@
-"""What became of a trial: the measures of a run, and the outcome that they mean."""
+"""Measures of a run, and the outcome that they amount to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,20 +11,21 @@ from hybridmpm.coarse.splines import Stencils
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
 
-Outcome = Literal["survived", "degraded", "refused", "failed"]
+Outcome = Literal["survived", "refused", "degraded", "failed"]
+OUTCOMES: tuple[Outcome, ...] = ("survived", "refused", "degraded", "failed")
 
 ENERGY_GROWTH = 1.05
 """Largest energy of a run that survives, over that at the start and the work done."""
 DENSITY_GROWTH = 1.1
 """Largest crowding of a run that survives, over the truth's, where all particles are simulated."""
-CARRIED_DENSITY_GROWTH = 1.3
-"""The same where all particles are carried along with few."""
+SHOWN_DENSITY_GROWTH = 1.3
+"""The same for shown particles, which follow coarse ones."""
 VOLUME_CHANGE = 0.05
 """Largest difference of the volume of a run that survives to the truth's, in the last quarter."""
 _PASSED = 0.001
 """Share of the particles that may pass a solid."""
 _REST_ENERGY = 1e-3
-"""Energy that does not count [J/kg]: that of a speed of 4.5 cm/s, or a height of 0.1 mm."""
+"""Energy that is neglected [J/kg]: that of a speed of 4.5 cm/s, or a height of 0.1 mm."""
 _QUARTERS = 4
 
 _Floats = npt.NDArray[np.float32]
@@ -86,17 +87,17 @@ def _room(scene: Scene, x: _Floats) -> tuple[float, float]:
     return float(np.percentile(stencils.gather(filled), 99)), cells * scene.dx**scene.dim
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Run:
-    """One method on one trial, as far as it came."""
+    """One method on one trial, up to its end."""
 
     looks: tuple[Look, ...]
     mass: float
     """Mass of all particles [kg]."""
     passed: float = 0.0
-    """Largest share of the particles where none can be but through a solid."""
+    """Largest share of the particles that can be reached only through a solid."""
     same: bool = True
-    """Whether going on from a snapshot gave the same bits."""
+    """Whether a run from a snapshot gave the same bits."""
 
     def crowding(self) -> npt.NDArray[np.float64]:
         """Return the mean crowding of each quarter of the run."""
@@ -109,27 +110,13 @@ class Run:
         return float(np.mean([one.volume for one in self.looks[last:]]))
 
 
-def volume_spread(truth: Run | None, others: Sequence[Run | None]) -> float | None:
-    """Return by what part the volume of the truth with other jitter differs from the truth's, at most.
-
-    None where there is no truth, or none with other jitter.
-    """
-    if truth is None or truth.volume() == 0:
-        return None
-    known = [abs(one.volume() / truth.volume() - 1) for one in others if one is not None]
-    return max(known, default=None)
-
-
 def judged(
-    run: Run, truth: Run | None, others: Sequence[Run | None] = (), *, carries: bool
+    run: Run, truth: Run | None, others: Sequence[Run | None] = (), *, all_simulated: bool
 ) -> tuple[Outcome, list[str]]:
-    """Return the outcome of a run that came to its end, and the measures that speak against survival.
+    """Return the outcome of a complete run, and the measures that speak against survival.
 
     `others` are the truth with other jitter. Where their volumes differ by more than is allowed, the motion
-    is chaotic, and a run may differ by as much.
-
-    Without a truth the crowding is held against that at the start, the volume against that of the particles
-    at rest, which at the start fill the bodies. Single particles fill no cell and have no volume.
+    is chaotic, and a run may differ by as much. Without a truth the state at the start takes its place.
     """
     finite = all(one.finite for one in run.looks)
     if not finite or any(one.outside for one in run.looks):
@@ -140,29 +127,15 @@ def judged(
     if any(one.energy > most for one, most in zip(run.looks, allowed, strict=True)):
         faults.append("energy")
     crowding = truth.crowding() if truth else np.full(_QUARTERS, start.crowding)
-    growth = CARRIED_DENSITY_GROWTH if carries else DENSITY_GROWTH
+    growth = DENSITY_GROWTH if all_simulated else SHOWN_DENSITY_GROWTH
     if (run.crowding() > growth * crowding).any():
         faults.append("density")
     volume = truth.volume() if truth else start.volume
-    allowed_change = max(VOLUME_CHANGE, volume_spread(truth, others) or 0.0)
-    if abs(run.volume() - volume) > allowed_change * volume:
+    spread = max((abs(one.volume() - volume) for one in others if truth and one), default=0.0)
+    if abs(run.volume() - volume) > max(VOLUME_CHANGE * volume, spread):
         faults.append("volume")
     if run.passed > _PASSED:
         faults.append("passed a solid")
     if not run.same:
         faults.append("another state than the uninterrupted run")
     return ("degraded" if faults else "survived"), faults
-
-
-def figures(run: Run, truth: Run | None) -> dict[str, float]:
-    """Return the figures behind an outcome: each measure at its worst."""
-    start = run.looks[0]
-    slack = _REST_ENERGY * run.mass
-    energies = [(one.energy - slack) / max(start.energy + one.work, 1e-12) for one in run.looks]
-    crowding = truth.crowding() if truth else np.full(_QUARTERS, start.crowding)
-    volume = truth.volume() if truth else start.volume
-    return {
-        "energy": max(energies),
-        "density": float((run.crowding() / crowding).max()),
-        "volume": run.volume() / volume if volume else 1.0,
-    }

@@ -1,92 +1,125 @@
-"""What every validation case consists of: a run, its judged figures, and a chart."""
+"""The parts of a validation case: judged figures, curves, and the measurements that cases share."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Scene
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Check:
+class Check(NamedTuple):
     """A measured figure with the values that are accepted."""
 
     quantity: str
     """Name of the figure, with its unit."""
     measured: float
     target: str
-    """Value that the figure should have, for a reader."""
+    """Value that the figure should have."""
     tolerance: str
-    """Values that are accepted, for a reader; "none" if the figure is only reported."""
-    low: float = -math.inf
-    """Lower end of the accepted range; infinite if the figure is only reported."""
-    high: float = math.inf
-    """Upper end of the accepted range; infinite if the figure is only reported."""
-    outside: bool = False
-    """Whether the figure is a negative control, which must lie outside the range."""
-
-    @property
-    def verdict(self) -> str:
-        """Whether the figure is accepted: "pass" or "FAIL", or "reported" if every value is accepted."""
-        if math.isinf(self.low) and math.isinf(self.high):
-            return "reported"
-        if math.isnan(self.measured):
-            return "FAIL"
-        return "pass" if (self.low <= self.measured <= self.high) != self.outside else "FAIL"
+    """Values that are accepted; "none" if the figure is only reported."""
+    verdict: Literal["pass", "FAIL", "reported"]
 
     @classmethod
     def at_most(cls, quantity: str, measured: float, limit: float) -> Self:
-        """Return a check of an error, which must be at most `limit` in size."""
-        text = f"<= {limit:g}"
-        return cls(quantity=quantity, measured=measured, target="0", tolerance=text, low=-limit, high=limit)
+        """Return a check of an error, which must be at most `limit` in size; NaN fails."""
+        return cls(quantity, measured, "0", f"<= {limit:g}", "pass" if abs(measured) <= limit else "FAIL")
 
     @classmethod
     def between(
-        cls, quantity: str, measured: float, low: float, high: float, *, outside: bool = False
+        cls, quantity: str, measured: float, band: tuple[float, float], *, control: bool = False
     ) -> Self:
-        """Return a check of a figure, which must lie in a band, or outside it as a negative control."""
-        return cls(
-            quantity=quantity,
-            measured=measured,
-            target=f"{low:.3g} to {high:.3g}",
-            tolerance="outside the band" if outside else "inside the band",
-            low=low,
-            high=high,
-            outside=outside,
-        )
+        """Return a check of a figure, which must lie in a band, as a control outside it; NaN fails."""
+        low, high = band
+        accepted = measured < low or measured > high if control else low <= measured <= high
+        where = "outside the band" if control else "inside the band"
+        return cls(quantity, measured, f"{low:.3g} to {high:.3g}", where, "pass" if accepted else "FAIL")
 
     @classmethod
-    def reported(cls, quantity: str, measured: float, target: str = "") -> Self:
+    def reported(cls, quantity: str, measured: float, target: str = "0") -> Self:
         """Return a check that reports a figure and accepts every value."""
-        return cls(quantity=quantity, measured=measured, target=target, tolerance="none")
+        return cls(quantity, measured, target, "none", "reported")
 
 
-class CaseResult(Protocol):
-    """Curves and error figures of a run."""
+class Curve(NamedTuple):
+    """A line or a set of points of a panel."""
 
-    @property
-    def checks(self) -> tuple[Check, ...]:
-        """All figures that the page lists."""
+    x: npt.ArrayLike
+    y: npt.ArrayLike
+    label: str = ""
+    colour: int | None = None
+    """Index of the chart's colours and markers; None is black."""
+    style: str = "-"
+    """Line style of matplotlib; "o" stands for points with the marker of the colour."""
+    options: Mapping[str, Any] = {}
+    """Further options of matplotlib's `plot`."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """A validation case, as the command and the page need it."""
+class Panel(NamedTuple):
+    """A panel of a chart."""
 
-    name: str
-    """Name of the case on the command line and in file names."""
     title: str
-    """Title of the case on the page."""
+    xlabel: str
+    ylabel: str
+    curves: Sequence[Curve]
+    options: Mapping[str, Any] = {}
+    """Limits, scales and ticks, as options of matplotlib's `Axes.set`."""
+
+
+class Result(NamedTuple):
+    """Judged figures and curves of a run."""
+
+    checks: Sequence[Check]
+    panels: Sequence[Panel]
+
+
+class Case(NamedTuple):
+    """A validation case."""
+
+    title: str
     text: str
-    """What is measured, how, and what it shows, as one paragraph of Markdown."""
-    run: Callable[[], CaseResult]
+    """Measured quantity, method and finding, in Markdown."""
+    run: Callable[[], Result]
     """Runs the case at full length."""
-    draw: "Callable[[Any], Figure]"
-    """Draws the result of `run`."""
+
+
+def recorded(
+    solver: MpmSolver, steps: int, measure: Callable[[MpmSolver], tuple[float, ...]], *, every: int = 1
+) -> tuple[Floats, Floats]:
+    """Return times (M,) [s] and the K figures of `measure` (K, M): at the start and every few frames."""
+    measured = [measure(solver)]
+    for _ in range(steps):
+        solver.advance(every)
+        measured.append(measure(solver))
+    return times(solver.scene, steps + 1, every), np.array(measured, dtype=np.float64).T
+
+
+def times(scene: Scene, count: int, every: int = 1) -> Floats:
+    """Return the times of `count` states (M,) [s], the first at 0."""
+    return np.arange(count, dtype=np.float64) * every * scene.frame_dt
+
+
+def energies(solver: MpmSolver) -> tuple[float, float]:
+    """Return the kinetic energy of the particles' velocities and the total energy [J].
+
+    The total has the kinetic energy of the affine velocities, too, and the elastic energy.
+    """
+    totals = solver.diagnostics()
+    squares = (solver.affine.astype(np.float64) ** 2).sum(axis=(1, 2))
+    affine = float((solver.mass * squares).sum()) * solver.scene.dx**2 / 8
+    return totals.kinetic_energy, totals.kinetic_energy + affine + totals.elastic_energy
+
+
+def cell_counts(x: npt.NDArray[np.float32], corner: tuple[float, float], scene: Scene) -> Floats:
+    """Return the number of particles at `x` (N, 2) in each cell (columns, rows), with `corner` lower left."""
+    cells = np.arange(scene.resolution + 1) * scene.dx
+    return np.asarray(np.histogram2d(x[:, 0], x[:, 1], bins=(corner[0] + cells, corner[1] + cells))[0])
+
+
+def extent(filled: npt.NDArray[np.bool_]) -> int:
+    """Return the number of cells up to the last filled one, that one included; 0 where none is filled."""
+    return int(np.flatnonzero(filled)[-1]) + 1 if filled.any() else 0

@@ -2,16 +2,27 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from hybridmpm._support import charts
 from hybridmpm._support.files import replacing
-from hybridmpm_lab.validation.case import Case, CaseResult, Check
+from hybridmpm_lab.validation.case import Case, Check, Curve, Result
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"
+_INTRO = """\
+# Validation
+
+The solver compared with experiments and closed forms from the literature. `python -m hybridmpm_lab validate`
+writes this page and its charts. The tests run the same functions, some shorter, with the same tolerances.
+
+"""
+
+Outcome = tuple[str, Case, Result]
+"""Name, case and result of a run."""
 
 
-def write(folder: Path, results: Sequence[tuple[Case, CaseResult]]) -> None:
-    """Write NAME.svg and NAME.png for each case, and README.md, into an existing folder.
+def write(folder: Path, outcomes: Sequence[Outcome]) -> None:
+    """Write NAME.svg for each case, and README.md, into an existing folder.
 
     Raises
     ------
@@ -20,46 +31,34 @@ def write(folder: Path, results: Sequence[tuple[Case, CaseResult]]) -> None:
     ExportError
         A file could not be written.
     """
-    for case, result in results:
-        charts.save(case.draw(result), folder / f"{case.name}.svg")
+    for name, _, result in outcomes:
+        _draw(result, folder / f"{name}.svg")
     with replacing(folder / "README.md") as part:
-        part.write_text(markdown(results), encoding="utf-8")
+        part.write_text(markdown(outcomes), encoding="utf-8")
 
 
-def markdown(results: Sequence[tuple[Case, CaseResult]]) -> str:
+def markdown(outcomes: Sequence[Outcome]) -> str:
     """Return the text of the page."""
-    verdicts = [check.verdict for _, result in results for check in result.checks]
+    verdicts = [check.verdict for _, _, result in outcomes for check in result.checks]
     summary = f"{verdicts.count('pass')} of {len(verdicts) - verdicts.count('reported')} judged figures pass"
     failed = [
         f"[{case.title.lower()}](#{case.title.lower().replace(' ', '-')}), {check.quantity}"
-        for case, result in results
+        for _, case, result in outcomes
         for check in result.checks
         if check.verdict == "FAIL"
     ]
     misses = f"; these do not: {'; '.join(failed)}" if failed else ""
-    intro = f"""\
-# Validation
-
-The solver compared with experiments and closed forms from the literature. `python -m hybridmpm_lab validate`
-writes this page and its charts. The tests run the same functions, some of them shorter, with the same tolerances.
-
-{summary}{misses}.
-"""
-    return intro + "".join(_section(case, result) for case, result in results)
+    return f"{_INTRO}{summary}{misses}.\n" + "".join(_section(*one) for one in outcomes)
 
 
-def _section(case: Case, result: CaseResult) -> str:
+def _section(name: str, case: Case, result: Result) -> str:
     table = "".join(f"| {' | '.join(_cells(check))} |\n" for check in result.checks)
-    return f"\n## {case.title}\n\n{case.text}\n\n![{case.title}]({case.name}.svg)\n\n{_HEADER}{table}"
+    return f"\n## {case.title}\n\n{case.text}\n![{case.title}]({name}.svg)\n\n{_HEADER}{table}"
 
 
 def _cells(check: Check) -> tuple[str, ...]:
-    return check.quantity, figure(check.measured), check.target, check.tolerance, check.verdict
-
-
-def figure(value: float) -> str:
-    """Return a figure with three digits; a zero has no sign."""
-    return f"{value + 0.0:.3g}"
+    # A zero has no sign.
+    return check.quantity, f"{check.measured + 0.0:.3g}", check.target, check.tolerance, check.verdict
 
 
 def text_table(checks: Sequence[Check]) -> str:
@@ -70,3 +69,25 @@ def text_table(checks: Sequence[Check]) -> str:
         "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
         for row in cells
     )
+
+
+def _draw(result: Result, file: Path) -> None:
+    figure, (row,) = charts.panels(len(result.panels))
+    for axes, panel in zip(row, result.panels, strict=True):
+        for curve in panel.curves:
+            axes.plot(curve.x, curve.y, **_style(curve))
+        axes.set(title=panel.title, xlabel=panel.xlabel, ylabel=panel.ylabel, **panel.options)
+        if axes.get_xscale() == "log":
+            axes.minorticks_off()
+        if any(curve.label for curve in panel.curves):
+            axes.legend(fontsize=8)
+    charts.save(figure, file)
+
+
+def _style(curve: Curve) -> dict[str, Any]:
+    style: dict[str, Any] = {"color": "black" if curve.colour is None else charts.COLOURS[curve.colour]}
+    if curve.style == "o":
+        style |= {"linestyle": "none", "marker": charts.MARKERS[curve.colour or 0], "markersize": 4.5}
+    else:
+        style |= {"linestyle": curve.style, "linewidth": 1 if curve.colour is None else 1.5}
+    return style | {"label": curve.label or None} | dict(curve.options)

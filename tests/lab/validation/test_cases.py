@@ -17,9 +17,9 @@ from hybridmpm_lab.validation import (
     round_columns,
     sliding_block,
 )
-from hybridmpm_lab.validation.case import CaseResult, Check
+from hybridmpm_lab.validation.case import Check, Result
 
-SHORTER: dict[str, Callable[[], CaseResult]] = {
+SHORTER: dict[str, Callable[[], Result]] = {
     "dam_break": lambda: dam_break.run((64, 128)),
     "column_collapse": lambda: column_collapse.run((0.5, 4.0), beads=(4.0,)),
     "round_columns": lambda: round_columns.run((1.0,), resolution=64),
@@ -29,7 +29,7 @@ SHORTER: dict[str, Callable[[], CaseResult]] = {
 }
 """Cases without their finest grids or longest runs, to save time; the command runs them in full."""
 
-LONGER: dict[str, Callable[[], CaseResult]] = {
+LONGER: dict[str, Callable[[], Result]] = {
     "column_collapse": column_collapse.run,
     "rotation": rotation.run,
 }
@@ -38,7 +38,7 @@ LONGER: dict[str, Callable[[], CaseResult]] = {
 
 @cache
 def checks(name: str) -> tuple[Check, ...]:
-    return SHORTER.get(name, CASES[name].run)().checks
+    return tuple(SHORTER.get(name, CASES[name].run)().checks)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,1 +1,0 @@
-"""Sand that collapses: planar columns, and round ones."""
