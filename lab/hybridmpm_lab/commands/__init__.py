@@ -15,7 +15,6 @@ _MODULES = {
     "plan-errors": "compare",
     "scaling": "speed",
     "service": "service",
-    "sleeping": "speed",
     "speed": "speed",
     "stability": "stability",
     "tradeoff": "compare",

@@ -1,1 +1,1 @@
-"""Benchmarks of time: the solver, batches, growth with size, sleeping regions and the neighbour search."""
+"""Speed of the solver, of batches and of the neighbour graph, and how it scales; other solvers beside it."""

@@ -295,7 +295,7 @@ STRESSES: dict[str, Stress] = {
     "stiffness": Stress(_stiffness, (1e2, 1e5, 1e8), "{:.0e} Pa"),
     "full box": Stress(_full_box, (0, 10, 100), "shaken at {:g} m/s^2"),
     "unseen obstacle": Stress(_unseen, _SHAPES),
-    "thin obstacle": Stress(_thin, (4, 2, 1), "{} cells"),
+    "thin obstacle": Stress(_thin, (4, 2, 1), "{} dx"),
     "moving obstacle": Stress(_paddle, (2, 10, 40), "{:g} rad/s", EVERYWHERE),
     "force spike": Stress(_spike, (100, 1000, 5000), "{} m/s^2 for a frame", EVERYWHERE),
     "pulled apart": Stress(_pulled_apart, (5, 20, 80), _PUSH),

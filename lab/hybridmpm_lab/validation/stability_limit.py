@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from hybridmpm import _native
+from hybridmpm import _core
 from hybridmpm.errors import SimulationError
 from hybridmpm.scene import Elastic, Sand, Water
 from hybridmpm_lab.validation.case import Check, Curve, Panel, Result
 
 MARGIN = 1.5
 """Least limit over the default CFL number."""
-MATERIALS: dict[str, _native.Material] = {
+MATERIALS: dict[str, _core.Material] = {
     one.kind: one.to_native(1.0) for one in (Water(), Sand(), Elastic())
 }
 STRESSES = ("splash", "alone", "alone, deformed")
@@ -99,7 +99,7 @@ def outcome(name: str, dim: int, stress: str, level: float) -> str:
     return found
 
 
-def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_native.Solver, float]:
+def _splash(material: _core.Material, dim: int, frame_dt: float) -> tuple[_core.Solver, float]:
     """Return a column that is thrown along the floor against a wall, and the largest speed of its fall."""
     dx, side = 1.0 / _RESOLUTION[dim], {2: 0.25, 3: 0.2}[dim]
     x = _lattice(np.arange(_LOW + dx / 4, _LOW + side, dx / 2), dim)
@@ -110,7 +110,7 @@ def _splash(material: _native.Material, dim: int, frame_dt: float) -> tuple[_nat
     return solver, float(np.sqrt(velocity @ velocity + 2 * _GRAVITY * side))
 
 
-def _alone(material: _native.Material, dim: int, frame_dt: float, *, spread: float) -> _native.Solver:
+def _alone(material: _core.Material, dim: int, frame_dt: float, *, spread: float) -> _core.Solver:
     """Return particles too far apart to interact, compressed or stretched, half of them at walls."""
     rng, dx = np.random.default_rng(1), 1.0 / _RESOLUTION[dim]
     x = _lattice(np.arange(_LOW, _HIGH, 5 * dx), dim)
@@ -124,11 +124,11 @@ def _lattice(places: Any, dim: int) -> Any:
 
 
 def _solver(
-    material: _native.Material, x: Any, v: Any, frame_dt: float, *, gravity: float = 0.0, **more: Any
-) -> _native.Solver:
+    material: _core.Material, x: Any, v: Any, frame_dt: float, *, gravity: float = 0.0, **more: Any
+) -> _core.Solver:
     count, dim = x.shape
     volume = np.full(count, (0.5 / _RESOLUTION[dim]) ** dim, np.float32)
-    return _native.Solver(
+    return _core.Solver(
         resolution=_RESOLUTION[dim],
         frame_dt=frame_dt,
         gravity=[0.0, -gravity, 0.0][:dim],
@@ -146,7 +146,7 @@ def _solver(
     )
 
 
-def _energy(solver: _native.Solver) -> float:
+def _energy(solver: _core.Solver) -> float:
     """Return the total energy above that of all particles at rest on the floor [J]."""
     totals = solver.diagnostics()
     height = totals.centroid[1]

@@ -1,67 +1,78 @@
-"""Simulations in processes of their own, for benchmarks."""
+"""Solvers in processes of their own: Taichi and its fork cannot share one, and their threads stay apart."""
 
+import importlib
 import os
-import socket
-import subprocess
 import sys
-from multiprocessing.connection import Connection
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.managers import BaseManager
+from typing import Any
 
-from hybridmpm.errors import SimulationError
+from hybridmpm.scene import Scene
 
-_PROGRAM = Path(__file__).with_name("worker.py")
+_MODULES = {"taichi": "taichi_mpm", "quadrants": "taichi_mpm", "warp": "warp_mpm"}
 
 
-class Worker:
-    """A process that runs worker.py; leaving the `with` block ends it.
+class Baseline:
+    """A package with a plain solver, and its solvers of one scene by the way in which they run.
 
     Parameters
     ----------
     package : str
-        "hybridmpm" for a build of this library, else the package of a peer.
-    build : Path, optional
-        Checkout of another build of this library, whose extension lies in its folder `python`.
+        One of `SOLVERS`.
     """
 
-    def __init__(self, package: str, build: Path | None = None) -> None:
-        ours, theirs = socket.socketpair()
-        environment = dict(os.environ)
-        if build is not None:
-            environment["PYTHONPATH"] = str(build / "python")
-        # -P: the folder of the program must not hide packages.
-        command = [sys.executable, "-P", str(_PROGRAM), str(theirs.fileno()), package]
-        self._package = package if build is None else str(build)
-        self._process = subprocess.Popen(  # noqa: S603 - our own program
-            command, pass_fds=[theirs.fileno()], env=environment
-        )
-        theirs.close()
-        self._link = Connection(ours.detach())
+    def __init__(self, package: str) -> None:
+        if package == "quadrants":
+            # The fork has the same names; this is how programs written for Taichi run on it.
+            os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "False")
+            sys.modules["taichi"] = importlib.import_module("quadrants")
+        self._module = importlib.import_module(f"hybridmpm_lab.speed.baselines.{_MODULES[package]}")
+        self._solvers: dict[str, Any] = {}
+        self._state: tuple[Any, ...] = ()
 
-    def __enter__(self) -> Self:
-        return self
+    def start(
+        self, scene: dict[str, Any], substeps: int, state: tuple[Any, ...]
+    ) -> tuple[str, dict[str, int]]:
+        """Make a solver of a scene, as JSON, for each way, with equal substeps a frame.
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._link.close()
-        self._process.wait()
-
-    def call(self, method: str, *arguments: Any) -> Any:
-        """Call a method of the simulation in the process and return what it returns.
-
-        Raises
-        ------
-        SimulationError
-            The method raised; the message holds its traceback. Or the process has ended.
+        `restore` returns to `state`: positions, velocities, affine matrices and volume ratios. Returns name
+        and version of the package, and the threads of each way.
         """
-        try:
-            self._link.send((method, arguments))
-            done, result = self._link.recv()
-        except (EOFError, OSError):
-            code = self._process.wait()
-            raise SimulationError(f"the process of {self._package} has ended with exit code {code}") from None
-        if not done:
-            raise SimulationError(f"{method} failed in {self._package}:\n{result}")
-        return result
+        self._state = state
+        self._solvers.clear()
+        self._module.start()
+        read = Scene.model_validate(scene)
+        for way in self._module.WAYS:
+            self._solvers[way] = self._module.Solver(read, substeps=substeps, way=way)
+        return self._module.NAME, self._module.WAYS
+
+    def restore(self, way: str) -> None:
+        """Return a solver to the state of `start`."""
+        self._solvers[way].load(*self._state)
+
+    def advance(self, way: str, frames: int) -> float:
+        """Advance a solver, and return the time that it took [s]."""
+        start = time.perf_counter()
+        self._solvers[way].advance(frames)
+        return time.perf_counter() - start
+
+    def positions(self, way: str) -> Any:
+        """Return the positions (N, D) of a solver [m]."""
+        return self._solvers[way].positions
+
+
+class _Processes(BaseManager):
+    """Starts a process whose objects are called from here."""
+
+
+_Processes.register("Baseline", Baseline)
+
+
+@contextmanager
+def baseline_process(package: str) -> Iterator[Baseline]:
+    """Yield a `Baseline` in a process of its own, which ends with the block; errors there are raised here."""
+    with _Processes(ctx=get_context("spawn")) as process:
+        yield process.Baseline(package)  # type: ignore[attr-defined] - registered above

@@ -3,20 +3,19 @@
 Dense grid, quadratic B-splines, APIC, float32:
 https://github.com/taichi-dev/taichi/tree/v1.7.4/python/taichi/examples/simulation
 
-Materials and constants are those of rust/mpm/src/material.rs, water without its volume correction. Walls are
-those of the examples: they act on the nodes at or beyond them, not at their true position.
+Materials and constants are those of rust/mpm, water without its volume correction. Walls are those of the
+examples: they act on the nodes at or beyond them, not at their true position.
 """
 
 import contextlib
 import io
-import math
 import os
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.scene import Scene, Water
-from hybridmpm_lab.speed.baselines.conventions import checked_material, sand_constants
+from hybridmpm.scene import Scene
+from hybridmpm_lab.speed.baselines.constants import SMALLEST_STRETCH, Constants
 
 # Taichi greets when imported, asks its server for news when started, and comments on a redirected stdout.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
@@ -26,16 +25,13 @@ os.environ.setdefault("QD_ENABLE_PYBUF", "0")
 import taichi as ti
 
 NAME = f"{ti.__name__} " + ".".join(str(part) for part in ti.__version__)
-SETTINGS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
+WAYS = {"serial": 1, "serial_scatter": 2, "atomic": 2}
 """Threads by the way in which the loops of a solver run.
 
 "serial": each loop runs on one thread, which lets Taichi add to the grid without atomics. "atomic": each loop
 runs on all threads, as in the examples. "serial_scatter": the loop that adds to the grid runs on one thread,
 the others on all.
 """
-
-_SMALLEST_STRETCH = 1.0e-4
-"""Smallest stretch of sand, the same as in our solver: its logarithm stays finite."""
 
 
 def start() -> None:
@@ -48,49 +44,18 @@ def start() -> None:
 class Solver:
     """MLS-MPM for water or sand on Taichi; call `start` once before the first.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of one material, water or sand, without obstacles, its walls three cells or more inside the world
-        box. They are taken as separating.
-    substeps : int
-        Equal substeps a frame.
-    setting : str
-        One of `SETTINGS`.
-
-    Raises
-    ------
-    ConfigError
-        The scene holds what this solver lacks.
-
-    Notes
-    -----
-    N is the number of particles, D the dimension.
+    Parameters and errors are those of `Constants`, and one of `WAYS`. N is the number of particles, D the
+    dimension.
     """
 
-    def __init__(self, scene: Scene, *, substeps: int, setting: str) -> None:
-        material = checked_material(scene, "Taichi")
-        self._substeps = substeps
-        self._serial, self._serial_scatter = setting == "serial", setting != "atomic"
-        self._dim, self._dt = scene.dim, scene.frame_dt / substeps
-        self._dx, self._per_dx = scene.dx, float(scene.resolution)
+    def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
+        self._constants = constants = Constants(scene, substeps)
+        # Kernels take these as compile-time constants.
+        self.__dict__ |= {f"_{name}": value for name, value in vars(constants).items()}
+        self._serial, self._serial_scatter = way == "serial", way != "atomic"
         self._gravity = ti.Vector(scene.gravity)
-        # Nodes at these and beyond lie on or behind the walls.
-        self._lowest = [math.floor(s * scene.resolution + 1e-6) for s in scene.walls.lower]
-        self._highest = [math.ceil(s * scene.resolution - 1e-6) for s in scene.walls.upper]
         # Nodes that particles between the walls can touch: sweeping no others is faster.
         self._first, self._end = [i - 2 for i in self._lowest], [i + 3 for i in self._highest]
-        self._friction = material.wall_friction if scene.walls.friction is None else scene.walls.friction
-        self._water = isinstance(material, Water)
-        if isinstance(material, Water):
-            self._bulk_modulus = material.stiffness(scene.potential_drop)
-            self._tension = material.tension
-        else:
-            self._mu, self._lambda, self._alpha = sand_constants(material)
-            self._volume_correction = material.volume_correction
-        self._place_fields(scene)
-
-    def _place_fields(self, scene: Scene) -> None:
         particles = scene.sample()
         n, dim = particles.x.shape
         self._count = n
@@ -108,8 +73,6 @@ class Solver:
         nodes.place(self._grid_v, self._grid_m)
         self._mass.from_numpy(particles.mass)
         self._volume.from_numpy(particles.volume)
-        still = np.zeros((n, dim, dim), dtype=np.float32)
-        self.load(particles.x, particles.v, still, np.ones(n, dtype=np.float32))
 
     def load(
         self,
@@ -135,11 +98,9 @@ class Solver:
         if self._water:
             self._J.from_numpy(volume_ratio)
         else:
-            # Sand bears no tension.
-            strain = np.minimum(np.log(volume_ratio), 0)[:, None, None] * np.eye(self._dim) / self._dim
-            self._F.from_numpy((np.exp(strain) * np.eye(self._dim)).astype(np.float32))
-            stiffness = 2 * self._mu + self._dim * self._lambda
-            self._tau.from_numpy((stiffness * strain).astype(np.float32))
+            F, tau = self._constants.sand_state(volume_ratio)
+            self._F.from_numpy(F)
+            self._tau.from_numpy(tau)
             self._volume_gain.fill(0)
 
     def advance(self, frames: int) -> None:
@@ -248,11 +209,11 @@ class Solver:
 
     @ti.func
     def _deform_sand(self, p):
-        dim, mu, lam = ti.static(self._dim, self._mu, self._lambda)
+        dim, mu, lam = ti.static(self._dim, self._mu, self._lam)
         U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self._dt * self._C[p]) @ self._F[p])
         strain = ti.Vector.zero(float, dim)
         for i in ti.static(range(dim)):
-            strain[i] = ti.log(ti.max(sigma[i, i], _SMALLEST_STRETCH)) + self._volume_gain[p] / dim
+            strain[i] = ti.log(ti.max(sigma[i, i], SMALLEST_STRETCH)) + self._volume_gain[p] / dim
         trace, gained = strain.sum(), 0.0
         if trace >= 0:
             strain = ti.zero(strain)

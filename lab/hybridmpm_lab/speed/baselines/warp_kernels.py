@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-_SMALLEST_STRETCH = wp.constant(1.0e-4)
-"""Smallest stretch of sand, the same as in our solver: its logarithm stays finite."""
+from hybridmpm_lab.speed.baselines.constants import SMALLEST_STRETCH
+
+_SMALLEST_STRETCH = wp.constant(SMALLEST_STRETCH)
 
 
 def kernels(dim: int, *, water: bool) -> SimpleNamespace:

@@ -3,21 +3,20 @@
 Dense grid, quadratic B-splines, APIC, float32. Materials, constants and walls are those of `taichi_mpm`.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from hybridmpm.scene import Scene, Water
-from hybridmpm_lab.speed.baselines.conventions import checked_material, sand_constants
+from hybridmpm.scene import Scene
+from hybridmpm_lab.speed.baselines.constants import Constants
 from hybridmpm_lab.speed.baselines.warp_kernels import kernels
 
 wp.config.log_level = wp.LOG_WARNING
 
 NAME = f"warp {wp.__version__}"
-SETTINGS = {"plain": 1}
+WAYS = {"plain": 1}
 """Threads by the way in which a solver runs."""
 
 
@@ -29,40 +28,39 @@ def start() -> None:
 class Solver:
     """MLS-MPM for water or sand on Warp's CPU; parameters, methods and limits are `taichi_mpm.Solver`'s."""
 
-    def __init__(self, scene: Scene, *, substeps: int, setting: str) -> None:
-        material = checked_material(scene, "Warp")
-        del setting  # there is one
-        self._substeps = substeps
-        made = kernels(scene.dim, water=isinstance(material, Water))
-        self._vec, self._mat = made.vec, made.mat
-        self._dim = scene.dim
+    def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
+        del way  # there is one
+        self._constants = constants = Constants(scene, substeps)
+        made = kernels(scene.dim, water=constants.water)
         s = made.Setting()
-        s.dt, s.dx, s.per_dx = scene.frame_dt / substeps, scene.dx, float(scene.resolution)
-        s.resolution, s.gravity = scene.resolution, made.vec(*scene.gravity)
-        s.lowest = made.ivec(*(math.floor(w * scene.resolution + 1e-6) for w in scene.walls.lower))
-        s.highest = made.ivec(*(math.ceil(w * scene.resolution - 1e-6) for w in scene.walls.upper))
-        s.friction = material.wall_friction if scene.walls.friction is None else scene.walls.friction
-        if isinstance(material, Water):
-            s.bulk_modulus, s.tension = material.stiffness(scene.potential_drop), material.tension
-            self._stiffness = 0.0
-        else:
-            mu, lam, alpha = sand_constants(material)
-            s.mu, s.lam, s.alpha = mu, lam, alpha
-            s.keeps_volume = int(material.volume_correction)
-            self._stiffness = 2 * mu + scene.dim * lam
+        for name in (
+            "dt",
+            "dx",
+            "per_dx",
+            "resolution",
+            "friction",
+            "bulk_modulus",
+            "tension",
+            "mu",
+            "lam",
+            "alpha",
+        ):
+            setattr(s, name, getattr(constants, name))
+        s.keeps_volume, s.gravity = int(constants.volume_correction), made.vec(*scene.gravity)
+        s.lowest, s.highest = made.ivec(*constants.lowest), made.ivec(*constants.highest)
         particles = scene.sample()
         count, nodes = len(particles.x), scene.resolution**scene.dim
 
-        def array(values: Any, dtype: Any = wp.float32) -> Any:
-            return wp.array(values, dtype=dtype, device="cpu")
+        def zeros(size: int, dtype: Any = wp.float32) -> Any:
+            return wp.zeros(size, dtype=dtype, device="cpu")
 
-        still = np.zeros((count, scene.dim, scene.dim), dtype=np.float32)
-        self._x, self._v = array(particles.x, self._vec), array(particles.v, self._vec)
-        self._C, self._F, self._tau = (array(still, self._mat) for _ in range(3))
-        self._J, self._gain = (array(np.zeros(count, dtype=np.float32)) for _ in range(2))
-        mass, volume = array(particles.mass), array(particles.volume)
-        grid_v = wp.zeros(nodes, dtype=self._vec, device="cpu")
-        grid_m = wp.zeros(nodes, dtype=wp.float32, device="cpu")
+        self._x, self._v = zeros(count, made.vec), zeros(count, made.vec)
+        self._C, self._F, self._tau = (zeros(count, made.mat) for _ in range(3))
+        self._J, self._gain = zeros(count), zeros(count)
+        mass, volume = (
+            wp.array(one, dtype=wp.float32, device="cpu") for one in (particles.mass, particles.volume)
+        )
+        grid_v, grid_m = zeros(nodes, made.vec), zeros(nodes)
         grid, state = [grid_v, grid_m], [self._x, self._v, self._C]
         calls = (
             ("clear", nodes, grid),
@@ -75,7 +73,6 @@ class Solver:
             wp.launch(getattr(made, name), dim=size, inputs=inputs, device="cpu", record_cmd=True)
             for name, size, inputs in calls
         ]
-        self.load(particles.x, particles.v, still, np.ones(count, dtype=np.float32))
 
     def load(
         self,
@@ -85,17 +82,15 @@ class Solver:
         volume_ratio: npt.NDArray[np.float32],
     ) -> None:
         """Take over a state, as `taichi_mpm.Solver.load` does."""
-        for field, values in ((self._x, x), (self._v, v), (self._C, affine), (self._J, volume_ratio)):
-            field.assign(values)
-        # Sand bears no tension.
-        strain = np.minimum(np.log(volume_ratio), 0)[:, None, None] * np.eye(self._dim) / self._dim
-        self._F.assign((np.exp(strain) * np.eye(self._dim)).astype(np.float32))
-        self._tau.assign((self._stiffness * strain).astype(np.float32))
+        fields = (self._x, self._v, self._C, self._J, self._F, self._tau)
+        values = (x, v, affine, volume_ratio, *self._constants.sand_state(volume_ratio))
+        for field, value in zip(fields, values, strict=True):
+            field.assign(value)
         self._gain.zero_()
 
     def advance(self, frames: int) -> None:
         """Advance by whole frames."""
-        for _ in range(frames * self._substeps):
+        for _ in range(frames * self._constants.substeps):
             for launch in self._launches:
                 launch.launch()
 

@@ -1,0 +1,101 @@
+"""Speed of the radius graph from small sizes to a million points, beside SciPy's k-d tree."""
+
+import importlib
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from hybridmpm import radius_graph
+from hybridmpm.errors import SimulationError
+from hybridmpm_lab.harness.rows import Progress, Row
+from hybridmpm_lab.harness.timing import TimedCall, seconds_by_turns
+
+MAX_BASELINE_PARTICLES = 100_000
+"""Number of points above which the baseline is not measured."""
+REACH = {2: 2.5, 3: 2.0}
+"""Radius in mean distances of points: about 18 neighbours in 2D and 28 in 3D, fewer at walls."""
+
+
+def measure(
+    particles: Sequence[int], threads: Sequence[int], repeats: int, baseline: bool, on_progress: Progress
+) -> Iterator[Row]:
+    """Measure 2D and 3D clouds of each size and yield a row for each number of threads.
+
+    `ms` is the time of a fresh graph from positions, `ms_reused` that of a graph into the arrays and memory
+    of the last. The baseline's time includes building its tree. Times are the least of `repeats`: a busy
+    machine only adds to them. `on_progress` counts rows.
+
+    Raises
+    ------
+    SimulationError
+        The baseline found other edges: its speed would mean nothing.
+    """
+    for count in particles:
+        for dim in (2, 3):
+            yield from _measured(
+                *cloud(dim, count), threads, repeats, baseline and count <= MAX_BASELINE_PARTICLES
+            )
+            on_progress(len(threads))
+
+
+def cloud(dim: int, particles: int) -> tuple[npt.NDArray[np.float32], float]:
+    """Return a cloud of points in the unit box, and the radius of its graph.
+
+    The points are those of a jittered lattice, about `particles` many, in random order: after some seconds
+    the order of a simulation's particles is random, too.
+    """
+    per_axis = round(particles ** (1 / dim))
+    rng = np.random.default_rng(particles)
+    sites = np.stack(np.meshgrid(*[np.arange(per_axis)] * dim, indexing="ij"), axis=-1).reshape(-1, dim)
+    x = rng.permutation((sites + rng.uniform(0.1, 0.9, sites.shape)) / per_axis)
+    return x.astype(np.float32), float(np.float32(REACH[dim] / per_axis))
+
+
+def _measured(
+    x: npt.NDArray[np.float32], radius: float, threads: Sequence[int], repeats: int, baseline: bool
+) -> Iterator[Row]:
+    graph, name = radius_graph(x, radius), None
+    calls = []
+    for count in threads:
+        kept = radius_graph(x, radius, threads=count)
+        calls += [
+            partial(radius_graph, x, radius, threads=count),
+            partial(radius_graph, x, radius, threads=count, out=kept),
+        ]
+    if baseline:
+        scipy, spatial = importlib.import_module("scipy"), importlib.import_module("scipy.spatial")
+        name = f"scipy {scipy.__version__}"
+        calls.append(lambda: spatial.cKDTree(x).query_pairs(radius, output_type="ndarray"))
+        require_same_edges(graph.receivers, graph.senders, calls[-1]())
+    times = seconds_by_turns([TimedCall(call=call) for call in calls], repeats)
+    ms = [round(1e3 * min(mine), 4) for mine in times]
+    theirs = ms[-1] if baseline else None
+    for k, count in enumerate(threads):
+        yield {
+            "dim": x.shape[1],
+            "particles": len(x),
+            "radius": round(radius, 6),
+            "edges": len(graph.senders),
+            "threads": count,
+            "ms": ms[2 * k],
+            "ms_reused": ms[2 * k + 1],
+            "peer": name,
+            "peer_ms": theirs,
+            "ratio": theirs and round(theirs / ms[2 * k], 2),
+        }
+
+
+def require_same_edges(
+    receivers: npt.NDArray[np.uint32], senders: npt.NDArray[np.uint32], pairs: npt.NDArray[np.intp]
+) -> None:
+    """Raise a `SimulationError` unless the edges of a graph are the pairs (E / 2, 2) of a baseline."""
+    once = receivers < senders
+    mine = np.stack([receivers[once], senders[once]], axis=1)
+    theirs = np.sort(pairs, axis=1)
+    theirs = theirs[np.lexsort((theirs[:, 1], theirs[:, 0]))]
+    if not np.array_equal(mine, theirs):
+        raise SimulationError(
+            f"the baseline found {len(theirs)} pairs that are not our {len(mine)}; its speed would mean nothing"
+        )

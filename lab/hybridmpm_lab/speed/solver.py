@@ -1,0 +1,245 @@
+"""Speed of the solver on scenes of blocks, beside plain solvers of others.
+
+All simulations of a scene are timed by turns in short pieces: ours in this process, each other one in its own.
+"""
+
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from hybridmpm import _core
+from hybridmpm.errors import SimulationError
+from hybridmpm.mpm import MpmSolver
+from hybridmpm.scene import Ball, Box, Scene
+from hybridmpm_lab.harness.rows import Progress, Row
+from hybridmpm_lab.harness.timing import QUIET, Calibration, FrameTime, TimedSimulation, time_per_frame
+from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
+
+MAX_PARTICLES = 1_000_000
+"""Largest number of particles of a block."""
+INSTRUCTIONS = ("portable", "avx2", "avx512")
+"""Sets of vector instructions, the narrowest first."""
+GROWING_SUBSTEPS = 16
+"""Substeps of a frame of `growing` scenes, each of 0.02 dx: counted in cells, all scenes move alike."""
+_PIECE = 200_000
+"""Particle-frames of one timing; one of few frames would measure how memory is fetched."""
+_LOW, _HIGH = 0.1, 0.9
+"""Places of the walls [m]."""
+
+
+class Subject(NamedTuple):
+    """A scene to be timed."""
+
+    labels: Row
+    """Fields that name it in its rows."""
+    scene: Scene
+    substeps: Literal["reference"] | int
+    """Substeps of a frame, as of `MpmSolver`."""
+    run_up: int
+    """Frames before the measurement."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of our solver and of the measurement."""
+
+    threads: tuple[int, ...] = (1, 2)
+    """Numbers of threads of our solver; each has its row."""
+    instructions: tuple[str, ...] = INSTRUCTIONS[-1:]
+    """Widest vector instructions of our solver; each set that the processor has has its row."""
+    repeats: int = 25
+    """Number of timings, whose lower quartile is reported."""
+    baselines: tuple[str, ...] = ()
+    """Packages of `SOLVERS`; the fastest of all their ways counts."""
+
+    def instructions_in_use(self) -> list[str]:
+        """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
+        in_use = [_core.limit_instructions(widest) for widest in self.instructions]
+        _core.limit_instructions(INSTRUCTIONS[-1])
+        return list(dict.fromkeys(in_use))
+
+    def rows_of(self, subjects: Sequence[Subject]) -> int:
+        """Return the number of rows."""
+        return len(subjects) * len(self.threads) * len(self.instructions_in_use())
+
+
+def splashes(particles: Sequence[int], run_up: Sequence[int]) -> list[Subject]:
+    """Return blocks of water and sand in 2D and 3D that fall aslant, at the ground truth's substeps.
+
+    Each block has at most so many particles and fills at most half of the box; 20 000 particles fill it at
+    128^2, more get a finer grid.
+    """
+    return [
+        Subject({"dim": dim, "material": material}, scene, "reference", frames)
+        for count in particles
+        for frames in run_up
+        for dim, material in ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
+        for scene in (falling_block(dim, material, count),)
+    ]
+
+
+def falling_block(dim: int, material: str, particles: int) -> Scene:
+    """Return a scene with one block of at most `particles` particles that falls aslant."""
+    cells = math.pow(particles / 0.5, 1 / dim) / 2  # along an axis of the box, at 2**D particles each
+    fine_enough: int = 32 * math.ceil(cells / (_HIGH - _LOW) / 32)
+    resolution = max(fine_enough, 128 if dim == 2 else 64)
+    spacing = 0.5 / resolution
+    sides = [spacing * count for count in _counts(particles, dim)]
+    # On the lattice of the sampler, so that the count is exact.
+    lower = [spacing * round((0.5 - side / 2) / spacing) for side in sides]
+    upper = tuple(a + side for a, side in zip(lower, sides, strict=True))
+    body = Box(material=material, lower=tuple(lower), upper=upper, velocity=(1.0, -2.0, 0.5)[:dim])
+    return Scene(dim=dim, resolution=resolution, bodies=(body,), max_particles=2 * MAX_PARTICLES)
+
+
+def _counts(particles: int, dim: int) -> list[int]:
+    """Return numbers of sites along each axis, about equal, whose product is `particles` or somewhat less."""
+    if dim == 1:
+        return [particles]
+    even = max(1, math.floor(particles ** (1.0 / dim) + 1e-9))
+    count = next((count for count in range(even, even // 2, -1) if particles % count == 0), even)
+    return [count, *_counts(particles // count, dim - 1)]
+
+
+def growing(particles: Sequence[int], resolutions: Sequence[int]) -> list[Subject]:
+    """Return blocks of water whose grid grows with them, and a blob of 17 000 particles in grids that grow."""
+    scenes = []
+    for dim, share in ((2, 0.4), (3, 0.2)):
+        side = (_HIGH - _LOW) * share ** (1 / dim)
+        low, high = (0.5 - side / 2,) * dim, (0.5 + side / 2,) * dim
+        body = Box(material="water", lower=low, upper=high, velocity=(1.0, -2.0, 0.5)[:dim])
+        scenes += [
+            ("particles", _growing(dim, max(8, round(count ** (1 / dim) / (2 * side))), body))
+            for count in particles
+        ]
+    for resolution in resolutions:
+        ball = Ball(material="water", center=(0.5,) * 3, radius=8 / resolution, velocity=(0.0, -2.0, 0.0))
+        scenes.append(("grid", _growing(3, resolution, ball)))
+    return [
+        Subject({"series": series, "dim": scene.dim}, scene, GROWING_SUBSTEPS, 5) for series, scene in scenes
+    ]
+
+
+def _growing(dim: int, resolution: int, body: Box | Ball) -> Scene:
+    frame_dt, most = GROWING_SUBSTEPS * 0.02 / resolution, 2 * MAX_PARTICLES
+    return Scene(dim=dim, resolution=resolution, frame_dt=frame_dt, bodies=(body,), max_particles=most)
+
+
+def measure(subjects: Sequence[Subject], settings: Settings, on_progress: Progress) -> Iterator[Row]:
+    """Time each scene and yield its rows, which `on_progress` counts.
+
+    Baselines start from our state and take as many substeps; their sand starts from the volume alone, they
+    have no correction of volumes, and their walls act on whole nodes. Fields of what is not measured are
+    None. `slowdown` is the larger slowdown of the machine before and after a scene.
+
+    Raises
+    ------
+    SimulationError
+        The state before the measurement is not a splash, or a baseline's state afterwards is not ours: a
+        speed would mean nothing.
+    """
+    calibration = Calibration(max(settings.threads))
+    with contextlib.ExitStack() as stack:
+        baselines = [stack.enter_context(baseline_process(name)) for name in settings.baselines]
+        for subject in subjects:
+            before = calibration.slowdown()
+            rows = _timed(subject, settings, baselines)
+            slowdown = round(max(before, calibration.slowdown()), 2)
+            for row in rows:
+                yield subject.labels | row | {"slowdown": slowdown, "loaded": slowdown >= QUIET}
+                on_progress(1)
+
+
+def _timed(subject: Subject, settings: Settings, baselines: Sequence[Baseline]) -> list[Row]:
+    scene = subject.scene
+    solvers = {
+        count: MpmSolver(scene, substeps=subject.substeps, threads=count) for count in settings.threads
+    }
+    first = next(iter(solvers.values()))
+    first.advance(subject.run_up)
+    require_sane(first)
+    start, count = first.snapshot(), first.particle_count
+    state = (first.positions, first.velocities, first.affine, first.volume_ratio)
+    first.advance(1)
+    substeps = first.last_frame.substeps if first.last_frame else 0
+    frames = min(20, max(4, math.ceil(_PIECE / count)))
+
+    def restore(solver: MpmSolver, instructions: str) -> None:
+        _core.limit_instructions(instructions)
+        solver.restore(start)
+
+    own = [(threads, widest) for widest in settings.instructions_in_use() for threads in solvers]
+    simulations = [
+        TimedSimulation(
+            restore=partial(restore, solvers[threads], widest),
+            advance=solvers[threads].advance,
+            frames=frames,
+        )
+        for threads, widest in own
+    ]
+    others = []
+    for baseline in baselines:
+        name, ways = baseline.start(scene.model_dump(mode="json", exclude_none=True), substeps, state)
+        others += [(baseline, name, way, threads) for way, threads in ways.items()]
+    simulations += [
+        TimedSimulation(
+            restore=partial(baseline.restore, way), advance=partial(baseline.advance, way), frames=frames
+        )
+        for baseline, _, way, _ in others
+    ]
+    try:
+        times = time_per_frame(simulations, settings.repeats)
+    finally:
+        _core.limit_instructions(INSTRUCTIONS[-1])
+    for baseline, name, way, _ in others:
+        require_agreement(first.positions, baseline.positions(way), scene, f"{name}, {way}")
+
+    def ns(time: FrameTime) -> float:
+        return round(time.seconds * 1e9 / (count * substeps), 2)
+
+    peer: dict[str, Any] = dict.fromkeys(("peer", "peer_way", "peer_threads", "peer_ns"))
+    if others:
+        fastest = min(range(len(others)), key=lambda k: times[len(own) + k].seconds)
+        peer = dict(zip(peer, (*others[fastest][1:], ns(times[len(own) + fastest])), strict=True))
+    return [
+        {
+            "particles": count,
+            "resolution": scene.resolution,
+            "frame": subject.run_up,
+            "threads": threads,
+            "instructions": widest,
+            "substeps": substeps,
+            "ns_per_particle_substep": ns(time),
+            "spread": round(time.spread, 3),
+            "ms_per_frame": round(time.seconds * 1e3, 4),
+            **peer,
+            "ratio": peer["peer_ns"] and round(peer["peer_ns"] / ns(time), 2),
+        }
+        for (threads, widest), time in zip(own, times, strict=False)
+    ]
+
+
+def require_sane(solver: MpmSolver) -> None:
+    """Raise a `SimulationError` unless all particles are in the box and move like a splash."""
+    x, v, dx = solver.positions, solver.velocities, solver.scene.dx
+    inside = ((x > _LOW - dx) & (x < _HIGH + dx)).all()
+    if not (inside and np.isfinite(v).all() and 0.05 < np.abs(v).max() < 50):
+        raise SimulationError(f"the state after {solver.frame} frames is not a splash")
+
+
+def require_agreement(ours: np.ndarray, theirs: np.ndarray, scene: Scene, baseline: str) -> None:
+    """Raise a `SimulationError` unless half of a baseline's particles are within half a cell of ours.
+
+    Those near walls and in the spray need not be.
+    """
+    apart = np.median(np.linalg.norm(theirs - ours, axis=1))
+    if not apart < scene.dx / 2:
+        raise SimulationError(
+            f"half of the particles of {baseline} ended {apart:.2g} m or more from ours, allowed is half a "
+            f"cell, {scene.dx / 2:.2g} m; its speed would mean nothing"
+        )
