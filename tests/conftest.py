@@ -32,7 +32,7 @@ TOGETHER = {
     ),
 }
 """Tests that run in one process, one after the other: they share what is expensive, or they wait for time."""
-LONGEST = (*TOGETHER.values(), ("tests/lab/validation/test_cases.py",))
+LONGEST = (*TOGETHER.values(), ("tests/lab/test_validation.py",))
 """Tests that are dealt out first, so that no process is left with one of them when the others are done."""
 MAX_PROCESSES = 8
 """More would wait for the longest of `TOGETHER`, and each takes up to 1 GB."""

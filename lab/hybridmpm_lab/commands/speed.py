@@ -136,7 +136,8 @@ def batch(
     """
     options = {"scenes": scenes, "threads": (threads,), "frames": (frames,), "repeats": (repeats,)}
     origin = source(f"batch {scenario}", **options)
-    measure = partial(batch_speed.measure, scenario, scenes, threads, frames, repeats)
+    sizes = {"counts": scenes, "threads": threads, "frames": frames, "repeats": repeats}
+    measure = partial(batch_speed.measure, scenario=scenario, **sizes)
     rows = measured(measure, repeats * len(scenes), origin)
     columns = (
         "scenario",
@@ -174,13 +175,13 @@ def neighbors(
 ) -> None:
     """Time the radius graph of clouds of points.
 
-    The clouds are in 2D and 3D. Timed are a fresh graph (ms), and one into the memory of the last (ms_reused).
+    Timed are a fresh graph (ms), and one into the memory of the last (ms_reused), in 2D and 3D.
     """
     if baseline is not None:
         require_installed(baseline)
     options = {"particles": particles, "threads": threads, "repeats": (repeats,), "baseline": (baseline,)}
     origin = source("neighbors", **options)
-    measure = partial(graph_speed.measure, particles, threads, repeats, baseline is not None)
+    measure = partial(graph_speed.measure, particles, threads, repeats, baseline)
     rows = measured(measure, 2 * len(particles) * len(threads), origin)
     columns = ("dim", "particles", "radius", "edges", "threads", "ms", "ms_reused")
     columns += ("peer", "peer_ms", "ratio") if baseline else ()

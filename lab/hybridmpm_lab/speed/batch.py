@@ -13,7 +13,7 @@ _RUN_UP = 120
 
 
 def measure(
-    scenario: str, counts: Sequence[int], threads: int, frames: int, repeats: int, on_progress: Progress
+    on_progress: Progress, *, scenario: str, counts: Sequence[int], threads: int, frames: int, repeats: int
 ) -> Iterator[Row]:
     """Time batches of so many scenes and yield a row for one thread and one for several.
 

@@ -39,7 +39,7 @@ def draw_graph(rows: Sequence[Row], file: Path) -> None:
 
 
 def _draw(panels: dict[str, list[Row]], field: str, peer: str, file: Path, **options: Any) -> None:
-    """Draw a field over the particles, a panel for each list of rows and a line for each number of threads."""
+    """Draw a field over the particles, a panel for each list of rows, a line for each number of threads."""
     columns = 2 if len(panels) == 4 else len(panels)
     figure, axes = charts.panels(columns, len(panels) // columns)
     legend: dict[str, Any] = {}

@@ -19,7 +19,11 @@ REACH = {2: 2.5, 3: 2.0}
 
 
 def measure(
-    particles: Sequence[int], threads: Sequence[int], repeats: int, baseline: bool, on_progress: Progress
+    particles: Sequence[int],
+    threads: Sequence[int],
+    repeats: int,
+    baseline: str | None,
+    on_progress: Progress,
 ) -> Iterator[Row]:
     """Measure 2D and 3D clouds of each size and yield a row for each number of threads.
 
@@ -34,9 +38,8 @@ def measure(
     """
     for count in particles:
         for dim in (2, 3):
-            yield from _measured(
-                *cloud(dim, count), threads, repeats, baseline and count <= MAX_BASELINE_PARTICLES
-            )
+            beside = baseline if count <= MAX_BASELINE_PARTICLES else None
+            yield from _measured(*cloud(dim, count), threads, repeats, beside)
             on_progress(len(threads))
 
 
@@ -54,7 +57,7 @@ def cloud(dim: int, particles: int) -> tuple[npt.NDArray[np.float32], float]:
 
 
 def _measured(
-    x: npt.NDArray[np.float32], radius: float, threads: Sequence[int], repeats: int, baseline: bool
+    x: npt.NDArray[np.float32], radius: float, threads: Sequence[int], repeats: int, baseline: str | None
 ) -> Iterator[Row]:
     graph, name = radius_graph(x, radius), None
     calls = []
@@ -65,8 +68,8 @@ def _measured(
             partial(radius_graph, x, radius, threads=count, out=kept),
         ]
     if baseline:
-        scipy, spatial = importlib.import_module("scipy"), importlib.import_module("scipy.spatial")
-        name = f"scipy {scipy.__version__}"
+        package, spatial = importlib.import_module(baseline), importlib.import_module(f"{baseline}.spatial")
+        name = f"{baseline} {package.__version__}"
         calls.append(lambda: spatial.cKDTree(x).query_pairs(radius, output_type="ndarray"))
         require_same_edges(graph.receivers, graph.senders, calls[-1]())
     times = seconds_by_turns([TimedCall(call=call) for call in calls], repeats)
@@ -97,5 +100,5 @@ def require_same_edges(
     theirs = theirs[np.lexsort((theirs[:, 1], theirs[:, 0]))]
     if not np.array_equal(mine, theirs):
         raise SimulationError(
-            f"the baseline found {len(theirs)} pairs that are not our {len(mine)}; its speed would mean nothing"
+            f"the baseline found {len(theirs)} pairs that are not our {len(mine)}, so its speed means nothing"
         )

@@ -1,6 +1,6 @@
 """Speed of the solver on scenes of blocks, beside plain solvers of others.
 
-All simulations of a scene are timed by turns in short pieces: ours in this process, each other one in its own.
+All simulations of a scene are timed by turns in short pieces: ours in this process, each other in its own.
 """
 
 import contextlib
@@ -107,7 +107,7 @@ def _counts(particles: int, dim: int) -> list[int]:
 
 
 def growing(particles: Sequence[int], resolutions: Sequence[int]) -> list[Subject]:
-    """Return blocks of water whose grid grows with them, and a blob of 17 000 particles in grids that grow."""
+    """Return blocks of water whose grids grow with them, and a blob of 17 000 particles in growing grids."""
     scenes = []
     for dim, share in ((2, 0.4), (3, 0.2)):
         side = (_HIGH - _LOW) * share ** (1 / dim)

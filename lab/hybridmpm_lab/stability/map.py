@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm.decisions import Decision
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.hybrid.guards import GUARDS
@@ -185,8 +184,6 @@ def _simulator(trial: Trial, method: Method) -> Simulator:
 
 def _driven(trial: Trial, simulator: Simulator, make: Callable[[], Simulator] | None) -> Run:
     """Advance to the end of a trial, and measure the state every few frames."""
-    if trial.hand_over_every is not None and isinstance(simulator, HybridSimulator):
-        return _by_turns(simulator, trial.frames, trial.hand_over_every * simulator.r_t)
     looks, work, passed = [look(simulator, 0.0)], 0.0, 0.0
     works = trial.force is not None or any(one.motion for one in trial.scene.obstacles)
     twin: Simulator | None = None
@@ -207,22 +204,8 @@ def _driven(trial: Trial, simulator: Simulator, make: Callable[[], Simulator] | 
                 passed = max(passed, float(trial.behind(simulator.positions).mean()))
             if not looks[-1].finite:
                 break
-    return Run(tuple(looks), _mass(simulator), passed, twin is None or _same(simulator, twin))
-
-
-def _by_turns(simulator: HybridSimulator, frames: int, stride: int) -> Run:
-    """Let network and MPM take turns of `stride` frames by a script."""
-    log = [
-        Decision(frame=at, mode="mpm" if turn % 2 else "neural", value=None, reason="appointed", noticed=at)
-        for turn, at in enumerate(range(6 * simulator.r_t, frames, stride))
-    ]
-    looks = [look(simulator, 0.0)]
-    simulator.replay(log, frames, lambda now: looks.append(look(now, 0.0)))
-    return Run(tuple(looks), _mass(simulator))
-
-
-def _mass(simulator: Simulator) -> float:
-    return float(simulator.mass.sum(dtype=np.float64))
+    mass = float(simulator.mass.sum(dtype=np.float64))
+    return Run(tuple(looks), mass, passed, twin is None or _same(simulator, twin))
 
 
 def _work(simulator: Simulator, before: npt.NDArray[np.float32], force: npt.ArrayLike | None) -> float:

@@ -64,8 +64,6 @@ class Trial:
     """Frame from whose snapshot a new simulator continues; both have to agree to the bit."""
     corruption: Corruption | None = None
     """Change of the predictions of a hybrid's network."""
-    hand_over_every: int | None = None
-    """Steps of the network after which a hybrid changes to MPM and back, whatever its guards say."""
 
 
 @dataclass(frozen=True)
@@ -261,11 +259,6 @@ def _resumed(of: str, dim: int, frame: int) -> Trial:
     return Trial(moving, _FRAMES // 2, resume_at=frame)
 
 
-def _handed_over(of: str, dim: int, level: str) -> Trial:
-    steps = {"at every step": 1, "every 2 steps": 2, "every 8 steps": 8}[level]
-    return Trial(scene(dim, block(of, dim)), hand_over_every=steps)
-
-
 def _biased(of: str, dim: int, size: float) -> Trial:
     return Trial(scene(dim, block(of, dim)), corruption=pushed(size))
 
@@ -278,7 +271,6 @@ _PUSH = "{:g} m/s^2"
 _PLACES = ("on the floor", "falls by 0.5 m", "thrown at 5 m/s")
 _STEPS = ("the default", "the limit", "above the limit")
 _SHAPES = ("a ball", "a slope", "two posts")
-_TURNS = ("every 8 steps", "every 2 steps", "at every step")
 STRESSES: dict[str, Stress] = {
     "impact": Stress(_impact, (2, 5, 12), "{} m/s", EVERYWHERE),
     "gravity": Stress(_gravity, (0.5, 3, 10), "{:g} g", EVERYWHERE),
@@ -301,7 +293,6 @@ STRESSES: dict[str, Stress] = {
     "pulled apart": Stress(_pulled_apart, (5, 20, 80), _PUSH),
     "asleep": Stress(_asleep, (0.5, 5, 50), _PUSH),
     "resumed": Stress(_resumed, (60, 120, 200), "at frame {}"),
-    "handoff": Stress(_handed_over, _TURNS, methods=("hybrid",)),
     "biased network": Stress(_biased, (0.5, 5, 50), _PUSH, methods=("hybrid",)),
     "broken network": Stress(_broken, ("random", "constant", "nan"), methods=("hybrid",)),
 }

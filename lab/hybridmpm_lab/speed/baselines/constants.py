@@ -60,7 +60,7 @@ class Constants:
             self.alpha = math.sqrt(2 / 3) * 2 * sin / (3 - sin)
 
     def sand_state(self, volume_ratio: _Floats) -> tuple[_Floats, _Floats]:
-        """Return F (N, D, D) and the Kirchhoff stress (N, D, D) [Pa] of sand with these J (N,), without shear."""
+        """Return F (N, D, D) and Kirchhoff stress (N, D, D) [Pa] of sand with these J (N,), without shear."""
         # Sand bears no tension.
         strain = np.minimum(np.log(volume_ratio), 0)[:, None, None] * np.eye(self.dim) / self.dim
         F = (np.exp(strain) * np.eye(self.dim)).astype(np.float32)

@@ -12,8 +12,8 @@ import pytest
 
 from hybridmpm import Ball, Box, BoxObstacle, ConfigError, MpmSolver, Scene, Walls
 from hybridmpm.scene import Material, Sand, Water
-from hybridmpm_lab.speed.baselines.conventions import checked_material
-from hybridmpm_lab.speed.baselines.process import Worker
+from hybridmpm_lab.speed.baselines.constants import Constants
+from hybridmpm_lab.speed.baselines.process import baseline_process
 
 TOLERANCE = 1e-4
 """[m] over the first 200 substeps, the project's target; both solvers compute in float32."""
@@ -58,22 +58,23 @@ def paths(simulator: Any, frames: int) -> np.ndarray:
     return np.array(states)
 
 
-def paths_of_peer(package: str, solver: MpmSolver, frames: int) -> dict[str, np.ndarray]:
-    """Positions (frames, N, D) after each frame [m] by each setting of a peer, from the state of a solver."""
-    states = {}
-    scene, substeps = solver.scene, SUBSTEPS[solver.dim]
-    with Worker(package) as worker:
-        worker.call("start")
-        worker.call("take", solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
-        # In 3D Taichi compiles each setting for many seconds, and all add to the grid alike.
-        for setting in list(worker.call("settings"))[: None if solver.dim == 2 else 1]:
-            worker.call("make", setting, scene.model_dump(mode="json", exclude_none=True), substeps)
-            worker.call("restore", setting)
-            states[setting] = []
+def paths_of_baseline(package: str, solver: MpmSolver, frames: int) -> dict[str, np.ndarray]:
+    """Positions (frames, N, D) after each frame [m] by each way of a baseline, from the state of a solver."""
+    paths = {}
+    scene, state = solver.scene, (solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
+    with baseline_process(package) as baseline:
+        _, ways = baseline.start(
+            scene.model_dump(mode="json", exclude_none=True), SUBSTEPS[solver.dim], state
+        )
+        # In 3D Taichi compiles each way for many seconds, and all add to the grid alike.
+        for way in list(ways)[: None if solver.dim == 2 else 1]:
+            baseline.restore(way)
+            states = []
             for _ in range(frames):
-                worker.call("advance", setting, 1)
-                states[setting].append(worker.call("positions", setting))
-    return {setting: np.array(path) for setting, path in states.items()}
+                baseline.advance(way, 1)
+                states.append(baseline.positions(way))
+            paths[way] = np.array(states)
+    return paths
 
 
 # Each dimension and each material once.
@@ -96,7 +97,7 @@ def test_same_positions(package: str, dim: int, material: Material) -> None:
     scene, frames = collision(dim, material), 200 // SUBSTEPS[dim]
     solver = MpmSolver(scene, substeps=SUBSTEPS[dim])
     x, v = solver.positions, solver.velocities
-    theirs = paths_of_peer(package, solver, frames)
+    theirs = paths_of_baseline(package, solver, frames)
     volume_ratios = []
     ours = []
     for _ in range(frames):
@@ -120,15 +121,15 @@ def test_same_positions(package: str, dim: int, material: Material) -> None:
             assert np.abs(path - nearby).max() > TOLERANCE
 
 
-def test_scenes_that_the_peers_lack_are_refused() -> None:
+def test_scenes_that_plain_solvers_cannot_simulate_are_refused() -> None:
     water = Ball(material="water", center=(0.3, 0.5), radius=0.05)
     sand, elastic = (Ball(material=name, center=(0.6, 0.5), radius=0.05) for name in ("sand", "elastic"))
     for bodies, named in (((water, sand), "got water, sand and 0"), ((elastic,), "got elastic and 0")):
         with pytest.raises(ConfigError, match=named):
-            checked_material(Scene(dim=2, bodies=bodies), "Taichi")
+            Constants(Scene(dim=2, bodies=bodies), 1)
     ramp = BoxObstacle(lower=(0.5, 0.1), upper=(0.6, 0.2))
     with pytest.raises(ConfigError, match="got water and 1 obstacles"):
-        checked_material(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), "Taichi")
+        Constants(Scene(dim=2, bodies=(water,), obstacles=(ramp,)), 1)
     outside = Walls(lower=(0.0, 0.1), upper=(0.9, 0.9))
     with pytest.raises(ConfigError, match="three cells or more inside"):
-        checked_material(Scene(dim=2, bodies=(water,), walls=outside), "Taichi")
+        Constants(Scene(dim=2, bodies=(water,), walls=outside), 1)

@@ -95,7 +95,7 @@ def test_wrong_arguments_give_one_line(arguments: tuple[str, ...], message: str)
 
 
 def test_the_committed_page_covers_all_cases() -> None:
-    folder = Path(__file__).parents[3] / "docs" / "results" / "validation"
+    folder = Path(__file__).parents[2] / "docs" / "results" / "validation"
     text = (folder / "README.md").read_text(encoding="utf-8")
     for name, one in validation.CASES.items():
         assert f"## {one.title}\n\n{one.text}\n" in text

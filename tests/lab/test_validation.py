@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hybridmpm import MpmSolver
+from hybridmpm import ConfigError, MpmSolver, _core
 from hybridmpm.scene import Box, Sand, Scene, Walls
 from hybridmpm_lab.validation import (
     CASES,
@@ -16,6 +16,7 @@ from hybridmpm_lab.validation import (
     rotation,
     round_columns,
     sliding_block,
+    stability_limit,
 )
 from hybridmpm_lab.validation.case import Check, Result
 
@@ -32,8 +33,9 @@ SHORTER: dict[str, Callable[[], Result]] = {
 LONGER: dict[str, Callable[[], Result]] = {
     "column_collapse": column_collapse.run,
     "rotation": rotation.run,
+    "stability_limit": stability_limit.run,
 }
-"""More of those of `SHORTER` that leave much out."""
+"""Cases at full length whose short form leaves much out, or that the default tests sample."""
 
 
 @cache
@@ -41,7 +43,7 @@ def checks(name: str) -> tuple[Check, ...]:
     return tuple(SHORTER.get(name, CASES[name].run)().checks)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name in CASES if name != "stability_limit"])
 def test_case(name: str) -> None:
     assert any(check.verdict == "pass" for check in checks(name))
     assert [check for check in checks(name) if check.verdict == "FAIL"] == []
@@ -67,3 +69,25 @@ def test_a_layer_of_sand_is_braked_by_the_sine_of_its_friction_angle() -> None:
     solver.advance(24)
     braking = (before - solver.velocities[middle, 0].mean()) / (24 * 2.5e-3)
     assert braking / 9.81 == pytest.approx(np.sin(np.radians(angle)), rel=0.08)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("material", stability_limit.MATERIALS)
+@pytest.mark.parametrize("stress", stability_limit.STRESSES)
+def test_the_default_step_is_far_below_the_limit(material: str, stress: str, dim: int) -> None:
+    margin = 1.0 if stress == "alone, deformed" else stability_limit.MARGIN
+    for factor in (1.0, margin):
+        level = factor * stability_limit.MATERIALS[material].default_cfl
+        assert stability_limit.outcome(material, dim, stress, level) == "survived"
+
+
+def test_a_limit_is_the_last_level_before_the_first_failure() -> None:
+    assert stability_limit._limit("water", 2, "alone", (0.4, 1.2)) == 0.4
+    assert stability_limit._limit("water", 2, "alone", (1.2,)) == 0.0
+
+
+def test_the_signal_speed_is_that_of_the_core() -> None:
+    water = _core.Material.water(density=1000.0, bulk_modulus=8000.0)
+    assert [water.signal_speed(dim) for dim in (2, 3)] == pytest.approx([4.0, np.sqrt(24.0)])
+    with pytest.raises(ConfigError, match="dim must be 2 or 3, got 4"):
+        water.signal_speed(4)
