@@ -63,9 +63,7 @@ def paths_of_baseline(package: str, solver: MpmSolver, frames: int) -> dict[str,
     paths = {}
     scene, state = solver.scene, (solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
     with baseline_process(package) as baseline:
-        _, ways = baseline.start(
-            scene.model_dump(mode="json", exclude_none=True), SUBSTEPS[solver.dim], state
-        )
+        _, ways = baseline.start(scene, SUBSTEPS[solver.dim], state)
         # In 3D Taichi compiles each way for many seconds, and all add to the grid alike.
         for way in list(ways)[: None if solver.dim == 2 else 1]:
             baseline.restore(way)

@@ -22,8 +22,8 @@ from hybridmpm_lab.speed.baselines import SOLVERS
 ORIGIN = {"machine", "date", "commit", "command", "solver_version", "ingredients"}
 TIMES = ORIGIN | {
     "dim", "particles", "resolution", "frame", "threads", "instructions", "substeps",
-    "ns_per_particle_substep", "spread", "ms_per_frame", "peer", "peer_ns", "peer_threads", "peer_way", "ratio",
-    "slowdown", "loaded",
+    "ns_per_particle_substep", "spread", "ms_per_frame", "peer", "peer_ns", "peer_threads", "peer_way",
+    "ratio", "slowdown", "loaded",
 }  # fmt: skip
 
 
@@ -123,7 +123,8 @@ def test_batch_rows_compare_one_thread_with_several(tmp_path: Path) -> None:
     assert [row["threads"] for row in rows] == [1, 2]
     for row in rows:
         assert set(row) == ORIGIN | {
-            "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
+            "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second",
+            "speedup",
         }  # fmt: skip
         assert (row["scenario"], row["scenes"], row["particles"]) == ("sand_ramps_2d", 2, particles)
         assert row["frames_per_second"] == pytest.approx(1e3 / row["ms_per_scene_frame"], rel=0.01)

@@ -26,7 +26,7 @@ from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.harness.table import print_table
 from hybridmpm_lab.harness.timing import QUIET
-from hybridmpm_lab.speed.baselines.loading import SOLVERS, check_peer
+from hybridmpm_lab.speed.baselines import require_installed
 
 _COLUMNS = (
     "scenario", "method", "label", "ms_per_frame", "ms_p95", "error", "error_se", "error_40", "error_100",
@@ -106,7 +106,7 @@ class _Comparison:
                 "--only table makes the table of runs that are there: name their file by --runs"
             )
         for peer in getattr(settings, "peer", ()):
-            check_peer(peer, known=SOLVERS)
+            require_installed(peer)
         cases, store = self.cases(settings), RowStore(settings.shared(), runs_file)
         origin = origin_of(self.name, settings)
         for part in self.parts:

@@ -76,8 +76,8 @@ def speed(
     origin = source("speed", **options, repeats=(repeats,), baseline=baselines)
     subjects = solver.splashes(particles, frame)
     rows = measured(partial(solver.measure, subjects, settings), settings.rows_of(subjects), origin)
-    columns = ("dim", "material", "frame", *_TIMES)
-    columns += ("peer", "peer_way", "peer_ns", "ratio") if baselines else ()
+    beside = ("peer", "peer_way", "peer_ns", "ratio") if baselines else ()
+    columns = ("dim", "material", "frame", *_TIMES, *beside)
     report(rows, columns, origin, json_file, chart_file=chart_file, draw=chart.draw_solver)
 
 
@@ -136,8 +136,8 @@ def batch(
     """
     options = {"scenes": scenes, "threads": (threads,), "frames": (frames,), "repeats": (repeats,)}
     origin = source(f"batch {scenario}", **options)
-    sizes = {"counts": scenes, "threads": threads, "frames": frames, "repeats": repeats}
-    measure = partial(batch_speed.measure, scenario=scenario, **sizes)
+    settings = batch_speed.Settings(scenario, scenes, threads, frames, repeats)
+    measure = partial(batch_speed.measure, settings)
     rows = measured(measure, repeats * len(scenes), origin)
     columns = (
         "scenario",
@@ -183,6 +183,6 @@ def neighbors(
     origin = source("neighbors", **options)
     measure = partial(graph_speed.measure, particles, threads, repeats, baseline)
     rows = measured(measure, 2 * len(particles) * len(threads), origin)
-    columns = ("dim", "particles", "radius", "edges", "threads", "ms", "ms_reused")
-    columns += ("peer", "peer_ms", "ratio") if baseline else ()
+    beside = ("peer", "peer_ms", "ratio") if baseline else ()
+    columns = ("dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", *beside)
     report(rows, columns, origin, json_file, chart_file=chart_file, draw=chart.draw_graph)

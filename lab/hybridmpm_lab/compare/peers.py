@@ -10,7 +10,7 @@ from hybridmpm.recording import Recording
 from hybridmpm.scene import Scene
 from hybridmpm_lab.compare.truth import Truth
 from hybridmpm_lab.harness.timing import TimedCall
-from hybridmpm_lab.speed.baselines.process import Worker
+from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
 
 _PRECISE = "serial"
 """Setting whose errors are taken; the others add in another order and are as precise."""
@@ -27,15 +27,14 @@ def states(package: str, truth: Truth) -> Recording:
     Peers give positions alone, so velocities are differences of two frames.
     """
     scene, positions, velocities = truth.states.scene, [], []
-    with Worker(package) as worker:
-        worker.call("start")
-        worker.call("make", _PRECISE, _described(scene), _substeps(scene))
+    with baseline_process(package) as baseline:
+        baseline.start(scene, _substeps(scene))
         now = 0
         for frame in truth.states.frames.tolist():
-            worker.call("advance", _PRECISE, frame - 1 - now)
-            before = worker.call("positions", _PRECISE)
-            worker.call("advance", _PRECISE, 1)
-            positions.append(worker.call("positions", _PRECISE))
+            baseline.advance(_PRECISE, frame - 1 - now)
+            before = baseline.positions(_PRECISE)
+            baseline.advance(_PRECISE, 1)
+            positions.append(baseline.positions(_PRECISE))
             velocities.append((positions[-1] - before) / scene.frame_dt)
             now = frame
     particles = scene.sample()
@@ -51,32 +50,31 @@ def states(package: str, truth: Truth) -> Recording:
 
 
 def pieces(
-    worker: Worker, scene: Scene, start: int, span: int, frames: int
+    baseline: Baseline, scene: Scene, start: int, span: int, frames: int
 ) -> Iterator[tuple[str, int, list[TimedCall]]]:
     """Yield each setting of a peer, its threads, and its pieces by its own clock."""
     solver, substeps = MpmSolver(scene, substeps="reference"), _substeps(scene)
     solver.advance(start)
-    worker.call("start")
-    worker.call("take", solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
-    for setting, threads in worker.call("settings").items():
-        worker.call("make", setting, _described(scene), substeps)
+    state = (solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
+    _, ways = baseline.start(scene, substeps, state)
+    for setting, threads in ways.items():
         calls = [
             TimedCall(
-                prepare=partial(_prepare, worker, setting, frame),
-                call=partial(_piece, worker, setting, frames),
+                prepare=partial(_prepare, baseline, setting, frame),
+                call=partial(_piece, baseline, setting, frames),
             )
             for frame in range(0, span - frames, max(span // 3, 1))
         ]
         yield setting, threads, calls
 
 
-def _prepare(worker: Worker, setting: str, frame: int) -> None:
-    worker.call("restore", setting)
-    worker.call("advance", setting, frame + 1)
+def _prepare(baseline: Baseline, setting: str, frame: int) -> None:
+    baseline.restore(setting)
+    baseline.advance(setting, frame + 1)
 
 
-def _piece(worker: Worker, setting: str, frames: int) -> float:
-    return float(worker.call("advance", setting, frames)) / frames
+def _piece(baseline: Baseline, setting: str, frames: int) -> float:
+    return baseline.advance(setting, frames) / frames
 
 
 def _substeps(scene: Scene) -> int:
@@ -85,7 +83,3 @@ def _substeps(scene: Scene) -> int:
     solver.advance(1)
     report = solver.last_frame
     return report.substeps if report else 1
-
-
-def _described(scene: Scene) -> dict[str, object]:
-    return scene.model_dump(mode="json", exclude_none=True)

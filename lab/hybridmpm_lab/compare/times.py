@@ -20,7 +20,7 @@ from hybridmpm_lab.compare import peers
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.harness.rows import Row, significant
 from hybridmpm_lab.harness.timing import Calibration, TimedCall, seconds_by_turns
-from hybridmpm_lab.speed.baselines.process import Worker
+from hybridmpm_lab.speed.baselines.process import baseline_process
 
 FIELDS = ("ms_per_frame", "ms_p95", "slowdown")
 """Fields of a row about its time."""
@@ -55,7 +55,7 @@ def times(
                     mine = _pieces(method.make(scene, threads), start, span)
                 else:
                     for setting, its_threads, some in peers.pieces(
-                        stack.enter_context(Worker(method.label)), scene, start, span, PIECE
+                        stack.enter_context(baseline_process(method.label)), scene, start, span, PIECE
                     ):
                         facts = {"threads": its_threads, "setting": setting}
                         calls += some

@@ -15,7 +15,7 @@ from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.compare.truth import reference_scene
 from hybridmpm_lab.harness.rows import FIRST_SEED
 from hybridmpm_lab.harness.settings import setting
-from hybridmpm_lab.speed.baselines.loading import SOLVERS
+from hybridmpm_lab.speed.baselines import SOLVERS
 
 THRESHOLDS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 """r_c of the hybrids that the cosine alone guards."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 from hybridmpm import scenarios
 from hybridmpm.mpm import MpmBatch
@@ -12,14 +13,23 @@ _RUN_UP = 120
 """Frames before the measurement: most bodies have hit the floor by then and are spreading."""
 
 
-def measure(
-    on_progress: Progress, *, scenario: str, counts: Sequence[int], threads: int, frames: int, repeats: int
-) -> Iterator[Row]:
-    """Time batches of so many scenes and yield a row for one thread and one for several.
+class Settings(NamedTuple):
+    """Size and length of the measurement."""
 
-    Each timing is of so many frames, and the least of them counts: a busy machine only adds to it.
-    `on_progress` counts repeats.
-    """
+    scenario: str
+    counts: Sequence[int]
+    """Numbers of scenes, of the seeds 0 and following."""
+    threads: int
+    """Number of threads that one thread is compared with."""
+    frames: int
+    """Number of frames timed in one go."""
+    repeats: int
+    """Number of timings, the least of which counts: a busy machine only adds to it."""
+
+
+def measure(settings: Settings, on_progress: Progress) -> Iterator[Row]:
+    """Time each batch and yield a row for one thread and one for several; `on_progress` counts repeats."""
+    scenario, counts, threads, frames, repeats = settings
     for count in counts:
         scenes = [scenarios.get(scenario, seed) for seed in range(count)]
         batches = {each: MpmBatch(scenes, threads=each) for each in (1, threads)}

@@ -1,8 +1,9 @@
 """Speed of the radius graph from small sizes to a million points, beside SciPy's k-d tree."""
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +61,7 @@ def _measured(
     x: npt.NDArray[np.float32], radius: float, threads: Sequence[int], repeats: int, baseline: str | None
 ) -> Iterator[Row]:
     graph, name = radius_graph(x, radius), None
-    calls = []
+    calls: list[Callable[[], Any]] = []
     for count in threads:
         kept = radius_graph(x, radius, threads=count)
         calls += [

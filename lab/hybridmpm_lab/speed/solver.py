@@ -184,7 +184,7 @@ def _timed(subject: Subject, settings: Settings, baselines: Sequence[Baseline]) 
     ]
     others = []
     for baseline in baselines:
-        name, ways = baseline.start(scene.model_dump(mode="json", exclude_none=True), substeps, state)
+        name, ways = baseline.start(scene, substeps, state)
         others += [(baseline, name, way, threads) for way, threads in ways.items()]
     simulations += [
         TimedSimulation(

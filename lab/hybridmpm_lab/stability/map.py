@@ -20,7 +20,7 @@ from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.stability.corrupted import Corrupted
-from hybridmpm_lab.stability.outcome import OUTCOMES, Run, judged, look
+from hybridmpm_lab.stability.outcome import OUTCOMES, Outcome, Run, judged, look
 from hybridmpm_lab.stability.stresses import STRESSES, Method, Trial
 
 JITTERS = 3
@@ -78,8 +78,8 @@ def cells(names: Sequence[str] = ()) -> list[Cell]:
 def measure(todo: Sequence[Cell], runs: RowStore, origin: Provenance, on_progress: Progress) -> Iterator[Row]:
     """Run the cells that are missing, adding each to the runs, and yield all rows.
 
-    `on_progress` counts cells. `signalled` names the errors, warnings and alarms for the user, None where there
-    are none. `against` names the measures that speak against survival.
+    `on_progress` counts cells. `signalled` names the errors, warnings and alarms for the user, None without
+    any. `against` names the measures that speak against survival.
     """
     scenes: dict[tuple[object, ...], list[Cell]] = {}
     for cell in todo:
@@ -91,7 +91,8 @@ def measure(todo: Sequence[Cell], runs: RowStore, origin: Provenance, on_progres
             true, *others = (truth(trial, shift=shift) for shift in range(1 + JITTERS))
         for cell in missing:
             made = attempt(trial, cell.method)
-            outcome, faults = ("refused" if made.refused else "failed"), []
+            faults: list[str] = []
+            outcome: Outcome = "refused" if made.refused else "failed"
             if made.run is not None:
                 outcome, faults = judged(made.run, true, others, all_simulated=cell.method == "mpm")
             row: Row = cell._asdict() | {

@@ -1,6 +1,7 @@
 """The parts of a validation case: judged figures, curves, and the measurements that cases share."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -45,7 +46,8 @@ class Check(NamedTuple):
         return cls(quantity, measured, target, "none", "reported")
 
 
-class Curve(NamedTuple):
+@dataclass(frozen=True)
+class Curve:
     """A line or a set of points of a panel."""
 
     x: npt.ArrayLike
@@ -55,7 +57,7 @@ class Curve(NamedTuple):
     """Index of the chart's colours and markers; None is black."""
     style: str = "-"
     """Line style of matplotlib; "o" stands for points with the marker of the colour."""
-    options: Mapping[str, Any] = {}
+    options: Mapping[str, Any] = field(default_factory=dict)
     """Further options of matplotlib's `plot`."""
 
 

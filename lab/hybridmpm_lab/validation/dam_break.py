@@ -163,16 +163,32 @@ def _panels(runs: list[_Collapse]) -> tuple[Panel, Panel]:
     fronts = (
         *(Curve(one.T, one.front, one.size, k) for k, one in enumerate(runs)),
         Curve(finest.T, finest.deep_front, "0.2 a deep", last, "--"),
-        Curve(*FRONT_COMPUTED.T, "computed (Koshizuka, Oka)", style="o", options={"marker": "x"}),
-        Curve(*FRONT.T, "table 2", style="o"),
         Curve(
-            *FRONT_KOSHIZUKA_OKA.T, "Koshizuka, Oka", style="o", options={"marker": "^", "fillstyle": "none"}
+            FRONT_COMPUTED[:, 0],
+            FRONT_COMPUTED[:, 1],
+            "computed (Koshizuka, Oka)",
+            style="o",
+            options={"marker": "x"},
         ),
-        Curve(*figure_3.T, "figure 3", style="o", options={"marker": "s", "fillstyle": "none"}),
+        Curve(FRONT[:, 0], FRONT[:, 1], "table 2", style="o"),
+        Curve(
+            FRONT_KOSHIZUKA_OKA[:, 0],
+            FRONT_KOSHIZUKA_OKA[:, 1],
+            "Koshizuka, Oka",
+            style="o",
+            options={"marker": "^", "fillstyle": "none"},
+        ),
+        Curve(
+            figure_3[:, 0],
+            figure_3[:, 1],
+            "figure 3",
+            style="o",
+            options={"marker": "s", "fillstyle": "none"},
+        ),
     )
     heights = (
         *(Curve(one.tau, one.height, one.size, k) for k, one in enumerate(runs)),
-        Curve(*table_6.T, "table 6", style="o"),
+        Curve(table_6[:, 0], table_6[:, 1], "table 6", style="o"),
     )
     return (
         Panel("Front", "T = t √(2g/a)", "Z = x / a", fronts, {"xlim": (0, 3.45), "ylim": (0.9, 5.0)}),

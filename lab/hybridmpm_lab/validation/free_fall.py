@@ -23,7 +23,9 @@ _ULP = 2.0**-24
 
 def run(frames: int = 100) -> Result:
     """Let balls of all materials fall for `frames` frames."""
-    checks, curves, bound = [], [], 0.0
+    checks: list[Check] = []
+    curves: list[Curve] = []
+    bound = 0.0
     for dim in (2, 3):
         for material in (Water(), Sand(), Elastic()):
             scene = _scene(dim, material)

@@ -90,4 +90,4 @@ def _across(solver: MpmSolver) -> Floats:
     arm = x - x.mean(axis=0)
     across = np.zeros_like(arm)
     across[:, 0], across[:, 1] = -arm[:, 1], arm[:, 0]
-    return across
+    return np.asarray(across)

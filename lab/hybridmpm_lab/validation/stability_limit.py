@@ -21,9 +21,7 @@ from hybridmpm_lab.validation.case import Check, Curve, Panel, Result
 
 MARGIN = 1.5
 """Least limit over the default CFL number."""
-MATERIALS: dict[str, _core.Material] = {
-    one.kind: one.to_native(1.0) for one in (Water(), Sand(), Elastic())
-}
+MATERIALS: dict[str, _core.Material] = {one.kind: one.to_native(1.0) for one in (Water(), Sand(), Elastic())}
 STRESSES = ("splash", "alone", "alone, deformed")
 """Cases by name; the last is not judged."""
 

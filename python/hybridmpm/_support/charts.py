@@ -68,7 +68,7 @@ def plain_log_ticks(axis: Any) -> None:
 
 
 def save(figure: "Figure", path: Path) -> None:
-    """Write the figure as SVG and as PNG; `path` with the suffixes .svg and .png names the files.
+    """Write the figure in the format that the suffix of `path` names, such as .svg or .png.
 
     Raises
     ------
@@ -81,6 +81,7 @@ def save(figure: "Figure", path: Path) -> None:
     for legend in filter(None, legends):
         legend.set_frame_on(False)
     with mpl.rc_context(_STYLE):
-        for suffix, metadata in ((".svg", {"Date": None}), (".png", {"Software": None})):
-            with replacing(path.with_suffix(suffix)) as part:
-                figure.savefig(part, metadata=metadata)
+        # Without a date or a version the same figure has the same bytes.
+        metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
+        with replacing(path) as part:
+            figure.savefig(part, metadata=metadata)

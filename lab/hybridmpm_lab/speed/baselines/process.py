@@ -4,15 +4,21 @@ import importlib
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
 from multiprocessing.managers import BaseManager
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from hybridmpm.scene import Scene
 
 _MODULES = {"taichi": "taichi_mpm", "quadrants": "taichi_mpm", "warp": "warp_mpm"}
+
+
+State = tuple[npt.NDArray[np.float32], ...]
 
 
 class Baseline:
@@ -31,22 +37,23 @@ class Baseline:
             sys.modules["taichi"] = importlib.import_module("quadrants")
         self._module = importlib.import_module(f"hybridmpm_lab.speed.baselines.{_MODULES[package]}")
         self._solvers: dict[str, Any] = {}
-        self._state: tuple[Any, ...] = ()
+        self._state: State
 
-    def start(
-        self, scene: dict[str, Any], substeps: int, state: tuple[Any, ...]
-    ) -> tuple[str, dict[str, int]]:
-        """Make a solver of a scene, as JSON, for each way, with equal substeps a frame.
+    def start(self, scene: Scene, substeps: int, state: State | None = None) -> tuple[str, dict[str, int]]:
+        """Make a solver of a scene for each way, with equal substeps a frame.
 
-        `restore` returns to `state`: positions, velocities, affine matrices and volume ratios. Returns name
-        and version of the package, and the threads of each way.
+        `state` is the one that `restore` returns to: positions, velocities, affine matrices and volume
+        ratios; that of the scene's bodies if absent. Returns name and version of the package, and the threads
+        of each way.
         """
-        self._state = state
+        x = scene.sample()
+        still = np.zeros((*x.x.shape, scene.dim), np.float32)
+        self._state = state or (x.x, x.v, still, np.ones(len(x.x), np.float32))
         self._solvers.clear()
         self._module.start()
-        read = Scene.model_validate(scene)
         for way in self._module.WAYS:
-            self._solvers[way] = self._module.Solver(read, substeps=substeps, way=way)
+            self._solvers[way] = self._module.Solver(scene, substeps=substeps, way=way)
+            self.restore(way)
         return self._module.NAME, self._module.WAYS
 
     def restore(self, way: str) -> None:
@@ -67,6 +74,8 @@ class Baseline:
 class _Processes(BaseManager):
     """Starts a process whose objects are called from here."""
 
+    Baseline: Callable[[str], Baseline]
+
 
 _Processes.register("Baseline", Baseline)
 
@@ -75,4 +84,4 @@ _Processes.register("Baseline", Baseline)
 def baseline_process(package: str) -> Iterator[Baseline]:
     """Yield a `Baseline` in a process of its own, which ends with the block; errors there are raised here."""
     with _Processes(ctx=get_context("spawn")) as process:
-        yield process.Baseline(package)  # type: ignore[attr-defined] - registered above
+        yield process.Baseline(package)

@@ -41,7 +41,7 @@ def start() -> None:
 
 
 @ti.data_oriented
-class Solver:
+class Solver(Constants):
     """MLS-MPM for water or sand on Taichi; call `start` once before the first.
 
     Parameters and errors are those of `Constants`, and one of `WAYS`. N is the number of particles, D the
@@ -49,20 +49,18 @@ class Solver:
     """
 
     def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
-        self._constants = constants = Constants(scene, substeps)
-        # Kernels take these as compile-time constants.
-        self.__dict__ |= {f"_{name}": value for name, value in vars(constants).items()}
+        super().__init__(scene, substeps)
         self._serial, self._serial_scatter = way == "serial", way != "atomic"
         self._gravity = ti.Vector(scene.gravity)
         # Nodes that particles between the walls can touch: sweeping no others is faster.
-        self._first, self._end = [i - 2 for i in self._lowest], [i + 3 for i in self._highest]
+        self._first, self._end = [i - 2 for i in self.lowest], [i + 3 for i in self.highest]
         particles = scene.sample()
         n, dim = particles.x.shape
         self._count = n
         self._x, self._v = ti.Vector.field(dim, float, n), ti.Vector.field(dim, float, n)
         self._C = ti.Matrix.field(dim, dim, float, n)
         self._mass, self._volume = ti.field(float, n), ti.field(float, n)
-        if self._water:
+        if self.water:
             self._J = ti.field(float, n)
         else:
             self._F, self._tau = (ti.Matrix.field(dim, dim, float, n) for _ in range(2))
@@ -95,17 +93,17 @@ class Solver:
         self._x.from_numpy(x)
         self._v.from_numpy(v)
         self._C.from_numpy(affine)
-        if self._water:
+        if self.water:
             self._J.from_numpy(volume_ratio)
         else:
-            F, tau = self._constants.sand_state(volume_ratio)
+            F, tau = self.sand_state(volume_ratio)
             self._F.from_numpy(F)
             self._tau.from_numpy(tau)
             self._volume_gain.fill(0)
 
     def advance(self, frames: int) -> None:
         """Advance by whole frames, and wait until they are computed."""
-        for _ in range(frames * self._substeps):
+        for _ in range(frames * self.substeps):
             self._substep()
         ti.sync()
 
@@ -120,7 +118,7 @@ class Solver:
         ti.loop_config(serialize=self._serial)
         for i in range(self._first[0], self._end[0]):
             for j in range(self._first[1], self._end[1]):
-                if ti.static(self._dim == 2):
+                if ti.static(self.dim == 2):
                     self._clear(ti.Vector([i, j]))
                 else:
                     for k in range(self._first[2], self._end[2]):
@@ -131,7 +129,7 @@ class Solver:
         ti.loop_config(serialize=self._serial)
         for i in range(self._first[0], self._end[0]):
             for j in range(self._first[1], self._end[1]):
-                if ti.static(self._dim == 2):
+                if ti.static(self.dim == 2):
                     self._update(ti.Vector([i, j]))
                 else:
                     for k in range(self._first[2], self._end[2]):
@@ -147,82 +145,82 @@ class Solver:
 
     @ti.func
     def _scatter(self, p):
-        base = int(self._x[p] * self._per_dx - 0.5)
-        fx = self._x[p] * self._per_dx - base
+        base = int(self._x[p] * self.per_dx - 0.5)
+        fx = self._x[p] * self.per_dx - base
         w = [0.5 * (1.5 - fx) ** 2, 0.75 - (fx - 1) ** 2, 0.5 * (fx - 0.5) ** 2]
-        tau = ti.Matrix.zero(float, self._dim, self._dim)
-        if ti.static(self._water):
-            tau = ti.Matrix.identity(float, self._dim) * self._water_stress(self._J[p])
+        tau = ti.Matrix.zero(float, self.dim, self.dim)
+        if ti.static(self.water):
+            tau = ti.Matrix.identity(float, self.dim) * self._water_stress(self._J[p])
         else:
             tau = self._tau[p]
-        factor = self._dt * 4 * self._per_dx**2 * self._volume[p]
+        factor = self.dt * 4 * self.per_dx**2 * self._volume[p]
         affine = self._mass[p] * self._C[p] - factor * tau
         momentum = self._mass[p] * self._v[p]
-        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self._dim))):
-            dpos = (offset - fx) * self._dx
+        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self.dim))):
+            dpos = (offset - fx) * self.dx
             weight = 1.0
-            for i in ti.static(range(self._dim)):
+            for i in ti.static(range(self.dim)):
                 weight *= w[offset[i]][i]
             self._grid_v[base + offset] += weight * (momentum + affine @ dpos)
             self._grid_m[base + offset] += weight * self._mass[p]
 
     @ti.func
     def _water_stress(self, J):
-        tau = self._bulk_modulus * J * (J - 1)
-        return ti.select(J > 1, self._tension * tau, tau)
+        tau = self.bulk_modulus * J * (J - 1)
+        return ti.select(J > 1, self.tension * tau, tau)
 
     @ti.func
     def _update(self, node):
         if self._grid_m[node] > 0:
-            v = self._grid_v[node] / self._grid_m[node] + self._dt * self._gravity
-            for i in ti.static(range(self._dim)):
+            v = self._grid_v[node] / self._grid_m[node] + self.dt * self._gravity
+            for i in ti.static(range(self.dim)):
                 push = 0.0
-                if node[i] <= self._lowest[i]:
+                if node[i] <= self.lowest[i]:
                     push = ti.max(0, -v[i])
-                if node[i] >= self._highest[i]:
+                if node[i] >= self.highest[i]:
                     push = ti.max(0, v[i])
                 if push > 0:
                     v[i] = 0
-                    if ti.static(self._friction > 0):
-                        v *= ti.max(0, 1 - self._friction * push / ti.max(v.norm(), 1e-20))
+                    if ti.static(self.friction > 0):
+                        v *= ti.max(0, 1 - self.friction * push / ti.max(v.norm(), 1e-20))
             self._grid_v[node] = v
 
     @ti.func
     def _gather(self, p):
-        base = int(self._x[p] * self._per_dx - 0.5)
-        fx = self._x[p] * self._per_dx - base
+        base = int(self._x[p] * self.per_dx - 0.5)
+        fx = self._x[p] * self.per_dx - base
         w = [0.5 * (1.5 - fx) ** 2, 0.75 - (fx - 1) ** 2, 0.5 * (fx - 0.5) ** 2]
         v, C = ti.zero(self._v[p]), ti.zero(self._C[p])
-        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self._dim))):
+        for offset in ti.static(ti.grouped(ti.ndrange(*[3] * self.dim))):
             weight = 1.0
-            for i in ti.static(range(self._dim)):
+            for i in ti.static(range(self.dim)):
                 weight *= w[offset[i]][i]
             g_v = weight * self._grid_v[base + offset]
             v += g_v
-            C += 4 * self._per_dx * g_v.outer_product(offset - fx)
+            C += 4 * self.per_dx * g_v.outer_product(offset - fx)
         self._v[p], self._C[p] = v, C
-        self._x[p] += self._dt * v
-        if ti.static(self._water):
-            self._J[p] *= 1 + self._dt * C.trace()
+        self._x[p] += self.dt * v
+        if ti.static(self.water):
+            self._J[p] *= 1 + self.dt * C.trace()
         else:
             self._deform_sand(p)
 
     @ti.func
     def _deform_sand(self, p):
-        dim, mu, lam = ti.static(self._dim, self._mu, self._lam)
-        U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self._dt * self._C[p]) @ self._F[p])
+        dim, mu, lam = ti.static(self.dim, self.mu, self.lam)
+        U, sigma, V = ti.svd((ti.Matrix.identity(float, dim) + self.dt * self._C[p]) @ self._F[p])
         strain = ti.Vector.zero(float, dim)
         for i in ti.static(range(dim)):
             strain[i] = ti.log(ti.max(sigma[i, i], SMALLEST_STRETCH)) + self._volume_gain[p] / dim
         trace, gained = strain.sum(), 0.0
         if trace >= 0:
             strain = ti.zero(strain)
-            if ti.static(self._volume_correction):
+            if ti.static(self.volume_correction):
                 gained = trace
         else:
             deviator = strain - trace / dim
             norm = deviator.norm()
-            excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self._alpha
+            excess = norm + (dim * lam + 2 * mu) / (2 * mu) * trace * self.alpha
             if excess > 0:
                 strain -= deviator * (excess / norm)
         stretch, tau, trace = ti.zero(sigma), ti.zero(sigma), strain.sum()

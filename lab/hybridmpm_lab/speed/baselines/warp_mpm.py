@@ -25,13 +25,13 @@ def start() -> None:
     wp.init()
 
 
-class Solver:
+class Solver(Constants):
     """MLS-MPM for water or sand on Warp's CPU; parameters, methods and limits are `taichi_mpm.Solver`'s."""
 
     def __init__(self, scene: Scene, *, substeps: int, way: str) -> None:
         del way  # there is one
-        self._constants = constants = Constants(scene, substeps)
-        made = kernels(scene.dim, water=constants.water)
+        super().__init__(scene, substeps)
+        made = kernels(scene.dim, water=self.water)
         s = made.Setting()
         for name in (
             "dt",
@@ -45,9 +45,9 @@ class Solver:
             "lam",
             "alpha",
         ):
-            setattr(s, name, getattr(constants, name))
-        s.keeps_volume, s.gravity = int(constants.volume_correction), made.vec(*scene.gravity)
-        s.lowest, s.highest = made.ivec(*constants.lowest), made.ivec(*constants.highest)
+            setattr(s, name, getattr(self, name))
+        s.keeps_volume, s.gravity = int(self.volume_correction), made.vec(*scene.gravity)
+        s.lowest, s.highest = made.ivec(*self.lowest), made.ivec(*self.highest)
         particles = scene.sample()
         count, nodes = len(particles.x), scene.resolution**scene.dim
 
@@ -83,14 +83,14 @@ class Solver:
     ) -> None:
         """Take over a state, as `taichi_mpm.Solver.load` does."""
         fields = (self._x, self._v, self._C, self._J, self._F, self._tau)
-        values = (x, v, affine, volume_ratio, *self._constants.sand_state(volume_ratio))
+        values = (x, v, affine, volume_ratio, *self.sand_state(volume_ratio))
         for field, value in zip(fields, values, strict=True):
             field.assign(value)
         self._gain.zero_()
 
     def advance(self, frames: int) -> None:
         """Advance by whole frames."""
-        for _ in range(frames * self._constants.substeps):
+        for _ in range(frames * self.substeps):
             for launch in self._launches:
                 launch.launch()
 
