@@ -54,11 +54,12 @@ class Result:
 
 
 _PEERS = "--peer taichi --peer quadrants"
+_BASELINES = "--baseline taichi --baseline quadrants --baseline warp"
 RESULTS = (
-    Result(name="mpm", command=f"speed {_PEERS} --peer warp", minutes=25),
+    Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),
     Result(name="batch", command="batch", minutes=5, has_chart=False),
     Result(name="scaling", command="scaling", minutes=15),
-    Result(name="neighbors", command="neighbors --peer scipy", minutes=5),
+    Result(name="neighbors", command="neighbors --baseline scipy", minutes=5),
     Result(name="coarse", command="coarse", minutes=25, has_runs=True),
     Result(
         name="tradeoff",
@@ -70,8 +71,7 @@ RESULTS = (
     Result(name="models", command="models", minutes=25, has_runs=True),
     Result(name="hybrid", command="hybrid --bounded 200", minutes=240, has_runs=True),
     Result(name="crossing", command="crossing", minutes=120, has_runs=True),
-    Result(name="stability", command="stability", minutes=15),
-    Result(name="stability-map", command="stability --map", minutes=20, has_runs=True),
+    Result(name="stability-map", command="stability", minutes=20, has_runs=True),
     Result(name="control", command="control", minutes=180, has_runs=True),
     Result(name="service", command="service", minutes=10, has_chart=False),
 )
