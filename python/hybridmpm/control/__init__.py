@@ -6,10 +6,8 @@ an example of control whose true end is known, and `Oracle` follows it by the fo
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
-from hybridmpm.control.goal.goal import Goal
-from hybridmpm.control.goal.needs import Needs, Obstruction
-from hybridmpm.control.goal.oval import Oval
-from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.goal.goal import Goal, Needs, Obstruction
+from hybridmpm.control.goal.region import Fill, Oval
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS

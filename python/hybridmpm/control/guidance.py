@@ -12,11 +12,9 @@ from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import Cloud
-from hybridmpm.control.goal.goal import Goal, goal_of
-from hybridmpm.control.goal.needs import Needs, Obstruction
-from hybridmpm.control.goal.oval import Oval
+from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, goal_of
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.goal.region import Fill, Region
+from hybridmpm.control.goal.region import Fill, Oval, Region
 from hybridmpm.control.goal.room import Room
 from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen

@@ -20,9 +20,8 @@ from hybridmpm import (
     _native,
 )
 from hybridmpm.control import Arrow, Ellipse, prepare
-from hybridmpm.control.goal.oval import Oval
-from hybridmpm.control.goal.path import arrow_path
-from hybridmpm.control.goal.region import Fill
+from hybridmpm.control.goal.paths import arrow_path
+from hybridmpm.control.goal.region import Fill, Oval
 from hybridmpm.control.laws import Tracked
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hybridmpm.control.sketch.picture.marks import MAX_GAP, labels, main_mark
+from hybridmpm.control.sketch.ink import MAX_GAP, labels, main_mark
 from hybridmpm.errors import SketchError
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hybridmpm.control import Arrow, parse_png, render_png
-from hybridmpm.control.sketch.picture.png import MAX_BYTES
+from hybridmpm.control.sketch.raster import MAX_BYTES
 from hybridmpm.errors import SketchError
 
 GOOD = render_png(Arrow([[0.2, 0.3], [0.6, 0.7]]))  # type: ignore[arg-type]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from hybridmpm.control.laws import Retraced
 from hybridmpm.control.methods.method import Task
-from hybridmpm.control.reversal.case import ReversedCase
-from hybridmpm.control.reversal.retrace import Retraced
+from hybridmpm.control.reversal import ReversedCase
 from hybridmpm.errors import ConfigError
 from hybridmpm.simulator import Simulator
 

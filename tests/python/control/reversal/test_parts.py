@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from hybridmpm.control.reversal import smoothed, step_cosines
-from hybridmpm.control.reversal.retrace import Retraced
-from hybridmpm.control.reversal.sketches import SEGMENTS, arrow_of, oval_of
+from hybridmpm.control.laws import Retraced
+from hybridmpm.control.reversal import SEGMENTS, arrow_of, oval_of, smoothed, step_cosines
 from hybridmpm.control.sketch.sketch import depth_of_width, width_of_depth
 from hybridmpm.scene import Walls
 

@@ -5,9 +5,8 @@ import numpy.typing as npt
 
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.control.goal.cloud import Floats
-from hybridmpm.control.goal.oval import Oval
 from hybridmpm.control.goal.paths import Paths
-from hybridmpm.control.goal.region import Region
+from hybridmpm.control.goal.region import Oval, Region
 from hybridmpm.control.methods.method import Task
 
 _OUTSIDE_LENGTH = 0.02

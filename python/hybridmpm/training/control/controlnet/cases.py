@@ -10,8 +10,7 @@ import numpy.typing as npt
 from hybridmpm import scenarios
 from hybridmpm.control.diffusion.network import picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
-from hybridmpm.control.reversal.draw import SHORTEST_ARROW
-from hybridmpm.control.reversal.sketches import arrow_of, oval_of
+from hybridmpm.control.reversal import SHORTEST_ARROW, arrow_of, oval_of
 from hybridmpm.errors import SketchError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND, WATER

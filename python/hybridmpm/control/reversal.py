@@ -1,4 +1,9 @@
-"""`ReversedCase`: one example of control, made from a forward run."""
+"""Reversed control data: a fluid led back to where it came from, with the sketch that asks for it.
+
+Paper, section 3.2.2. A forward run gives a past, `reversed_case` turns it into an example of control: the
+state at its start, a sketch of the state at its end, and forces that lead from one to the other. The method
+`Oracle` follows such a sketch by these forces; no controller that sees the sketch alone can know them.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,19 +12,105 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import metrics
+from hybridmpm import metrics, scenarios
 from hybridmpm._support.arguments import whole
 from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
-from hybridmpm.control.reversal.retrace import Retraced
-from hybridmpm.control.reversal.sketches import arrow_of, oval_of
-from hybridmpm.control.reversal.smoothing import smoothed
-from hybridmpm.control.sketch.sketch import Sketch
+from hybridmpm.control.laws import Retraced
+from hybridmpm.control.sketch.sketch import MIN_LENGTH, Arrow, Ellipse, Sketch, width_of_depth
 from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene, Walls
 
+SMOOTHING = 0.1
+"""The paper's lambda [-]."""
+SHARPNESS = 2.0
+"""The paper's beta [-]."""
+
 Floats32 = npt.NDArray[np.float32]
+
+
+def step_cosines(forces: Floats32) -> Floats:
+    """Return the cosine between the forces of successive frames, (T - 1, N) for forces (T, N, D).
+
+    It is 0 where one of both is zero.
+    """
+    a = forces.astype(np.float64)
+    sizes = np.sqrt((a**2).sum(axis=2))
+    both = sizes[:-1] * sizes[1:]
+    dot = (a[:-1] * a[1:]).sum(axis=2)
+    return np.asarray(np.divide(dot, both, out=np.zeros_like(both), where=both > 0))
+
+
+def smoothed(forces: Floats32, *, smoothing: float = SMOOTHING, sharpness: float = SHARPNESS) -> Floats32:
+    """Return forces (T, N, D) drawn towards those of the next frame, the more the less both agree.
+
+    a_t - lambda exp(-beta cos(a_t, a_t+1)) (a_t - a_t+1), where the cosine with a zero vector is 0. The last
+    frame stays as it is. `smoothing` is lambda, `sharpness` is beta.
+
+    Smoothed forces no longer lead to the end of the recorded motion: nothing closes the loop.
+
+    References
+    ----------
+    The paper's eq. `control_acceleration_smoothness`.
+    """
+    share = smoothing * np.exp(-sharpness * step_cosines(forces))[..., None]
+    result = forces.astype(np.float64)
+    result[:-1] -= share * (result[:-1] - result[1:])
+    return result.astype(np.float32)
+
+
+SEGMENTS = 8
+"""Number of segments of an arrow, of equal duration."""
+_SIGMAS = 2.0
+"""Semi-axis of an oval over the standard deviation of the particles along it."""
+
+
+def arrow_of(motion: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> Arrow:
+    """Return the arrow along the way of the centre of mass, from the start of a motion to its end.
+
+    Parameters
+    ----------
+    motion : (T + 1, N, D)
+        Positions after each frame [m].
+    weight : (N,)
+        Mass of each particle over that of all [-].
+    walls : Walls
+        In 3D the depth between them gives the width of the stroke.
+
+    Raises
+    ------
+    SketchError
+        The centre of mass moves by less than two pixels in the front view.
+    """
+    moments = np.linspace(0, len(motion) - 1, SEGMENTS + 1).round().astype(int)
+    way = np.stack([weight @ motion[moment].astype(np.float64) for moment in np.unique(moments)])
+    front = np.clip(way[:, :2], 0.0, 1.0)
+    return Arrow(front, None if motion.shape[2] == 2 else _widths(way[:, 2], walls))
+
+
+def oval_of(x: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> Ellipse:
+    """Return the oval at two standard deviations around a cloud x (N, D) [m], in the front view.
+
+    In 3D the width of its stroke tells the depth of the centre of mass. `weight` and `walls` are those of
+    `arrow_of`.
+    """
+    cloud = x.astype(np.float64)
+    mean = weight @ cloud
+    away = cloud[:, :2] - mean[:2]
+    values, vectors = np.linalg.eigh((weight[:, None] * away).T @ away)
+    axes = np.clip(_SIGMAS * np.sqrt(np.maximum(values[::-1], 0.0)), MIN_LENGTH, 1.0)
+    # An axis has no sense: of both angles take the one in (-pi / 2, pi / 2].
+    major = vectors[:, 1] if vectors[0, 1] > 0 else -vectors[:, 1]
+    angle = float(np.arctan2(major[1], major[0]))
+    width = None if x.shape[1] == 2 else float(_widths(mean[2:], walls)[0])
+    return Ellipse(np.clip(mean[:2], 0.0, 1.0), axes, angle, width)
+
+
+def _widths(depths: Floats, walls: Walls) -> Floats:
+    return np.array([width_of_depth(depth, walls.lower[2], walls.upper[2]) for depth in depths])
+
+
 Start = Literal["live", "reversed"]
 """Velocities at the start of control: those of the forward run, as in a session, or their negative."""
 Kind = Literal["oval", "arrow"]
@@ -262,4 +353,70 @@ def _retraced(scene: Scene, truth: Floats32, cap: float) -> Retraced:
         frame_dt=scene.frame_dt,
         gravity=np.array(scene.gravity),
         cap=cap * EARTH,
+    )
+
+
+MAX_DRAWN_FRAMES = 5_000
+"""Largest number of frames of a drawn case; control starts at most twice as many frames into the scene."""
+SHORTEST_ARROW = 0.12
+"""Shortest arrow that is drawn [m]; shorter ones have no room for a head, so ovals stand for them."""
+_SALT = 2**22
+"""Number that the generator of a case gets besides the seed."""
+
+
+def reversed_from_seed(
+    scenario: str | Scene,
+    seed: int,
+    *,
+    frames: int = DEFAULT_FRAMES,
+    start: Start | None = None,
+    kind: Kind | None = None,
+    cap: float = DEFAULT_CAP,
+    substeps: Substeps = "reference",
+    r_p: float = 1.0,
+    on_frame: Callable[[], object] = lambda: None,
+) -> ReversedCase:
+    """Draw the scene of a seed, and when control starts; return the case.
+
+    Control starts between T and 2 T frames into the scene, so that the fluid is on its way or in its first
+    splash, and as a rule not yet at rest.
+
+    Parameters
+    ----------
+    scenario : str or Scene
+        Name of a scenario whose scene is drawn, or a scene that was drawn from the seed by other means.
+    seed : int
+        Seed of scene and case. By convention seeds below 10**6 are for training, those from 10**6 on for
+        validation, those from 1.1 * 10**6 on for tests.
+    start, kind : optional
+        As in `reversed_case`; drawn from the seed if absent. A fluid whose centre of mass comes less far than
+        12 cm is not given an arrow.
+    frames, cap, substeps, r_p, on_frame
+        As in `reversed_case`.
+
+    Raises
+    ------
+    UnknownScenarioError
+        No scenario has this name.
+    ConfigError, SketchError, SimulationError
+        As `reversed_case`.
+    """
+    frames = whole("frames", frames, 2, MAX_DRAWN_FRAMES)
+    scene = scenario if isinstance(scenario, Scene) else scenarios.get(scenario, seed)
+    rng = np.random.default_rng([_SALT, seed])
+    control_frame = frames + int(rng.integers(frames, endpoint=True))
+    # All are drawn whatever was given, so that a choice does not change the others.
+    drawn_start, drawn_kind = STARTS[rng.integers(len(STARTS))], KINDS[rng.integers(len(KINDS))]
+    return reversed_case(
+        scene,
+        control_frame=control_frame,
+        frames=frames,
+        start=drawn_start if start is None else start,
+        kind=drawn_kind if kind is None else kind,
+        shortest_arrow=SHORTEST_ARROW if kind is None else None,
+        cap=cap,
+        substeps=substeps,
+        r_p=r_p,
+        seed=seed,
+        on_frame=on_frame,
     )
