@@ -1,7 +1,7 @@
-"""Prints how near networks lead a fluid to where it was: tables of docs/guide/control.md.
+"""Prints how near networks lead a fluid to where it was: tables of docs/results/control-studies.md.
 
-`python -m tests.python.control.judged.led_back FILE --network NAME.onnx` takes 50 reversed cases in 3D of
-each scenario and kind of sketch, from the validation seed 1000600 on, or those that `--seeds FIRST COUNT`
+`python -m hybridmpm_lab.control.led_back FILE --network NAME.onnx` takes 50 reversed cases in 3D of each
+scenario and kind of sketch, from the validation seed 1000600 on, or those that `--seeds FIRST COUNT`
 names. Seeds whose fluid hardly moves are left out. FILE collects a JSON line for each run, so a network that
 is judged later does not repeat the runs of the other methods, and an interrupted call goes on.
 """
