@@ -35,6 +35,18 @@ def test_python_imports_flow_one_way_and_form_no_circle() -> None:
     assert "8 kept, 0 broken" in run.stdout
 
 
+def test_no_command_imports_torch_before_it_runs() -> None:
+    code = (
+        "import importlib, pkgutil, sys, hybridmpm.cli as cli\n"
+        "for one in pkgutil.walk_packages(cli.__path__, 'hybridmpm.cli.'):\n"
+        "    importlib.import_module(one.name)\n"
+        "assert 'hybridmpm.cli.train.physics' in sys.modules\n"
+        "assert 'torch' not in sys.modules"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "python")}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+
+
 def circles(arrows: dict[str, set[str]]) -> list[str]:
     """Return one circle of a graph, or nothing."""
     try:

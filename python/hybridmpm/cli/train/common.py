@@ -1,7 +1,6 @@
 """Options and steps that all commands of `hybridmpm train` share."""
 
 import dataclasses
-import importlib
 import math
 import shlex
 import sys
@@ -21,8 +20,7 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.training.settings import Settings
 
 if TYPE_CHECKING:
-    import torch
-
+    from hybridmpm.training.devices import Device
     from hybridmpm.training.trainable import Trainable
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -144,33 +142,19 @@ def settings_of(kind: type[S], options: Mapping[str, Any]) -> S:
     return kind(**{field.name: options[field.name] for field in dataclasses.fields(kind)})
 
 
-def require_torch(threads: int | None = None) -> Any:
-    """Return the module torch, with a number of threads; raises `ConfigError` where it is not installed."""
-    try:
-        torch = importlib.import_module("torch")
-    except ImportError:
-        raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
-    if threads is not None:
-        torch.set_num_threads(threads)
-    return torch
-
-
-def torch_device(library: Any, name: str) -> "torch.device":
-    """Return the device of a name; "auto" is cuda where there is one, else cpu.
+def torch_device(name: str, threads: int | None = None) -> "Device":
+    """Return torch's device of a name, and set the number of torch's threads if it is given.
 
     Raises
     ------
     ConfigError
-        The device cannot be used.
+        Torch is not installed, or the device cannot be used.
     """
-    best = "cuda" if library.cuda.is_available() else "cpu"
     try:
-        device = library.device(best if name == "auto" else name)
-        library.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(f"--device {name} cannot be used: {reason}; choose cpu, cuda or auto") from None
-    return cast("torch.device", device)
+        from hybridmpm.training import devices  # noqa: PLC0415 - needs torch
+    except ImportError:
+        raise ConfigError("training needs torch; install it with: pip install 'hybridmpm[train]'") from None
+    return devices.usable(name, threads)
 
 
 def required(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -259,7 +243,7 @@ def run_shown(
     *,
     step: Callable[[], float],
     validate: Callable[[], object],
-    device: "torch.device",
+    device: "Device",
     data: str,
     before: Mapping[str, str] | None = None,
 ) -> None:
@@ -272,7 +256,7 @@ def run_shown(
         Context of the command.
     step, validate : callable
         As for `training.run.train`.
-    device : torch.device
+    device : Device
     data : str
         Text about the data.
     before : mapping, optional

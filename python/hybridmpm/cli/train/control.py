@@ -11,7 +11,6 @@ from hybridmpm.cli.train.common import (
     device_option,
     make_missing,
     origin_of,
-    require_torch,
     required,
     run_shown,
     scenes_option,
@@ -25,9 +24,8 @@ from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.training.settings import TransportSettings
 
 if TYPE_CHECKING:
-    import torch
-
     from hybridmpm.training.control.transport.trainer import TransportTrainer
+    from hybridmpm.training.devices import Device
 
 
 @click.command()
@@ -55,13 +53,12 @@ def control(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | Non
     from the last checkpoint in the folder --out, and gives the weights of an uninterrupted run. The folder
     also gets the losses, and errors on held-out scenes.
     """
-    torch = require_torch(threads)
+    device = torch_device(options["device"], threads)
     from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.supply import Source, Supply  # noqa: PLC0415
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415
     from hybridmpm.training.control.transport.validation import held_out, log_unexplained  # noqa: PLC0415
 
-    device = torch_device(torch, options["device"])
     trainer = continued(ctx, partial(TransportTrainer.load, device=device)) or _new(names, options, device)
     spec, (training, validation) = trainer.spec, splits_of(options)
     make_missing(options["root"], spec.scenarios, (training, validation), pasts.prepare)
@@ -78,7 +75,7 @@ def control(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | Non
         )
 
 
-def _new(names: tuple[str, ...], options: dict[str, Any], device: "torch.device") -> "TransportTrainer":
+def _new(names: tuple[str, ...], options: dict[str, Any], device: "Device") -> "TransportTrainer":
     """Return a new trainer; with a checkpoint to finetune, one with its network and averaged weights."""
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
 

@@ -11,12 +11,12 @@ from hybridmpm.cli.train.common import (
     continued,
     make_missing,
     origin_of,
-    require_torch,
     required,
     run_shown,
     scenes_option,
     settings_of,
     splits_of,
+    torch_device,
     training_options,
     valid_option,
 )
@@ -52,7 +52,7 @@ def controlnet(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | 
     state. After an interruption the same command continues from the last checkpoint in the folder --out, and
     gives the weights of an uninterrupted run. The folder also gets the losses, and errors on held-out scenes.
     """
-    torch = require_torch(threads)
+    device = torch_device("cpu", threads)
     from hybridmpm.training.control.controlnet import cases  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.controlnet.trainer import ControlNetTrainer  # noqa: PLC0415
     from hybridmpm.training.control.controlnet.validation import log_unexplained  # noqa: PLC0415
@@ -71,7 +71,7 @@ def controlnet(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | 
         ctx,
         step=partial(trainer.step, found),
         validate=partial(log_unexplained, trainer, options["out"], held_out),
-        device=torch.device("cpu"),
+        device=device,
         data=f"{len(found)} reversed cases of {len(training)} scenes of each of {', '.join(names)}",
         before=origin_of(options["finetune"]),
     )

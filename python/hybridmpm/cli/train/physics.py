@@ -13,7 +13,6 @@ from hybridmpm.cli.train.common import (
     continued,
     device_option,
     refuse_other_options,
-    require_torch,
     required,
     run_shown,
     settings_of,
@@ -24,8 +23,7 @@ from hybridmpm.physics.spec import GRID_CELLS, NetworkSpec
 from hybridmpm.training.settings import TrainingSettings
 
 if TYPE_CHECKING:
-    import torch
-
+    from hybridmpm.training.devices import Device
     from hybridmpm.training.physics.beginning import Beginning
     from hybridmpm.training.physics.datasets import Amount
     from hybridmpm.training.physics.trainer import Trainer
@@ -116,14 +114,13 @@ def physics(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | Non
     After an interruption the same command continues from the last checkpoint in the folder --out, and gives
     the weights of an uninterrupted run. The folder also gets the losses, and rollouts on held-out scenes.
     """
-    torch = require_torch(threads)
+    device = torch_device(options["device"], threads)
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
     from hybridmpm.training.physics.beginning import Beginning  # noqa: PLC0415
     from hybridmpm.training.physics.rollouts import log_rollouts  # noqa: PLC0415
     from hybridmpm.training.physics.trainer import Trainer  # noqa: PLC0415
     from hybridmpm.training.physics.windows import Windows  # noqa: PLC0415
 
-    device = torch_device(torch, options["device"])
     amount = datasets.Amount(train=options["trajectories"], frames=options["frames"])
     trainer = continued(ctx, partial(Trainer.load, device=device))
     beginning = None if trainer or options["finetune"] is None else Beginning.read(options["finetune"])
@@ -163,7 +160,7 @@ def _spec(ctx: click.Context, names: tuple[str, ...], beginning: "Beginning | No
 
 
 def _new(
-    spec: NetworkSpec, beginning: "Beginning | None", options: dict[str, Any], device: "torch.device"
+    spec: NetworkSpec, beginning: "Beginning | None", options: dict[str, Any], device: "Device"
 ) -> "Trainer":
     """Return a new trainer, with the weights and scales that it begins with, if any."""
     from hybridmpm.training.physics import datasets  # noqa: PLC0415 - needs torch
