@@ -1,6 +1,7 @@
 """A real server on a free port, in a thread of the test process, and the means to talk to it."""
 
 import contextlib
+import io
 import json
 import socket
 import threading
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 import uvicorn
 from fastapi import FastAPI
@@ -129,6 +131,12 @@ class Hold:
             advance(frames, force)
 
         solver.advance = held  # type: ignore[method-assign]
+
+
+def arrays_of(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the arrays of an npz file."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        return dict(file)
 
 
 @contextlib.contextmanager

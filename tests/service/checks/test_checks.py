@@ -1,4 +1,4 @@
-"""A check over HTTP says what the library says, and a session is told of it."""
+"""A check over HTTP has the findings of the library, and so has a session."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ def test_a_check_answers_figures_and_findings(service: Any) -> None:
     assert service.http.get("/v1/sessions").json()["sessions"] == []
 
 
-def test_a_check_is_made_for_the_simulator_that_is_asked_for(service: Any) -> None:
+def test_a_check_is_made_for_the_chosen_simulator(service: Any) -> None:
     plain, coarse, network = (
         service.http.post("/v1/checks", json={"scenario": "water_2d", "seed": 7, **who}).json()
         for who in ({}, {"coarse": "1/16"}, {"solver": "neural"})
@@ -55,7 +55,7 @@ def test_a_check_is_made_for_the_simulator_that_is_asked_for(service: Any) -> No
     ],
     ids=["faulty", "of another dimension", "cannot be filled", "too stiff"],
 )
-def test_a_scene_that_cannot_run_is_answered_with_what_is_wrong(
+def test_the_faults_of_a_scene_that_cannot_run_are_findings(
     service: Any, problem: Any, sent: dict[str, Any], field: str, words: str
 ) -> None:
     answer = service.http.post("/v1/checks", json={"scene": sent})

@@ -8,16 +8,12 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from PIL import Image
+from tests.service.conftest import arrays_of
 
 from hybridmpm import MpmSolver, Scene, scenarios
 from hybridmpm.stream_frames import decode
 
 NPZ = {"Accept": "application/x-npz"}
-
-
-def _arrays(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return dict(file)
 
 
 def test_health(service: Any) -> None:
@@ -87,7 +83,7 @@ def test_advancing_gives_the_librarys_bits(service: Any, path: str) -> None:
     assert body["last_frame"]["bound"] in {"sound", "speed", "frame"}
     solver = MpmSolver(service.session(path).scene)
     solver.advance(12)
-    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    arrays = arrays_of(service.http.get(f"{path}/particles", headers=NPZ).content)
     assert arrays["positions"].dtype == np.float32
     assert np.array_equal(arrays["positions"], solver.positions)
     assert np.array_equal(arrays["velocities"], solver.velocities)
@@ -98,19 +94,19 @@ def test_advancing_gives_the_librarys_bits(service: Any, path: str) -> None:
 def test_advance_can_answer_with_the_particles(service: Any, path: str) -> None:
     answer = service.http.post(f"{path}/advance", json={}, headers=NPZ)
     assert answer.headers["content-type"] == "application/x-npz"
-    assert _arrays(answer.content)["frame"] == 1
+    assert arrays_of(answer.content)["frame"] == 1
 
 
 def test_particles_as_json_are_those_of_the_npz(service: Any, path: str) -> None:
     body = service.http.get(f"{path}/particles").json()
-    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    arrays = arrays_of(service.http.get(f"{path}/particles", headers=NPZ).content)
     np.testing.assert_array_equal(np.array(body["positions"], dtype=np.float32), arrays["positions"])
     assert body["types"] == [5] * len(body["positions"])
     assert (body["frame"], body["time"]) == (0, 0.0)
 
 
 def test_particles_as_point_clouds(service: Any, path: str) -> None:
-    arrays = _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)
+    arrays = arrays_of(service.http.get(f"{path}/particles", headers=NPZ).content)
     count = len(arrays["positions"])
     ply = service.http.get(f"{path}/particles", headers={"Accept": "application/x-ply"})
     assert ply.headers["content-type"] == "application/x-ply"
@@ -231,7 +227,7 @@ def test_a_trajectory_has_null_for_particles_that_have_left(service: Any) -> Non
     before, after = answer["positions"]
     assert [None, None] not in before
     gone = np.array([row == [None, None] for row in after])
-    arrays = _arrays(
+    arrays = arrays_of(
         service.http.post(f"{path}/trajectories", json=body, params={"stride": 10}, headers=NPZ).content
     )
     assert gone.any()
@@ -268,7 +264,7 @@ def test_a_fork_goes_on_by_itself_with_the_same_bits(service: Any, path: str) ->
     for name in fork.keys() - {"id", "links", "last_frame"}:
         assert fork[name] == origin[name], name
     first, second = (
-        _arrays(service.http.post(f"{each}/advance", json={"frames": 9}, headers=NPZ).content)
+        arrays_of(service.http.post(f"{each}/advance", json={"frames": 9}, headers=NPZ).content)
         for each in (path, fork["links"]["self"])
     )
     assert first.keys() == second.keys() > {"ids", "positions"}
@@ -289,6 +285,6 @@ def test_a_coarse_session_shows_all_particles_and_so_does_its_fork(service: Any)
     solver.advance(6)
     for each in (path, fork["links"]["self"]):
         answer = service.http.post(f"{each}/advance", json={"frames": 6}, headers=NPZ)
-        assert np.array_equal(_arrays(answer.content)["positions"], solver.positions)
+        assert np.array_equal(arrays_of(answer.content)["positions"], solver.positions)
         service.http.delete(each)
     assert solver.particle_count == MpmSolver(scene).particle_count

@@ -5,6 +5,7 @@ from typing import Any
 
 import httpx
 import pytest
+from tests.service.conftest import WAIT_SECONDS
 
 from hybridmpm_service.sessions.simulation import Simulation
 
@@ -29,7 +30,7 @@ def test_a_draining_service_is_alive_but_not_ready(start: Callable[..., Any], pr
     assert service.http.get("/livez").status_code == 200
 
 
-def test_the_operators_limits_are_the_ones_in_the_messages(start: Callable[..., Any], problem: Any) -> None:
+def test_messages_name_the_limits_of_the_settings(start: Callable[..., Any], problem: Any) -> None:
     service = start(max_particles=100, max_advance_frames=5, max_sketch_frames=7, max_body_bytes=4096)
     found = problem(service.http.post("/v1/sessions", json={"scenario": "water_2d"}), 422)
     assert "[1, 100]" in found["detail"]
@@ -73,7 +74,10 @@ def test_a_full_machine_says_its_load_and_its_limit(
         assert "take 1.00 of 1" in problem(service.http.get("/readyz"), 503)["detail"]
 
 
-def test_a_connection_too_many_is_refused_and_the_others_go_on(start: Callable[..., Any]) -> None:
+def test_a_connection_too_many_is_refused_and_the_others_go_on(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hybridmpm_service.http.connection._SURPLUS_SECONDS", WAIT_SECONDS)
     service = start(max_connections=3)
     path = service.create()
     with service.stream(path) as stream, service.stream(path):

@@ -14,7 +14,7 @@ def test_a_class_without_a_row_has_that_of_its_nearest_parent() -> None:
     assert row_of(UnknownScenarioError("x")) is TABLE[SceneError]
 
 
-def test_what_nobody_foresaw_is_a_500() -> None:
+def test_an_unexpected_exception_is_a_500() -> None:
     assert row_of(KeyError("x")).status == 500
 
 

@@ -25,7 +25,7 @@ def test_an_array_of_any_shape_comes_back(shape: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("respond", [json_response, npz_response])
-def test_encoding_is_not_done_on_the_thread_that_asks(respond: Any) -> None:
+def test_encoding_runs_in_another_thread(respond: Any) -> None:
     threads: list[int] = []
 
     class Body(dict[str, Any]):
@@ -38,6 +38,6 @@ def test_encoding_is_not_done_on_the_thread_that_asks(respond: Any) -> None:
     assert threading.get_ident() not in threads
 
 
-def test_numbers_that_json_cannot_hold_are_not_sent() -> None:
+def test_nan_in_json_raises() -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         _round_trip(np.array([np.nan]))

@@ -1,4 +1,4 @@
-"""A sketch comes in and steers the session; what cannot be followed is refused in words."""
+"""A sketch steers the session; one that cannot be followed is refused in words."""
 
 import io
 import time
@@ -106,7 +106,7 @@ def test_an_oval_is_answered_as_drawn_and_as_grown(service: Any, path: str) -> N
     assert 0 < end["inside_drawn"] < end["inside"]
 
 
-def test_a_goal_out_of_reach_is_said_in_words_and_aimed_at_all_the_same(service: Any, path: str) -> None:
+def test_a_goal_out_of_reach_is_described_and_still_aimed_at(service: Any, path: str) -> None:
     body = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 5, "cap": 3}).json()
     assert not body["needs"]["reachable"]
     assert [one["reason"] for one in body["needs"]["obstructions"]] == ["time"]
@@ -136,7 +136,7 @@ def test_a_playing_session_goes_on_and_is_steered(service: Any, path: str) -> No
         assert (control["first_frame"], control["frames_done"]) == (body["first_frame"], 40)
 
 
-def test_a_session_tells_its_viewers_that_a_sketch_is_prepared(service: Any, path: str) -> None:
+def test_viewers_see_the_preparation_of_a_sketch(service: Any, path: str) -> None:
     seen = []
     with service.stream(path) as stream:
         stream.text("status")
@@ -168,7 +168,7 @@ def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
     assert (control["number"], control["first_frame"], control["frames_done"]) == (2, 5, 0)
 
 
-def test_a_sketch_can_be_taken_back(service: Any, path: str) -> None:
+def test_a_sketch_can_be_deleted(service: Any, path: str) -> None:
     service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
     assert service.http.delete(f"{path}/sketches").status_code == 204
     assert service.http.get(path).json()["control"] is None
@@ -313,7 +313,7 @@ def test_a_form_with_too_many_parts_or_no_boundary_is_refused(service: Any, prob
 
 
 @pytest.mark.parametrize("content_type", ["image/png", "text/plain", "application/x-www-form-urlencoded"])
-def test_another_format_is_415_and_says_what_is_taken(
+def test_another_format_is_415_and_names_the_accepted_ones(
     service: Any, problem: Any, path: str, content_type: str
 ) -> None:
     answer = service.http.post(f"{path}/sketches", content=ARROW_PNG, headers={"Content-Type": content_type})

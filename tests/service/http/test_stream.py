@@ -65,7 +65,7 @@ def test_step_reset_and_speed(service: Any, path: str) -> None:
     assert service.http.get(path).json()["frame"] == 0
 
 
-def test_the_status_tells_how_fast_it_goes(service: Any, path: str) -> None:
+def test_the_status_has_the_times_of_frames(service: Any, path: str) -> None:
     with service.stream(path) as stream:
         stream.send(type="play")
         status = stream.text("status")
@@ -75,7 +75,7 @@ def test_the_status_tells_how_fast_it_goes(service: Any, path: str) -> None:
         assert status["session"]["id"] == path.rpartition("/")[2]
 
 
-def test_frames_that_http_asked_for_reach_the_viewers(service: Any, path: str) -> None:
+def test_frames_computed_over_http_reach_the_viewers(service: Any, path: str) -> None:
     with service.stream(path) as first, service.stream(path) as second:
         service.http.post(f"{path}/advance", json={"frames": 4})
         for stream in (first, second):
@@ -236,9 +236,9 @@ def test_a_failing_frame_pauses_at_the_last_good_one_and_disturbs_nobody_else(
     with service.stream(path) as stream, service.stream(other) as watched:
         stream.send(type="play")
         watched.send(type="play")
-        told = stream.text("problem")
-        assert told["detail"] == "particle 7 left the box in frame 6"
-        assert told["title"]
+        found = stream.text("problem")
+        assert found["detail"] == "particle 7 left the box in frame 6"
+        assert found["title"]
         while stream.text("status")["session"]["playing"]:
             pass
         here = service.http.get(path).json()

@@ -1,28 +1,21 @@
 """A sketch comes in, its trajectory comes out, and the session stays as it is."""
 
-import io
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import SMALL_SCENE
+from tests.service.conftest import SMALL_SCENE, arrays_of
 
 from hybridmpm import MpmSolver, Scene
 from hybridmpm.control import Arrow, ControlledTrajectory, SketchResult, render_png
-from hybridmpm_service.http.sketches import trajectory_arrays
 
 NPZ = {"Accept": "application/x-npz"}
 ARROW: dict[str, Any] = {"points": [[0.5, 0.5], [0.6, 0.55]], "kind": "arrow"}
 ARROW_PNG = render_png(Arrow(np.array(ARROW["points"])))
 
 
-def _arrays(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return dict(file)
-
-
 def _positions(service: Any, path: str) -> np.ndarray[Any, Any]:
-    return _arrays(service.http.get(f"{path}/particles", headers=NPZ).content)["positions"]
+    return arrays_of(service.http.get(f"{path}/particles", headers=NPZ).content)["positions"]
 
 
 def test_the_answer_describes_the_motion_and_the_session_stays(service: Any, path: str) -> None:
@@ -60,12 +53,12 @@ def test_a_paused_session_follows_the_same_sketch_to_the_same_bits(
         body = {"json": {"strokes": [ARROW], "frames": 12} | settings}
     answer = service.http.post(f"{path}/trajectories?stride=1", **body, headers=NPZ)
     assert answer.headers["content-type"] == "application/x-npz"
-    motion = _arrays(answer.content)
+    motion = arrays_of(answer.content)
     assert motion["positions"].dtype == np.float32
     assert motion["frame_indices"].tolist() == list(range(13))
     assert service.http.post(f"{path}/sketches", **body).status_code == 200
     for frame in range(1, 13):
-        moved = _arrays(service.http.post(f"{path}/advance", json={}, headers=NPZ).content)
+        moved = arrays_of(service.http.post(f"{path}/advance", json={}, headers=NPZ).content)
         assert np.array_equal(moved["positions"], motion["positions"][frame])
     assert service.http.get(path).json()["control"]["phase"] == "done"
 
@@ -75,7 +68,7 @@ def test_the_force_of_an_npz_gives_the_trajectory_in_the_library(
     service: Any, path: str, method: str, shape: tuple[int, ...]
 ) -> None:
     body = {"strokes": [ARROW], "frames": 12, "method": method}
-    motion = _arrays(service.http.post(f"{path}/trajectories?stride=1", json=body, headers=NPZ).content)
+    motion = arrays_of(service.http.post(f"{path}/trajectories?stride=1", json=body, headers=NPZ).content)
     solver = MpmSolver(Scene.parse(SMALL_SCENE))
     assert (len(motion["force"].shape), motion["force"].dtype) == (len(shape), np.float32)
     assert np.array_equal(solver.rollout(12, motion["force"]), motion["positions"])

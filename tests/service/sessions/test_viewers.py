@@ -1,4 +1,4 @@
-"""A mailbox keeps what is new and never makes anyone wait."""
+"""Mailboxes keep the newest messages and never wait; messages to all viewers are made once."""
 
 import asyncio
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hybridmpm.stream_frames import Frame, FrameMessage
-from hybridmpm_service.sessions.viewers import MAX_PROBLEMS, Mailbox, MailboxClosed, Signal
+from hybridmpm_service.sessions.viewers import MAX_PROBLEMS, Audience, Mailbox, MailboxClosed, Signal
 
 
 def _message(number: int) -> FrameMessage:
@@ -67,3 +67,38 @@ def test_closing_ends_the_stream_once_with_its_code() -> None:
         return await box.closed()
 
     assert asyncio.run(scene()).code == 4404
+
+
+def test_a_posted_frame_and_status_are_the_same_for_all() -> None:
+    async def scene() -> None:
+        audience, made = Audience(), iter(["first", "second"])
+        mailboxes = [audience.join() for _ in range(100)]
+        frame = _message(1)
+        audience.post_status()
+        audience.post_frame(frame)
+        for mailbox in mailboxes:
+            assert await mailbox.take() is Signal.STATUS
+            assert audience.status(lambda: next(made)) == "first"
+            assert await mailbox.take() is frame
+        audience.post_status()
+        assert audience.status(lambda: next(made)) == "second"
+
+    asyncio.run(scene())
+
+
+def test_a_viewer_that_left_gets_no_messages() -> None:
+    async def scene() -> None:
+        audience = Audience()
+        gone, there = audience.join(), audience.join()
+        audience.leave(gone)
+        assert audience
+        audience.close(1001, "the end")
+        assert (await there.closed()).code == 1001
+        waiting = asyncio.ensure_future(gone.closed())
+        await asyncio.sleep(0)
+        assert not waiting.done()
+        waiting.cancel()
+        audience.leave(there)
+        assert not audience
+
+    asyncio.run(scene())
