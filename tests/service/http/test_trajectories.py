@@ -8,6 +8,7 @@ from tests.service.conftest import SMALL_SCENE, arrays_of
 
 from hybridmpm import MpmSolver, Scene
 from hybridmpm.control import Arrow, ControlledTrajectory, SketchResult, render_png
+from hybridmpm_service.http.sketches import trajectory_arrays
 
 NPZ = {"Accept": "application/x-npz"}
 ARROW: dict[str, Any] = {"points": [[0.5, 0.5], [0.6, 0.55]], "kind": "arrow"}
