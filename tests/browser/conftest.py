@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import httpx
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Error, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM_FLAGS = [
     "--no-sandbox",
@@ -25,7 +25,8 @@ CHROMIUM_FLAGS = [
 VIEWPORT: ViewportSize = {"width": 1100, "height": 740}
 """The page in its wide layout, stage and tools in sight; without a graphics card every pixel takes time."""
 PATIENCE_MS = 60_000
-"""How long a test waits for something that has to happen; a loaded machine may draw one picture a second."""
+"""Longest wait of a test for something that has to happen; a loaded machine may draw one picture a second."""
+expect.set_options(timeout=PATIENCE_MS)
 
 
 def find_chromium() -> str | None:

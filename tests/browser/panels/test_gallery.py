@@ -52,7 +52,7 @@ def test_what_is_chosen_plays(open_page: Open, service: LiveService, width: int)
     expect(scenario.locator("option:checked")).to_have_text("Hourglass")
     expect(visit.page.get_by_role("radio", name="Hybrid")).to_be_disabled()
     second = visit.session
-    visit.page.locator("#coarse level").select_option("1/8")
+    visit.page.locator("#coarse").select_option("1/8")
     visit.wait_for(f"body.state === 'live' && body.session !== '{second}'")
     again = service.get(f"/v1/sessions/{visit.session}")
     assert (again["scenario"], again["coarse"]) == (None, "1/8")

@@ -150,7 +150,7 @@ def test_a_viewer_sees_all_and_changes_nothing(open_page: Open, service: LiveSer
     player.page.goto("about:blank")
     viewer.wait_for("body.state === 'lost'")
     banner = viewer.page.locator("#banner")
-    expect(banner).to_contain_text("The simulation that you watched has ended.")
+    expect(banner).to_contain_text("This simulation has ended.")
     banner.get_by_role("button").click()
     viewer.wait_for("body.state === 'live' && Number(body.frame) > 0")
     expect(viewer.page.get_by_role("button", name="New simulation")).to_be_visible()
