@@ -71,11 +71,11 @@ class Settings(BaseModel):
     """Folder in which sessions are kept, so that they survive a stop or a crash of the service. If empty,
     they live in memory alone."""
     models: str = ""
-    """Folder that holds models and their manifest.json. If empty, the library's models serve."""
+    """Folder of models with their manifest.json. If empty, the library's models serve."""
     cors_origins: _Names = ()
     """Origins of other front ends that may use this service, separated by commas, e.g. https://a.example."""
     allowed_hosts: _Names = ()
-    """Host names that requests may carry, separated by commas. If empty, a service on a loopback address
+    """Allowed host names of requests, separated by commas. If empty, a service on a loopback address
     allows the loopback names alone, so that no web site can reach it through a name of the site's own; any
     other service allows all names."""
     log_level: Literal["critical", "error", "warning", "info", "debug"] = "warning"

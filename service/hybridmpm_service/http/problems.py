@@ -59,7 +59,7 @@ class Problem(BaseModel, use_attribute_docstrings=True):
     type: str = Field(examples=["urn:hybridmpm:problem:session-not-found"])
     """Name of the kind of problem."""
     title: str = Field(examples=["Unknown session"])
-    """Kind of problem in a few words."""
+    """Title of the kind of problem."""
     status: int = Field(examples=[404])
     """HTTP status."""
     detail: str = Field(examples=["there is no session 'abc'; it may have been deleted or have expired"])

@@ -315,9 +315,9 @@ class TrajectoryBody(GuidanceBody):
     """Acceleration that steers, besides gravity, as the mean over the mass of the particles; [frame][axis], T
     rows [m/s^2]."""
     target_displacement: list[float]
-    """Displacement of the centre of mass that the sketch asks for [m]."""
+    """Target displacement of the centre of mass [m]."""
     displacement: list[float]
-    """Displacement of the centre of mass that the motion reaches [m]."""
+    """Displacement of the centre of mass by the motion [m]."""
     centroids: list[list[float]]
     """Centre of mass at the start and after each frame; [frame][axis], T + 1 rows [m]."""
     frame_indices: list[int]

@@ -12,7 +12,7 @@ from hybridmpm_service.settings import Settings
 
 
 def _of_application(name: str) -> Any:
-    # Asynchronous, since FastAPI runs other dependencies in threads, of which there are few.
+    # Asynchronous, since FastAPI runs other dependencies in a small pool of threads.
     async def dependency(connection: HTTPConnection) -> Any:
         return getattr(connection.app.state, name)
 

@@ -61,7 +61,7 @@ class Mailbox:
         self._changed.set()
 
     def put_status(self) -> None:
-        """Ask for a status message; several requests become one message."""
+        """Request a status message; several requests become one message."""
         self._status = True
         self._changed.set()
 
