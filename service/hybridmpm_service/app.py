@@ -26,7 +26,7 @@ from hybridmpm_service.http.connection import (
 )
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.jobs import JobTable
-from hybridmpm_service.routes import catalogue, jobs, sessions, sketches, stream
+from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
 from hybridmpm_service.routes.calls import Idempotency
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.player import Clock
@@ -69,7 +69,7 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.state.idempotency = Idempotency()
     app.state.jobs = JobTable(settings.max_jobs, settings.idle_seconds, clock)
     problems.install(app)
-    modules = (catalogue, sessions, sketches, jobs, stream)
+    modules = (catalogue, estimates, sessions, sketches, jobs, stream)
     routers = [module.router for module in modules]
     for router in routers:
         app.include_router(router)

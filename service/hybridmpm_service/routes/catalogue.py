@@ -1,4 +1,7 @@
-"""Routes without a session: scenarios, networks, checks, plans, and the health of the process."""
+"""Routes of scenarios, scenes and networks, and of the health of the process.
+
+They answer also while the server stops.
+"""
 
 from typing import Annotated, Any
 
@@ -6,22 +9,16 @@ from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel
 
 from hybridmpm import scenarios
-from hybridmpm.errors import SceneError
-from hybridmpm.planner import estimates, plan
 from hybridmpm_service.errors import ScenarioNotFoundError
 from hybridmpm_service.http.answers import (
-    CheckBody,
     ModelBody,
     ModelList,
-    PlanBody,
     ScenarioBody,
     ScenarioList,
 )
-from hybridmpm_service.http.creation import CheckScene, PlanRequest
-from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Sessions, problems
 
-router = APIRouter(route_class=SessionRoute)
+router = APIRouter()
 
 
 @router.get("/v1/scenarios", tags=["scenarios"])
@@ -69,23 +66,3 @@ async def readyz(sessions: Sessions) -> Health:
     if refusal is not None:
         raise refusal
     return Health(status="ready")
-
-
-@router.post("/v1/checks", tags=["checks"], responses=problems(413, 415, 422, 503))
-async def check_scene(body: CheckScene, sessions: Sessions) -> CheckBody:
-    """Estimate stability, cost and risks of a scene, with remedies.
-
-    The first frames are tried. A scene that is not valid is answered as well, with its faults as findings.
-    """
-    try:
-        return CheckBody.of(await sessions.check(body.make_scene, body.scenario, body.choice()))
-    except SceneError as error:
-        return CheckBody.refused(error)
-
-
-@router.post("/v1/plans", tags=["plans"], responses=problems(400, 413, 415, 422, 503))
-def make_plan(body: PlanRequest) -> PlanBody:
-    """Choose the fastest method within an error, or the most accurate within a time; nothing is simulated."""
-    scene = body.make_scene()
-    found = plan(scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
-    return PlanBody.of(found, [one for one, _ in estimates(scene, measure=body.measure)])
