@@ -37,7 +37,7 @@ pub fn array<'py, T: Element, D: Dimension>(
     })
 }
 
-/// The array, which nobody may write to: it is a snapshot of a state, and what is written would be lost.
+/// Makes an array read-only: it is a copy of the state, and changes to it would be lost.
 pub fn read_only<T: Element, D: Dimension>(
     array: Bound<'_, PyArray<T, D>>,
 ) -> Bound<'_, PyArray<T, D>> {
@@ -55,7 +55,7 @@ pub fn vectors(
     numbers.into_pyarray(py).reshape([count, dim])
 }
 
-/// What an object is, as a user would say it.
+/// Description of an object for error messages.
 pub fn describe(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => format!("{} of shape {:?}", array.dtype(), array.shape()),

@@ -140,7 +140,7 @@ impl From<NativeError> for PyErr {
     }
 }
 
-/// A `BatchError` that holds each failure by the index of its scene.
+/// A `BatchError` with each failure by the index of its scene.
 pub fn batch_error(py: Python<'_>, failures: Vec<(usize, MpmError)>) -> PyErr {
     let messages: Vec<String> = failures
         .iter()

@@ -1,4 +1,4 @@
-//! Threads for the coarse work that Python asks for.
+//! Thread pools for coarse-grained work, such as batches and large graphs.
 
 use std::sync::{Arc, Mutex};
 
@@ -7,10 +7,10 @@ use threads::Pool;
 
 use crate::error::config_error;
 
-/// The pool of the latest call that asked for several threads: to start new ones takes as long as a small graph does.
+/// Pool of the latest call with several threads: starting new ones takes as long as finding a small graph.
 static LATEST: Mutex<Option<Arc<Pool>>> = Mutex::new(None);
 
-/// A pool of so many threads.
+/// Starts a pool of `threads` threads.
 pub fn pool(threads: usize) -> PyResult<Pool> {
     if threads == 0 {
         return Err(config_error("threads must be at least 1, got 0"));
@@ -28,7 +28,7 @@ pub fn shared_pool(threads: usize) -> PyResult<Arc<Pool>> {
     if threads < 2 {
         return new();
     }
-    // Never waited for: a fork may have left it locked.
+    // The lock is only tried: a fork may have left it locked.
     let Ok(mut latest) = LATEST.try_lock() else {
         return new();
     };

@@ -1,4 +1,4 @@
-//! Which way particles go whose straight way is blocked: down a field of distances to the goal.
+//! Direction of particles whose straight way is blocked: down a field of distances to the goal.
 
 use crate::free_space::FreeSpace;
 use crate::sight::Sight;
@@ -19,7 +19,7 @@ pub struct Detour<const D: usize> {
 pub struct WayOn<const D: usize> {
     /// Unit vector.
     pub direction: [f32; D],
-    /// What is left of the way [m]; infinite where there is none.
+    /// Remaining length of the way [m]; infinite where there is none.
     pub length: f32,
 }
 

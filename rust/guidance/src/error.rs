@@ -1,4 +1,4 @@
-//! What can be wrong with the numbers that are handed in.
+//! Errors in the arguments.
 
 use thiserror::Error;
 

@@ -34,7 +34,7 @@ impl<const D: usize> Filter<D> {
         }
     }
 
-    /// Where a point lies among the nodes; what is outside counts as on the edge.
+    /// Position of a point among the nodes, moved to the edge if outside.
     #[inline]
     pub fn place(&self, x: &[f32; D]) -> Place<D> {
         let mut base = 0;

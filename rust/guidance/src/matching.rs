@@ -27,7 +27,7 @@ pub struct Matching<const D: usize> {
     pub group: Vec<u32>,
     /// Way of the centre of each group: start, corners and end [m].
     pub ways: Vec<Vec<[f64; D]>>,
-    /// Groups to whose places no way leads.
+    /// Groups whose places cannot be reached.
     pub cut_off: Vec<bool>,
 }
 
@@ -116,7 +116,7 @@ fn middle<const D: usize>(points: &[[f64; D]]) -> [f64; D] {
     std::array::from_fn(|axis| points.iter().map(|x| x[axis]).sum::<f64>() / count)
 }
 
-/// How many groups there are, and how many places each has.
+/// Number of groups, and number of places in each.
 struct Sizes {
     groups: usize,
     places: usize,
@@ -125,7 +125,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// Groups as many as leave the fewest places empty.
+    /// Number of groups that leaves the fewest places empty.
     fn of(particles: usize) -> Self {
         let most = particles.div_ceil(SMALL_GROUP).clamp(1, MOST_GROUPS);
         let fewest = if most < FEWEST_GROUPS {

@@ -1,8 +1,8 @@
-//! What is right ahead of a particle. It is asked for each particle in each frame, so it is quick.
+//! Distance to obstacles ahead of a particle; fast, since it is computed for each particle in each frame.
 
 use crate::free_space::FreeSpace;
 
-/// How far ahead is looked [spacings]; what is farther is seen in time.
+/// Length of sight [spacings]; farther obstacles come into sight in time.
 const AHEAD: f32 = 8.0;
 /// Distance of the points along a line that are looked at [spacings].
 const STEP: f32 = 0.75;
@@ -54,7 +54,7 @@ impl<const D: usize> Sight<D> {
 
     /// Whether nothing solid is between two points [m], as far as is looked ahead.
     ///
-    /// A particle that touches an obstacle sees past it.
+    /// The sight of a particle that touches an obstacle goes past it.
     #[inline]
     pub fn reaches(&self, from: &[f32; D], to: &[f32; D]) -> bool {
         let start = self.in_grid(from);
@@ -99,7 +99,7 @@ impl<const D: usize> Sight<D> {
         self.node(&self.in_grid(x))
     }
 
-    /// A point [m] in units of the spacing; what is beyond the grid counts as on its edge.
+    /// A point [m] in units of the spacing, moved to the edge of the grid if outside.
     #[inline]
     fn in_grid(&self, x: &[f32; D]) -> [f32; D] {
         std::array::from_fn(|axis| {

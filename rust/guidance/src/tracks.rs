@@ -12,7 +12,7 @@ const UNHURRIED: f32 = 1.0;
 /// Settings of the force.
 #[derive(Debug, Clone, Copy)]
 pub struct Law<const D: usize> {
-    /// What the force makes up for [m/s^2].
+    /// Gravity, which the force compensates [m/s^2].
     pub gravity: [f32; D],
     /// Shortest time to go [s]; less asks for forces that a frame cannot follow.
     pub shortest: f32,
@@ -34,7 +34,7 @@ pub struct Tracks<const D: usize> {
     detour: Option<Detour<D>>,
 }
 
-/// Where a path wants its particles: place and velocity after `tau` seconds.
+/// Target of a path: position and velocity after `tau` seconds.
 struct Aim<const D: usize> {
     x: [f32; D],
     v: [f32; D],
@@ -46,7 +46,7 @@ struct Pull<const D: usize> {
     constant: [f32; D],
     stiffness: f32,
     damping: f32,
-    /// What the path aims at, without the offsets of its particles [m].
+    /// End of the path, without the offsets of its particles [m].
     aim: [f32; D],
     /// Time until the end [s].
     left: f32,

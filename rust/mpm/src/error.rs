@@ -57,7 +57,7 @@ pub enum MpmError {
         bound: &'static str,
         substeps: u32,
     },
-    /// More substeps in a frame than anybody wants to wait for.
+    /// More than `MAX_SUBSTEPS` substeps in a frame.
     #[error(
         "{signal} of {speed:.3e} m/s would need {substeps:.0} substeps in a frame, at most {most:.0} are \
          made: {remedy}"

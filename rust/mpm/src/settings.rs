@@ -1,4 +1,4 @@
-//! What a solver is built from, and its checks: after them every stage may trust its input.
+//! Settings of a solver and their checks, on which all stages rely.
 
 use crate::boundary::{Obstacle, Shape, Walls};
 use crate::error::MpmError;
@@ -30,7 +30,7 @@ pub struct SolverSettings<const D: usize> {
 }
 
 impl<const D: usize> SolverSettings<D> {
-    /// Refuses what is out of range.
+    /// Returns an error for settings out of range.
     pub(crate) fn check(&self) -> Result<(), MpmError> {
         if !(8..=1024).contains(&self.resolution) {
             return Err(MpmError::parameter(

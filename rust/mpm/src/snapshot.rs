@@ -45,7 +45,7 @@ pub(crate) fn encode<const D: usize>(
     out
 }
 
-/// `present` is a state of the same scene; it tells which groups to expect.
+/// `present` is a state of the same scene, with the same groups.
 pub(crate) fn decode<const D: usize>(
     settings: &SolverSettings<D>,
     present: &SolverState<D>,
@@ -129,7 +129,7 @@ pub(crate) fn write_population(population: &Population, out: &mut Vec<u8>) {
     }
 }
 
-/// Reads as many emitters as there are at present. None where there are more ids than bytes.
+/// Reads the states of as many emitters as `present` has; None if there are more ids than bytes.
 pub(crate) fn read_population(present: &Population, reader: &mut Reader<'_>) -> Option<Population> {
     let count = reader.u64();
     if count > reader.rest.len() as u64 / 8 {

@@ -3,7 +3,7 @@
 use crate::openings::Population;
 use crate::particles::MaterialGroup;
 
-/// What a snapshot has to hold.
+/// State of a solver, complete for a snapshot.
 #[derive(Clone)]
 pub(crate) struct SolverState<const D: usize> {
     pub groups: Vec<MaterialGroup<D>>,

@@ -1,4 +1,4 @@
-//! The version of what the solver computes.
+//! Version of the solver's results.
 
 /// Which truth this solver computes: raised whenever the same scene gives other bits, on purpose.
 ///

@@ -1,4 +1,4 @@
-//! What a user can do wrong, and that nothing is lost by it.
+//! Errors of users, after which the state is unchanged.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! Regions at rest: who sleeps, what wakes them, and what it changes.
+//! Regions at rest: which particles sleep, causes of waking, and effects on the result.
 
 mod common;
 

@@ -1,8 +1,8 @@
-//! Which of the points near one become edges.
+//! Selection of edges among the points near one.
 
 use crate::scan::{Found, Reach};
 
-/// What becomes an edge of what a scan found.
+/// Selects edges among the results of a scan.
 pub(crate) struct Filter<'a, const D: usize> {
     pub points: &'a [f32],
     pub fixed: Option<&'a [bool]>,
@@ -27,7 +27,7 @@ impl<const D: usize> Filter<'_, D> {
     }
 }
 
-/// Moves what is to be kept to the front, in order, and returns how many these are.
+/// Moves the entries to keep to the front, in order, and returns their number.
 fn retain(row: &mut [u32], keep: impl Fn(usize) -> bool) -> usize {
     let mut count = 0;
     for index in 0..row.len() {

@@ -29,7 +29,7 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// Room for a row of at most `most` entries behind those that are there; `keep` is then told how many it got.
+    /// Space for a row of at most `most` entries behind the others; `keep` then takes its length.
     pub fn room(&mut self, most: usize) -> &mut [u32] {
         let needed = self.len + most;
         if needed > self.found.len() {
@@ -126,7 +126,7 @@ impl Rows {
         pool.for_each(&mut jobs, |(first, into)| self.write_from(*first, into));
     }
 
-    /// The rows of the points from `first` on, as many as `into` holds.
+    /// Writes rows of the points from `first` on, up to the length of `into`.
     fn write_from(&self, first: usize, mut into: &mut [u32]) {
         for (place, start) in self.places[first..]
             .iter()

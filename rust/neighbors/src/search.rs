@@ -10,7 +10,7 @@ use crate::rows::{Part, Rows, pieces};
 use crate::scan::{CellList, Reach, Tile, room, write_sorted};
 use crate::settings::{GraphSettings, check_fixed, check_length, check_points};
 
-/// Finds graphs; what it allocates serves the next one too.
+/// Finds graphs; its memory is reused for the next one.
 #[derive(Debug)]
 pub struct Search<const D: usize> {
     cells: CellList<D>,
@@ -108,7 +108,7 @@ fn slabs<const D: usize>(cells: &CellList<D>, count: usize) -> Vec<Range<usize>>
     (0..count).map(|slab| cut(slab)..cut(slab + 1)).collect()
 }
 
-/// What all threads read.
+/// Inputs of all threads.
 struct Sweep<'a, const D: usize> {
     cells: &'a CellList<D>,
     filter: Filter<'a, D>,

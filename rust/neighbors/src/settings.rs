@@ -1,8 +1,8 @@
-//! Which pairs of points become edges, and checks of what a search is given.
+//! Definition of edges, and checks of the arguments of a search.
 
 use crate::error::GraphError;
 
-/// Which pairs of points become edges.
+/// Pairs of points that become edges.
 #[derive(Debug, Clone, Copy)]
 pub struct GraphSettings {
     /// Largest distance of a pair [m].

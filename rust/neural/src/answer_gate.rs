@@ -1,15 +1,15 @@
-//! Where a network's answer counts: points that nothing disturbs fall freely, whatever the network says.
+//! Weights of a network's answer: undisturbed points fall freely, whatever the network predicts.
 
-/// Where a network's answer counts, from the latest states of points and the edges between them.
+/// Weights of a network's answer, from the latest states of points and the edges between them.
 #[derive(Debug, Clone, Copy)]
 pub struct AnswerGate<const D: usize> {
     /// Radius of the graph, R [m].
     pub radius: f32,
     /// Unit of accelerations and of relative velocities [m per step^2 and m per step]; above 0.
     pub scale: [f32; D],
-    /// Number of edges in a row that a disturbance is felt across.
+    /// Number of consecutive edges over which a disturbance spreads.
     pub hops: usize,
-    /// Disturbance that lets 63 % of the answer count; above 0.
+    /// Disturbance at which the weight is 63 %; above 0.
     pub quiet: f32,
     /// Disturbance of a point that counts as none, so that rounding does not pile up over hops.
     pub unnoticed: f32,
@@ -21,7 +21,7 @@ pub struct AnswerGate<const D: usize> {
 }
 
 impl<const D: usize> AnswerGate<D> {
-    /// Returns the weight in [0, 1] that the answer has at each point.
+    /// Returns the weight of the answer at each point, in [0, 1].
     ///
     /// `states` are two or more, one step apart, oldest first; `known_acceleration` is the acceleration [m per step^2] that
     /// disturbs nothing. Edges are ordered by receiver: those into point i come from

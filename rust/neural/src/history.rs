@@ -31,7 +31,7 @@ pub enum SafeguardError {
     Snapshot(&'static str),
 }
 
-/// What the latest accelerations say.
+/// Signal of the latest accelerations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Signal {
     /// Mean cosine over the active particles, those not calm in both windows; 1 where these are too few, None until both
@@ -45,7 +45,7 @@ pub struct Signal {
     pub largest: f32,
 }
 
-/// What a history is made for, and when it calls particles calm.
+/// Size of a history, and thresholds for calm particles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HistorySettings {
     pub particles: usize,
@@ -94,7 +94,7 @@ pub struct AccelerationHistory {
     positions: [Vec<f32>; 3],
     /// 2 w accelerations, the oldest of which the next one replaces.
     ring: Vec<Vec<f32>>,
-    /// What the latest acceleration replaced.
+    /// Acceleration that the latest one replaced.
     replaced: Vec<f32>,
     products: Products,
     /// Products before the latest step.
@@ -279,7 +279,7 @@ impl AccelerationHistory {
             .zip(newer.as_chunks::<LANES>().0);
         for ((across, older), newer) in blocks {
             for i in 0..LANES {
-                // Rounding may leave a little below zero of what was zero.
+                // Rounding may turn a zero into a small negative number.
                 let (o, n) = (older[i].max(0.0) as f32, newer[i].max(0.0) as f32);
                 let length = o.sqrt() * n.sqrt();
                 let ratio = across[i] as f32 / if length > 0.0 { length } else { 1.0 };

@@ -1,12 +1,12 @@
-//! What can go wrong when threads are started.
+//! Errors of starting threads.
 
 use thiserror::Error;
 
-/// The system grants fewer threads than were asked for.
+/// The system grants fewer threads than requested.
 #[derive(Debug, Error)]
 #[error("the system does not grant {threads} threads: {source}")]
 pub struct ThreadError {
-    /// Threads that were asked for.
+    /// Number of threads requested.
     pub threads: usize,
     pub source: std::io::Error,
 }

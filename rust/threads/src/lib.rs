@@ -1,4 +1,4 @@
-//! Threads for two sizes of work. Which thread did what has no influence on any result.
+//! Threads for two sizes of work. No result depends on which thread did which item.
 //!
 //! - `Pool` is for coarse work, from a tenth of a millisecond on: scenes of a batch, parts of a large graph. Its threads
 //!   are rayon's.

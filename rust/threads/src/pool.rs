@@ -23,7 +23,7 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// So many threads, at least 1; a single one is the caller's own.
+    /// Number of threads, at least 1; a single one is the caller's own.
     pub fn new(threads: usize) -> Result<Self, ThreadError> {
         let start = || {
             let builder = ThreadPoolBuilder::new().num_threads(threads);
@@ -52,7 +52,7 @@ impl Pool {
         self.process == process::id()
     }
 
-    /// Calls `work` on each item, on as many threads as are free. Items are begun in their order.
+    /// Calls `work` on each item, on all free threads; items start in their order.
     ///
     /// # Panics
     /// Where `work` does, once all threads are done.

@@ -31,7 +31,7 @@ impl Step {
         item >= self.first && (item - self.first).is_multiple_of(self.stride)
     }
 
-    /// How many of its items come before this one.
+    /// Number of its items before this one.
     fn count_before(self, item: usize) -> usize {
         item.saturating_sub(self.first).div_ceil(self.stride)
     }
@@ -48,7 +48,7 @@ struct Share {
     end: usize,
     /// Whether its thread has come.
     present: AtomicBool,
-    /// How many items of each step have been taken.
+    /// Number of items of each step that have been taken.
     taken: [AtomicUsize; MAX_STEPS],
 }
 
@@ -57,7 +57,7 @@ struct Share {
 struct Progress(AtomicUsize);
 
 impl Team {
-    /// Calls `work` on each item, on as many threads as are free.
+    /// Calls `work` on each item, on all free threads.
     pub fn for_each<T: Send>(&self, items: &mut [T], work: impl Fn(&mut T) + Sync) {
         // Uncontended: each item is locked by the one thread that took its number.
         let items: Vec<Mutex<&mut T>> = items.iter_mut().map(Mutex::new).collect();

@@ -46,7 +46,7 @@ struct Shared {
     failed: AtomicBool,
 }
 
-/// The number of the latest job, whether it may still be entered, and how many workers are in it.
+/// Number of the latest job, whether it may still be entered, and number of workers in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Phase(u64);
 

@@ -53,7 +53,7 @@ pub fn py_radius_graph<'py>(
     Ok(out)
 }
 
-/// Checked arguments that say where points are.
+/// Checked positions and flags of points.
 struct Points<'py> {
     x: PyReadonlyArray2<'py, f32>,
     fixed: Option<Vec<bool>>,
@@ -122,7 +122,7 @@ fn raised(error: GraphError) -> PyErr {
     }
 }
 
-/// Said where one call writes what another one wants.
+/// Error of a call that needs a graph which another thread is writing.
 fn in_use() -> PyErr {
     config_error("the graph is being written by another thread: give each thread one of its own")
 }

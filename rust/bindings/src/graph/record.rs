@@ -14,7 +14,7 @@ use super::{Points, in_use, raised};
 /// Edges between points at most a radius apart.
 #[pyclass(frozen, name = "RadiusGraph", module = "hybridmpm._native")]
 pub struct PyRadiusGraph {
-    // Only tried, never waited for: whoever holds it may be waiting for the interpreter.
+    // The lock is only tried: the thread that has it may be waiting for the interpreter.
     held: Mutex<Held>,
 }
 
@@ -25,7 +25,7 @@ struct Held {
     edges: usize,
     receivers: Option<Py<PyArray1<u32>>>,
     radius: f32,
-    /// What has found a graph into these arrays, to be used for the next one.
+    /// Search that found this graph; the next one reuses its memory.
     search: Option<Finder>,
 }
 
@@ -105,7 +105,7 @@ impl Held {
             self.senders = uninit(py, edges + edges.checked_div(spare).unwrap_or(0));
         }
         let (starts, senders) = (self.starts.bind(py), self.senders.bind(py));
-        // SAFETY: nothing else writes them while `held` is locked; that readers of old views see new numbers is documented.
+        // SAFETY: nothing else writes them while `held` is locked; the stub says that older views change, too.
         let (starts, senders) = unsafe { (starts.as_slice_mut()?, senders.as_slice_mut()?) };
         py.detach(|| {
             starts.copy_from_slice(finder.starts());
@@ -118,9 +118,9 @@ impl Held {
     }
 }
 
-/// An array that is written whole before anybody sees it, or as far as anybody sees it.
+/// An array without initial values; callers write the part of it that is exposed.
 fn uninit(py: Python<'_>, count: usize) -> Py<PyArray1<u32>> {
-    // SAFETY: see above; any bits are a u32.
+    // SAFETY: any bits are a u32; callers write the part that is exposed.
     unsafe { PyArray1::new(py, count, false) }.unbind()
 }
 
@@ -143,7 +143,7 @@ impl PyRadiusGraph {
             return Ok(receivers.clone_ref(py));
         }
         let receivers = uninit(py, held.edges);
-        // SAFETY: the one is new, the other is not written while `held` is locked.
+        // SAFETY: `receivers` is new, and `starts` is not written while `held` is locked.
         let (mut rest, starts) = unsafe {
             let starts = held.starts.bind(py).as_slice()?;
             (receivers.bind(py).as_slice_mut()?, starts)

@@ -1,4 +1,4 @@
-//! Arrays of points, whose dimension is known only at run time.
+//! Arrays of points of a dimension that is chosen at run time.
 
 use ::guidance::GuidanceError;
 use numpy::{Ix2, PyReadonlyArray2, PyUntypedArrayMethods};

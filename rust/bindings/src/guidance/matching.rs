@@ -7,7 +7,7 @@ use super::arrays::{dim_of, other_dimension, points, raised, rows};
 use super::free_space::{AnySpace, PyFreeSpace};
 use crate::convert::{array, slice_of};
 
-/// What `match_to_region` found.
+/// Result of `match_to_region`.
 #[pyclass(frozen, get_all, name = "Matching", module = "hybridmpm._native")]
 pub struct PyMatching {
     places: Py<PyArray2<f64>>,

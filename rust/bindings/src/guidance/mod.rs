@@ -1,4 +1,4 @@
-//! What guides particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Tracks`.
+//! Guidance of particles to a goal: `FreeSpace`, `match_to_region`, `least_acceleration`, `Tracks`.
 
 mod arrays;
 mod free_space;

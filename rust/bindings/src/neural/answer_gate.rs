@@ -1,4 +1,4 @@
-//! `answer_weights`: where the answer of a network counts.
+//! `answer_weights`: weights of a network's answer.
 
 use ::neural::AnswerGate;
 use numpy::{IntoPyArray, Ix2, Ix3, PyArray1, PyUntypedArrayMethods};

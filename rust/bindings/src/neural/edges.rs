@@ -1,4 +1,4 @@
-//! Edges as functions of the graph take them.
+//! Edges as arguments of functions.
 
 use numpy::Ix1;
 use pyo3::prelude::*;
@@ -13,7 +13,7 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Takes arrays that join so many points.
+    /// Checks arrays of edges between `count` points.
     pub fn of(
         starts: &Bound<'_, PyAny>,
         senders: &Bound<'_, PyAny>,
@@ -42,7 +42,7 @@ impl Edges {
     }
 }
 
-/// Refuses an array that does not have an entry for each of `count` points.
+/// Raises an error unless an array has the length that `count` points need.
 pub fn check_length(name: &str, got: usize, needed: usize, count: usize) -> PyResult<()> {
     if got == needed {
         return Ok(());
@@ -52,7 +52,7 @@ pub fn check_length(name: &str, got: usize, needed: usize, count: usize) -> PyRe
     )))
 }
 
-/// Refuses what is not finite and above 0.
+/// Raises an error unless `value` is finite and above 0.
 pub fn check_positive(name: &str, value: f32) -> PyResult<()> {
     if value.is_finite() && value > 0.0 {
         return Ok(());

@@ -16,7 +16,7 @@ pub struct PyAccelerationHistory {
     inner: Mutex<AccelerationHistory>,
 }
 
-/// What the latest accelerations say.
+/// Signal of the latest accelerations.
 #[pyclass(frozen, name = "AccelerationSignal", module = "hybridmpm._native")]
 pub struct PyAccelerationSignal(Signal);
 

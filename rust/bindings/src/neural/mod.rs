@@ -1,4 +1,4 @@
-//! What surrounds the networks: `answer_weights`, `AccelerationHistory`.
+//! `answer_weights` and `AccelerationHistory`.
 
 mod answer_gate;
 mod edges;

@@ -19,7 +19,7 @@ pub struct PyEmitter {
     pub inner: AnyEmitter,
 }
 
-/// What both dimensions share of the constructor's arguments.
+/// Constructor arguments common to both dimensions.
 struct Arguments<'a> {
     material: u8,
     velocity: &'a [f64],

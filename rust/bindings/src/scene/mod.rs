@@ -1,4 +1,4 @@
-//! What a solver is built from: `Material`, `Obstacle`, `Emitter`.
+//! Parts of a solver: `Material`, `Obstacle`, `Emitter`.
 
 mod emitter;
 mod material;

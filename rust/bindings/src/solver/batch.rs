@@ -1,4 +1,4 @@
-//! `advance_all`: many scenes side by side.
+//! `advance_all`: independent scenes in parallel.
 
 use std::thread;
 

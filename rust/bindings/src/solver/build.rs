@@ -123,7 +123,7 @@ impl<'py> Arrays<'py> {
     }
 }
 
-/// What the constructor takes besides the particles.
+/// Constructor arguments besides the particles.
 pub struct Arguments<'py> {
     pub resolution: usize,
     pub frame_dt: f64,

@@ -3,7 +3,7 @@
 use mpm::CancelFlag;
 use pyo3::prelude::*;
 
-/// A flag that solvers ask in every substep.
+/// A flag that solvers read in every substep.
 #[pyclass(frozen, name = "CancelFlag", module = "hybridmpm._native")]
 #[derive(Default)]
 pub struct PyCancelFlag(pub CancelFlag);

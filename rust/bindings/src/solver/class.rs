@@ -32,7 +32,7 @@ impl PySolver {
         with_any!(&*self.held.locked(), solver => solver.count())
     }
 
-    /// Advances with the calling thread, which holds no GIL.
+    /// Advances on the calling thread, without the GIL.
     pub fn run(&self, frames: usize, force: Force<'_>) -> Result<(), MpmError> {
         with_any!(&mut *self.held.locked(), solver => solver.advance(frames, force, |_, _| ()))
     }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use crate::convert::slice_of;
 use crate::error::config_error;
 
-/// The force in an array, for so many frames of so many particles in so many dimensions.
+/// Reads the force of an array, for `frames` frames of `count` particles.
 pub fn checked_force<'a>(
     name: &str,
     [frames, count, dim]: [usize; 3],

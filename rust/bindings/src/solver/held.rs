@@ -1,4 +1,4 @@
-//! What a Python class holds behind a lock.
+//! Contents of a Python class behind a lock.
 
 use std::sync::{Mutex, MutexGuard};
 
@@ -20,7 +20,7 @@ impl<T: Send> Held<T> {
         py.detach(|| work(&mut self.locked()))
     }
 
-    /// The numbers that `write` fills in, so many as `size` says.
+    /// Returns `size` numbers, written by `write`.
     pub fn read<N: Clone + Default + Send>(
         &self,
         py: Python<'_>,

@@ -91,7 +91,7 @@ impl PyFrameReport {
     }
 }
 
-/// What a prescribed motion did.
+/// Report of a prescribed motion.
 #[pyclass(frozen, name = "MotionReport", module = "hybridmpm._native")]
 pub struct PyMotionReport(pub MotionReport);
 

@@ -1,4 +1,4 @@
-//! Where particles may be, and what happens to those beyond.
+//! Allowed positions of particles, and their correction.
 
 use super::wall_fill::WallFill;
 use super::walls::Walls;

@@ -1,4 +1,4 @@
-//! What a surface does to a velocity.
+//! Change of a velocity at a surface.
 
 use crate::linalg::Vector;
 

@@ -1,4 +1,4 @@
-//! Walls and obstacles: their shapes, their motion, and what they do to velocities and particles.
+//! Walls and obstacles: their shapes, their motion, and their effect on velocities and particles.
 
 mod bounds;
 mod contact;

@@ -79,7 +79,7 @@ impl<const D: usize> Motion<D> {
     /// Where the solid is at a time [s].
     pub fn pose(&self, time: f64) -> Pose<D> {
         let (clock, rate) = self.clock(time);
-        // Rodrigues' formula; in the plane W^2 is -w^2 I, and it holds as well.
+        // Rodrigues' formula; it is also valid in the plane, where W^2 is -w^2 I.
         let angular_speed = self.angular_speed();
         let (sine, cosine) = (angular_speed * clock).sin_cos();
         let (first, second) = if angular_speed > 0.0 {
@@ -110,7 +110,7 @@ impl<const D: usize> Motion<D> {
         self.center
     }
 
-    /// Angular speed [rad/s]; W holds each component of it twice.
+    /// Angular speed [rad/s]; each of its components occurs twice in W.
     fn angular_speed(&self) -> f64 {
         let twice: f64 = self.spin.iter().map(|w| f64::from(*w).powi(2)).sum();
         (0.5 * twice).sqrt()
@@ -152,12 +152,12 @@ pub struct Pose<const D: usize> {
 }
 
 impl<const D: usize> Pose<D> {
-    /// Where a point that moves with the solid was at time 0.
+    /// Position at time 0 of the point of the solid that is at `x` now.
     pub fn at_start(&self, x: &Vector<D>) -> Vector<D> {
         self.rotation.tr_mul(&(x - self.center)) + self.start
     }
 
-    /// Where a point that was here at time 0 and moves with the solid is now.
+    /// Position now of the point of the solid that is at `x` at time 0.
     pub fn apply(&self, x: &Vector<D>) -> Vector<D> {
         self.turn(&(x - self.start)) + self.center
     }

@@ -100,7 +100,7 @@ impl<const D: usize> MovingObstacles<D> {
     }
 }
 
-/// Walks along a row, in strides where the distance tells that nothing changes.
+/// Walks along a row, in strides as long as the distance allows.
 fn search_row<const D: usize>(
     obstacle: &Obstacle<D>,
     pose: &Pose<D>,

@@ -1,4 +1,4 @@
-//! What obstacles and walls share about the nodes of the grid.
+//! Properties of grid nodes common to obstacles and walls.
 
 use wide::f32x4;
 

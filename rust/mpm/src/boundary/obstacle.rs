@@ -12,7 +12,7 @@ const ON_WALL: f32 = 1.0e-6;
 /// Longer than the world [m].
 const FAR: f32 = 2.0;
 
-/// A solid, what its surface does, and how it moves.
+/// A solid: its shape, contact and motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Obstacle<const D: usize> {
     /// The solid at time 0.
@@ -23,7 +23,7 @@ pub struct Obstacle<const D: usize> {
 }
 
 impl<const D: usize> Obstacle<D> {
-    /// A solid at rest. Refuses what `Shape::check` refuses, and friction that is no number >= 0.
+    /// A solid at rest; an error as in `Shape::check`, or for friction that is not >= 0.
     pub fn new(shape: Shape<D>, contact: Contact) -> Result<Self, MpmError> {
         shape.check()?;
         if contact
@@ -133,7 +133,7 @@ impl<const D: usize> Placed<'_, D> {
         self.obstacle.distance_in(self.pose.as_ref(), x).0
     }
 
-    /// Where the point of the solid is that was at `x` at time 0.
+    /// Position of the point of the solid that is at `x` at time 0.
     pub fn moved(&self, x: &Vector<D>) -> Vector<D> {
         self.pose.map_or(*x, |pose| pose.apply(x))
     }

@@ -80,7 +80,7 @@ impl WallContact {
         Self { sides }
     }
 
-    /// Finds the node lines across each wall that may carry material.
+    /// Finds the node lines across each wall that may have mass.
     pub fn activate<const D: usize>(&mut self, active: &ActiveSpans, layout: &Layout<D>) {
         for side in &mut self.sides {
             side.lines.clear();

@@ -54,7 +54,7 @@ pub struct Band {
     row: Vec<u64>,
 }
 
-/// What is within reach of particles along the planes where their stencils start.
+/// Nodes in reach of particles along the planes where their stencils start.
 #[derive(Debug, Clone, Default)]
 pub struct Reach {
     /// One bit a node, rows padded to whole words.
@@ -112,7 +112,7 @@ impl Reach {
 }
 
 impl ReachOfPlanes<'_> {
-    /// Replaces what was within reach.
+    /// Replaces the nodes in reach.
     pub fn replace(&mut self, places: impl Iterator<Item = Place>) {
         self.clear();
         // Neighbours in the order share rows: their bits are collected and written together.
@@ -126,7 +126,7 @@ impl ReachOfPlanes<'_> {
                 (row, word, bits) = (of_place, first / 64, [0; 2]);
             }
             bits[0] |= REACHED << (first % 64);
-            // What goes beyond the word; two shifts, for one by 64 is none.
+            // Bits beyond the word; two shifts, because a shift by 64 does nothing.
             bits[1] |= REACHED >> 1 >> (63 - first % 64);
         });
         self.mark(row, word, bits);

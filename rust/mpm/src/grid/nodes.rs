@@ -17,7 +17,7 @@ pub const SMALLEST_MASS: f32 = 1.0e-30;
 #[derive(Debug, Clone)]
 pub struct Grid<const D: usize> {
     pub layout: Layout<D>,
-    /// Lanes 0..D hold momentum [kg m/s], then velocity [m/s]; lane 3 holds mass [kg].
+    /// Momentum [kg m/s], then velocity [m/s], in lanes 0..D; mass [kg] in lane 3.
     pub nodes: Vec<f32x4>,
     /// Sum of mass times wall friction; empty when all materials share one coefficient.
     pub friction_mass: Vec<f32>,
@@ -150,7 +150,7 @@ impl<const D: usize> Grid<D> {
     }
 }
 
-/// Cuts `start..end` out of a slice; also what is behind.
+/// Splits `start..end` off a slice, and the rest behind it.
 fn cut_out<T>(slice: &mut [T], start: usize, end: usize) -> (&mut [T], &mut [T]) {
     slice[start..].split_at_mut(end - start)
 }
@@ -159,7 +159,7 @@ fn cut_out<T>(slice: &mut [T], start: usize, end: usize) -> (&mut [T], &mut [T])
 mod tests {
     use super::*;
 
-    /// Activates what is around stencils with these lowest nodes, in bands of three planes.
+    /// Activates the nodes around stencils with these lowest nodes, in bands of three planes.
     fn activate<const D: usize>(grid: &mut Grid<D>, bases: &[[usize; D]]) {
         let layout = grid.layout;
         let ends = (0..layout.extent).step_by(3);

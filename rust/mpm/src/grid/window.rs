@@ -80,7 +80,7 @@ pub struct SharedGrid<'a, const D: usize> {
     pub(super) borrowed: PhantomData<&'a mut f32x4>,
 }
 
-// SAFETY: it leads to plain numbers, and whoever follows the pointers promises to keep threads apart.
+// SAFETY: the pointers lead to plain numbers, and callers of `window` and `view` keep threads apart.
 unsafe impl<const D: usize> Sync for SharedGrid<'_, D> {}
 
 impl<const D: usize> SharedGrid<'_, D> {
@@ -90,7 +90,7 @@ impl<const D: usize> SharedGrid<'_, D> {
     /// While it is in use, no other window and no view has a plane of it.
     pub unsafe fn window(&self, planes: Range<usize>) -> Window<'_, D> {
         let (planes, first, count) = self.nodes_of(planes);
-        // SAFETY: the nodes of these planes, which nobody else has for the time being.
+        // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
         unsafe {
             Window {
                 layout: self.layout,
@@ -115,7 +115,7 @@ impl<const D: usize> SharedGrid<'_, D> {
         View {
             layout: self.layout,
             first,
-            // SAFETY: the nodes of these planes, which nobody writes for the time being.
+            // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
             nodes: unsafe { slice::from_raw_parts(self.nodes.add(first), count) },
         }
     }

@@ -21,7 +21,7 @@ pub trait Kernel {
 /// A set of vector instructions, the narrowest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Instructions {
-    /// What every processor of the architecture has.
+    /// Instructions of every processor of the architecture.
     Portable,
     /// AVX2 with FMA.
     Avx2,
@@ -71,9 +71,10 @@ impl Instructions {
 pub fn run_wide<K: Kernel>(kernel: K) -> K::Output {
     match Instructions::in_use() {
         Instructions::Portable => kernel.run::<Portable>(),
-        // SAFETY of both: the instructions in use are ones that the processor has.
+        // SAFETY: the instructions in use are among those of the processor.
         #[cfg(target_arch = "x86_64")]
         Instructions::Avx2 => unsafe { avx2(kernel) },
+        // SAFETY: the instructions in use are among those of the processor.
         #[cfg(target_arch = "x86_64")]
         Instructions::Avx512 => unsafe { avx512(kernel) },
         #[cfg(not(target_arch = "x86_64"))]

@@ -141,7 +141,7 @@ impl<const D: usize> Split<D> {
     }
 }
 
-/// What Horner's scheme needs of matrices without trace.
+/// Operations of Horner's scheme on matrices without trace.
 struct Invariants {
     /// tr(A^2) / 2.
     q: Lanes,
@@ -227,7 +227,7 @@ mod tests {
         let mut a = Symmetrics::<D>::ZERO;
         let mut b = Symmetrics::<D>::ZERO;
         for i in 0..LANES {
-            // Other lanes hold other matrices, near and far ones.
+            // Other lanes contain other matrices, near and far ones.
             let size = size * (0.2 + 0.1 * i as f32);
             for k in 0..D {
                 b.diagonal[k][i] = size * entries[k];
@@ -248,7 +248,7 @@ mod tests {
                 |m: &super::super::math::Symmetric<D>, row, column| f64::from(m.at(row, column));
             let exact_log = exact::<D>(|row, column| at(&a, row, column), f64::ln);
             let exact_power = exact::<D>(|row, column| at(&b, row, column), f64::exp);
-            // Rounding of what is near the identity is relative to it, not to the strain.
+            // Rounding of a matrix near the identity is relative to the identity, not to the strain.
             let (of_log, of_power) = (1.0 + exact_log.amax().exp(), exact_power.amax());
             for (row, column) in (0..D).flat_map(|row| (0..D).map(move |column| (row, column))) {
                 let mean = if row == column { log.mean[i] } else { 0.0 };

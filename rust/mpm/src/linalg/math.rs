@@ -88,7 +88,7 @@ impl<const D: usize> Symmetric<D> {
     }
 }
 
-/// Where `Symmetric::shear` holds an entry off the diagonal.
+/// Index in `Symmetric::shear` of an entry off the diagonal.
 #[inline(always)]
 pub fn shear_index<const D: usize>(row: usize, column: usize) -> usize {
     if D == 3 { 3 - row - column } else { 0 }

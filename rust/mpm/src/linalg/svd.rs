@@ -153,7 +153,7 @@ fn normalise<const D: usize>(columns: &Matrix<D>) -> (Matrix<D>, Vector<D>) {
         let direction = if norm > 1.0e-6 * columns.column(0).norm() {
             let mut direction = columns.column(j) / norm;
             for k in 0..j {
-                // Once more orthogonal to the larger ones: what rotations left is relative to them.
+                // Orthogonalised again to the larger ones, because the error of rotations is relative to those.
                 direction -= u.column(k) * u.column(k).dot(&direction);
             }
             if j > 0 {

@@ -1,6 +1,6 @@
 //! Sixteen numbers in the registers of AVX2 and AVX-512.
 //!
-//! Only `run_wide` names these types, after it has asked the processor for their instructions.
+//! Only `run_wide` uses these types, after a check that the processor has their instructions.
 
 use std::arch::x86_64::{
     __m256, __m512, _mm_loadu_ps, _mm_set1_ps, _mm256_add_ps, _mm256_div_ps, _mm256_fmadd_ps,
@@ -21,18 +21,18 @@ use wide::f32x4;
 #[derive(Clone, Copy)]
 pub struct Avx2(__m256, __m256);
 
-// SAFETY of all blocks: the processor has the instructions, and references are valid for the 64 bytes that are read
-// or written.
 impl Quad for Avx2 {
     #[inline(always)]
     fn load(nodes: &[f32x4; 4]) -> Self {
         let numbers = nodes.as_ptr().cast::<f32>();
+        // SAFETY: `run_wide` checked for AVX2 and FMA; the arrays have the length of the registers.
         unsafe { Self(_mm256_loadu_ps(numbers), _mm256_loadu_ps(numbers.add(8))) }
     }
     #[inline(always)]
     fn store(self) -> [f32x4; 4] {
         let mut nodes = [f32x4::ZERO; 4];
         let numbers = nodes.as_mut_ptr().cast::<f32>();
+        // SAFETY: `run_wide` checked for AVX2 and FMA; the arrays have the length of the registers.
         unsafe {
             _mm256_storeu_ps(numbers, self.0);
             _mm256_storeu_ps(numbers.add(8), self.1);
@@ -41,12 +41,14 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn splat(number: f32) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         let all = unsafe { _mm256_set1_ps(number) };
         Self(all, all)
     }
     #[inline(always)]
     fn repeat(numbers: f32x4) -> Self {
         let numbers = numbers.to_array();
+        // SAFETY: `run_wide` checked for AVX2 and FMA; the arrays have the length of the registers.
         let both = unsafe {
             let one = _mm_loadu_ps(numbers.as_ptr());
             _mm256_set_m128(one, one)
@@ -55,6 +57,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn of_nodes([a, b, c, d]: [f32; 4]) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_set_m128(_mm_set1_ps(b), _mm_set1_ps(a)),
@@ -64,6 +67,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_add_ps(self.0, other.0),
@@ -73,6 +77,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_mul_ps(self.0, other.0),
@@ -82,6 +87,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn div(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_div_ps(self.0, other.0),
@@ -91,6 +97,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_max_ps(self.0, other.0),
@@ -100,6 +107,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn last_numbers(self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_permute_ps::<0b11_11_11_11>(self.0),
@@ -109,6 +117,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, summand: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             Self(
                 _mm256_fmadd_ps(self.0, factor.0, summand.0),
@@ -118,6 +127,7 @@ impl Quad for Avx2 {
     }
     #[inline(always)]
     fn sums([a, b, c, d]: [Self; 4]) -> [f32x4; 4] {
+        // SAFETY: `run_wide` checked for AVX2 and FMA.
         unsafe {
             let pair = |a: Self, b: Self| {
                 let (a, b) = (_mm256_add_ps(a.0, a.1), _mm256_add_ps(b.0, b.1));
@@ -137,25 +147,30 @@ pub struct Avx512(__m512);
 impl Quad for Avx512 {
     #[inline(always)]
     fn load(nodes: &[f32x4; 4]) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe { Self(_mm512_loadu_ps(nodes.as_ptr().cast::<f32>())) }
     }
     #[inline(always)]
     fn store(self) -> [f32x4; 4] {
         let mut nodes = [f32x4::ZERO; 4];
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe { _mm512_storeu_ps(nodes.as_mut_ptr().cast::<f32>(), self.0) };
         nodes
     }
     #[inline(always)]
     fn splat(number: f32) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_set1_ps(number)) }
     }
     #[inline(always)]
     fn repeat(numbers: f32x4) -> Self {
         let numbers = numbers.to_array();
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe { Self(_mm512_broadcast_f32x4(_mm_loadu_ps(numbers.as_ptr()))) }
     }
     #[inline(always)]
     fn of_nodes(numbers: [f32; 4]) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe {
             let node = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
             let numbers = _mm512_castps128_ps512(_mm_loadu_ps(numbers.as_ptr()));
@@ -164,30 +179,37 @@ impl Quad for Avx512 {
     }
     #[inline(always)]
     fn add(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_add_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_mul_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn div(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_div_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_max_ps(self.0, other.0)) }
     }
     #[inline(always)]
     fn last_numbers(self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_permute_ps::<0b11_11_11_11>(self.0)) }
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, summand: Self) -> Self {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe { Self(_mm512_fmadd_ps(self.0, factor.0, summand.0)) }
     }
     #[inline(always)]
     fn sums([a, b, c, d]: [Self; 4]) -> [f32x4; 4] {
+        // SAFETY: `run_wide` checked for AVX-512.
         unsafe {
             let pair = |a: Self, b: Self| {
                 let low = _mm512_shuffle_f32x4::<0b01_00_01_00>(a.0, b.0);
@@ -203,6 +225,7 @@ impl Quad for Avx512 {
     fn column(nodes: [&[f32x4; 8]; 2], k: usize) -> Lanes {
         // Number k of the node at each place of the result; the upper half is not used.
         let mut lanes = [0.0; LANES];
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe {
             let first = _mm512_set_epi32(0, 0, 0, 0, 0, 0, 0, 0, 28, 24, 20, 16, 12, 8, 4, 0);
             let places = _mm512_add_epi32(first, _mm512_set1_epi32(k as i32));
@@ -218,6 +241,7 @@ impl Quad for Avx512 {
     }
     #[inline(always)]
     fn set_column(nodes: &mut [f32x4; 8], k: usize, numbers: &[f32; 8]) {
+        // SAFETY: `run_wide` checked for AVX-512; the arrays have the length of the registers.
         unsafe {
             let replaced = 0b0001_0001_0001_0001 << k;
             let values = _mm512_castps256_ps512(_mm256_loadu_ps(numbers.as_ptr()));

@@ -1,4 +1,4 @@
-//! What a constitutive model computes, and what a particle carries for it.
+//! Interface of constitutive models, and their state in each particle.
 
 use std::fmt::Debug;
 
@@ -7,7 +7,7 @@ use crate::linalg::{Lanes, Symmetrics};
 /// What the transfer loops need of a material. What they call is inlined into them, once per material and
 /// dimension, and works on a block of particles at a time.
 pub trait Constitutive<const D: usize>: Send + Sync {
-    /// What one particle carries besides position, velocity and affine matrix.
+    /// State of a particle besides position, velocity and affine matrix.
     type State: State;
 
     /// The state at a given volume ratio, without shear.
@@ -25,9 +25,9 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn crowds_within_cells(&self) -> bool {
         false
     }
-    /// What the particles of a block hold for their volume.
+    /// Volume ratios of the particles of a block.
     fn volumes(&self, states: &<Self::State as State>::Block) -> Volumes;
-    /// Leads what the particles of a block hold for their volume back to the room that they take.
+    /// Corrects the volume ratios of the particles of a block towards the space that they occupy.
     fn correct_volume(
         &self,
         _states: &mut <Self::State as State>::Block,
@@ -40,7 +40,7 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn energy_density(&self, state: &Self::State) -> f32;
 }
 
-/// What the particles of a block hold for their volume.
+/// Volume ratios of the particles of a block.
 #[derive(Debug, Clone, Copy)]
 pub struct Volumes {
     /// Volume over rest volume [-], plastic gains included.
@@ -60,7 +60,7 @@ pub struct Correction {
     pub expansion: Lanes,
 }
 
-/// State of one particle, and how a block of particles holds it.
+/// State of one particle, and its layout in a block of particles.
 pub trait State: Copy + Send + Sync + Debug + PartialEq {
     /// One array over the lanes for each number.
     type Block: Copy + Send + Sync + Debug;

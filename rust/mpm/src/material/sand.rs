@@ -32,7 +32,7 @@ const LARGEST_GAIN: f32 = 10.0;
 impl Sand {
     /// `friction_angle` in degrees.
     pub fn new(lame: Lame, friction_angle: f32, volume_correction: bool) -> Self {
-        // In double precision: what the sines of platforms differ by is gone after rounding.
+        // In double precision: rounding removes the differences of sines between platforms.
         let sin = f64::from(friction_angle).to_radians().sin();
         Self {
             lame,
@@ -191,7 +191,7 @@ pub struct SandBlock<const D: usize> {
 }
 
 impl<const D: usize> SandBlock<D> {
-    /// Log of the volume over the rest volume, what was gained while apart included.
+    /// Log of the volume over the rest volume, with the volume gained while grains were apart.
     #[inline(always)]
     fn log_volume(&self, lane: usize) -> f32 {
         let square = self.stretch_squared.get(lane).determinant();

@@ -12,7 +12,7 @@ pub struct Water {
     pub bulk_modulus: f32,
     /// Factor on the stress where J > 1. With 1 spray clumps, with 0 J drifts at the free surface.
     pub tension: f32,
-    /// Without it J is what the divergence alone makes of it.
+    /// Without it only the divergence changes J.
     pub volume_correction: bool,
 }
 

@@ -27,7 +27,7 @@ pub struct Emitter<const D: usize> {
     pub stop: f64,
 }
 
-/// What an emitter did in the latest frame.
+/// Status of an emitter in the latest frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum EmitterStatus {
@@ -36,7 +36,7 @@ pub enum EmitterStatus {
     Running,
     /// Material or an obstacle is in its way.
     Blocked,
-    /// There are as many particles as are allowed.
+    /// The scene has the largest number of particles allowed.
     Full,
     /// It has stopped.
     Ended,
@@ -67,7 +67,7 @@ impl EmitterStatus {
 }
 
 impl<const D: usize> Emitter<D> {
-    /// Refuses numbers out of range, and openings whose material would start outside the walls.
+    /// Returns an error for numbers out of range, and for openings outside the walls.
     ///
     /// `name` is that of the emitter in errors, `materials` their number; a frame lasts `frame_dt` [s].
     pub(crate) fn check(

@@ -23,7 +23,7 @@ pub struct Openings<const D: usize> {
 }
 
 impl<const D: usize> Openings<D> {
-    /// A scene whose particles stay the same ones.
+    /// A scene without emitters and sinks.
     pub const NONE: Self = Self {
         emitters: Vec::new(),
         sinks: Vec::new(),
@@ -97,7 +97,7 @@ impl<const D: usize> FrameEnd<'_, D> {
                     .filter(|p| kept[p.id as usize])
                     .map(|p| Particle {
                         id: places[p.id as usize],
-                        // What stood on the particles that are gone has to notice.
+                        // Particles that rested on the removed ones must wake.
                         calm: if near(&p.x) { 0.0 } else { p.calm },
                         ..p
                     })

@@ -1,10 +1,10 @@
-//! When an emitter lets layers of particles out.
+//! Times at which an emitter adds layers of particles.
 
 use super::emitter::{Emitter, EmitterStatus};
 use super::population::Flow;
 use crate::linalg::Vector;
 
-/// An opening that is this full of other material lets nothing out.
+/// Part of other material in an opening [-] above which no layer is added.
 const CROWDED: f32 = 0.25;
 
 /// An emitter at the end of a frame.
@@ -14,7 +14,7 @@ pub(crate) struct Opening<'a, const D: usize> {
     pub frame: u64,
     /// Length of a frame [s].
     pub frame_dt: f32,
-    /// How many particles may be added.
+    /// Number of particles that may be added.
     pub room: usize,
 }
 
@@ -53,7 +53,7 @@ impl<const D: usize> Opening<'_, D> {
                 } else {
                     EmitterStatus::Blocked
                 };
-                // What could not leave is not made up for; the next layer may leave at once.
+                // A blocked layer is not made up for; the next one may be added at once.
                 flow.travelled = spacing;
                 break;
             }
@@ -94,7 +94,7 @@ impl<const D: usize> Crowd<D> {
         }
     }
 
-    /// Counts a particle; true once there are too many.
+    /// Counts a particle; true once the place is too full.
     pub fn is_full_with(&mut self, x: &Vector<D>) -> bool {
         let boxed = (0..D).all(|axis| x[axis] > self.lower[axis] && x[axis] < self.upper[axis]);
         let close = |site: &Vector<D>| (x - site).norm_squared() < self.reach * self.reach;

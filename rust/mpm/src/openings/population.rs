@@ -1,4 +1,4 @@
-//! Who the particles of a scene are, and how many came and went.
+//! Ids of the particles of a scene, and the mass added and removed.
 
 use super::emitter::EmitterStatus;
 
@@ -12,7 +12,7 @@ pub(crate) struct Flow {
     pub status: EmitterStatus,
 }
 
-/// Who the particles are, and the balance of those that came and went.
+/// Ids of the particles, and the balance of those added and removed.
 #[derive(Debug, Clone)]
 pub(crate) struct Population {
     /// Number that each particle keeps for good, in the caller's order; ascending.

@@ -6,7 +6,7 @@ use super::block::Block;
 use super::group::Group;
 use crate::material::Constitutive;
 
-/// The particles of one group that carry, slab by slab.
+/// Active particles of one group, slab by slab.
 pub struct CutGroup<'a, const D: usize, M: Constitutive<D>> {
     pub material: &'a M,
     pub wall_friction: f32,
@@ -38,7 +38,7 @@ impl<'a, const D: usize, M: Constitutive<D>> CutGroup<'a, D, M> {
     }
 }
 
-/// Locks what only one thread works on at a time.
+/// Locks an item that one thread works on at a time.
 pub fn unlocked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

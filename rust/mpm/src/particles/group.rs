@@ -138,7 +138,7 @@ impl<const D: usize, M: Constitutive<D>> Group<D, M> {
         })
     }
 
-    /// All blocks, with what their particles take part in.
+    /// All blocks, with the activity of their particles.
     pub fn blocks(&self) -> impl Iterator<Item = (&Block<D, M::State>, Activity)> {
         let awake = self
             .awake

@@ -1,4 +1,4 @@
-//! One particle, and what it takes part in.
+//! One particle and its activity.
 
 use crate::linalg::{Matrix, Vector};
 
@@ -23,7 +23,7 @@ pub struct Particle<const D: usize, S> {
     pub state: S,
 }
 
-/// What a particle takes part in.
+/// Activity of a particle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Activity {
     #[default]

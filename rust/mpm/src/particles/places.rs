@@ -23,7 +23,7 @@ pub struct Places {
     starts: Vec<u32>,
     /// The same particles in the order of the blocks; scratch.
     found: Vec<Located>,
-    /// Whether the blocks hold them in the order of cells.
+    /// Whether they lie in the blocks in the order of cells.
     in_order: bool,
 }
 
@@ -67,7 +67,7 @@ impl Places {
         &self.located[self.starts[planes.start] as usize..self.starts[planes.end] as usize]
     }
 
-    /// Whether the blocks of all parts, one after the other, hold their particles in the order of cells.
+    /// Whether particles lie in the blocks of all parts, one after the other, in the order of cells.
     pub fn all_in_order(parts: &[Self]) -> bool {
         let filled = || parts.iter().filter(|part| !part.located.is_empty());
         let ends = |part: &Self| part.located.last().map(|located| located.place);

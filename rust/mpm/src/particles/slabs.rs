@@ -57,7 +57,7 @@ pub fn cut(per_plane: &[usize], walls: &[usize]) -> Vec<Slab> {
         }
     }
     match slabs.last_mut() {
-        // What is left over joins the last slab if it is too thin to stand alone.
+        // The remainder joins the last slab if it is too thin for one of its own.
         Some(last) if end - lo < MIN_PLANES || held == 0 => last.hi = end,
         _ => slabs.push(Slab { lo, hi: end }),
     }

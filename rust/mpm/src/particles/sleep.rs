@@ -62,7 +62,7 @@ pub fn count_calm<const D: usize>(groups: &mut [MaterialGroup<D>], sleep: &Sleep
     }
 }
 
-/// What can wake a region besides its own motion.
+/// Causes that wake a region besides its own motion.
 pub struct WakeCauses<'a, const D: usize> {
     pub force: FrameForce<'a, D>,
     pub obstacles: &'a Obstacles<D>,
@@ -70,7 +70,7 @@ pub struct WakeCauses<'a, const D: usize> {
     pub horizon: f32,
 }
 
-/// Decides who sleeps until the next decision.
+/// Decides which particles sleep until the next decision.
 pub fn decide<const D: usize>(
     groups: &mut [MaterialGroup<D>],
     layout: &Layout<D>,
@@ -94,7 +94,7 @@ pub fn decide<const D: usize>(
 }
 
 impl<const D: usize> WakeCauses<'_, D> {
-    /// Whoever is forced, or near to something that moves, is not at rest.
+    /// Particles under a force or near a moving obstacle are not at rest.
     fn stir<S: State>(&self, block: &mut Block<D, S>, layout: &Layout<D>) {
         if self.force.is_some() {
             for lane in 0..block.count {

@@ -83,7 +83,7 @@ impl Sorter {
         located.map(|located| located.place)
     }
 
-    /// Finds all particles, on as many threads as are free, and returns where the parts of each shelf end.
+    /// Finds all particles, on all free threads, and returns the ends of the parts of each shelf.
     fn find<const D: usize>(
         &mut self,
         groups: &[MaterialGroup<D>],

@@ -1,4 +1,4 @@
-//! Tiles of the box, by what goes on in them.
+//! Tiles of the box, by the activity in them.
 
 use super::block::Block;
 use super::particle::Activity;
@@ -10,7 +10,7 @@ const TILE_SHIFT: u32 = 1;
 /// Tiles of the border: more than a stencil and its nodes' stencils reach.
 const BORDER: isize = 2;
 
-/// What goes on in each tile of the box.
+/// Activity in each tile of the box.
 pub struct Tiles<const D: usize> {
     /// Along each axis.
     extent: usize,
@@ -66,7 +66,7 @@ impl<const D: usize> Tiles<D> {
         }
     }
 
-    /// Wakes the neighbours of what moves, and surrounds them with the border.
+    /// Wakes the neighbours of moving tiles, and surrounds them with the border.
     pub fn spread(&mut self) {
         for (reach, activity) in [(1, Activity::Awake), (1 + BORDER, Activity::Border)] {
             for stirred in 0..self.stirred.len() {

@@ -31,7 +31,7 @@ pub struct Solver<const D: usize> {
     pub(super) walls: WallContact,
     pub(super) obstacles: Obstacles<D>,
     pub(super) material_friction: MaterialFriction,
-    /// None where no material asks for it.
+    /// None if no material is corrected.
     pub(super) volume: Option<VolumeCorrection<D>>,
     pub(super) team: Arc<Team>,
     pub(super) grid: Grid<D>,
@@ -162,7 +162,7 @@ impl<const D: usize> Solver<D> {
         end.exchange(&self.settings.openings);
     }
 
-    /// Keeps the present particles, to go back to if what comes fails.
+    /// Copies the particles, to restore them if the frame fails.
     pub(super) fn remember(&mut self) {
         if self.before.is_empty() {
             self.before.clone_from(&self.state.groups);
@@ -237,7 +237,7 @@ impl<const D: usize> Solver<D> {
             }
             travelled += self.obstacles.travel(self.state.max_speed, dt);
             remaining -= dt;
-            // What is left after the last substep is rounding.
+            // The remainder after the last substep is rounding.
             if remaining < 1.0e-3 * dt {
                 remaining = 0.0;
             }

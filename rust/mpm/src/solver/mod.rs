@@ -1,4 +1,4 @@
-//! A scene in motion: the frame loop, and motion that somebody else prescribes.
+//! Simulation of a scene: the frame loop and prescribed motion.
 
 mod cancel;
 mod frame_loop;

@@ -1,4 +1,4 @@
-//! Motion that somebody else prescribes, as a network does.
+//! Motion prescribed from outside, for example by a network.
 //!
 //! Grid velocities follow from the particles' by the transfers of a substep, without stress and gravity. They give
 //! the affine matrices, and these may deform the materials, with return mapping.
@@ -13,7 +13,7 @@ use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block, Group, with_group};
 use crate::substep::{P2gStep, Stage, gather};
 
-/// What a prescribed motion does to affine matrices and materials.
+/// Treatment of affine matrices and materials by a prescribed motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PrescribeOptions {
     /// Take the affine matrices from the grid velocities; else they are 0.
@@ -26,7 +26,7 @@ pub struct PrescribeOptions {
 const STRAIN_PER_STEP: f32 = 0.05;
 const MAX_STEPS: f32 = 64.0;
 
-/// What a prescribed motion did, in numbers that tell whether it is sound.
+/// Report of a prescribed motion, in numbers that show whether it is plausible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionReport {
     /// Density over rest density that one particle in a hundred exceeds [-].
@@ -167,7 +167,7 @@ impl<const D: usize> Solver<D> {
     }
 }
 
-/// Puts each particle where it is said to be, within the walls and out of the obstacles.
+/// Moves each particle to its prescribed position, within the walls and outside the obstacles.
 fn place<const D: usize, M: Constitutive<D>>(
     group: &mut Group<D, M>,
     x: &[f32],

@@ -1,4 +1,4 @@
-//! What a solver tells of its particles, in the caller's order.
+//! Properties of a solver's particles, in the caller's order.
 
 use super::frame_loop::Solver;
 use crate::diagnostics::Diagnostics;
@@ -33,7 +33,7 @@ impl<const D: usize> Solver<D> {
         &self.state.population.ids
     }
 
-    /// What each emitter did in the latest frame.
+    /// Status of each emitter in the latest frame.
     pub fn emitters(&self) -> impl Iterator<Item = EmitterStatus> + '_ {
         let flows = self.state.population.flows.iter();
         flows.map(|flow| flow.status)

@@ -10,7 +10,7 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
 
-/// What one substep did to some particles and nodes.
+/// Result of a substep for some particles and nodes.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
     pub max_speed_squared: f32,
@@ -193,7 +193,7 @@ fn weighted<Q: Quad>(nodes: [Q; 3], weights: &[Lanes; 3], lane: usize) -> (Q, Q)
     (sum, beyond.add(end))
 }
 
-/// What `move_block` found on its way.
+/// Findings of `move_block`.
 struct Moved {
     max_speed_squared: f32x4,
     /// Whether a particle has left the walls.

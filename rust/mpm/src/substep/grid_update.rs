@@ -30,7 +30,7 @@ pub fn grid_update<const D: usize>(
     work
 }
 
-/// Divides by the masses, and adds what gravity gains.
+/// Divides by the masses, and adds the change by gravity.
 struct Accelerate<'w, 'g, const D: usize> {
     window: &'w mut Window<'g, D>,
     gain: f32x4,
@@ -55,7 +55,7 @@ impl<const D: usize> Kernel for Accelerate<'_, '_, D> {
         for span in active {
             let start = span.row * layout.row_length - *first;
             for chunk in (start + span.lo) / CHUNK..(start + span.hi) / CHUNK {
-                // Spray leaves most nodes empty; nobody reads their velocity.
+                // Most nodes around spray are empty; their velocity is not read.
                 if dirty[chunk] {
                     let (fours, _) = nodes[chunk * CHUNK..(chunk + 1) * CHUNK].as_chunks_mut();
                     for four in fours {

@@ -10,7 +10,7 @@ use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide, shear_index};
 use crate::material::{Constitutive, State};
 use crate::particles::Block;
 
-/// What one substep needs besides the state.
+/// Inputs of a substep besides the state.
 #[derive(Clone, Copy)]
 pub struct P2gStep<'a, const D: usize> {
     /// Length of the substep [s].
@@ -53,11 +53,11 @@ struct Scatter<'a, const D: usize, M: Constitutive<D>> {
     dirty: &'a mut [bool],
 }
 
-/// What the nodes of a particle get, in lanes of momentum and mass.
+/// Contribution of a particle to its nodes, in lanes of momentum and mass.
 struct Shares<const D: usize> {
     /// The lowest node at weight one.
     lowest: [[f32; 4]; LANES],
-    /// What a node gets more for each step along an axis.
+    /// Difference of the contributions to neighbouring nodes along each axis.
     per_step: [[[f32; 4]; LANES]; D],
 }
 
@@ -83,7 +83,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
     }
 }
 
-/// What consecutive particles with the same stencil bring to its nodes.
+/// Contributions of consecutive particles with the same stencil to its nodes.
 struct CellSums<Q: Quad, const D: usize> {
     /// Lowest node of the stencil; none before the first particle.
     start: usize,

@@ -38,7 +38,7 @@ impl Stage {
 /// Fewer slabs are halved.
 const FEW_SLABS: usize = 8;
 
-/// What one substep needs besides particles and grid.
+/// Inputs of a substep besides particles and grid.
 pub struct Substep<'a, const D: usize> {
     pub step: P2gStep<'a, D>,
     pub forces: GridForces<'a, D>,
@@ -70,10 +70,10 @@ impl<const D: usize> Substep<'_, D> {
         let (stages, steps): (Vec<_>, Vec<_>) = stages.iter().flat_map(of_stage).unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
             let reach = slabs[slab].reach();
-            // SAFETY of all: the planes within reach belong to the slab and its neighbours. In P2G slabs of one colour
-            // touch different planes; in the update of the grid each has its own band; in G2P all only read.
+            // The planes within reach belong to the slab and its neighbours.
             match stages[number] {
                 (Stage::P2g, ..) => {
+                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     let window = &mut unsafe { grid.window(reach) };
                     window.clear(fresh_planes(slabs, slab));
                     for group in &groups {
@@ -81,11 +81,13 @@ impl<const D: usize> Substep<'_, D> {
                     }
                 }
                 (Stage::GridUpdate, ..) => {
+                    // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
                     let work = grid_update(window, &self.forces, self.step.dt);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                 }
                 (Stage::G2p, part, parts) => {
+                    // SAFETY: all slabs in reach only read in this stage.
                     let view = unsafe { grid.view(reach) };
                     let outcome = &mut *unlocked(&outcomes[slab]);
                     for group in &groups {
@@ -103,7 +105,7 @@ impl<const D: usize> Substep<'_, D> {
 /// A group of any material, cut into slabs.
 trait Cut<const D: usize>: Sync {
     fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>);
-    /// For one of so many parts of the slab.
+    /// For one of `parts` parts of the slab.
     fn g2p(
         &self,
         slab: usize,

@@ -1,4 +1,4 @@
-//! How a frame is cut into substeps.
+//! Division of a frame into substeps.
 
 use crate::error::MpmError;
 use crate::material::Material;
@@ -10,7 +10,7 @@ const SPEED_LIMIT: f32 = 0.8;
 /// Most substeps in a frame; more mean unbounded speeds.
 pub const MAX_SUBSTEPS: u32 = 20_000;
 
-/// Who chooses the substeps.
+/// Rule for the substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Substeps {
     /// The fewest with dt <= cfl dx / max(signal speed, largest speed), chosen anew as speeds change. Without a
@@ -18,11 +18,11 @@ pub enum Substeps {
     Cfl(Option<f32>),
     /// floor(frame / (0.02 dx)) + 1 equal ones, the rule of the ground truth.
     Reference,
-    /// So many equal ones.
+    /// `count` equal ones.
     Fixed { count: u32, allow_unstable: bool },
 }
 
-/// What limited the step.
+/// Limit that set the step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
     /// The stiffest mode of the materials present.
@@ -52,13 +52,13 @@ impl Bound {
     }
 }
 
-/// How a frame was cut.
+/// Division of a frame into substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameReport {
     pub substeps: u32,
     /// Length of the shortest substep [s].
     pub smallest_dt: f32,
-    /// What chose it.
+    /// Limit that set it.
     pub bound: Bound,
     /// Work of moving obstacles on the material [J], in 2D per metre of depth: their impulses times their velocities. The
     /// weight that they lift by putting back single particles is left out.

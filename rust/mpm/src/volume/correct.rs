@@ -1,4 +1,4 @@
-//! What particles hold for their volume, led back to the room that they take.
+//! Correction of volume ratios towards the space that particles occupy.
 
 use super::lanes::{PRESSURE, SMOOTH, VOLUME};
 use super::smooth::binomial;
@@ -150,7 +150,7 @@ fn void(volume: f32, distance_squared: f32) -> f32 {
     if volume < SPRAY { 0.0 } else { void }
 }
 
-/// How much too much volume there is around a particle [-], beyond what is tolerated.
+/// Excess volume around a particle beyond the tolerance [-].
 #[inline(always)]
 fn crowding(volume: f32) -> f32 {
     (volume - 1.0 - CROWDING_TOLERANCE).clamp(0.0, 0.5)

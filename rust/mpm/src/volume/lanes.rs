@@ -1,4 +1,4 @@
-//! What the lanes of a node hold while volumes are corrected.
+//! Meaning of the lanes of a node during the correction of volumes.
 
 /// Volume of all matter over that of a cell [-].
 pub const VOLUME: usize = 0;

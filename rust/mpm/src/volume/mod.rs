@@ -85,7 +85,7 @@ impl<const D: usize> VolumeCorrection<D> {
             };
             pass.run(groups, slabs, grid, team);
         }
-        // What has been written here is no momentum.
+        // These nodes do not contain momentum.
         grid.mark_dirty();
     }
 }

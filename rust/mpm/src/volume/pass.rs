@@ -61,11 +61,10 @@ impl<const D: usize> Pass<'_, D> {
         let (stages, steps): (Vec<_>, Vec<_>) = needed.copied().unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
             let (reach, band) = (slabs[slab].reach(), bands[slab].clone());
-            // SAFETY of all: the planes within reach belong to the slab and its neighbours, which wait or are through
-            // with the stage before. Slabs of one colour have no plane within reach in common, in `SmoothPlanes` each has
-            // its own band, and in `Correct` all only read.
+            // The planes within reach belong to the slab and its neighbours, which wait or have finished the stage before.
             match stages[number] {
                 Stage::Spread => {
+                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     let window = &mut unsafe { grid.window(reach) };
                     empty(window, fresh_planes(slabs, slab), !self.first);
                     for (group, &shares) in groups() {
@@ -73,6 +72,7 @@ impl<const D: usize> Pass<'_, D> {
                     }
                 }
                 Stage::SmoothPlanes => {
+                    // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(band) };
                     take_means(window);
                     if self.first {
@@ -82,9 +82,11 @@ impl<const D: usize> Pass<'_, D> {
                 }
                 Stage::SmoothAcrossPlanes => {
                     let around = band.start.saturating_sub(1)..band.end + 1;
+                    // SAFETY: concurrent slabs have one colour, and so no plane in common.
                     smooth_across_planes(&mut unsafe { grid.window(around) }, band);
                 }
                 Stage::Correct => {
+                    // SAFETY: all slabs in reach only read in this stage.
                     let view = unsafe { grid.view(reach) };
                     for (group, _) in groups().filter(|(_, shares)| **shares) {
                         group.correct(slab, view, self.room, self.dt);

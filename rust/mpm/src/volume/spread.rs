@@ -11,7 +11,7 @@ use crate::material::Constitutive;
 use crate::particles::Block;
 use crate::substep::{for_each_row, scatter_row};
 
-/// Adds what blocks of one group take part in to the nodes: their volume, and their pressure.
+/// Adds volume and pressure of the blocks of a group to the nodes.
 pub fn spread<const D: usize, M: Constitutive<D>>(
     blocks: &[Block<D, M::State>],
     material: &M,

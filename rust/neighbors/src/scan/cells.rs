@@ -13,7 +13,7 @@ pub(crate) struct CellList<const D: usize> {
     extent: [usize; D],
     /// Points of cell c are in the slots `starts[c]..starts[c + 1]`; there is one entry more than needed.
     starts: Vec<u32>,
-    /// The point in each slot, and what no one reads in `LANES` more.
+    /// Point in each slot, followed by `LANES` unused entries.
     pub order: Vec<u32>,
     /// Coordinates by slot, axis by axis, and `LANES` more.
     pub x: [Vec<f32>; D],

@@ -1,6 +1,6 @@
 //! Sorting short rows.
 
-/// How long an array has to be so that a row of `length` at its front may be sorted.
+/// Length of an array so that a row of `length` at its front may be sorted.
 pub(crate) fn room(length: usize) -> usize {
     length + 8
 }
@@ -11,7 +11,7 @@ pub(crate) fn room(length: usize) -> usize {
 pub(crate) fn write_sorted(row: &[u32], length: usize, into: &mut [u32]) {
     #[cfg(target_arch = "x86_64")]
     if length <= wide::LONGEST && std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the only thing `avx2` asks for has just been found.
+        // SAFETY: the condition above checks for its instructions.
         return unsafe { wide::write_sorted(row, length, into) };
     }
     into.copy_from_slice(&row[..length]);
@@ -59,7 +59,7 @@ mod wide {
         let mut ranks = [_mm256_setzero_si256(); W];
         for (entry, vector) in entries.iter_mut().zip(vectors) {
             let vector: &[u32; 8] = vector;
-            // SAFETY: it is eight numbers.
+            // SAFETY: `vector` has eight numbers.
             *entry = unsafe { _mm256_loadu_si256(vector.as_ptr().cast::<__m256i>()) };
         }
         for &other in &row[..length] {
@@ -71,10 +71,10 @@ mod wide {
         }
         let mut places = [[0u32; 8]; W];
         for (place, rank) in places.iter_mut().zip(ranks) {
-            // SAFETY: it is eight numbers.
+            // SAFETY: `place` has eight numbers.
             unsafe { _mm256_storeu_si256(place.as_mut_ptr().cast::<__m256i>(), rank) };
         }
-        // What was behind the row has ranks too, but is not written.
+        // Entries behind the row have ranks too, but are not written.
         for (&entry, &place) in row[..length].iter().zip(places.as_flattened()) {
             into[place as usize] = entry;
         }

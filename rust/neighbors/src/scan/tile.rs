@@ -5,11 +5,11 @@ use std::ops::Range;
 use super::cells::{CellList, LANES};
 use super::reach::Reach;
 
-/// What a scan found.
+/// Result of a scan.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     pub count: usize,
-    /// Some are so near the radius that single precision cannot tell.
+    /// Some are too near the radius for single precision.
     pub doubtful: bool,
 }
 
@@ -103,7 +103,7 @@ impl<const D: usize> Tile<D> {
         if std::arch::is_x86_feature_detected!("avx2")
             && std::arch::is_x86_feature_detected!("popcnt")
         {
-            // SAFETY: the instructions that it asks for have just been found.
+            // SAFETY: the condition above checks for its instructions.
             return unsafe { wide::scan(&x, points, centre, reach, into) };
         }
         scan(&x, points, centre, reach, into)
@@ -205,7 +205,7 @@ mod wide {
             doubts = _mm256_or_ps(doubts, _mm256_and_ps(near, unsure));
             let hits = _mm256_movemask_ps(near) as usize;
             let kept = &mut into[count..count + LANES];
-            // SAFETY: a group, a row of the table and what is kept have LANES entries.
+            // SAFETY: a group, a row of the table and `kept` have LANES entries.
             unsafe {
                 let points = _mm256_loadu_si256(points[group].as_ptr().cast::<__m256i>());
                 let lanes = _mm_loadl_epi64(CHOSEN[hits].as_ptr().cast());
