@@ -1,9 +1,9 @@
-//! How particles are guided to a goal.
+//! Guidance of particles to a goal.
 //!
-//! Before anything moves, `match_to_region` gives each particle a place in the goal and each group of particles a
-//! way around obstacles, and `least_acceleration` times a way. In each frame `Tracks::force` says with which
-//! acceleration the particles follow their ways from where they really are. This crate simulates nothing, and
-//! knows no Python.
+//! Before the motion, `match_to_region` assigns a place in the goal to each particle and a way around obstacles to each
+//! group of particles, and `least_acceleration` times a way. In each frame `Tracks::force` returns the accelerations with
+//! which particles follow their ways from their actual positions. This crate simulates nothing, and does not depend on
+//! Python.
 
 mod assignment;
 mod detour;

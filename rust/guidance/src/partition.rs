@@ -1,10 +1,10 @@
-//! Points divided into parts of equal size, each near together.
+//! Division of points into compact parts of equal size.
 
 use std::ops::Range;
 
-/// Puts the points in an order in which `parts` ranges, returned, hold each a cell of a k-d tree.
+/// Orders the points by the cells of a k-d tree, and returns the `parts` ranges of these.
 ///
-/// A range holds floor(n / parts) points or one more. Ranges that follow each other are neighbours in the tree.
+/// A range has floor(n / parts) points or one more. Consecutive ranges are neighbours in the tree.
 /// Cuts are across the longest side of the box around the points; equal coordinates are ordered by index.
 pub fn divide<const D: usize>(
     points: &[[f64; D]],

@@ -14,7 +14,7 @@ const UNHURRIED: f32 = 1.0;
 pub struct Law<const D: usize> {
     /// Gravity, which the force compensates [m/s^2].
     pub gravity: [f32; D],
-    /// Shortest time to go [s]; less asks for forces that a frame cannot follow.
+    /// Shortest remaining time [s]; a shorter one would need forces that change within a frame.
     pub shortest: f32,
     /// How far ahead of the present the force aims on a way of several pieces [s].
     pub ahead: f32,

@@ -1,9 +1,8 @@
 //! MLS-MPM (Hu et al. 2018) for water, sand and elastic solids in 2D and 3D, on the CPU.
 //!
-//! A substep clears the grid and goes through `p2g`, `grid_update` and `g2p`, each in the file of that name under
-//! `substep`. Every 5 ms of simulated time `volume` compares what particles hold for their volume with the room that
-//! they take. The dimension D, 2 or 3, is a const generic. This crate opens no file, reads no clock and knows no
-//! Python.
+//! A substep clears the grid and runs `p2g`, `grid_update` and `g2p`, each in the file of that name under `substep`. Every
+//! 5 ms of simulated time `volume` compares the volumes of particles with the space that they occupy. The dimension D, 2 or
+//! 3, is a const generic. This crate opens no file, reads no clock and does not depend on Python.
 
 mod boundary;
 mod diagnostics;

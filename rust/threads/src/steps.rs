@@ -66,15 +66,15 @@ impl Team {
         });
     }
 
-    /// Calls `work` with the number of each of up to six steps and of each of its items, of which there are `count` in
-    /// all, on as many threads as are free.
+    /// Calls `work` with the number of each of up to six steps and of each of its items, out of `count`, on all free
+    /// threads.
     ///
-    /// An item begins a step when it and its two neighbours are through with all earlier steps; items further away may be
-    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call: what it wrote
-    /// last time is still near it. Then it helps those that have more left.
+    /// An item starts a step when it and its two neighbours have finished all earlier steps; items further away may be
+    /// steps ahead or behind. A thread works on consecutive items, the same in each step and each call, so that their
+    /// memory is still in its cache. Then it helps threads with more items left.
     ///
     /// # Panics
-    /// Where `work` does.
+    /// Panics if `work` does.
     pub fn in_steps(&self, count: usize, steps: &[Step], work: impl Fn(usize, usize) + Sync) {
         let items = |step: &Step| (step.first..count).step_by(step.stride);
         let Some(_caller) = self.try_begin().filter(|_| count > 1 && self.size() > 1) else {
@@ -108,12 +108,12 @@ impl Team {
 }
 
 impl Share {
-    /// An item of a step that nobody has taken; None where its thread will come to what is left.
+    /// Takes a free item of a step; None if there is none, or if its own thread will take the last one.
     fn take(&self, number: usize, step: Step, mine: bool) -> Option<usize> {
         let before = step.count_before(self.first);
         let count = step.count_before(self.end) - before;
         let taken = &self.taken[number];
-        // The last item is not worth moving what belongs to it from one core to another.
+        // Moving the memory of the last item to another core costs more than waiting.
         let left = count.saturating_sub(taken.load(Ordering::Relaxed));
         if !mine && left < 2 && self.present.load(Ordering::Relaxed) {
             return None;
@@ -125,8 +125,10 @@ impl Share {
     }
 }
 
-/// Waits until an item and its neighbours are through with the steps before. Whoever has taken one of these works on it or
-/// waits for a still earlier step: so somebody always goes on.
+/// Waits until an item and its neighbours have finished the steps before.
+///
+/// The thread that has taken one of them works on it or waits for a still earlier step, so that one thread always
+/// proceeds.
 fn wait_for_neighbours(progress: &[Progress], before: &[Step], item: usize) {
     let around = item.saturating_sub(1)..(item + 2).min(progress.len());
     for neighbour in around {

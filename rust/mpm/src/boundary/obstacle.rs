@@ -52,8 +52,8 @@ impl<const D: usize> Obstacle<D> {
         }
     }
 
-    /// The same solid where the walls end it, and beyond where they do not: a box at rest whose face lies on a wall has
-    /// no face there. What gets into its end beside the wall would else be put back to that face, and pass along the wall.
+    /// Returns the solid extended through the walls that it ends on: a box at rest whose face lies on a wall has no face
+    /// there. Otherwise particles in its end beside the wall would be moved to that face, and pass along the wall.
     pub(super) fn through(self, walls: &Walls<D>) -> Self {
         match (self.shape, self.motion) {
             (Shape::Box { lower, upper }, None) => Self {

@@ -209,8 +209,8 @@ impl<const D: usize> Obstacles<D> {
         numbered.any(|(index, obstacle)| obstacle.distance_in(pose(index), x).0 < 0.0)
     }
 
-    /// Moves a particle that got into an obstacle back to its surface. Returns what work the change of its velocity took
-    /// of moving obstacles [J/kg].
+    /// Moves a particle inside an obstacle to its surface. Returns the work of moving obstacles for the change of its
+    /// velocity [J/kg].
     pub fn push_out(&self, x: &mut Vector<D>, v: &mut Vector<D>, material_friction: f32) -> f64 {
         let mut work = 0.0;
         for (index, obstacle) in self.list.iter().enumerate() {
@@ -235,10 +235,10 @@ impl<const D: usize> Obstacles<D> {
         work
     }
 
-    /// How far a particle at this negative distance is moved.
+    /// Displacement of a particle at this negative distance.
     ///
-    /// An obstacle at rest is entered by what one substep moves a particle. One that moves may have trapped
-    /// it deep inside against a wall; led out at once, it would leave the nodes that are active around it.
+    /// A particle enters an obstacle at rest by at most the distance of one substep. A moving one may have trapped it deep
+    /// inside against a wall; moved out at once, it would leave the active nodes around it.
     fn correction(&self, distance: f32, pose: Option<&Pose<D>>, v: &Vector<D>) -> f32 {
         match (&self.moving, pose) {
             (Some(moving), Some(_)) => distance.max(-moving.longest_push(v.norm(), moving.dt)),

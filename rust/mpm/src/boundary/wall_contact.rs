@@ -1,16 +1,16 @@
-//! The six (four) sides of the box, enforced where they are although that is between grid nodes.
+//! Contact with the six (four) sides of the box at their true positions between grid nodes.
 //!
 //! On the line of nodes that crosses a wall at x_w, the velocity of the material at the wall is
 //! u = sum_i w_i(x_w) v_i over three nodes. An impulse lambda at that point changes node i by
-//! w_i lambda / m_i, so u changes by K lambda with K = sum_i w_i^2 / m_i. Separating contact asks for
+//! w_i lambda / m_i, so u changes by K lambda with K = sum_i w_i^2 / m_i. Separating contact requires
 //! lambda >= 0 with u . n >= 0, friction for a tangential impulse of at most mu lambda. Uniform pressure
 //! p pushes node i with exactly -p w_i(x_w) per area, so fluid at rest stays at rest: a wall on the
 //! nearest node line would let it sink by up to half a cell.
 //!
-//! Contact begins where the face of the material is nearer to the wall than `REACH`. The masses of the middle and
-//! of the inner node tell: beside a plane face at a distance d from the wall their ratio is a function of d and of the place
-//! of the wall between nodes. So the reach is the same wherever the wall lies. A single node that has mass or not would
-//! give it away by up to a cell: material would stop at a third of a cell from one wall, at one and a third from another.
+//! Contact begins where the face of the material is nearer to the wall than `REACH`. The distance d of a plane face
+//! follows from the ratio of the masses of the middle and the inner node, and from the position of the wall between
+//! nodes. So the reach does not depend on that position. With a test for mass on a single node it would vary by up to a
+//! cell: material would stop at a third of a cell from one wall, and at one and a third from another.
 
 use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
@@ -19,8 +19,9 @@ use super::walls::Walls;
 use crate::grid::{ActiveSpans, CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
-/// Distance from the wall at which material begins to touch it [cells]. Material at rest on a wall, whose lowest particles
-/// are up to a third of a cell off it, has to touch; beyond, a coarse grid stops material sooner than a fine one.
+/// Distance from the wall at which contact begins [cells]. It must include material at rest on a wall, whose lowest
+/// particles are up to a third of a cell away. With a larger one a coarse grid would stop material earlier than a fine
+/// one.
 const REACH: f64 = 0.45;
 
 /// One wall on the grid.
@@ -115,8 +116,8 @@ impl WallContact {
         across.map(|side| side.middle).collect()
     }
 
-    /// Contact with all walls, to the grid velocities of some planes. With the planes of a wall they hold the planes before
-    /// and behind it.
+    /// Applies contact with all walls to the grid velocities of a window of planes, which contains with the planes of a
+    /// wall also those before and behind it.
     pub fn apply<const D: usize>(&self, window: &mut Window<'_, D>, friction: &MaterialFriction) {
         for across_first in [false, true] {
             // Corners: walls across the first axis come last.

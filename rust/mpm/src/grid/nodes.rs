@@ -48,11 +48,11 @@ impl<const D: usize> Grid<D> {
         }
     }
 
-    /// Recomputes the active spans. Bands are ranges of planes that tile the grid in ascending order; `places` tells where
-    /// the stencils start that start in such a range.
+    /// Recomputes the active spans. Bands are ranges of planes that tile the grid in ascending order; `places` returns the
+    /// starts of the stencils in such a range.
     ///
-    /// Nodes that leave the spans are zeroed: contact with a wall looks one node beyond them, and what
-    /// it finds there must not depend on the past.
+    /// Nodes that leave the spans are zeroed: contact with a wall reads one node beyond them, whose value must not depend
+    /// on earlier substeps.
     pub fn activate<I: Iterator<Item = Place>>(
         &mut self,
         bands: &[Range<usize>],

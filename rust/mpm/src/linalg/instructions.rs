@@ -1,9 +1,9 @@
-//! Which vector instructions the inner loops use.
+//! Selection of vector instructions for the inner loops.
 //!
-//! Loops over `0..LANES` without branches or calls are turned into vector instructions by the compiler. It may
-//! use what the processor has because every lane is computed by the same IEEE operations in the same order
-//! whatever their width: nothing is fused, nothing is summed across lanes. What is fused or summed across lanes says so,
-//! by `Quad`. So the bits do not depend on the processor.
+//! The compiler turns loops over `0..LANES` without branches or calls into vector instructions. It may use all
+//! instructions of the processor, because every lane is computed by the same IEEE operations in the same order at any
+//! width: nothing is fused, nothing is summed across lanes. Fused products and sums across lanes are explicit, in `Quad`.
+//! So the bits do not depend on the processor.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 

@@ -20,8 +20,8 @@ pub trait Constitutive<const D: usize>: Send + Sync {
     fn corrects_volume(&self) -> bool {
         false
     }
-    /// Whether crowding within a cell counts. Grains stay as crowded as they are; water spreads by itself, and takes
-    /// what single cells hold too much for noise.
+    /// Whether excess density within a single cell counts. Grains do not spread by themselves; water does, and its excess
+    /// in single cells is noise.
     fn crowds_within_cells(&self) -> bool {
         false
     }

@@ -1,5 +1,5 @@
-//! Constitutive models. A material decides what a particle has to carry: water one number, sand the elastic
-//! part of its stretch, elastic solids a deformation gradient.
+//! Constitutive models. The state of a particle depends on the material: one number for water, the elastic part of the
+//! stretch for sand, a deformation gradient for elastic solids.
 
 mod constitutive;
 mod elastic;

@@ -120,8 +120,8 @@ impl Material {
         }
     }
 
-    /// The same for steps that nobody chose: 1.5 times below the limit at least. Elastic solids stiffen as they
-    /// stretch, and a particle alone at twice its rest volume is stable up to 0.3 only.
+    /// CFL number by default, at least 1.5 times below the limit. Elastic solids stiffen as they stretch, and a particle
+    /// alone at twice its rest volume is stable up to 0.3 only.
     pub fn default_cfl(&self) -> f32 {
         match self.model {
             Model::Water(_) => 0.45,

@@ -3,9 +3,9 @@
 use super::constitutive::{Constitutive, Correction, State, Volumes};
 use crate::linalg::{LANES, Lanes, Symmetrics};
 
-/// Water: tau = lambda J (J - 1) I. Carries J only.
+/// Water: tau = lambda J (J - 1) I. Its state is J only.
 ///
-/// J follows the divergence at the particle, and `volume` leads it back to the room that the particle takes.
+/// J follows the divergence at the particle, and `volume` corrects it towards the space that the particle occupies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Water {
     /// lambda [Pa].
@@ -17,8 +17,8 @@ pub struct Water {
 }
 
 impl Water {
-    /// tau = lambda J (J - 1) weakens where J < 1/2 and vanishes with J: what an impact has pressed so far would
-    /// never come back.
+    /// Smallest J: tau = lambda J (J - 1) weakens below J = 1/2 and vanishes with J, so matter that an impact has compressed
+    /// so far would not expand again.
     const SMALLEST_RATIO: f32 = 0.1;
 
     #[inline(always)]

@@ -19,8 +19,8 @@ pub(crate) struct Opening<'a, const D: usize> {
 }
 
 impl<const D: usize> Opening<'_, D> {
-    /// The particles of the layers that have become due. `is_blocked` is asked of a layer and how far it has moved
-    /// on [m] whether something is in its way.
+    /// Returns the particles of the layers that are due. `is_blocked` takes the distance that a layer has moved [m] and its
+    /// sites, and returns whether they are occupied.
     pub fn let_out(
         &self,
         flow: &mut Flow,

@@ -6,8 +6,8 @@ use crate::material::State;
 
 /// Up to `LANES` particles, one array for each of their numbers.
 ///
-/// Lanes from `count` on hold a particle without mass that rests where the first one was: they are computed
-/// like the others, touch no node, and stay sound.
+/// Lanes from `count` on contain a particle without mass, at rest at the initial position of the first one. They are
+/// computed like the others, touch no node, and stay finite.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Block<const D: usize, S: State> {
@@ -24,7 +24,7 @@ pub struct Block<const D: usize, S: State> {
 }
 
 impl<const D: usize, S: State> Block<D, S> {
-    /// A block without particles; `like` says where its lanes rest and in which state.
+    /// A block without particles; its lanes have the position and state of `like`.
     pub fn empty(like: &Particle<D, S>) -> Self {
         let mut block = Self {
             x: [[0.0; LANES]; D],

@@ -1,9 +1,8 @@
-//! Regions at rest fall asleep: their particles stay where they are and cost nothing.
+//! Sleep of regions at rest: their particles do not move and cost nothing.
 //!
-//! The box is divided into tiles. A tile is awake while a particle that moves is in it or in a neighbouring tile, or
-//! will get there before the next decision: what approaches wakes what it is going to touch. Around the awake
-//! tiles lies a border. Its particles do not move, but they keep their mass and their stress on the grid and so
-//! support the awake ones.
+//! The box is divided into tiles. A tile is awake while a moving particle is in it or in a neighbouring tile, or will get
+//! there before the next decision: so a region wakes before it is touched. Around the awake tiles lies a border. Its
+//! particles do not move, but they keep their mass and their stress on the grid and so support the awake ones.
 
 use super::block::Block;
 use super::group::{Group, MaterialGroup, with_group};
@@ -16,7 +15,7 @@ use crate::grid::{Layout, Stencils};
 use crate::linalg::LANES;
 use crate::material::{Constitutive, State};
 
-/// When particles count as at rest: after some frames in a row at whose end they were slow.
+/// Condition of rest: particles were slow at the end of some consecutive frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
     /// Speed below which a particle is slow [m/s].

@@ -172,7 +172,7 @@ impl<const D: usize> Solver<D> {
         }
     }
 
-    /// Sorts the particles and keeps those before the sort, as `remember` does.
+    /// Sorts the particles and copies those before the sort, as `remember` does.
     fn sort_and_remember(&mut self) {
         if self.before.is_empty() {
             self.remember();
@@ -184,8 +184,8 @@ impl<const D: usize> Solver<D> {
         pairs.for_each(|(before, now)| before.take_unsorted(now));
     }
 
-    /// Decides who sleeps, at times that are a function of the state alone, and whenever a force acts or
-    /// particles may have come.
+    /// Decides which particles sleep, at times that depend on the state alone, and whenever a force acts or an emitter may
+    /// have added particles.
     fn let_sleep(&mut self, sleep: Sleep, force: FrameForce<'_, D>) {
         let stirred = force.is_some() || !self.settings.openings.emitters.is_empty();
         if self.state.frame.is_multiple_of(PERIOD) || stirred {

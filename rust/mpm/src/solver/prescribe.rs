@@ -40,11 +40,10 @@ pub struct MotionReport {
 }
 
 impl<const D: usize> Solver<D> {
-    /// Puts the particles where somebody else says that they are at the end of frame `frame`: N x D positions [m]
-    /// and velocities [m/s] in the caller's order.
+    /// Sets N x D positions [m] and velocities [m/s], in the caller's order, as those at the end of frame `frame`.
     ///
-    /// Particles less than a cell past a wall, or in an obstacle, are put back to its surface. On an error the
-    /// state is the one before.
+    /// Particles less than a cell past a wall, or in an obstacle, are moved to its surface. On an error the state is
+    /// unchanged.
     pub fn prescribe(
         &mut self,
         x: &[f32],

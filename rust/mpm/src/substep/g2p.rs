@@ -138,7 +138,7 @@ pub fn gather<Q: Quad, const D: usize>(
     count: usize,
 ) -> Sums {
     let mut sums = Sums([[f32x4::ZERO; 4]; LANES]);
-    // The nodes as each row of a stencil sees them: as long as each other, they need one check a particle.
+    // Nodes shifted by the offset of each row of a stencil; their equal lengths need one bounds check a particle.
     let length = grid.nodes.len() - grid.layout.stencil_row([2, 2]);
     let mut rows = [[&grid.nodes[..length]; 3]; 3];
     for a in 0..3 {

@@ -14,8 +14,8 @@ pub struct GridForces<'a, const D: usize> {
     pub material_friction: MaterialFriction,
 }
 
-/// Turns the momentum of some planes into the velocity at the end of a substep of `dt` [s]. What happens at their nodes
-/// depends on no other plane. Returns the work that moving obstacles did there [J].
+/// Turns the momentum of a window of planes into the velocity at the end of a substep of `dt` [s], independently of other
+/// planes. Returns the work of moving obstacles there [J].
 pub fn grid_update<const D: usize>(
     window: &mut Window<'_, D>,
     forces: &GridForces<'_, D>,

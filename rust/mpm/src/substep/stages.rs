@@ -46,10 +46,10 @@ pub struct Substep<'a, const D: usize> {
 }
 
 impl<const D: usize> Substep<'_, D> {
-    /// Takes sorted particles and the grid through some stages that follow each other.
+    /// Runs consecutive stages on sorted particles and the grid.
     ///
-    /// A slab enters a stage when it and its neighbours are through with the one before: what it touches lies in their
-    /// planes. Nobody waits for slabs further away.
+    /// A slab enters a stage when it and its two neighbours have finished the one before: it touches planes of these only.
+    /// Slabs further away are not waited for.
     pub fn run(
         &self,
         stages: &[Stage],

@@ -9,7 +9,7 @@ use crate::material::{Constitutive, Correction};
 use crate::particles::Block;
 use crate::substep::gather;
 
-/// How fast a particle takes part in something, by how fast it deforms. Matter at rest stays as it is.
+/// Rate of a correction, by the rate of deformation of a particle; 0 for matter at rest.
 #[derive(Debug, Clone, Copy)]
 struct Rate {
     /// At most [1/s].

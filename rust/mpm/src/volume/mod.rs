@@ -1,18 +1,18 @@
-//! Matter keeps its volume.
+//! Correction of the particles' volumes.
 //!
-//! J of water and the volume of sand are integrals of div v along the way of a particle. After matter has parted
-//! and met again they contradict the room that it takes: particles with J = 1 stand too far apart, and their false
-//! pressure holds the voids between them open, or they stand too close, and nothing parts them.
+//! J of water and the volume of sand are integrals of div v along the path of a particle. After matter has separated and
+//! met again they contradict the space that it occupies. Particles with J = 1 may be too far apart, and their false
+//! pressure keeps the voids between them open; or too close, and no pressure separates them.
 //!
-//! So two hundred times a second of simulated time each particle's volume is compared with the grid: `spread` puts
-//! volumes and pressures on it, `smooth` takes the means of both, and `correct` compares. Then
-//! - neighbours share their pressure: what single particles deviate by is noise of div v, and where tension is limited
-//!   that noise would be rectified and carry part of the weight;
-//! - matter with room around it gives its false pressure away;
-//! - crowded matter gains pressure.
+//! So every 5 ms of simulated time each particle's volume is compared with the grid: `spread` scatters volumes and
+//! pressures, `smooth` takes the means of both, and `correct` compares. Then
+//! - neighbours share their pressure: deviations of single particles are noise of div v, and where tension is limited
+//!   that noise would be rectified and support part of the weight;
+//! - matter with free space around it loses its false pressure;
+//! - matter that is too dense gains pressure.
 //!
-//! All that happens only while matter deforms, because only deformation makes the contradictions: matter at rest stays
-//! as it is, and no energy comes from nothing.
+//! Corrections are made only while matter deforms, because only deformation causes the errors: matter at rest does not
+//! change, and no energy is created.
 
 mod correct;
 mod lanes;

@@ -33,7 +33,7 @@ const STEPS: [(Stage, Step); 6] = [
 pub struct Pass<'a, const D: usize> {
     /// Whether each group is of that kind: its particles share their pressure, and are corrected.
     pub shares: Vec<bool>,
-    /// Whether it is the first pass: the volumes of all groups, and what is smooth, serve the others too.
+    /// Whether it is the first pass; the others reuse the volumes of all groups and the smoothed ones.
     pub first: bool,
     pub room: &'a Rooms<D>,
     pub obstacles: &'a Obstacles<D>,
@@ -42,7 +42,7 @@ pub struct Pass<'a, const D: usize> {
 }
 
 impl<const D: usize> Pass<'_, D> {
-    /// Goes through all stages. A slab enters one when it and its neighbours are through with those before.
+    /// Runs all stages. A slab enters one when it and its neighbours have finished those before.
     pub fn run(
         &self,
         groups: &mut [MaterialGroup<D>],
@@ -96,8 +96,8 @@ impl<const D: usize> Pass<'_, D> {
         });
     }
 
-    /// Adds the volume of obstacles, which take room as matter does: else matter beside them would be told from a free
-    /// surface by nothing, and could be crowded. Beyond the walls they take none.
+    /// Adds the volume of obstacles, which occupy space as matter does. Without it matter beside them would look like a free
+    /// surface, and could become too dense. Beyond the walls nothing is added.
     fn fill_obstacles(&self, window: &mut Window<'_, D>) {
         if !self.obstacles.any() {
             return;

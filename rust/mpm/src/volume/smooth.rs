@@ -1,9 +1,9 @@
 //! The volume on the nodes, smoothed once along each axis.
 //!
-//! Particles at random places fill the grid unevenly. Weights of 1/4, 1/2, 1/4 along each axis halve that noise in
+//! Particles at random positions fill the grid unevenly. Weights of 1/4, 1/2, 1/4 along each axis halve that noise in
 //! 2D and leave 40 % of it in 3D.
 //!
-//! Active nodes reach one node beyond what particles touch just after a sort; beyond them the smooth volume is 0.
+//! Active nodes reach one node beyond those of particles just after a sort; beyond them the smooth volume is 0.
 
 use std::ops::Range;
 

@@ -20,9 +20,9 @@ pub(crate) struct CellList<const D: usize> {
     keys: Vec<u32>,
 }
 
-/// Cells are a hair wider than the radius: rounding of a coordinate must not lose a neighbour.
+/// Width of a cell over the radius: rounding of a coordinate must not lose a neighbour.
 const WIDER: f64 = 1.0 + 1.0e-5;
-/// Most cells a point. Where the radius asks for more they get wider: the memory stays linear in the points.
+/// Most cells a point. For a radius that needs more, cells are wider: memory stays linear in the points.
 const MOST_CELLS: usize = 4;
 
 impl<const D: usize> CellList<D> {

@@ -65,7 +65,7 @@ mod wide {
         for &other in &row[..length] {
             let other = _mm256_set1_epi32(other as i32);
             for k in 0..W {
-                // A comparison that holds is -1.
+                // A true comparison is -1.
                 ranks[k] = _mm256_sub_epi32(ranks[k], _mm256_cmpgt_epi32(entries[k], other));
             }
         }

@@ -1,6 +1,6 @@
 //! Which distances make an edge.
 
-/// The radius, squared, and how far single precision can tell on which side of it a pair is.
+/// The squared radius, and the bounds between which single precision does not decide whether a pair is within it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reach {
     squared: f64,

@@ -83,7 +83,7 @@ impl Products {
     }
 }
 
-/// Bytes that are taken one number after the other; there are as many as are asked for.
+/// Reads numbers off bytes, whose length has been checked.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {
