@@ -1,4 +1,4 @@
-"""Merged particles keep what they must, run stably, and carry all particles along."""
+"""Merged particles keep sums, run stably, and move as all particles do."""
 
 import dataclasses
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Networks and the hybrid carry all particles of the scene along, as MPM does."""
+"""Networks and the hybrid show all particles of the scene, as MPM does."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +35,7 @@ MAKERS: dict[str, Maker] = {
 
 
 def network(scene: Scene) -> FreeFall:
-    """Return free fall, three frames a step: carries, every four frames, fall within its steps."""
+    """Return free fall, three frames a step: updates, every four frames, fall within its steps."""
     return FreeFall(scene.frame_dt, r_p=R_P, r_t=3)
 
 
@@ -74,12 +74,12 @@ def test_all_particles_of_the_scene_are_shown(scene: Scene, make: Maker) -> None
     assert simulator.materials.tolist() == [5] * n
     assert simulator.particle_spacing == scene.spacing
     assert simulator.mass.sum() == pytest.approx(simulator.diagnostics().mass, rel=1e-6)
-    few = make(scene, show_all=False)
-    few.advance(26)
-    assert len(few.positions) == round(R_P * n)
-    # Whom they carry changes nothing of the few.
-    np.testing.assert_array_equal(simulator.coarse_positions, few.positions)
-    assert np.abs(simulator.positions.mean(0) - few.positions.mean(0)).max() < 0.001
+    coarse = make(scene, show_all=False)
+    coarse.advance(26)
+    assert len(coarse.positions) == round(R_P * n)
+    # Upsampling does not change the coarse particles.
+    np.testing.assert_array_equal(simulator.coarse_positions, coarse.positions)
+    assert np.abs(simulator.positions.mean(0) - coarse.positions.mean(0)).max() < 0.001
     recording = record(simulator, 8, every=4)
     assert recording.positions.shape == (3, n, 2)
 
@@ -88,10 +88,10 @@ def test_the_many_move_with_the_few_between_carries(scene: Scene, make: Maker) -
     simulator = make(scene)
     simulator.advance(16)
     for _ in range(8):
-        before, few = simulator.positions, simulator.coarse_positions
+        before, coarse = simulator.positions, simulator.coarse_positions
         simulator.advance(1)
         moved = (simulator.positions - before).mean(0)
-        np.testing.assert_allclose(moved, (simulator.coarse_positions - few).mean(0), atol=3e-5)
+        np.testing.assert_allclose(moved, (simulator.coarse_positions - coarse).mean(0), atol=3e-5)
 
 
 def test_looking_changes_nothing(scene: Scene, make: Maker) -> None:
@@ -107,7 +107,7 @@ def test_copies_snapshots_and_files_go_on_with_the_same_bits(
     scene: Scene, make: Maker, tmp_path: Path
 ) -> None:
     simulator = make(scene)
-    # Within a step of the network and between two carries.
+    # Within a step of the network and between two updates.
     simulator.advance(22)
     copied, restored = simulator.copy(), make(scene)
     restored.restore(simulator.snapshot())
@@ -135,11 +135,11 @@ def test_a_force_on_some_moves_those(scene: Scene, make: Maker) -> None:
     pushed.advance(3)
     plain.advance(9)
     change = pushed.velocities - plain.velocities
-    # All of the momentum arrives, whoever passes it on.
+    # All of the momentum arrives, on either path.
     assert change.sum(0)[0] == pytest.approx(len(left) * -20.0 * 6 * 0.0025, rel=0.05)
-    few = np.zeros((len(pushed.coarse_positions), 2))
+    coarse = np.zeros((len(pushed.coarse_positions), 2))
     with pytest.raises(ForceError, match=r"must have shape \(2,\), \(1024, 2\) or"):
-        pushed.advance(2, few)
+        pushed.advance(2, coarse)
 
 
 def test_what_is_undone_is_undone_for_all(scene: Scene) -> None:
@@ -156,8 +156,8 @@ def test_what_is_undone_is_undone_for_all(scene: Scene) -> None:
 
 
 def test_a_snapshot_of_the_few_alone_is_refused(scene: Scene, make: Maker) -> None:
-    simulator, few = make(scene), make(scene, show_all=False)
-    for one, other, saved in ((simulator, few, False), (few, simulator, True)):
+    simulator, coarse = make(scene), make(scene, show_all=False)
+    for one, other, saved in ((simulator, coarse, False), (coarse, simulator, True)):
         one.advance(3)
         before = one.snapshot()
         with pytest.raises(
