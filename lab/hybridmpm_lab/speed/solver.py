@@ -17,9 +17,13 @@ from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Box, Scene
 from hybridmpm_lab.harness.rows import Progress, Row
+from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.timing import QUIET, Calibration, FrameTime, TimedSimulation, time_per_frame
+from hybridmpm_lab.speed.baselines import SOLVERS
 from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
 
+CASES = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
+"""Dimension and material of falling blocks."""
 MAX_PARTICLES = 1_000_000
 """Largest number of particles of a block."""
 INSTRUCTIONS = ("portable", "avx2", "avx512")
@@ -45,17 +49,21 @@ class Subject(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class SolverSettings:
     """Settings of our solver and of the measurement."""
 
-    threads: tuple[int, ...] = (1, 2)
-    """Numbers of threads of our solver; each has its row."""
-    instructions: tuple[str, ...] = INSTRUCTIONS[-1:]
-    """Widest vector instructions of our solver; each set that the processor has has its row."""
-    repeats: int = 25
-    """Number of timings, whose lower quartile is reported."""
-    baselines: tuple[str, ...] = ()
-    """Packages of `SOLVERS`; the fastest of all their ways counts."""
+    threads: tuple[int, ...] = setting((1, 2), "Number of threads of our solver.", low=1, high=1024)
+    instructions: tuple[str, ...] = setting(
+        INSTRUCTIONS[-1:], "Widest vector instructions of our solver.", INSTRUCTIONS
+    )
+    baseline: tuple[str, ...] = setting(
+        (), "Package of a plain solver to be timed by turns; the fastest of all their ways counts.", SOLVERS
+    )
+    repeats: int = setting(25, "Number of timings of each.", low=1, high=1000)
+
+    def subjects(self) -> list[Subject]:
+        """Return the scenes to be timed."""
+        raise NotImplementedError
 
     def instructions_in_use(self) -> list[str]:
         """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
@@ -63,28 +71,72 @@ class Settings:
         _core.limit_instructions(INSTRUCTIONS[-1])
         return list(dict.fromkeys(in_use))
 
-    def rows_of(self, subjects: Sequence[Subject]) -> int:
-        """Return the number of rows."""
-        return len(subjects) * len(self.threads) * len(self.instructions_in_use())
+    @property
+    def steps(self) -> int:
+        """Number of rows."""
+        return len(self.subjects()) * len(self.threads) * len(self.instructions_in_use())
 
 
-def splashes(particles: Sequence[int], run_up: Sequence[int]) -> list[Subject]:
-    """Return blocks of water and sand in 2D and 3D that fall aslant, at the ground truth's substeps.
+@dataclass(frozen=True, kw_only=True)
+class SplashSettings(SolverSettings):
+    """Blocks of water and sand in 2D and 3D that fall aslant, at the ground truth's substeps."""
 
-    Each block has at most so many particles and fills at most half of the box; 20 000 particles fill it at
-    128^2, more get a finer grid.
-    """
-    return [
-        Subject({"dim": dim, "material": material}, scene, "reference", frames)
-        for count in particles
-        for frames in run_up
-        for dim, material in ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
-        for scene in (falling_block(dim, material, count),)
-    ]
+    particles: tuple[int, ...] = setting(
+        (4000, 100_000), "Number of particles of a block.", low=64, high=MAX_PARTICLES
+    )
+    frame: tuple[int, ...] = setting(
+        (120,), "Frames before: at 0 the block flies, at 120 it splashes.", low=0, high=10_000
+    )
+
+    def subjects(self) -> list[Subject]:
+        """Return a block for each number of particles, number of frames, dimension and material."""
+        return [
+            Subject({"dim": dim, "material": of}, falling_block(dim, of, count), "reference", frames)
+            for count in self.particles
+            for frames in self.frame
+            for dim, of in CASES
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrowingSettings(SolverSettings):
+    """Blocks of water whose grids grow with them, and a blob of 17 000 particles in growing grids."""
+
+    particles: tuple[int, ...] = setting(
+        (1000, 4000, 16_000, 64_000, 250_000, 1_000_000),
+        "Number of particles of a block, whose grid grows with it.",
+        low=512,
+        high=MAX_PARTICLES,
+    )
+    resolution: tuple[int, ...] = setting(
+        (64, 128, 256, 512), "Cells along each axis of a grid around a blob.", low=32, high=512
+    )
+
+    def subjects(self) -> list[Subject]:
+        """Return a block for each dimension and number of particles, and a blob for each grid."""
+        scenes = []
+        for dim, share in ((2, 0.4), (3, 0.2)):
+            side = (_HIGH - _LOW) * share ** (1 / dim)
+            low, high = (0.5 - side / 2,) * dim, (0.5 + side / 2,) * dim
+            body = Box(material="water", lower=low, upper=high, velocity=(1.0, -2.0, 0.5)[:dim])
+            scenes += [
+                ("particles", _growing(dim, max(8, round(count ** (1 / dim) / (2 * side))), body))
+                for count in self.particles
+            ]
+        for resolution in self.resolution:
+            ball = Ball(material="water", center=(0.5,) * 3, radius=8 / resolution, velocity=(0.0, -2.0, 0.0))
+            scenes.append(("grid", _growing(3, resolution, ball)))
+        return [
+            Subject({"series": series, "dim": scene.dim}, scene, GROWING_SUBSTEPS, 5)
+            for series, scene in scenes
+        ]
 
 
 def falling_block(dim: int, material: str, particles: int) -> Scene:
-    """Return a scene with one block of at most `particles` particles that falls aslant."""
+    """Return a scene with one block of at most `particles` particles that falls aslant.
+
+    The block fills at most half of the box: 20 000 particles at 128^2 fill it, more get a finer grid.
+    """
     cells = math.pow(particles / 0.5, 1 / dim) / 2  # along an axis of the box, at 2**D particles each
     fine_enough: int = 32 * math.ceil(cells / (_HIGH - _LOW) / 32)
     resolution = max(fine_enough, 128 if dim == 2 else 64)
@@ -106,31 +158,12 @@ def _counts(particles: int, dim: int) -> list[int]:
     return [count, *_counts(particles // count, dim - 1)]
 
 
-def growing(particles: Sequence[int], resolutions: Sequence[int]) -> list[Subject]:
-    """Return blocks of water whose grids grow with them, and a blob of 17 000 particles in growing grids."""
-    scenes = []
-    for dim, share in ((2, 0.4), (3, 0.2)):
-        side = (_HIGH - _LOW) * share ** (1 / dim)
-        low, high = (0.5 - side / 2,) * dim, (0.5 + side / 2,) * dim
-        body = Box(material="water", lower=low, upper=high, velocity=(1.0, -2.0, 0.5)[:dim])
-        scenes += [
-            ("particles", _growing(dim, max(8, round(count ** (1 / dim) / (2 * side))), body))
-            for count in particles
-        ]
-    for resolution in resolutions:
-        ball = Ball(material="water", center=(0.5,) * 3, radius=8 / resolution, velocity=(0.0, -2.0, 0.0))
-        scenes.append(("grid", _growing(3, resolution, ball)))
-    return [
-        Subject({"series": series, "dim": scene.dim}, scene, GROWING_SUBSTEPS, 5) for series, scene in scenes
-    ]
-
-
 def _growing(dim: int, resolution: int, body: Box | Ball) -> Scene:
     frame_dt, most = GROWING_SUBSTEPS * 0.02 / resolution, 2 * MAX_PARTICLES
     return Scene(dim=dim, resolution=resolution, frame_dt=frame_dt, bodies=(body,), max_particles=most)
 
 
-def measure(subjects: Sequence[Subject], settings: Settings, on_progress: Progress) -> Iterator[Row]:
+def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
     """Time each scene and yield its rows, which `on_progress` counts.
 
     Baselines start from our state and take as many substeps; their sand starts from the volume alone, they
@@ -145,8 +178,8 @@ def measure(subjects: Sequence[Subject], settings: Settings, on_progress: Progre
     """
     calibration = Calibration(max(settings.threads))
     with contextlib.ExitStack() as stack:
-        baselines = [stack.enter_context(baseline_process(name)) for name in settings.baselines]
-        for subject in subjects:
+        baselines = [stack.enter_context(baseline_process(name)) for name in settings.baseline]
+        for subject in settings.subjects():
             before = calibration.slowdown()
             rows = _timed(subject, settings, baselines)
             slowdown = round(max(before, calibration.slowdown()), 2)
@@ -155,7 +188,7 @@ def measure(subjects: Sequence[Subject], settings: Settings, on_progress: Progre
                 on_progress(1)
 
 
-def _timed(subject: Subject, settings: Settings, baselines: Sequence[Baseline]) -> list[Row]:
+def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Baseline]) -> list[Row]:
     scene = subject.scene
     solvers = {
         count: MpmSolver(scene, substeps=subject.substeps, threads=count) for count in settings.threads
