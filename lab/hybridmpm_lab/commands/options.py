@@ -6,10 +6,9 @@ from typing import Any
 
 import click
 
-from hybridmpm import scenarios
 from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
-from hybridmpm_lab.harness.provenance import Provenance, provenance, write_rows
+from hybridmpm_lab.harness.provenance import Provenance, write_rows
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.table import print_table
 
@@ -46,42 +45,6 @@ runs_option = _file_option(
 def number_option(name: str, low: int, high: int, default: int, text: str) -> Callable[..., Any]:
     """Return an option for one whole number."""
     return click.option(name, type=click.IntRange(low, high), default=default, show_default=True, help=text)
-
-
-def numbers_option(name: str, low: int, high: int, default: tuple[int, ...], text: str) -> Callable[..., Any]:
-    """Return an option for whole numbers, which is given once for each."""
-    return click.option(
-        name,
-        type=click.IntRange(low, high),
-        multiple=True,
-        default=default,
-        show_default=True,
-        help=f"{text} May be given several times.",
-    )
-
-
-def threads_option(text: str) -> Callable[..., Any]:
-    """Return the option for one number of threads."""
-    return number_option("--threads", 1, 1024, 1, text)
-
-
-def scenario_option(text: str, default: tuple[str, ...] | None = None) -> Callable[..., Any]:
-    """Return the option for several scenarios."""
-    return click.option(
-        "--scenario",
-        "names",
-        type=click.Choice(scenarios.NAMES),
-        multiple=True,
-        default=default,
-        show_default=default is not None,
-        help=f"{text} May be given several times.",
-    )
-
-
-def source(command: str, **options: tuple[object, ...]) -> Provenance:
-    """Return the origin of a measurement by a command with options; those that are None are left out."""
-    words = [f"--{name} {value}" for name, values in options.items() for value in values if value is not None]
-    return provenance(" ".join(["python -m hybridmpm_lab", command, *words]))
 
 
 def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: Provenance) -> list[Row]:

@@ -1,5 +1,6 @@
 """`python -m hybridmpm_lab stability`."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -12,35 +13,34 @@ from hybridmpm_lab.commands.options import (
     print_table,
     runs_option,
     save,
-    source,
 )
+from hybridmpm_lab.harness.settings import origin_of, setting, settings_options
 from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.stability import chart
 from hybridmpm_lab.stability import map as stability_map
 from hybridmpm_lab.stability.stresses import STRESSES
 
 
+@dataclass(frozen=True)
+class _Settings:
+    stress: tuple[str, ...] = setting((), "Stress of the map; all if absent.", tuple(STRESSES))
+
+
 @click.command()
-@click.option(
-    "--stress",
-    "stresses",
-    type=click.Choice(tuple(STRESSES)),
-    multiple=True,
-    help="Stress of the map. May be given several times. If absent, all.",
-)
+@settings_options(_Settings)
 @runs_option
 @json_option
 @chart_option
 def stability(
-    *, stresses: tuple[str, ...], runs_file: Path | None, json_file: Path | None, chart_file: Path | None
+    settings: _Settings, runs_file: Path | None, json_file: Path | None, chart_file: Path | None
 ) -> None:
     """Find the scenes that each method survives.
 
     MPM, the coarse mode, the network and the hybrid run under each stress at three levels. A letter for each
     level shows the outcome; an exclamation mark follows where the user gets no signal.
     """
-    todo = stability_map.cells(stresses)
-    origin = source("stability", stress=stresses)
+    todo = stability_map.cells(settings.stress)
+    origin = origin_of("stability", settings)
     runs = RowStore({}, runs_file)
     with progress("Measuring", len(todo)) as bar:
         rows = list(stability_map.measure(todo, runs, origin, bar.update))
