@@ -10,8 +10,7 @@ from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.timing import TimedCall, seconds_by_turns
 
-_RUN_UP = 120
-"""Frames before the measurement: most bodies have hit the floor by then and are spreading."""
+_RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,10 +30,8 @@ INSTRUCTIONS = ("portable", "avx2", "avx512")
 """Sets of vector instructions, the narrowest first."""
 GROWING_SUBSTEPS = 16
 """Substeps of a frame of `growing` scenes, each of 0.02 dx: counted in cells, all scenes move alike."""
-_PIECE = 200_000
-"""Particle-frames of one timing; one of few frames would measure how memory is fetched."""
-_LOW, _HIGH = 0.1, 0.9
-"""Places of the walls [m]."""
+_PIECE = 200_000  # particle-frames of one timing; one of few frames would measure how memory is fetched
+_LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 
 
 class Subject(NamedTuple):

@@ -10,11 +10,9 @@ from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import KINEMATIC
 
 _Floats = npt.NDArray[np.float32]
-_NOISE = 30.0
-"""Standard deviation of a random acceleration, on each axis [m/s^2]."""
+_NOISE = 30.0  # standard deviation of a random acceleration, on each axis [m/s^2]
 
-_TIMES = 5.0
-"""Factor of an exaggerated acceleration [-]."""
+_TIMES = 5.0  # factor of an exaggerated acceleration [-]
 
 Corruption = Callable[[_Floats, _Floats, _Floats, float], _Floats]
 """Positions (N, D) [m] from sound ones, the last two positions (2, N, D), the way that the known acceleration

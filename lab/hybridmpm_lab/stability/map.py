@@ -29,10 +29,8 @@ MODELS = {2: "fluids_2d", 3: "fluids_3d"}
 """Networks of the map by dimension; both move an eighth of the particles, and all are shown."""
 COARSE = "1/16"
 """Level of the coarse mode."""
-_EVERY = 4
-"""Frames between two measurements of a state."""
-_SAFE_CFL = 0.25
-"""CFL number of the truth where the ground truth's own substeps do not hold."""
+_EVERY = 4  # frames between two measurements of a state
+_SAFE_CFL = 0.25  # CFL number of the truth where the ground truth's own substeps do not hold
 
 
 class Cell(NamedTuple):

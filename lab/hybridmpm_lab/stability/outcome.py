@@ -22,10 +22,8 @@ SHOWN_DENSITY_GROWTH = 1.3
 """The same for shown particles, which follow coarse ones."""
 VOLUME_CHANGE = 0.05
 """Largest difference of the volume of a run that survives to the truth's, in the last quarter."""
-_PASSED = 0.001
-"""Share of the particles that may pass a solid."""
-_REST_ENERGY = 1e-3
-"""Energy that is neglected [J/kg]: that of a speed of 4.5 cm/s, or a height of 0.1 mm."""
+_PASSED = 0.001  # share of the particles that may pass a solid
+_REST_ENERGY = 1e-3  # energy that is neglected [J/kg]: that of a speed of 4.5 cm/s, or a height of 0.1 mm
 _QUARTERS = 4
 
 _Floats = npt.NDArray[np.float32]

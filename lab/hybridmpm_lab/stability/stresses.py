@@ -31,17 +31,13 @@ PLANE = (("water", 2), ("sand", 2))
 """Material and dimension that a stress is applied to."""
 EVERYWHERE = (*PLANE, ("water", 3), ("sand", 3))
 
-_FLOOR, _CEILING = 0.1, 0.9
-"""Places of the walls along each axis [m]."""
+_FLOOR, _CEILING = 0.1, 0.9  # places of the walls along each axis [m]
 _SHAFT = (0.4, 0.6)
 """Places of the walls along x and z in 3D [m]: on a wide floor the block would be less than a cell deep."""
 _GRAVITY = 9.81
-_FRAMES = 800
-"""Frames after which most motion has settled."""
-_REST = 400
-"""Frames after which the block lies still."""
-_SIDE = {2: 0.2, 3: 0.12}
-"""Sides of the block of most stresses [m]: 2600 particles in 2D, 3600 in 3D."""
+_FRAMES = 800  # frames after which most motion has settled
+_REST = 400  # frames after which the block lies still
+_SIDE = {2: 0.2, 3: 0.12}  # sides of the block of most stresses [m]: 2600 particles in 2D, 3600 in 3D
 
 _Floats = npt.NDArray[np.float32]
 

@@ -19,16 +19,13 @@ from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, e
 
 CONTACT_TIME = (0.6 * np.sqrt(2) - 0.4) / (0.2 * np.sqrt(2))
 """Time at which the surfaces of the discs meet [s]."""
-_MAX_MOMENTUM = 1e-5
-"""Largest momentum of both discs together, over that of one disc [-]."""
-_MAX_GAIN = 1e-3
-"""Largest rise of the total energy above its start, over its start [-]."""
+_MAX_MOMENTUM = 1e-5  # largest momentum of both discs together, over that of one disc [-]
+_MAX_GAIN = 1e-3  # largest rise of the total energy above its start, over its start [-]
 _MAX_GAP = 3.0
 """Largest gap between the surfaces at first contact [cells], the support of a quadratic spline."""
 _RADIUS = 0.2
 _SECONDS = 3.2
-_CONTACT = 1e-3
-"""Relative change of a disc's momentum from which on the discs are in contact [-]."""
+_CONTACT = 1e-3  # relative change of a disc's momentum from which on the discs are in contact [-]
 
 
 def run(resolutions: tuple[int, ...] = (32, 64, 128)) -> Result:

@@ -50,15 +50,11 @@ _GRAINS = {
     "sand": _Grains((0.375, 0.3125, 0.1875, 0.125), 30.0, (1.2, 1.9, 2.3)),
     "beads": _Grains((0.375, 0.25, 0.15625, 0.09375), 22.0, (1.8, 2.3, 3.0)),
 }
-_TOLERANCE = 0.2
-"""Accepted relative error of the run-out of sand [-]: the scatter of experiments."""
-_LOW = 0.03125
-"""Position of the lower walls [m]."""
-_MIDDLE = 0.0625
-"""Position x of the plane of symmetry [m]; only the right half is simulated."""
+_TOLERANCE = 0.2  # accepted relative error of the run-out of sand [-]: the scatter of experiments
+_LOW = 0.03125  # position of the lower walls [m]
+_MIDDLE = 0.0625  # position x of the plane of symmetry [m]; only the right half is simulated
 _G = 9.81
-_STRAIN = 1e-3
-"""rho g H0 / E [-], the same for all columns. Softer sand bounces and spreads farther."""
+_STRAIN = 1e-3  # rho g H0 / E [-], the same for all columns. Softer sand bounces and spreads farther
 
 
 def runout(grains: str, aspect: float) -> float:

@@ -70,8 +70,7 @@ _LAST_TAU = 2.45
 """Last time tau at which the height is judged; the front is compared up to the last T of `FRONT`."""
 _MAX_FRONT_ERROR = 0.03
 _MAX_HEIGHT_ERROR = 0.05
-_WIDTH = 0.1875
-"""Width a of the column [m]: 12, 24 and 48 cells."""
+_WIDTH = 0.1875  # width a of the column [m]: 12, 24 and 48 cells
 _LOW = 0.03125
 """Position of the lower walls [m], on grid lines of all resolutions; the front has room until Z = 5."""
 _G = 9.81

@@ -18,23 +18,17 @@ from hybridmpm.scene import Box, Scene, Walls, Water
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result
 
-_MAX_ERROR = 0.1
-"""Largest error of J, over the compression 1 - J on the floor [-]."""
-_DEPTH = 0.4
-"""Rest depth h of the column [m]."""
-_LOW, _SIDE = 0.125, 0.25
-"""Position of the lower walls, and width of the column [m]."""
+_MAX_ERROR = 0.1  # largest error of J, over the compression 1 - J on the floor [-]
+_DEPTH = 0.4  # rest depth h of the column [m]
+_LOW, _SIDE = 0.125, 0.25  # position of the lower walls, and width of the column [m]
 _LAYERS = 8
 _SETTLING, _AVERAGED = 1200, 400
 """Frames before the average, in which the column oscillates, and in the average."""
-_LOAD = Water().density * 9.81 / REFERENCE_BULK_MODULUS
-"""rho_0 g / lambda [1/m]."""
-_ON_FLOOR = _LOAD * _DEPTH
-"""Compression 1 - J on the floor in the closed form [-]."""
+_LOAD = Water().density * 9.81 / REFERENCE_BULK_MODULUS  # rho_0 g / lambda [1/m]
+_ON_FLOOR = _LOAD * _DEPTH  # compression 1 - J on the floor in the closed form [-]
 _MEAN = _ON_FLOOR / 2
 """Mean compression 1 - J of the particles in the closed form [-]; J is linear in the mass above."""
-_SURFACE = _DEPTH * (1 - _MEAN)
-"""Height of the settled surface above the floor in the closed form [m]."""
+_SURFACE = _DEPTH * (1 - _MEAN)  # height of the settled surface above the floor in the closed form [m]
 
 
 def run(resolution: int = 128) -> Result:

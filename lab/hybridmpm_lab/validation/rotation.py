@@ -21,19 +21,14 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Ball, Elastic, Scene
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, energies, recorded
 
-_MAX_LOSS = 1e-3
-"""Largest relative loss of kinetic energy over the run, as in matter's energy test."""
+_MAX_LOSS = 1e-3  # largest relative loss of kinetic energy over the run, as in matter's energy test
 _MAX_GAIN = 1e-5
 """Largest rise of the total energy at the angular momentum of the start, over the kinetic energy."""
-_MAX_TURN = 1e-4
-"""Largest relative change of the angular momentum: that of the rounding of float32."""
+_MAX_TURN = 1e-4  # largest relative change of the angular momentum: that of the rounding of float32
 _STUFF = Elastic(density=1550.0, youngs_modulus=1e6, poisson_ratio=0.3)
-_RATE = 2 * np.pi
-"""Angular velocity [rad/s], one turn a second."""
-_SPIN_UP = 40
-"""Number of frames over which a body is spun up, slowly, so that it hardly oscillates."""
-_EVERY = 20
-"""Number of frames from one measurement to the next."""
+_RATE = 2 * np.pi  # angular velocity [rad/s], one turn a second
+_SPIN_UP = 40  # number of frames over which a body is spun up, slowly, so that it hardly oscillates
+_EVERY = 20  # number of frames from one measurement to the next
 
 
 def run(*, disc_seconds: float = 20.0, ball_seconds: float = 10.0) -> Result:

@@ -37,8 +37,7 @@ _FLOORS = {
     "sliding": (20.0, {"contact": "separating", "friction": 0.3}),
 }
 """Friction angle of the sand [degrees] and contact of the floor, by name."""
-_TOLERANCE = 0.2
-"""Part of the fitted run-out by which that on the sliding floor may differ."""
+_TOLERANCE = 0.2  # part of the fitted run-out by which that on the sliding floor may differ
 _LOW, _MIDDLE = 0.1, 0.5
 _G = 9.81
 

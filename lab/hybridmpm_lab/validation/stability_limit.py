@@ -25,11 +25,9 @@ MATERIALS: dict[str, _core.Material] = {one.kind: one.to_native(1.0) for one in 
 STRESSES = ("splash", "alone", "alone, deformed")
 """Cases by name; the last is not judged."""
 
-_LEVELS = tuple(round(0.2 + 0.025 * i, 3) for i in range(41))
-"""CFL numbers of the full run."""
+_LEVELS = tuple(round(0.2 + 0.025 * i, 3) for i in range(41))  # CFL numbers of the full run
 _GRAVITY = 9.81
-_LOW, _HIGH = 0.1, 0.9
-"""Places of the walls [m]."""
+_LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 _RESOLUTION = {2: 40, 3: 20}
 _LOOKS, _FIRST_LOOKS = 60, 10
 """Number of measurements of energy and speed in a run, and of those that count as its start."""

@@ -14,14 +14,10 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Polygon, Scene, Walls, Water
 from hybridmpm_lab.validation.case import Check, Curve, Floats, Panel, Result, times
 
-_MAX_ERROR = 0.05
-"""Largest relative error of the period [-]."""
-_LOW = 0.125
-"""Position of the lower walls [m]."""
-_LENGTH = 0.75
-"""Distance L between the walls [m]."""
-_AMPLITUDE = 0.02
-"""Amplitude of the surface at the start [m]."""
+_MAX_ERROR = 0.05  # largest relative error of the period [-]
+_LOW = 0.125  # position of the lower walls [m]
+_LENGTH = 0.75  # distance L between the walls [m]
+_AMPLITUDE = 0.02  # amplitude of the surface at the start [m]
 _G = 9.81
 _WAVE_NUMBER = np.pi / _LENGTH
 
