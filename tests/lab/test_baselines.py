@@ -76,7 +76,7 @@ def paths_of_baseline(package: str, solver: MpmSolver, frames: int) -> dict[str,
 
 
 # Each dimension and each material once.
-BY_DEFAULT = {("taichi", 2, WATER), ("taichi", 3, SAND)}
+BY_DEFAULT = {("taichi", 2, WATER), ("warp", 3, SAND)}
 
 
 @pytest.mark.parametrize(
