@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import _core
+from hybridmpm import radius_graph
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.simulator import Simulator
 
@@ -126,7 +126,7 @@ def _rates(
 
 def _pieces(x: npt.NDArray[np.floating], reach: float) -> int:
     """Return the number of sets of points (N, D) that are connected by distances up to `reach`."""
-    graph = _core.radius_graph(np.ascontiguousarray(x, dtype=np.float32), reach, self_edges=True)
+    graph = radius_graph(np.ascontiguousarray(x, dtype=np.float32), reach, self_edges=True)
     starts, senders = graph.starts[:-1].astype(np.int64), graph.senders
     labels = np.arange(len(x))
     while True:
