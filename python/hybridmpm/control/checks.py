@@ -1,4 +1,4 @@
-"""Checks of what callers hand in."""
+"""Checks of arguments."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Laws: what says which force acts in a frame, from the state before it. All of them are plain data."""
+"""Laws: functions from the state before a frame to the force in it. All of them are plain data."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,33 +16,37 @@ from hybridmpm.errors import SnapshotError
 from hybridmpm.force import locate
 from hybridmpm.simulator import Simulator
 
+Floats32 = npt.NDArray[np.float32]
+OfIds = tuple[npt.NDArray[np.uint64], Floats32]
+
+AHEAD_FRAMES = 24
+"""Distance ahead at which the force aims on a path with corners [frames]."""
 BANDWIDTH = (100.0, 300.0)
-"""How fast an error of the position is made up for, at the start and at the end [1/s]."""
+"""Rate at which an error of the position decays, at the start and at the end [1/s]."""
 _VELOCITY = 1.0
 """Weight of an error of the velocity, over that of an error of the position [-]."""
 _ARRIVAL = 100.0
 """Weight of the last position over that of those before it [-]."""
 _ROUNDING = 2.0**-22
-"""Part by which forces at the cap are made smaller, so that float32 does not round them up beyond it [-]."""
+"""Relative reduction of forces at the cap, so that float32 does not round them up beyond it [-]."""
 _HALF = 0.5
 """Part of a frame's gain in velocity with which a particle moves in the frame, if the force is steady."""
 
 
 @dataclass(frozen=True, eq=False)
 class Retraced:
-    """The force a = aim - k_x x - k_u u that keeps each particle on a way, from where it really is.
+    """The force a = aim - k_x x - k_u u that keeps each particle on its path, from its actual state.
 
-    The paper's eq. 2 asks in each frame for the whole gap to the next position. But a force held over a frame
-    moves a particle by a dt^2 / 2 only, so what was missing comes back twice with the other sign, and
-    grows to hundreds of g. This law minimises the sum of
+    The paper's eq. 2 closes in each frame the whole gap to the next position. But a constant force over a
+    frame moves a particle by a dt^2 / 2 only. The remaining gap returns twice with the other sign, and the
+    force grows to hundreds of g. This law minimises the sum of
 
         w^4 |x - q|^2 + w^2 |u - v|^2 + |a|^2
 
-    over all frames instead, with a hundred times the weight on the last position. q and v are the way's
-    positions and their rates of change, w is `BANDWIDTH`. So the force sees ahead: a jump of the velocity, as
-    at an impact, is spread over about 1 / w on both sides, and the velocities of a fluid that moves the other
-    way at the start are turned round within a few 1 / w. Pressure and friction are not in the plan; they show
-    in x and u, which are those of the simulator.
+    over all frames instead, with a hundred times the weight on the last position. q and v are the path's
+    positions and their rates of change, w is `BANDWIDTH`. A jump of the velocity, as at an impact, is spread
+    over about 1 / w on both sides. Opposite velocities at the start are reversed within a few 1 / w. Pressure
+    and friction are not in the plan; they act through x and u, which are those of the simulator.
 
     References
     ----------
@@ -55,15 +59,15 @@ class Retraced:
     gains: Floats
     """k_x [1/s^2] and k_u [1/s] of each frame (T, 2)."""
     end: npt.NDArray[np.float32]
-    """Last positions (N, D) [m], which are held once all T frames are over."""
+    """Last positions (N, D) [m], which are kept after the T frames."""
     gravity: Floats
     """(D,) [m/s^2]."""
     cap: float
-    """Largest acceleration [m/s^2]; longer ones are shortened to it."""
+    """Largest acceleration [m/s^2]; larger ones are clipped to it."""
 
     @classmethod
     def along(cls, way: Floats, *, frame_dt: float, gravity: Floats, cap: float) -> Self:
-        """Return the law of a way.
+        """Return the law of a path.
 
         Parameters
         ----------
@@ -83,7 +87,7 @@ class Retraced:
         bandwidth = np.geomspace(*BANDWIDTH, frames + 1)
         weights = np.stack([bandwidth**4, _VELOCITY * bandwidth**2], axis=1)
         ahead = np.diag(weights[-1] * [_ARRIVAL, 1.0])
-        # What is ahead costs z' P z - 2 z' p of the present state z = (x, u); P is `ahead`, p is `pull`.
+        # The remaining cost is z' P z - 2 z' p of the present state z = (x, u); P is `ahead`, p is `pull`.
         pull = [ahead[0, 0] * way[-1], ahead[1, 1] * velocities[-1]]
         aim, gains = np.empty((frames, *way.shape[1:]), np.float32), np.empty((frames, 2))
         for frame in reversed(range(frames)):
@@ -116,18 +120,11 @@ class Retraced:
         return np.asarray(wanted * np.minimum(1.0, largest / np.maximum(size, 1e-12)), dtype=np.float32)
 
 
-AHEAD_FRAMES = 24
-"""How far ahead of the present the force aims on a way with corners [frames]."""
-
-Floats32 = npt.NDArray[np.float32]
-OfIds = tuple[npt.NDArray[np.uint64], Floats32]
-
-
 class Law(Protocol):
-    """What gives the force of each frame. A dataclass of arrays and numbers, so that it can be kept."""
+    """The force of each frame: a dataclass of arrays and numbers, so that a snapshot can contain it."""
 
     name: ClassVar[str]
-    """Name under which a snapshot knows the law."""
+    """Name of the law in a snapshot."""
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds | None:
         """Return the force of the next frame in a form that `Simulator.advance` takes for one frame.
@@ -170,7 +167,7 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """The force that keeps particles on timed paths, from where they really are; see `_core.Tracks`."""
+    """The force that keeps particles on timed paths, from their actual states; see `_core.Tracks`."""
 
     name: ClassVar[str] = "tracked"
     ids: npt.NDArray[np.uint64]
@@ -188,7 +185,7 @@ class Tracked:
     cells: int
     cap: float
     room: dict[str, Any] | None
-    """Fields of a `RoomGrid`, for particles that obstacles keep from their aim; None without obstacles."""
+    """Fields of a `RoomGrid`, for paths around obstacles; None without obstacles."""
 
     @classmethod
     def along(
@@ -203,7 +200,7 @@ class Tracked:
         """Return the law of a motion; `cells`, `cap` [m/s^2] and `grid` as `_core.Tracks` takes them."""
         paths = motion.paths
         times = motion.times.astype(np.float32)
-        # Corners in one place are passed at times that float32 cannot tell apart.
+        # Corners in one place have times that are equal in float32.
         alike = 1 + np.flatnonzero(np.diff(times) == 0)
         for index in np.setdiff1d(alike, paths.starts):
             times[index] = np.nextafter(times[index - 1], np.float32(np.inf))
@@ -276,5 +273,5 @@ def law_to_dict(law: Law) -> dict[str, Any]:
 
 
 def law_from_dict(data: dict[str, Any]) -> Law:
-    """Return the law that `law_to_dict` described."""
+    """Return the law of plain data of `law_to_dict`."""
     return LAWS[data["name"]](**data["fields"])

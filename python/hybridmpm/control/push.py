@@ -10,7 +10,7 @@ from hybridmpm.control.goal.cloud import EARTH, Floats
 from hybridmpm.simulator import Simulator
 
 _FRAMES = 4
-"""Frames in which the fluid in the middle would take the velocity of the hand."""
+"""Frames in which the fluid in the middle would reach the velocity of the hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Push:
     velocity: Floats
     """Velocity of the hand (D,) [m/s]."""
     radius: float
-    """Particles farther away feel nothing [m]."""
+    """Radius of the force [m]."""
     cap: float
     """Largest acceleration [g]."""
 

@@ -1,8 +1,8 @@
-"""Reversed control data: a fluid led back to where it came from, with the sketch that asks for it.
+"""Reversed control data: a fluid led back to its past, with the sketch of that motion.
 
-Paper, section 3.2.2. A forward run gives a past, `reversed_case` turns it into an example of control: the
-state at its start, a sketch of the state at its end, and forces that lead from one to the other. The method
-`Oracle` follows such a sketch by these forces; no controller that sees the sketch alone can know them.
+Paper, section 3.2.2. `reversed_case` turns the past of a forward run into an example of control: the state
+at its start, a sketch of the state at its end, and forces that lead from one to the other. The method
+`Oracle` follows such a sketch by these forces, which do not follow from the sketch alone.
 """
 
 from collections.abc import Callable
@@ -22,18 +22,40 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.mpm import MpmSolver, Substeps
 from hybridmpm.scene import Scene, Walls
 
+Floats32 = npt.NDArray[np.float32]
+Start = Literal["live", "reversed"]
+"""Velocities at the start of control: those of the forward run, as in a session, or their negative."""
+Kind = Literal["oval", "arrow"]
+"""Kind of the sketch: an oval around the end, or an arrow from the start to the end."""
+STARTS: tuple[Start, ...] = get_args(Start)
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+DEFAULT_FRAMES = 100
+"""Frames of control of the paper."""
+DEFAULT_CAP = 30.0
+"""Default of the largest force on a particle [g]."""
+_MAX_FRAMES = 10_000
+_MAX_CAP = 1000.0
+MAX_DRAWN_FRAMES = 5_000
+"""Largest number of frames of a drawn case; control starts at most twice as many frames into the scene."""
+SHORTEST_ARROW = 0.12
+"""Shortest drawn arrow [m]; shorter ones leave no room for a head, and ovals take their place."""
+_SALT = 2**22
+"""Number that seeds the generator of a case beside its seed."""
+SEGMENTS = 8
+"""Number of segments of an arrow, of equal duration."""
+_SIGMAS = 2.0
+"""Semi-axis of an oval over the standard deviation of the particles along it."""
 SMOOTHING = 0.1
 """The paper's lambda [-]."""
 SHARPNESS = 2.0
 """The paper's beta [-]."""
 
-Floats32 = npt.NDArray[np.float32]
-
 
 def step_cosines(forces: Floats32) -> Floats:
     """Return the cosine between the forces of successive frames, (T - 1, N) for forces (T, N, D).
 
-    It is 0 where one of both is zero.
+    It is 0 where either is zero.
     """
     a = forces.astype(np.float64)
     sizes = np.sqrt((a**2).sum(axis=2))
@@ -43,12 +65,12 @@ def step_cosines(forces: Floats32) -> Floats:
 
 
 def smoothed(forces: Floats32, *, smoothing: float = SMOOTHING, sharpness: float = SHARPNESS) -> Floats32:
-    """Return forces (T, N, D) drawn towards those of the next frame, the more the less both agree.
+    """Return forces (T, N, D) moved towards those of the next frame, more where they differ more.
 
     a_t - lambda exp(-beta cos(a_t, a_t+1)) (a_t - a_t+1), where the cosine with a zero vector is 0. The last
     frame stays as it is. `smoothing` is lambda, `sharpness` is beta.
 
-    Smoothed forces no longer lead to the end of the recorded motion: nothing closes the loop.
+    Smoothed forces no longer lead to the end of the recorded motion, since no feedback corrects them.
 
     References
     ----------
@@ -60,14 +82,8 @@ def smoothed(forces: Floats32, *, smoothing: float = SMOOTHING, sharpness: float
     return result.astype(np.float32)
 
 
-SEGMENTS = 8
-"""Number of segments of an arrow, of equal duration."""
-_SIGMAS = 2.0
-"""Semi-axis of an oval over the standard deviation of the particles along it."""
-
-
 def arrow_of(motion: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> Arrow:
-    """Return the arrow along the way of the centre of mass, from the start of a motion to its end.
+    """Return the arrow along the path of the centre of mass, from the start of a motion to its end.
 
     Parameters
     ----------
@@ -92,7 +108,7 @@ def arrow_of(motion: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> A
 def oval_of(x: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> Ellipse:
     """Return the oval at two standard deviations around a cloud x (N, D) [m], in the front view.
 
-    In 3D the width of its stroke tells the depth of the centre of mass. `weight` and `walls` are those of
+    In 3D the width of its stroke gives the depth of the centre of mass. `weight` and `walls` are those of
     `arrow_of`.
     """
     cloud = x.astype(np.float64)
@@ -100,7 +116,7 @@ def oval_of(x: npt.NDArray[np.float32], weight: Floats, walls: Walls) -> Ellipse
     away = cloud[:, :2] - mean[:2]
     values, vectors = np.linalg.eigh((weight[:, None] * away).T @ away)
     axes = np.clip(_SIGMAS * np.sqrt(np.maximum(values[::-1], 0.0)), MIN_LENGTH, 1.0)
-    # An axis has no sense: of both angles take the one in (-pi / 2, pi / 2].
+    # Of the two angles of an axis, the one in (-pi / 2, pi / 2].
     major = vectors[:, 1] if vectors[0, 1] > 0 else -vectors[:, 1]
     angle = float(np.arctan2(major[1], major[0]))
     width = None if x.shape[1] == 2 else float(_widths(mean[2:], walls)[0])
@@ -111,43 +127,28 @@ def _widths(depths: Floats, walls: Walls) -> Floats:
     return np.array([width_of_depth(depth, walls.lower[2], walls.upper[2]) for depth in depths])
 
 
-Start = Literal["live", "reversed"]
-"""Velocities at the start of control: those of the forward run, as in a session, or their negative."""
-Kind = Literal["oval", "arrow"]
-"""What the sketch is: an oval around the end, or an arrow from the start to the end."""
-STARTS: tuple[Start, ...] = get_args(Start)
-KINDS: tuple[Kind, ...] = get_args(Kind)
-
-DEFAULT_FRAMES = 100
-"""Frames of control of the paper."""
-DEFAULT_CAP = 30.0
-"""Largest force on a particle if none is given [g]."""
-_MAX_FRAMES = 10_000
-_MAX_CAP = 1000.0
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReversedCase:
-    """A fluid that is led back to where it was T frames ago, and the sketch that asks for it.
+    """A fluid that is led back to its state of T frames ago, and the sketch of that motion.
 
     N is the number of particles, D the dimension. The forward run had the states p_0 to p_T, the last of them
-    at `control_frame`. Control starts there, and q_tau = p_(T - tau) is where the particles are to be after
-    tau frames: the target, of the sketch too, is q_T = p_0.
+    at `control_frame`, where control starts. q_tau = p_(T - tau) are the wanted positions after tau frames.
+    The target of the control and of the sketch is q_T = p_0.
     """
 
     scene: Scene
     seed: int | None
-    """Seed that the case was drawn from; None if it was not drawn."""
+    """Seed of a drawn case; None for others."""
     control_frame: int
     """Frame of the forward run at which control starts."""
     start: Start
-    """Whose velocities the particles have when control starts."""
+    """Velocities of the particles when control starts."""
     sketch: Sketch
-    """What stands for the motion, without the tremor of a hand."""
+    """Sketch of the motion, without the tremor of a hand."""
     truth: Floats32
     """q_0 to q_T, (T + 1, N, D) [m]."""
     positions: Floats32
-    """Where `forces` lead the solver, (T + 1, N, D) [m]; row 0 is that of `truth`."""
+    """Positions of the solver under `forces`, (T + 1, N, D) [m]; row 0 is that of `truth`."""
     velocities: Floats32
     """Velocities when control starts (N, D) [m/s]."""
     forces: Floats32
@@ -157,7 +158,7 @@ class ReversedCase:
     mass: Floats32
     """Masses (N,) [kg]."""
     cap: float
-    """Largest force on a particle that was allowed [g]."""
+    """Largest allowed force on a particle [g]."""
     substeps: Substeps
     """Rule for substeps, as in `MpmSolver`."""
     r_p: float
@@ -172,7 +173,7 @@ class ReversedCase:
 
     @property
     def kind(self) -> Kind:
-        """What the sketch is."""
+        """Kind of the sketch."""
         return "arrow" if self.sketch.kind == "arrow" else "oval"
 
     @property
@@ -197,7 +198,7 @@ class ReversedCase:
         return solver
 
     def law(self, cap: float | None = None) -> Retraced:
-        """Return the law that gave `forces`; `cap` [g] allows more or less force than the case has."""
+        """Return the law of `forces`, or the law under another cap [g]."""
         return _retraced(self.scene, self.truth, self.cap if cap is None else cap)
 
     def error(self, x: npt.ArrayLike) -> float:
@@ -223,41 +224,40 @@ def reversed_case(
     seed: int | None = None,
     on_frame: Callable[[], object] = lambda: None,
 ) -> ReversedCase:
-    """Simulate a scene, and lead its particles back along the way that they came.
+    """Simulate a scene, and lead its particles back along their past paths.
 
-    The forces are found inside the MPM loop, from the positions and velocities that the particles have: see
-    `Retraced`.
+    The forces are found inside the MPM loop, from the actual positions and velocities: see `Retraced`.
 
     Parameters
     ----------
     scene : Scene
-        Without emitters, sinks and moving obstacles, which do not run backwards.
+        Scene without emitters, sinks and moving obstacles, which do not run backwards.
     control_frame : int in [frames, 10000]
         Frame at which control starts.
     frames : int in [2, 10000]
         Frames of control T, and of the past that is reversed.
     start : "live" or "reversed"
-        Whether the particles keep their velocities when control starts, or begin with the negative ones.
+        Velocities when control starts: those of the forward run, or the negative ones.
     kind : "oval" or "arrow"
-        What the sketch is.
+        Kind of the sketch.
     shortest_arrow : float > 0, optional
-        Distance [m] that the centre of mass must come in the front view; else the sketch is an oval, whatever
-        `kind` says. If absent, an arrow is refused that has no length.
+        Shortest displacement of the centre of mass in the front view [m] for an arrow; below it the sketch is
+        an oval, whatever `kind` is. Without it an arrow without length is refused.
     cap : float in (0, 1000]
         Largest force on a particle [g].
     substeps, r_p
         As in `MpmSolver`.
     seed : int, optional
-        Kept in the case.
+        Seed to store in the case.
     on_frame : callable
-        Called before each frame; what it raises ends the work.
+        Called before each frame; an exception that it raises ends the work.
 
     Raises
     ------
     ConfigError
         An argument is out of range, or the scene does not run backwards.
     SketchError
-        An arrow would be shorter than two pixels: the fluid's centre of mass is where it was.
+        An arrow would be shorter than two pixels, because the centre of mass hardly moves.
     SimulationError
         A frame failed.
     """
@@ -323,7 +323,7 @@ def _sketch(
 
 
 def _past(solver: MpmSolver, control_frame: int, frames: int, on_frame: Callable[[], object]) -> Floats32:
-    """Simulate up to a frame, and return the states of the last `frames` before it and at it."""
+    """Simulate up to a frame, and return the states of the last `frames` frames and of this one."""
     states = []
     for frame in range(control_frame + 1):
         if frame:
@@ -356,14 +356,6 @@ def _retraced(scene: Scene, truth: Floats32, cap: float) -> Retraced:
     )
 
 
-MAX_DRAWN_FRAMES = 5_000
-"""Largest number of frames of a drawn case; control starts at most twice as many frames into the scene."""
-SHORTEST_ARROW = 0.12
-"""Shortest arrow that is drawn [m]; shorter ones have no room for a head, so ovals stand for them."""
-_SALT = 2**22
-"""Number that the generator of a case gets besides the seed."""
-
-
 def reversed_from_seed(
     scenario: str | Scene,
     seed: int,
@@ -376,10 +368,10 @@ def reversed_from_seed(
     r_p: float = 1.0,
     on_frame: Callable[[], object] = lambda: None,
 ) -> ReversedCase:
-    """Draw the scene of a seed, and when control starts; return the case.
+    """Draw the scene of a seed and the start of control; return the case.
 
-    Control starts between T and 2 T frames into the scene, so that the fluid is on its way or in its first
-    splash, and as a rule not yet at rest.
+    Control starts between T and 2 T frames into the scene, when the fluid is in flight or in its first
+    splash, and mostly not yet at rest.
 
     Parameters
     ----------
@@ -389,8 +381,8 @@ def reversed_from_seed(
         Seed of scene and case. By convention seeds below 10**6 are for training, those from 10**6 on for
         validation, those from 1.1 * 10**6 on for tests.
     start, kind : optional
-        As in `reversed_case`; drawn from the seed if absent. A fluid whose centre of mass comes less far than
-        12 cm is not given an arrow.
+        As in `reversed_case`; drawn from the seed if absent. The sketch is an oval where the centre of mass
+        moves by less than 12 cm.
     frames, cap, substeps, r_p, on_frame
         As in `reversed_case`.
 
@@ -405,7 +397,7 @@ def reversed_from_seed(
     scene = scenario if isinstance(scenario, Scene) else scenarios.get(scenario, seed)
     rng = np.random.default_rng([_SALT, seed])
     control_frame = frames + int(rng.integers(frames, endpoint=True))
-    # All are drawn whatever was given, so that a choice does not change the others.
+    # All are drawn, also where one is given, so that it does not change the others.
     drawn_start, drawn_kind = STARTS[rng.integers(len(STARTS))], KINDS[rng.integers(len(KINDS))]
     return reversed_case(
         scene,

@@ -1,4 +1,4 @@
-"""`ControlledTrajectory`: what following a sketch gave."""
+"""`ControlledTrajectory`: the motion and the forces of a followed sketch."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hybridmpm.control.goal.cloud import Floats
 
 Ending = Literal["done", "cancelled", "superseded", "failed"]
-"""How following a sketch ended. superseded: somebody else advanced or reset the simulator."""
+"""End of a followed sketch. superseded: another caller advanced or reset the simulator."""
 
 _SHARE = 0.95
 _MISS = 0.01
@@ -17,15 +17,15 @@ _MISS = 0.01
 
 @dataclass(frozen=True)
 class SketchResult:
-    """How near the particles that were there at the start came to the goal."""
+    """Distance from the goal, of the particles that were there at the start."""
 
     inside: float | None
-    """Share of the mass in the goal, when the sketch's frames were over; None where an arrow carries the
-    shape along."""
+    """Share of the mass in the goal at the end of the sketch's frames; None where the fluid keeps its shape
+    along an arrow."""
     inside_drawn: float | None
     """Share of the mass in the oval as it was drawn, at that time; None for an arrow."""
     miss: float
-    """Distance of the centre of mass from where the sketch asks it to be, at that time [m]."""
+    """Distance of the centre of mass from that of the goal, at that time [m]."""
     rms: float
     """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
     peak: float
@@ -33,7 +33,7 @@ class SketchResult:
 
     @property
     def goal(self) -> bool:
-        """Whether the goal was reached: 95 % of the mass are in it, or an arrow is missed by 1 cm at most."""
+        """Whether the goal was reached: 95 % of the mass in it, or at most 1 cm from the tip of an arrow."""
         return self.miss <= _MISS if self.inside is None else self.inside >= _SHARE
 
     def __str__(self) -> str:
@@ -63,7 +63,7 @@ class ControlledTrajectory:
     mean_force: Floats
     """Mean of `force` over the mass of the particles, in each frame, (T, D) [m/s^2]."""
     target_displacement: Floats
-    """Displacement of the centre of mass that the sketch asks for, (D,) [m]."""
+    """Displacement of the centre of mass in the sketch, (D,) [m]."""
     displacement: Floats
     """Displacement of the centre of mass over the T frames, (D,) [m]."""
     centroids: Floats
@@ -71,9 +71,9 @@ class ControlledTrajectory:
     first_frame: int
     """Frame number of the simulator at the start."""
     reached: SketchResult
-    """How near the goal is."""
+    """Distance from the goal."""
     ending: Ending
-    """How it ended."""
+    """End of the run."""
 
     def __repr__(self) -> str:
         run = f"{len(self.ids)} particles, {self.frames} frames from frame {self.first_frame}"

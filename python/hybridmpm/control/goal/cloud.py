@@ -1,4 +1,4 @@
-"""`Cloud`: the particles that a sketch is about, as they are when it is drawn."""
+"""`Cloud`: the particles of a simulator at the instant of a sketch."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,7 +12,7 @@ from hybridmpm.simulator import Simulator
 Floats = npt.NDArray[np.float64]
 
 EARTH = 9.81
-"""Acceleration that is called one g [m/s^2], whatever the gravity of the scene."""
+"""One g [m/s^2], whatever the gravity of the scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +38,7 @@ class Cloud:
 
     @classmethod
     def of(cls, simulator: Simulator) -> Self:
-        """Take the particles of a simulator.
-
-        Raises
-        ------
-        ConfigError
-            There are none.
-        """
+        """Return the present particles of a simulator; raises a `ConfigError` where there are none."""
         if simulator.particle_count == 0:
             raise ConfigError(
                 "the scene holds no particles at present: draw the sketch when there are some to move"

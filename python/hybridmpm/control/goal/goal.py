@@ -19,42 +19,42 @@ Reason = Literal["wall", "obstacle", "time", "cap"]
 
 @dataclass(frozen=True)
 class Obstruction:
-    """Why a goal is out of reach."""
+    """Reason for which a goal is out of reach."""
 
     reason: Reason
-    """wall: no room between the walls. obstacle: no way leads there. time: the frames are too few for the
+    """wall: no room between the walls. obstacle: no path leads there. time: the frames are too few for the
     cap. cap: no number of frames is enough."""
     message: str
-    """What is in the way, and what would help."""
+    """Cause and remedy."""
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What it takes to follow a sketch. Accelerations are in g = 9.81 m/s^2 and come on top of gravity."""
+    """Force and frames that a sketch needs. Accelerations are in g = 9.81 m/s^2, besides gravity."""
 
     acceleration: float
-    """Largest acceleration that 95 % of the mass needs, if it goes its way with the least force."""
+    """Largest acceleration on 95 % of the mass, under the least force on its paths."""
     peak: float
     """Largest acceleration that any group of particles needs."""
     rms: float
-    """Root mean square of the least force over mass and time: no force can do with less."""
+    """Root mean square of the least force over mass and time; a lower bound of all forces."""
     cap: float
     """Largest acceleration that is allowed."""
     frames: int
     """Number of frames in which the goal is to be reached."""
     suggested_frames: int
-    """Fewest frames, in steps of 5 from 40 to 400, in which the goal is reached with ease."""
+    """Smallest number of frames, in steps of 5 from 40 to 400, with an acceleration well below the cap."""
     scale: float
     """Size of the goal over that of the drawn oval: above 1 if it was grown to the fluid's volume, below 1 if
     it was shrunk to it, 1 for an arrow."""
     taken: float
     """Share of the drawn oval that walls and obstacles take; 0 for an arrow."""
     obstructions: tuple[Obstruction, ...]
-    """Why the goal is out of reach; empty if it is within."""
+    """Reasons for which the goal is out of reach; empty where it is within reach."""
 
     @property
     def reachable(self) -> bool:
-        """Whether nothing is known to be in the way."""
+        """Whether no obstruction was found."""
         return not self.obstructions
 
     def __str__(self) -> str:
@@ -70,12 +70,13 @@ class Needs:
 
 
 _MISFIT = 0.02
-"""Share of the particles that may be carried into walls or obstacles before the shape is made to fit."""
+"""Share of the particles that may lie in walls or obstacles at the tip before the shape is changed."""
 _EASE = 5.0
-"""Acceleration that counts as easy in any case [g]."""
-_LADDER = np.arange(40, 401, 5)
+"""Largest acceleration of suggested frames, whatever the cap [g]."""
+_FRAMES = np.arange(40, 401, 5)
+"""Numbers of frames that may be suggested."""
 _PARTS = 6
-"""Parts of the ladder that are looked at in one go; most searches end in the first or the second."""
+"""Parts of the numbers of frames that are tried at once; most searches end in the first or second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,20 +88,20 @@ class Goal:
     room: Room
     paths: Paths
     path: Floats
-    """Way that the centre of mass is to go (K, D) [m], from where it is."""
+    """Path of the centre of mass (K, D) [m], from its present place."""
     drawn: Oval | None
     """The oval as it was drawn; None for an arrow."""
     region: Region | None
-    """What is filled; None where the shape of the fluid is carried along."""
+    """Region that is filled; None where the fluid keeps its shape."""
 
     @property
     def target_displacement(self) -> Floats:
-        """Displacement of the centre of mass that the sketch asks for (D,) [m]."""
+        """Displacement of the centre of mass in the sketch (D,) [m]."""
         return np.asarray(self.path[-1] - self.path[0])
 
     @property
     def leads_around(self) -> bool:
-        """Whether obstacles are in the way of particles that fill a region."""
+        """Whether particles go around obstacles to fill a region."""
         return (
             self.region is not None
             and not self.paths.together
@@ -108,12 +109,12 @@ class Goal:
         )
 
     def end(self) -> tuple[Floats, Floats | None]:
-        """Return what the sketch says of the end.
+        """Return mean and spread of the end in the sketch.
 
         Returns
         -------
         mean : (D,)
-            Where the centre of mass is to be [m].
+            Centre of mass [m].
         root : (2, 2) or None
             Symmetric root of the covariance of the particles in the front view [m]: the semi-axes of an oval
             are two standard deviations. None for an arrow.
@@ -125,16 +126,16 @@ class Goal:
         return self.drawn.center, turn.T @ np.diag(deviations) @ turn
 
     def _growth(self, drawn: Oval, region: Region) -> float:
-        """Return the factor on an oval that has room for the fluid: in 3D with all of the depth behind it."""
+        """Return the factor by which an oval grows to the fluid's volume; in 3D with the whole depth."""
         if self.cloud.dim == 2:
             return max(1.0, region.scale)
         depth = self.room.upper[2] - self.room.lower[2]
         return max(1.0, float(np.sqrt(self.cloud.volume / (np.pi * drawn.axes[0] * drawn.axes[1] * depth))))
 
     def inside(self, x: Floats) -> npt.NDArray[np.bool_] | None:
-        """Tell which points (N, D) lie in the goal; (N,), None where an arrow carries the shape along.
+        """Return which points (N, D) lie in the goal; (N,), None where the fluid keeps its shape.
 
-        That is the free part of the drawn oval, grown where it is smaller than the fluid.
+        The goal is the free part of the drawn oval, grown where it is smaller than the fluid.
         """
         if self.region is None:
             return None
@@ -142,35 +143,35 @@ class Goal:
         return self.region.reaches(x, largest)
 
     def inside_drawn(self, x: Floats) -> npt.NDArray[np.bool_] | None:
-        """Tell which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow."""
+        """Return which points (N, D) lie in the oval as it was drawn; (N,), None for an arrow."""
         return None if self.drawn is None else self.drawn.level(x) <= 1
 
     def suggested_frames(self, cap: float) -> int:
-        """Return the fewest frames in which an acceleration well below the cap [g] is enough.
+        """Return the smallest number of frames that needs an acceleration well below the cap [g].
 
-        Well below are 5 g and half of the way from 1 g, which holds the fluid up, to the cap.
+        The limit is 5 g, or the middle between 1 g, which balances gravity, and the cap.
         """
         easy = min((1 + cap) / 2, _EASE)
         frames = 100
-        # Paths that are slowed down are not timed as well as paths that are timed anew, but nearly.
+        # Slowed paths need slightly more than paths that are timed anew.
         for _ in range(2):
-            frames = self._fewest_frames(easy, frames) or int(_LADDER[-1])
+            frames = self._fewest_frames(easy, frames) or int(_FRAMES[-1])
         return frames
 
     def _fewest_frames(self, acceleration: float, known: int) -> int | None:
-        """Return the fewest frames that take at most an acceleration [g]; None if that many are too few.
+        """Return the smallest number of frames that needs at most an acceleration [g]; None if there is none.
 
         It is exact near `known` frames, and everywhere if all paths are straight.
         """
         motion = self.paths.timed(known * self.cloud.frame_dt)
-        for frames in np.array_split(_LADDER, _PARTS):
+        for frames in np.array_split(_FRAMES, _PARTS):
             enough = motion.slowed(frames / known, self.cloud.gravity) <= acceleration
             if enough.any():
                 return int(frames[np.argmax(enough)])
         return None
 
     def needs(self, frames: int | None, cap: float) -> Needs:
-        """Return what the goal takes in a number of frames, the suggested one if None, under a cap [g]."""
+        """Return the needs of the goal in a number of frames, the suggested one if None, under a cap [g]."""
         suggested = self.suggested_frames(cap)
         frames = suggested if frames is None else frames
         effort = self.paths.timed(frames * self.cloud.frame_dt).effort(self.cloud.gravity)
@@ -217,11 +218,11 @@ class Goal:
 
 
 def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") -> Goal:
-    """Return what a sketch asks of a cloud of particles.
+    """Return the goal that a sketch sets for a cloud of particles.
 
-    An oval becomes the region that the particles are to fill evenly; see `region_of`. Along an arrow the
-    shape is carried as it is. Where walls or obstacles leave no room for it at the tip, the particles fill a
-    disc, or a ball, of their volume around the tip instead.
+    The particles fill the region of an oval evenly; see `region_of`. Along an arrow they keep their shape.
+    Where walls or obstacles leave no room for it at the tip, they fill a disc, or a ball, of their volume
+    around the tip instead.
 
     Raises
     ------
@@ -248,7 +249,7 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     if room.is_free(places).mean() >= 1 - _MISFIT:
         group = np.zeros(len(places), dtype=np.uint32)
         starts = np.array([0, len(path)], dtype=np.uint32)
-        # What sticks out a little is kept within the walls.
+        # Particles slightly beyond the walls are moved back.
         places = np.clip(places, room.lower, room.upper)
         paths = Paths.of_groups(
             cloud, places, group, starts, path, cut_off=np.zeros(1, dtype=bool), together=True

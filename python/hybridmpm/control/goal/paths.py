@@ -11,20 +11,25 @@ from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
 from hybridmpm.control.sketch.sketch import Arrow, depth_of_width
 from hybridmpm.scene import Walls
 
+SHORTEST_FRAMES = 15
+"""Shortest remaining time of a plan [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they
+do not."""
+_SHARE = 0.95
+"""Share of the mass that a needed acceleration is given for, so that a few drops far off do not set it."""
 _TOLERANCE = 0.008
-"""Largest distance [m] of a drawn point from the way that is made of fewer; a hand trembles by less."""
+"""Largest distance [m] of a drawn point from the simplified path; a hand trembles by less."""
 _CORNERS = 64
-"""Most points of the simplified way. Timing a way takes time with the square of its points, and no fluid
+"""Largest number of points of the simplified path. The time to plan grows with their square, and no fluid
 follows so many bends."""
 _PIECES = 8
-"""Pieces into which a bent way is cut at least, so that the spline through them stays near to it."""
+"""Smallest number of pieces of a bent path, so that the spline through them stays near to it."""
 
 
 def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
-    """Return points (K, D) [m] of the way of an arrow, from 0 on, K >= 2.
+    """Return points (K, D) [m] of the path of an arrow, from 0 on, K >= 2.
 
-    Points that lie on a line between others are left out; a straight arrow has two. In 3D the widths of the
-    stroke give the depth; without them it does not change.
+    Points on a line between others are left out; a straight arrow has two. In 3D the widths of the stroke
+    give the depth; without widths the depth is constant.
     """
     points = np.array(arrow.points)
     if dim == 3:
@@ -48,7 +53,7 @@ def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
 def _simplified(points: Floats) -> Floats:
     """Leave out points near to lines between others (Ramer 1972; Douglas and Peucker 1973).
 
-    Where more than `_CORNERS` points would be left, those are kept that lie farthest off.
+    At most `_CORNERS` points are kept, those that lie farthest off.
     """
     kept = [0, len(points) - 1]
     gaps = [_farthest(points, *kept)]
@@ -73,33 +78,27 @@ def _farthest(points: Floats, first: int, last: int) -> tuple[float, int, int, i
     return -float(away[worst]), first + 1 + worst, first, last
 
 
-SHORTEST_FRAMES = 15
-"""Shortest time to go [frames]. With 8 the peaks of the force reach the cap, with 14 to 16 they do not."""
-_SHARE = 0.95
-"""Share of the mass that a needed acceleration is told for; a few drops far off would set it otherwise."""
-
-
 @dataclass(frozen=True, eq=False)
 class Paths:
     """Places of N particles, and paths of G groups of them with K corners in all, in D dimensions."""
 
     places: Floats
-    """Where each particle is to be (N, D) [m]."""
+    """Place of each particle at the end (N, D) [m]."""
     group: npt.NDArray[np.uint32]
     """Group of each particle (N,)."""
     starts: npt.NDArray[np.uint32]
-    """(G + 1,): the way of group g has the corners `starts[g]` to `starts[g + 1] - 1`, two or more."""
+    """(G + 1,): the path of group g has the corners `starts[g]` to `starts[g + 1] - 1`, two or more."""
     corners: Floats
-    """Corners of all paths (K, D) [m]: start, corners on the way, end."""
+    """Corners of all paths (K, D) [m]: start, inner corners, end."""
     velocity: Floats
-    """Velocity of each group at the start (G, D) [m/s]; that of all where they go `together`."""
+    """Velocity of each group at the start (G, D) [m/s]; that of all for `together`."""
     weight: Floats
     """Mass of each group over that of all (G,) [-]."""
     cut_off: npt.NDArray[np.bool_]
-    """Whether walls and obstacles leave no way to a group's places (G,)."""
+    """Whether walls and obstacles cut a group off from its places (G,)."""
     together: bool
-    """Whether all groups pass their corners at the same times, as parts of one body do along an arrow; each
-    way then has as many corners as the others."""
+    """Whether all groups pass their corners at the same times, as parts of one body do along an arrow; all
+    paths then have equally many corners."""
 
     @classmethod
     def of_groups(
@@ -113,18 +112,18 @@ class Paths:
         cut_off: npt.NDArray[np.bool_],
         together: bool = False,
     ) -> "Paths":
-        """Add what the particles of a cloud say of their groups."""
+        """Return paths of groups, with the masses and velocities of their particles in a cloud."""
         weight = np.bincount(group, cloud.weight, len(cut_off)).astype(np.float64)
         momentum = [np.bincount(group, cloud.weight * column, len(cut_off)) for column in cloud.v.T]
         velocity = np.stack(momentum, axis=1) / weight[:, None]
         if together:
-            # The corners on the way are too near to the start to catch up with each other by the first.
+            # The inner corners are too near to the start for own velocities to even out by the first.
             velocity = np.tile(cloud.mean_velocity, (len(weight), 1))
         return cls(places, group, starts, corners, velocity, weight, cut_off, together)
 
     @classmethod
     def straight(cls, cloud: Cloud, places: Floats, group: npt.NDArray[np.uint32]) -> "Paths":
-        """Return straight paths of groups, from where they are to the mean of their particles' places."""
+        """Return straight paths of groups, from their centres to the means of their particles' places."""
         sizes = np.bincount(group)[:, None]
         ends = [
             np.stack([np.bincount(group, column) for column in points.T], axis=1) / sizes
@@ -145,10 +144,10 @@ class Paths:
         lower: Floats,
         upper: Floats,
     ) -> "Paths":
-        """Return paths of groups that go together along a path (K, D), each from where it is.
+        """Return paths of groups that go together along a path (K, D), each from its centre.
 
-        The further along the path, the more of the change of shape is done. Corners are kept between `lower`
-        and `upper`, (D,) each [m].
+        The change of shape is proportional to the length of path gone. Corners are clipped to `lower` and
+        `upper`, (D,) each [m].
         """
         straight = cls.straight(cloud, places, group)
         start, end = straight.corners.reshape(-1, 2, cloud.dim).swapaxes(0, 1)
@@ -163,13 +162,13 @@ class Paths:
 
     @property
     def offset(self) -> Floats:
-        """Distance of each particle's place from the end of its group's way (N, D) [m]."""
+        """Distance of each particle's place from the end of its group's path (N, D) [m]."""
         return np.asarray(self.places - self.corners[self.starts[1:] - 1][self.group])
 
     def timed(self, seconds: float) -> "Motion":
-        """Time all paths so that each takes the least acceleration and ends at rest.
+        """Return all paths timed for the least acceleration and rest at the end.
 
-        Paths that are gone `together` get the times of their mean.
+        Paths for `together` get the times of their mean.
         """
         if self.together:
             return self._timed_together(seconds)
@@ -220,12 +219,12 @@ class Motion:
 
     paths: Paths
     times: Floats
-    """When each corner is passed (K,), from 0 on [s]."""
+    """Time of each corner (K,), from 0 on [s]."""
     v: Floats
     """Velocity in each corner (K, D) [m/s]."""
 
     def effort(self, gravity: Floats) -> "Effort":
-        """Return the accelerations besides gravity that the motion takes, in g."""
+        """Return the accelerations of the motion besides gravity, in g."""
         pieces = self._pieces()
         a0, a1 = (pieces.accelerations(end, np.ones(1), gravity)[0] for end in (0, 1))
         peaks = self._peaks(pieces, np.ones(1), gravity)[0]
@@ -238,14 +237,14 @@ class Motion:
         )
 
     def slowed(self, factors: Floats, gravity: Floats) -> Floats:
-        """Return `Effort.acceleration` (S,) if the times are factors (S,) as long.
+        """Return `Effort.acceleration` (S,) for times multiplied by factors (S,).
 
-        The first pieces take up the start velocity, whatever the factor.
+        The first pieces absorb the start velocity, whatever the factor.
         """
         return _on_most(self._peaks(self._pieces(), factors, gravity), self.paths.weight) / EARTH
 
     def _peaks(self, pieces: "_Pieces", factors: Floats, gravity: Floats) -> Floats:
-        """Return the largest acceleration of each group (S, G) [m/s^2] if times are factors (S,) as long."""
+        """Return the largest acceleration of each group (S, G) [m/s^2] for times times factors (S,)."""
         squares = [(pieces.accelerations(end, factors, gravity) ** 2).sum(axis=1) for end in (0, 1)]  # (S, P)
         return np.sqrt(np.maximum.reduceat(np.maximum(*squares), pieces.firsts, axis=1))
 
@@ -261,7 +260,7 @@ class Motion:
         v0[:, firsts] = 0
         start = np.zeros_like(v0)
         start[:, firsts] = paths.velocity.T
-        # Velocities on the way are as many times lower as it takes longer; that at the start is given.
+        # Inner velocities are divided by the factor; the velocity at the start is given.
         slowing = (6 * slope - 4 * v0 - 2 * v1) / h, (2 * v0 + 4 * v1 - 6 * slope) / h
         lasting = -4 * start / h, 2 * start / h
         return _Pieces(h, firsts, slowing, lasting)
@@ -272,16 +271,16 @@ class _Pieces:
     """Pieces (P,) of paths between corners, each with a linear acceleration in D dimensions."""
 
     h: Floats
-    """How long each lasts (P,) [s]."""
+    """Duration of each (P,) [s]."""
     firsts: npt.NDArray[np.intp]
     """The first piece of each group (G,)."""
     slowing: tuple[Floats, Floats]
     """Parts (D, P) of the accelerations at both ends that fall with the square of the time [m/s^2]."""
     lasting: tuple[Floats, Floats]
-    """Parts (D, P) that fall with the time: what takes up the start velocity [m/s^2]."""
+    """Parts (D, P) that fall with the time and absorb the start velocity [m/s^2]."""
 
     def accelerations(self, end: int, factors: Floats, gravity: Floats) -> Floats:
-        """Return (S, D, P) at one end, 0 or 1, if times are factors (S,) as long [m/s^2]."""
+        """Return (S, D, P) at one end, 0 or 1, for times multiplied by factors (S,) [m/s^2]."""
         per_time = 1 / factors[:, None, None]
         return np.asarray(per_time * (per_time * self.slowing[end] + self.lasting[end]) - gravity[:, None])
 
@@ -296,7 +295,7 @@ def _on_most(peaks: Floats, weight: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Effort:
-    """Accelerations besides gravity that a motion takes at least, in g = 9.81 m/s^2."""
+    """Least accelerations of a motion besides gravity, in g = 9.81 m/s^2."""
 
     acceleration: float
     """Largest one on 95 % of the mass."""

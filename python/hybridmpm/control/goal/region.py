@@ -26,10 +26,10 @@ class Oval:
 
     @classmethod
     def drawn(cls, sketch: Ellipse, cloud: Cloud, walls: Walls) -> Self:
-        """Return what an ellipse stands for.
+        """Return the oval of a drawn ellipse.
 
         In 3D the third semi-axis, along the depth, is the geometric mean of the two that are drawn. The width
-        of the stroke gives the depth of the centre; without a width that of the centre of mass is kept.
+        of the stroke gives the depth of the centre; without a width it is that of the centre of mass.
         """
         cos, sin = np.cos(sketch.angle), np.sin(sketch.angle)
         directions = np.eye(cloud.dim)
@@ -62,7 +62,7 @@ class Oval:
         return np.asarray(self.center + within * self.axes @ self.directions)
 
     def level(self, x: Floats) -> Floats:
-        """Return for points (N, D) how many times as large the oval must be to reach each; (N,) [-]."""
+        """Return the factors (N,) [-] by which the oval must grow to reach points (N, D)."""
         within = (x - self.center) @ (self.directions.T / self.axes)
         return np.asarray(np.sqrt(np.einsum("ij,ij->i", within, within)))
 
@@ -74,24 +74,24 @@ class Oval:
 
 
 Fill = Literal["even", "shrink"]
-"""What is done with an oval larger than the fluid: fill it evenly, or shrink it to the fluid's volume."""
+"""Filling of an oval larger than the fluid: evenly, or after it is shrunk to the fluid's volume."""
 
 _ROOM = 1.03
-"""Room that settled fluid takes over its volume at rest [-]."""
+"""Volume of settled fluid over its volume at rest [-]."""
 _CELLS_PER_PARTICLE = {2: 6, 3: 6}
 """Cells of the raster for each particle, by dimension; places are centres of groups of cells."""
 _BLOCKS = 4096
-"""Most blocks that the search for cells begins with."""
+"""Largest number of blocks at the start of the search for cells."""
 _CAUTION = 1.0 + 1e-4
 """Factor on the radius of blocks, since distances from obstacles are rounded to single precision."""
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """An oval of the size that is filled, without what walls and obstacles take of it."""
+    """The part of an oval that is filled, at its final size, between walls and obstacles."""
 
     oval: Oval
-    """As it was drawn."""
+    """The drawn oval."""
     room: Room
     scale: float
     """Factor on the semi-axes: above 1 where the oval was grown to the fluid's volume."""
@@ -101,21 +101,21 @@ class Region:
     """Volume of the cells, in 2D their area [m^D]."""
 
     def reaches(self, x: Floats, scale: float) -> npt.NDArray[np.bool_]:
-        """Tell which points (N, D) lie in the free part of the oval grown by a factor; (N,)."""
+        """Return which points (N, D) lie in the free part of the oval grown by a factor; (N,)."""
         return self.room.is_free(x) & (self.oval.level(x) <= scale)
 
 
 def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
     """Return the region of an oval that a fluid is to fill.
 
-    Where the free part of the oval is smaller than the fluid, the oval is grown in the same shape until its
-    free part is as large. Where it is larger, `fill` says what happens.
+    Where the free part of the oval is smaller than the fluid, the oval grows in the same shape until its free
+    part is as large. Where it is larger, `fill` decides.
 
     Parameters
     ----------
     oval : Oval
     room : Room
-        Walls and obstacles, which hold no fluid.
+        Walls and obstacles.
     volume : float
         Volume of the fluid at rest [m^D].
     particles : int
@@ -147,7 +147,7 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
 def _nearest_cells(
     oval: Oval, room: Room, side: float, needed: int, least: float
 ) -> tuple[Floats, npt.NDArray[np.float64]]:
-    """Return the free cells that an oval reaches as it grows until it holds enough of them.
+    """Return the free cells that a growing oval reaches until they are enough.
 
     The room is cut into blocks, and what may hold one of the nearest cells is halved along each axis until
     the blocks are cells. So the work depends on the cells that are needed, not on the size of the room, nor

@@ -1,4 +1,4 @@
-"""`Room`: where fluid can be, between the walls and outside of the obstacles."""
+"""`Room`: the space between the walls and outside of the obstacles."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,11 +11,11 @@ from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.scene import Scene
 
 _NODES_PER_METRE = {2: 64, 3: 24}
-"""Grid on which paths around obstacles are looked for, by dimension."""
+"""Nodes per metre of the grid for paths around obstacles, by dimension."""
 
 
 class Room:
-    """Walls and obstacles of a scene at one time; obstacles that move are taken where they are then.
+    """Walls and obstacles of a scene at one time; moving obstacles have their places of that time.
 
     Parameters
     ----------
@@ -43,15 +43,15 @@ class Room:
         return nearest
 
     def within_walls(self, x: Floats) -> npt.NDArray[np.bool_]:
-        """Tell which points (N, D) lie between the walls, the walls included; (N,)."""
+        """Return which points (N, D) lie between the walls, the walls included; (N,)."""
         within = np.ones(len(x), dtype=bool)
-        # Axis by axis: numpy is slow in reducing rows of two or three.
+        # Axis by axis: numpy reduces rows of two or three slowly.
         for along, lower, upper in zip(x.T, self.lower, self.upper, strict=True):
             within &= (along >= lower) & (along <= upper)
         return within
 
     def is_free(self, x: Floats) -> npt.NDArray[np.bool_]:
-        """Tell which points (N, D) lie between the walls and in no obstacle; (N,)."""
+        """Return which points (N, D) lie between the walls and in no obstacle; (N,)."""
         return self.within_walls(x) & (self.distance(x) >= 0)
 
     def grid(self) -> "RoomGrid | None":

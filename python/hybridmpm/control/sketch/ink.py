@@ -21,11 +21,22 @@ MIN_COLOR = 32
 """Weakest contrast to the ground that is ink, and least excess of red or green, of 255."""
 _FULL = 90.0
 """Percentile of the contrasts of ink that stands for a covered pixel; thin lines cover few pixels in full."""
+MAX_GAP = 12
+"""Widest gap between two pieces of one mark [pixels]; a hand that lifts the pen leaves such gaps."""
+Pieces: TypeAlias = npt.NDArray[np.int64]
+_MAIN_INK = 0.8
+"""Smallest fraction of the ink that the main mark must have; the rest is dust."""
+MAX_PIECES = 8
+"""Largest number of pieces of one mark."""
+_DUST = 0.01
+"""Largest share of the ink of a piece that counts as dust and is not joined to the mark."""
+_SAMPLES = 1500
+"""Largest number of pixels between which gaps are measured."""
 
 
 @dataclass(frozen=True)
 class Ink:
-    """What is drawn in one colour."""
+    """The ink of one colour."""
 
     color: Color
     coverage: Floats
@@ -33,14 +44,14 @@ class Ink:
 
     @property
     def mask(self) -> Mask:
-        """Pixels that are ink for at least a half, bool (512, 512)."""
+        """Pixels with a coverage of at least a half, bool (512, 512)."""
         return self.coverage >= 0.5
 
 
 def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
     """Return the ink of a picture, uint8 (512, 512, 3), whose ground is the colour of most pixels.
 
-    Red ink is taken where there is any, else green ink, else whatever differs from the ground.
+    Red ink is taken where there is any, else green ink, else all that differs from the ground.
 
     Raises
     ------
@@ -137,11 +148,11 @@ def geodesic_levels(mask: Mask, start: tuple[int, int], most: int) -> Levels:
     while step < most and (frontier.size or before.size):
         step += 1
         diagonal = step % 2 == 0
-        # A pixel that was left to its 4 neighbours only is left to its diagonal ones a step later.
+        # A step to the 4 neighbours of a pixel is followed by a step to its diagonal ones.
         front = np.concatenate([frontier, before]) if diagonal else frontier
         reach = (front[:, None] + (both if diagonal else edges)).ravel()
         reach = reach[free[reach]]
-        # Of a pixel that is reached several times one place in the list is kept; this is faster than sorting.
+        # A pixel that is reached several times keeps one place in the list; this is faster than sorting.
         places = np.arange(len(reach), dtype=np.int32)
         place[reach] = places
         reach = reach[place[reach] == places]
@@ -149,20 +160,6 @@ def geodesic_levels(mask: Mask, start: tuple[int, int], most: int) -> Levels:
         before, frontier = (frontier[:0] if diagonal else frontier), reach
     shape = (mask.shape[0] + 2, row_length)
     return levels.reshape(shape)[1:-1, 1:-1]
-
-
-MAX_GAP = 12
-"""Widest gap between two pieces of one mark [pixels]; a hand that lifts the pen leaves such gaps."""
-Pieces: TypeAlias = npt.NDArray[np.int64]
-
-_MAIN_INK = 0.8
-"""Smallest fraction of the ink that the main mark must have; the rest is dust."""
-MAX_PIECES = 8
-"""Largest number of pieces of one mark."""
-_DUST = 0.01
-"""Largest share of the ink that a piece may have and be dust, which is not joined to the mark."""
-_SAMPLES = 1500
-"""Largest number of pixels between which gaps are measured."""
 
 
 def main_mark(mask: Mask) -> tuple[Mask, Mask]:

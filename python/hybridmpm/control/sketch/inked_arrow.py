@@ -25,11 +25,11 @@ from hybridmpm.control.sketch.sketch import RASTER_SIZE, WIDTH_AT_BACK, WIDTH_AT
 from hybridmpm.errors import SketchError
 
 MAX_WAY = 2048
-"""Longest line that is read; it bounds the time that a maze or a spiral takes."""
+"""Longest line; it bounds the time for a maze or a spiral."""
 _SPACING = 2.0
 """Distance between points of the line."""
 _SMOOTHED = 9
-"""Number of points of the shortest way that are averaged; it runs along pixels."""
+"""Number of points of the shortest path that are averaged; the path runs along pixels."""
 _HALF_SECTION = 24.0
 """Half length of the sections across the line, on which its middle and its width are measured."""
 _STEP = 0.5
@@ -43,9 +43,52 @@ _BROAD = 1.5
 _CENTERED = 3
 """Number of times that the line is moved to the middle of its ink."""
 _COMING = 24.0
-"""Length of line that tells how its width changes where it goes on."""
+"""Length of line from which its change of width is extrapolated."""
 _BLOCK = 32
-"""Number of points of the line whose distances to all ink are held at a time."""
+"""Number of points of the line whose distances to all ink are in memory at a time."""
+_BESIDE = 1.5
+"""Distance from the edge of the line up to which ink counts as an unsteady line."""
+_LOOKS = 2
+"""Number of searches for the head."""
+_NEAR_END = 0.4
+"""Place along the line, from 0 to 1, from which ink beside it may be the head at its end."""
+_CLEAR_HEAD = 8.0
+"""Least ink beside the line [pixels] at the end that is the head."""
+_NO_HEAD = "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
+_MIN_LENGTH = 40.0
+"""Shortest arrow, from the end of its tail to that of its head."""
+_SHORT = 100.0
+"""Length from which an arrow has a free shaft, unless other lines hide it."""
+_TOO_SHORT = "the arrow is too short to show a direction: draw it at least 50 pixels (of 512) long"
+_MIN_FREE = 12.0
+"""Shortest line outside of the head that shows a direction."""
+_LARGEST_HEAD = 0.45
+"""Largest radius of a head, as a fraction of the arrow's length."""
+_SHARPEST = -0.87
+"""Cosine of the sharpest turn of an arrow, 150 degrees; a path that turns back has followed a barb."""
+_KNOTS = 30.0
+"""Least length of line between two places at which the change of its width may turn."""
+_PRESSURE = 1.5
+"""How many times as far from the measured widths a steady change may be as one from point to point, and still
+be preferred; pressure varies, too."""
+_UNSTEADY = 3.0
+"""Distance from the edge of the arrow's line up to which ink belongs to it."""
+_HEAD_OPENING = 1.2
+"""Tangent of the largest angle between line and barbs."""
+_LONGEST_HEAD = 0.6
+"""Largest length of a head, as a fraction of the arrow's length."""
+_OTHER_HEAD = 0.5
+"""Largest amount of ink that is neither line nor head, as a fraction of the head's; another head has more."""
+_MAX_STRAY = 0.1
+"""Largest share of the ink that may lie neither on the line nor in the head."""
+_OTHER_LINES = "the arrow has other lines beside it: draw one arrow, longer than its head, and nothing else"
+_POINTED = 1.6
+"""Radius of a disc that fits a tip's sections a few pixels behind its front, over that of the foremost
+ones, from which the tip is a point. Drawn points have 1.68 and more."""
+_DIRECTION = 24.0
+"""Length of line from which the direction of an end is taken."""
+_TOLERANCE = 1.5
+"""Largest distance between the arrow's polyline and the middle of its line."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +167,7 @@ class Shaft:
 
 
 def find_shaft(coverage: Floats, mask: Mask) -> Shaft:
-    """Return the line between the two ends of a mark that lie farthest apart, as the ink goes.
+    """Return the line between the two ends of a mark that lie farthest apart along the ink.
 
     Parameters
     ----------
@@ -142,7 +185,7 @@ def find_shaft(coverage: Floats, mask: Mask) -> Shaft:
     for _ in range(_CENTERED):
         points, spacing = _even(_averaged(points, 3))
         offsets, widths = _sections(coverage, points)
-        # Among the barbs of a head the middle of the ink says nothing.
+        # Among the barbs of a head the middle of the ink is meaningless.
         alone = widths < _BROAD * _free_widths(widths, spacing) + 1.0
         points = points + np.where(alone[:, None], offsets, 0.0)
     points, spacing = _even(points)
@@ -160,7 +203,7 @@ def connected(sections: Floats) -> Floats:
 
 
 def _way_through(mask: Mask) -> Floats:
-    """Return the shortest way (K, 2) between two ends of a mask, averaged over a few pixels."""
+    """Return the shortest path (K, 2) between two ends of a mask, averaged over a few pixels."""
     rows, columns = np.nonzero(mask)
     first = _farthest(geodesic_levels(mask, (int(rows[0]), int(columns[0])), MAX_WAY))
     levels = geodesic_levels(mask, first, MAX_WAY)
@@ -185,7 +228,7 @@ def _farthest(levels: Levels) -> tuple[int, int]:
 
 
 def _averaged(points: Floats, count: int) -> Floats:
-    """Return the running means over `count` points; the ends stay where they are."""
+    """Return the running means over `count` points; the ends stay in place."""
     half = min(count // 2, (len(points) - 1) // 2)
     if half == 0:
         return points
@@ -204,7 +247,7 @@ def _even(points: Floats) -> tuple[Floats, float]:
 
 
 def _sections(coverage: Floats, points: Floats) -> tuple[Floats, Floats]:
-    """Return how far (K, 2) the middle of the ink is from points of a line (K, 2), and its width (K,)."""
+    """Return the offset (K, 2) of the middle of the ink from points of a line (K, 2), and its width (K,)."""
     padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
     along = padded[4:] - padded[:-4]
     along /= np.maximum(np.hypot(*along.T), 1e-9)[:, None]
@@ -233,53 +276,8 @@ def _free_widths(widths: Floats, spacing: float) -> Floats:
     return np.asarray(np.interp(places, places[clear], (widths[clear] + slopes).min(axis=1)))
 
 
-_BESIDE = 1.5
-"""Distance from the edge of the line up to which ink counts as an unsteady line."""
-_LOOKS = 2
-"""Number of times that the head is looked for."""
-_NEAR_END = 0.4
-"""Place along the line, from 0 to 1, from which ink beside it may be the head at its end."""
-_CLEAR_HEAD = 8.0
-"""Least ink beside the line [pixels] at the end that is the head."""
-_NO_HEAD = "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
-_MIN_LENGTH = 40.0
-"""Shortest arrow, from the end of its tail to that of its head."""
-_SHORT = 100.0
-"""Length from which an arrow has a free shaft, unless other lines hide it."""
-_TOO_SHORT = "the arrow is too short to show a direction: draw it at least 50 pixels (of 512) long"
-_MIN_FREE = 12.0
-"""Shortest line outside of the head that shows a direction."""
-_LARGEST_HEAD = 0.45
-"""Largest radius of a head, as a fraction of the arrow's length."""
-_SHARPEST = -0.87
-"""Cosine of the sharpest turn of an arrow, 150 degrees; a way that turns back has followed a barb."""
-_KNOTS = 30.0
-"""Least length of line between two places at which the change of its width may turn."""
-_PRESSURE = 1.5
-"""How many times as far from the measured widths a steady change may be as one from point to point, and still
-be preferred; pressure varies, too."""
-_UNSTEADY = 3.0
-"""Distance from the edge of the arrow's line up to which ink belongs to it."""
-_HEAD_OPENING = 1.2
-"""Tangent of the largest angle between line and barbs."""
-_LONGEST_HEAD = 0.6
-"""Largest length of a head, as a fraction of the arrow's length."""
-_OTHER_HEAD = 0.5
-"""Largest amount of ink that is neither line nor head, as a fraction of the head's; another head has more."""
-_MAX_STRAY = 0.1
-"""Largest share of the ink that may lie neither on the line nor in the head."""
-_OTHER_LINES = "the arrow has other lines beside it: draw one arrow, longer than its head, and nothing else"
-_POINTED = 1.6
-"""Radius of a disc that fits a tip's sections a few pixels behind its front, over that of the foremost
-ones, from which the tip is a point. Drawn points have 1.68 and more."""
-_DIRECTION = 24.0
-"""Length of line from which the direction of an end is taken."""
-_TOLERANCE = 1.5
-"""Largest distance between the arrow's polyline and the middle of its line."""
-
-
 def read_arrow(coverage: Floats, mask: Mask) -> Arrow:
-    """Return the arrow that one mark of ink shows, with a width for each point.
+    """Return the arrow in one mark of ink, with a width for each point.
 
     The head is ink beside one end of the line; if both have such ink, it is the one that leaves the least
     ink unexplained. The line near an end is taken to have the width that is extrapolated from its free part.
@@ -337,7 +335,7 @@ class _Ink:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line through the ink, from what may be its tail to what may be its tip."""
+    """A line through the ink, from its presumed tail to its presumed tip."""
 
     shaft: Shaft
     distance: Floats
@@ -348,7 +346,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Head:
-    """Where the ink beside the line is."""
+    """Places of the ink beside the line."""
 
     center: Floats
     radius: float
@@ -503,7 +501,7 @@ def _tip(ink: _Ink, free: Shaft, head: _Head) -> Floats:
 
 
 def _beyond(coverage: Floats, front: Floats, along: Floats) -> float:
-    """Return how far [pixels] the tip lies beyond the middle of the foremost pixel.
+    """Return the distance [pixels] of the tip beyond the middle of the foremost pixel.
 
     This is negative where the foremost pixel is the edge of a round end. A depth d behind the foremost point
     of a disc of radius r, the section has half the width sqrt(2 r d - d^2); behind the point of a wedge

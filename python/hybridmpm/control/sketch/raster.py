@@ -1,4 +1,4 @@
-"""Reading a PNG: its pixels, its ink, and the arrow or oval that the ink shows."""
+"""Reading a PNG: its pixels, its ink, and the arrow or oval in the ink."""
 
 import io
 import struct
@@ -31,6 +31,21 @@ MAX_SIDE = 2048
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _DECODE_ERRORS = (OSError, SyntaxError, ValueError, EOFError, IndexError, struct.error, zlib.error)
 """Exceptions that Pillow's PNG plugin raises on damaged files."""
+MAX_OPENING = np.radians(70)
+"""Widest gap of a drawn oval, seen from its middle [rad]."""
+_CORE = 0.3
+"""Part of an oval, as a fraction of its semi-axes, in which there is hardly any ink unless it is filled."""
+_HOLLOW = 0.15
+"""Largest part of that core that may be ink."""
+_ASIDE = 0.15
+"""Largest distance of an unsteady line from the ellipse: this part of the mean semi-axis, beside half the
+width of the line."""
+_MAX_STRAY = 0.15
+"""Largest share of the ink that may lie farther from the ellipse than that."""
+_SECTORS = 60
+"""Number of sectors over which the width of the line is measured."""
+_EDGE = 2
+"""Distance from a mark [pixels] within which weaker pixels belong to its smoothed edge."""
 
 
 def decode_png(data: bytes) -> npt.NDArray[np.uint8]:
@@ -77,23 +92,8 @@ def decode_png(data: bytes) -> npt.NDArray[np.uint8]:
     return np.asarray(flat, dtype=np.uint8)
 
 
-MAX_OPENING = np.radians(70)
-"""Widest gap of a drawn oval, seen from its middle [rad]."""
-_CORE = 0.3
-"""Part of an oval, as a fraction of its semi-axes, in which there is hardly any ink unless it is filled."""
-_HOLLOW = 0.15
-"""Largest part of that core that may be ink."""
-_ASIDE = 0.15
-"""Distance from the ellipse up to which an unsteady line is an oval still: this part of the mean semi-axis,
-beside half the width of the line."""
-_MAX_STRAY = 0.15
-"""Largest share of the ink that may lie farther from the ellipse than that."""
-_SECTORS = 60
-"""Number of sectors over which the width of the line is measured."""
-
-
 def read_oval(coverage: Floats) -> Ellipse:
-    """Return the ellipse that the ink of one mark, coverage (512, 512), shows.
+    """Return the ellipse in the ink of one mark, coverage (512, 512).
 
     Raises
     ------
@@ -134,7 +134,7 @@ def read_oval(coverage: Floats) -> Ellipse:
 def _line_width(outline: Outline, local: Floats, weights: Floats) -> float:
     """Return the width of the line [pixels]: the median, over directions, of ink by length of the ellipse.
 
-    The median does not see where the line was drawn twice, nor a gap.
+    The median is insensitive to a line that was drawn twice, and to gaps.
     """
     turn = np.arctan2(local[:, 1], local[:, 0])
     sector = ((turn + np.pi) / (2 * np.pi) * _SECTORS).astype(np.int64) % _SECTORS
@@ -145,12 +145,8 @@ def _line_width(outline: Outline, local: Floats, weights: Floats) -> float:
     return float(np.median((ink / length)[ink > 0]))
 
 
-_EDGE = 2
-"""Distance from a mark [pixels] within which weaker pixels belong to its smoothed edge."""
-
-
 def parse_png(data: bytes) -> Sketch:
-    """Return the sketch that a PNG shows.
+    """Return the sketch in a PNG.
 
     The ground is the colour of most pixels. Red ink is an arrow, green ink an oval; ink of any other colour
     is an oval if it goes round, else an arrow. The head of an arrow is the end with more ink beside the
