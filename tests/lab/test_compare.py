@@ -16,9 +16,8 @@ from hybridmpm.physics.manifest import models
 from hybridmpm.planner import store as calibrations
 from hybridmpm.planner.calibration import MEASURES as PLANNED
 from hybridmpm.planner.calibration import Calibration
-from hybridmpm.planner.candidates import loaded
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.compare import comparison, crossing, hybrid, methods, plan_errors, times, tradeoff, truth
+from hybridmpm_lab.compare import comparison, crossing, hybrid, lists, methods, plan_errors, times, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.harness.provenance import provenance, shipped
@@ -134,7 +133,7 @@ def test_files_of_other_settings_and_damaged_files_are_refused(tmp_path: Path) -
 
 
 def test_all_methods_of_a_plan_are_compared() -> None:
-    for case in tradeoff.cases(tradeoff.TradeoffSettings()):
+    for case in lists.tradeoff(lists.TradeoffSettings()):
         name = case.head["scenario"]
         served = methods.serving(name)
         assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "coarse 1/64"} < set(case.methods)
@@ -211,7 +210,8 @@ def test_a_failure_is_counted_and_the_others_are_measured() -> None:
         is_full=False,
     )
     store = RowStore({})
-    comparison.measure([case], store, provenance("c"), passes=1, on_progress=lambda _: None)
+    comparison.measure_errors([case], store, provenance("c"), 1, lambda _: None)
+    comparison.measure_times([case], store, provenance("c"), 1, lambda _: None)
     wrong, right = comparison.table([case], store)
     assert (wrong["failed"], wrong["error"], wrong["ms_per_frame"], wrong["dominated_by"]) == (
         1,
@@ -269,7 +269,7 @@ def test_hybrids_are_compared_with_mpm_of_as_few_particles(
     assert result.exit_code == 0, result.output
     rows = json.loads(file.read_text())
     means = {(row["scenario"], row["method"], row["label"]): row for row in rows if row["part"] == "mean"}
-    hybrids = means["water_2d", "hybrid", "network"]
+    hybrids = means["water_2d", "hybrid", "fluids_2d"]
     shares = [hybrids[name] for name in ("mpm_share", "network", "free_fall", "rest")]
     assert sum(shares) == pytest.approx(1, abs=1e-3)
     assert hybrids["free_fall"] > 0
@@ -285,23 +285,14 @@ def test_hybrids_are_compared_with_mpm_of_as_few_particles(
 
 
 def test_bounds_hold_in_nine_scenes_of_ten() -> None:
-    def halves(ratios: list[float]) -> dict[int, list[Any]]:
-        origin = dict.fromkeys(comparison.ORIGIN)
-        pairs = [({"error_40": ratio, **origin}, {"error_40": 1.0}) for ratio in ratios]
-        return {half: pairs[half::2] for half in (0, 1)}
-
     # In 99 scenes the 90th smallest is the bound: (99 + 1) 0.9.
     known = [1 + one / 100 for one in range(1, 100)]
-    fresh = [one + 0.105 for one in known]
-    first, *_ = hybrid._bounds(
-        "water_2d", halves([one for pair in zip(known, fresh, strict=True) for one in pair])
-    )
-    assert first["bound"] == pytest.approx(1.90)
-    assert first["held"] == pytest.approx(79 / 99, rel=1e-3)
-    assert (first["calibrated_on"], first["tested_on"]) == (99, 99)
+    found = hybrid.bound(known, [one + 0.105 for one in known])
+    assert found["bound"] == pytest.approx(1.90)
+    assert found["held"] == pytest.approx(79 / 99, rel=1e-3)
+    assert (found["calibrated_on"], found["tested_on"]) == (99, 99)
     # Eight scenes are too few for nine of ten.
-    (few, *_) = hybrid._bounds("water_2d", halves([1.0] * 16))
-    assert (few["bound"], few["held"]) == (None, None)
+    assert hybrid.bound([1.0] * 8, [1.0] * 8)["bound"] is None
 
 
 def test_cases_of_the_crossing_change_one_thing_each() -> None:
@@ -330,18 +321,6 @@ def test_cases_of_the_crossing_change_one_thing_each() -> None:
     assert many["neural fluids_2d"].r_p == pytest.approx(1 / 8 / 16)
 
 
-def test_an_enlarged_network_has_the_neighbours_of_its_training() -> None:
-    model = loaded("fluids_2d", 1)
-    side = np.arange(0.3, 0.6, 2**1.5 / 256, dtype=np.float32)
-    x = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    history, types = np.repeat(x[None], 6, axis=0), np.full(len(x), 5, dtype=np.int64)
-    known = np.tile(np.array(scenarios.get("water_2d", 1).gravity, np.float32), (len(x), 1))
-    walls = np.array([[0.1, 0.1], [0.9, 0.9]], dtype=np.float32)
-    moved = model.step(history, types, known, walls)
-    half = methods.enlarged("fluids_2d", 2.0, 1).step(history / 2, types, known / 2, walls / 2)
-    assert half == pytest.approx(moved / 2, abs=1e-6)
-
-
 def test_networks_of_a_crossing_are_compared_with_equal_errors(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
@@ -354,22 +333,20 @@ def test_networks_of_a_crossing_are_compared_with_equal_errors(tmp_path: Path) -
     assert result.exit_code == 0, result.output
     assert chart.stat().st_size > 10_000
     rows = json.loads(file.read_text())
-    # Three cases of four methods, and the latency of the network with as many particles as cells need.
-    assert len(rows) == 3 * 4 + 1
+    assert len(rows) == 3 * 4
     learned = [row for row in rows if row["method"] == "neural"]
-    keys = ("resolution", "compression", "variant", "refused")
+    keys = ("resolution", "compression", "refused")
     assert [tuple(row[key] for key in keys) for row in learned] == [
-        (64, None, None, True),
-        (64, None, "latency alone", True),
-        (128, None, None, False),
-        (128, 0.005, None, True),
+        (64, None, True),
+        (128, None, False),
+        (128, 0.005, True),
     ]
     for row in learned:
         others = [one for one in rows if all(one[key] == row[key] for key in ("resolution", "compression"))]
         equal = next(one for one in others if f"{one['method']} {one['label']}" == row["equal_mpm"])
         assert row["equal_mpm_ms"] == equal["ms_per_frame"]
         assert row["times_slower"] == pytest.approx(row["ms_per_frame"] / row["equal_mpm_ms"], rel=1e-3)
-        assert equal["error"] <= (learned[2] if row["variant"] else row)["error"]
+        assert equal["error"] <= row["error"]
     assert all(row["times_slower"] is None for row in rows if row["method"] != "neural")
 
 

@@ -12,13 +12,10 @@ from hybridmpm._support.machine import usable_cores
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option, save
-from hybridmpm_lab.compare import coarse as coarse_modes
-from hybridmpm_lab.compare import comparison
+from hybridmpm_lab.compare import comparison, lists
 from hybridmpm_lab.compare import crossing as crossings
 from hybridmpm_lab.compare import hybrid as hybrids
-from hybridmpm_lab.compare import models as networks
 from hybridmpm_lab.compare import plan_errors as errors_of_plans
-from hybridmpm_lab.compare import tradeoff as tradeoffs
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.harness import chart
 from hybridmpm_lab.harness.rows import Row
@@ -54,7 +51,7 @@ class _Comparison:
     columns: tuple[str, ...] = _COLUMNS
     table: Callable[[Sequence[Case], RowStore], list[Row]] = comparison.table
     draw: Callable[[Sequence[Row], Path], object] = chart.chart
-    parts: tuple[str, ...] = ("errors", "times")
+    is_timed: bool = True
 
     def command(self) -> click.Command:
         """Return the command."""
@@ -62,7 +59,7 @@ class _Comparison:
         @settings_options(self.settings)
         @click.option(
             "--only",
-            type=click.Choice([*self.parts, "table"]),
+            type=click.Choice(["errors", "times", "table"]),
             help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
             "table is made of the rows in the file of --runs.",
         )
@@ -109,12 +106,12 @@ class _Comparison:
             require_installed(peer)
         cases, store = self.cases(settings), RowStore(settings.shared(), runs_file)
         origin = origin_of(self.name, settings)
-        for part in self.parts:
-            if only in (None, part):
-                with progress(part.capitalize(), comparison.steps(cases, part)) as bar:
-                    comparison.measure(
-                        cases, store, origin, only=part, passes=passes, jobs=jobs, on_progress=bar.update
-                    )
+        if only in (None, "errors"):
+            with progress("Errors", sum(len(case.seeds) for case in cases)) as bar:
+                comparison.measure_errors(cases, store, origin, jobs, bar.update)
+        if only in (None, "times") and self.is_timed:
+            with progress("Times", len(cases)) as bar:
+                comparison.measure_times(cases, store, origin, passes, bar.update)
         rows = self.table(cases, store)
         if not rows:
             raise ConfigError(f"{runs_file} has no runs of these cases; measure them first")
@@ -126,8 +123,8 @@ class _Comparison:
 
 tradeoff = _Comparison(
     name="tradeoff",
-    settings=tradeoffs.TradeoffSettings,
-    cases=tradeoffs.cases,
+    settings=lists.TradeoffSettings,
+    cases=lists.tradeoff,
     summary="""Compare all methods by error and time.
 
     Methods are MPM in full and with fewer particles, alone, showing all and fitted; softer; each
@@ -138,8 +135,8 @@ tradeoff = _Comparison(
 ).command()
 coarse = _Comparison(
     name="coarse",
-    settings=coarse_modes.CoarseSettings,
-    cases=coarse_modes.cases,
+    settings=lists.CoarseSettings,
+    cases=lists.coarse,
     summary="""Compare MPM with fewer particles by error and time: alone, showing all, and fitted.
 
     Beside them stand the floors of the error (jitter: the truth with other jitter; merged: the truth shown by
@@ -148,8 +145,8 @@ coarse = _Comparison(
 ).command()
 models = _Comparison(
     name="models",
-    settings=networks.ModelsSettings,
-    cases=networks.cases,
+    settings=lists.ModelsSettings,
+    cases=lists.models,
     summary="""Compare networks by error and time, beside MPM and free fall.
 
     equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
@@ -167,7 +164,7 @@ hybrid = _Comparison(
     columns=_HYBRID_COLUMNS,
     table=hybrids.table,
     draw=hybrids.chart,
-    parts=("errors",),
+    is_timed=False,
 ).command()
 crossing = _Comparison(
     name="crossing",

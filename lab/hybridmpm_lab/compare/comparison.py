@@ -15,7 +15,7 @@ from hybridmpm.scene import Scene
 from hybridmpm_lab.compare import peers
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.compare.times import FIELDS, times
-from hybridmpm_lab.compare.truth import MEASURES, Truth, errors, grid_errors, shares
+from hybridmpm_lab.compare.truth import MEASURES, SHARES, Truth, errors, grid_errors, shares
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import FIRST_SEED, Progress, Row, significant
 from hybridmpm_lab.harness.settings import scenarios_setting, setting
@@ -30,7 +30,6 @@ RIVALS = ("mpm", "coarse")
 FRONTS = ("error", "transport")
 """Errors by which rows have a Pareto front."""
 ORIGIN = ("machine", "date", "commit", "command", "solver_version", "ingredients")
-_MEANS = ("start", "particles", "mpm_share")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +75,8 @@ class Case:
     """Substeps of the truth; None for the ground truth's."""
     is_full: bool = True
     """Whether all errors are measured, or the grid error alone."""
+    base: str | None = None
+    """Name of the method to whose error on the same scene ratios are taken, if any."""
     threads: int = 1
     """Threads of every simulator."""
 
@@ -95,56 +96,34 @@ def seeds(count: int, first: int = FIRST_SEED) -> tuple[int, ...]:
     return tuple(range(first, first + count))
 
 
-def measure(
-    cases: Sequence[Case],
-    store: RowStore,
-    origin: Provenance,
-    *,
-    only: str | None = None,
-    passes: int = 9,
-    jobs: int = 1,
-    on_progress: Progress,
+def measure_errors(
+    cases: Sequence[Case], store: RowStore, origin: Provenance, jobs: int, on_progress: Progress
 ) -> None:
-    """Measure what the store does not have; `on_progress` counts scenes, and each case once for its times.
+    """Add the errors that the store lacks, by ("errors", *case.key, seed, name); `on_progress` counts scenes.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-    store : RowStore
-        Rows so far, by ("errors", *case.key, seed, name) and ("times", *case.key, name).
-    origin : Provenance
-    only : {"errors", "times", "table"}, optional
-        Part that is measured alone; "table" measures nothing.
-    passes : int
-        Number of times that each piece is timed; the lower quartile counts.
-    jobs : int
-        Processes that each measure the errors of one scene at a time; the errors do not depend on them.
+    `jobs` processes each measure one scene at a time; the errors do not depend on them.
     """
-    if only in (None, "errors"):
-        for case, seed, found in _all_errors(cases, store, jobs, on_progress):
-            for name, row in found:
-                method = case.methods.get(name)
-                mine = origin.using(*(method.ingredients if method else ()))
-                store.add(("errors", *case.key, seed, name), mine.stamped(row))
-            on_progress(1)
-    if only in (None, "times"):
-        for case in cases:
-            names = list(case.methods)
-            if not all(("times", *case.key, name) in store for name in names):
-                for name, row in _times(case, passes):
-                    store.add(("times", *case.key, name), origin.stamped(row))
-            on_progress(1)
+    for case, seed, found in _all_errors(cases, store, jobs, on_progress):
+        for name, row in found:
+            method = case.methods.get(name)
+            mine = origin.using(*(method.ingredients if method else ()))
+            store.add(("errors", *case.key, seed, name), mine.stamped(row))
+        on_progress(1)
 
 
-def _times(case: Case, passes: int) -> Iterator[tuple[str, Row]]:
-    given = {"warm_up": case.warm_up, "span": case.span, "threads": case.threads}
-    return times(case.methods, case.timed(), passes=passes, **given)
+def measure_times(
+    cases: Sequence[Case], store: RowStore, origin: Provenance, passes: int, on_progress: Progress
+) -> None:
+    """Add the times that the store lacks, by ("times", *case.key, name); `on_progress` counts cases.
 
-
-def steps(cases: Sequence[Case], only: str | None) -> int:
-    """Return the number of steps that `measure` reports."""
-    scenes = sum(len(case.seeds) for case in cases) if only in (None, "errors") else 0
-    return scenes + (len(cases) if only in (None, "times") else 0)
+    All methods of a case are timed together, each piece in each of the `passes`.
+    """
+    for case in cases:
+        if not all(("times", *case.key, name) in store for name in case.methods):
+            given = {"warm_up": case.warm_up, "span": case.span, "threads": case.threads}
+            for name, row in times(case.methods, case.timed(), passes=passes, **given):
+                store.add(("times", *case.key, name), origin.stamped(row))
+        on_progress(1)
 
 
 def _all_errors(
@@ -239,6 +218,16 @@ def samples(case: Case, name: str, store: RowStore) -> dict[int, Row]:
     return {seed: row for seed, row in found.items() if row is not None}
 
 
+def ratios(case: Case, name: str, store: RowStore, measure_: str = "error") -> dict[int, float]:
+    """Return the errors of a method over those of the base by seed, where both are known."""
+    base = samples(case, str(case.base), store)
+    pairs = {
+        seed: (row.get(measure_), base.get(seed, {}).get(measure_))
+        for seed, row in samples(case, name, store).items()
+    }
+    return {seed: one / two for seed, (one, two) in pairs.items() if one is not None and two is not None}
+
+
 def _of_case(case: Case, store: RowStore) -> list[Row]:
     names = dict.fromkeys((*case.methods, *case.bounds))
     known = {name: samples(case, name, store) for name in names}
@@ -251,7 +240,8 @@ def _of_case(case: Case, store: RowStore) -> list[Row]:
     for name in names:
         time = store.get(("times", *case.key, name)) or {}
         if known[name] or time:
-            rows.append(_row(case, name, list(known[name].values()), time, by_scene))
+            row = _row(case, name, list(known[name].values()), time, by_scene)
+            rows.append(row | _ratio_fields(case, name, store) if case.base else row)
     real = [row for row in rows if row_name(row) not in BOUNDS]
     rivals = [row for row in real if row["method"] in RIVALS]
     for row in rows:
@@ -294,11 +284,22 @@ def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metri
         "scenes": len(known),
         "failed": sum(bool(row["failed"]) for row in known),
         "warned": sum(bool(row["warned"]) for row in known),
-        **{one: mean(known, one) for one in _MEANS},
+        **{one: mean(known, one) for one in ("start", "particles", *(SHARES if case.base else SHARES[:1]))},
         **{one: time.get(one) for one in FIELDS},
         **estimates,
         **{one: first.get(one) for one in ORIGIN},
         **{f"timed_{one}": time.get(one) for one in ("date", "commit")},
+    }
+
+
+def _ratio_fields(case: Case, name: str, store: RowStore) -> Row:
+    """Return the mean ratio to the base's error, its standard error, and the largest ratio."""
+    found = list(ratios(case, name, store).values())
+    spread = metrics.Estimate.of(found) if found else None
+    return {
+        "ratio": significant(spread.mean if spread else None),
+        "ratio_se": significant(spread.standard_error if spread else None),
+        "worst": significant(max(found, default=None)),
     }
 
 

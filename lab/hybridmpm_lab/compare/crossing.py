@@ -15,13 +15,13 @@ from hybridmpm.physics.manifest import models
 from hybridmpm.planner.candidates import Candidate, solvers
 from hybridmpm.scene import Scene, Water
 from hybridmpm_lab.compare import comparison, methods
-from hybridmpm_lab.compare.comparison import RIVALS, Case, ComparisonSettings, seeds
+from hybridmpm_lab.compare.comparison import Case, ComparisonSettings, seeds
 from hybridmpm_lab.compare.methods import LEARNED, Method
 from hybridmpm_lab.harness.chart import legend
 from hybridmpm_lab.harness.rows import FIRST_SEED, Row, significant
 from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.store import RowStore
-from hybridmpm_lab.harness.table import equal_error, row_name
+from hybridmpm_lab.harness.table import row_name
 
 SCENARIOS = ("water_2d", "sand_2d", "water_3d", "sand_3d")
 """Scenarios of one material without obstacles."""
@@ -32,8 +32,6 @@ COMPRESSIONS = (0.014, 0.005, 0.001)
 compression is than water of the first."""
 MANY = 100_000
 """Number of particles above which a case has one scene only."""
-LATENCY_ALONE = "latency alone"
-"""Variant of a network that would have to be trained for a case: it has no error of its own."""
 _REFERENCE_STEP = 0.02
 """Time in which the ground truth advances by a substep, for each metre of a cell's width [s/m]."""
 _LEAST = 60
@@ -158,16 +156,6 @@ def _methods(one: Variation, particles: int) -> Iterator[Method]:
         r_p = min(1.0, models()[name].r_p / one.finer**dim)
         yield methods.rescaled("neural", name, r_p)
         yield methods.rescaled("hybrid", name, r_p)
-        if one.finer != 1:
-            yield Method(
-                method="neural",
-                label=f"{name} enlarged",
-                variant=LATENCY_ALONE,
-                r_p=models()[name].r_p,
-                r_t=models()[name].r_t,
-                stepper=partial(methods.enlarged, name, one.finer),
-                ingredients=(name,),
-            )
 
 
 def _stiffer(scene: Scene, compression: float) -> Scene:
@@ -183,34 +171,16 @@ def _stiffer(scene: Scene, compression: float) -> Scene:
 
 
 def table(found: Sequence[Case], store: RowStore) -> list[Row]:
-    """Return the rows of `comparison.table`, and how much slower learned methods are than MPM of equal error.
+    """Return the rows of `comparison.table`, and how much slower networks are than MPM of equal error.
 
-    `refused` is whether the library refuses the case, `times_slower` the method's time over `equal_mpm_ms`. A
-    network of the variant "latency alone" simulates the share of the particles that it was trained with, so
-    it would have to be trained anew. It is compared with the MPM that errs no more than the same network does
-    on its own scenes, and its `error` is None.
+    `refused` is whether the library refuses the case, `times_slower` the method's time over `equal_mpm_ms`.
     """
     rows = comparison.table(found, store)
-    trained = {
-        (row["scenario"], row["label"]): row["error"]
-        for row in rows
-        if row["method"] == "neural" and _is_trained(row)
-    }
     for row in rows:
-        if row["variant"] == LATENCY_ALONE:
-            error = trained.get((row["scenario"], row["label"].removesuffix(" enlarged")))
-            same = ("scenario", "resolution", "compression")
-            rivals = [
-                one for one in rows if one["method"] in RIVALS and all(one[key] == row[key] for key in same)
-            ]
-            equal = equal_error({"error": error}, rivals)
-            row["equal_mpm"], row["equal_mpm_ms"] = equal and row_name(equal), equal and equal["ms_per_frame"]
         is_learned = row["method"] in LEARNED
+        is_measured = is_learned and row["equal_mpm_ms"] and row["ms_per_frame"]
         row["refused"] = is_learned and not _is_trained(row)
-        slower = None
-        if is_learned and row["equal_mpm_ms"] and row["ms_per_frame"]:
-            slower = row["ms_per_frame"] / row["equal_mpm_ms"]
-        row["times_slower"] = significant(slower)
+        row["times_slower"] = significant(row["ms_per_frame"] / row["equal_mpm_ms"]) if is_measured else None
     return rows
 
 

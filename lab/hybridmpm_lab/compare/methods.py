@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from hybridmpm import metrics
 from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import ConfigError
@@ -169,13 +166,10 @@ class UncheckedModel:
     model : NeuralModel
     r_p : float in (0, 1]
         Share of the particles of the scene.
-    larger : float
-        Factor on lengths before a step, undone after it. So the same share of the particles of a finer scene
-        has as many neighbours as in the training. The positions then mean nothing: only their latency counts.
     """
 
-    def __init__(self, model: NeuralModel, r_p: float, larger: float = 1.0) -> None:
-        self._model, self._r_p, self._larger = model, r_p, np.float32(larger)
+    def __init__(self, model: NeuralModel, r_p: float) -> None:
+        self._model, self._r_p, self.step = model, r_p, model.step
 
     @property
     def r_p(self) -> float:
@@ -189,22 +183,6 @@ class UncheckedModel:
 
     def check(self, _scene: Scene) -> None:
         """Refuse nothing."""
-
-    def step(
-        self,
-        history: npt.NDArray[np.float32],
-        types: npt.NDArray[np.int64],
-        acceleration: npt.NDArray[np.float32],
-        walls: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
-        """Return positions one step later; see `Stepper.step`."""
-        by = self._larger
-        return self._model.step(history * by, types, acceleration * by, walls * by) / by
-
-
-def enlarged(model: str, larger: float, threads: int) -> Stepper:
-    """Return a network for its latency in a scene that is `larger` times as fine as its training."""
-    return UncheckedModel(loaded(model, threads), models()[model].r_p, larger)
 
 
 def serving(scenario: str) -> list[str]:

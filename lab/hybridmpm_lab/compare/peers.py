@@ -51,8 +51,8 @@ def states(package: str, truth: Truth) -> Recording:
 
 def pieces(
     baseline: Baseline, scene: Scene, start: int, span: int, frames: int
-) -> Iterator[tuple[str, int, list[TimedCall]]]:
-    """Yield each setting of a peer, its threads, and its pieces by its own clock."""
+) -> Iterator[tuple[int, list[TimedCall]]]:
+    """Yield the threads of each setting of a peer, and its pieces by its own clock."""
     solver, substeps = MpmSolver(scene, substeps="reference"), _substeps(scene)
     solver.advance(start)
     state = (solver.positions, solver.velocities, solver.affine, solver.volume_ratio)
@@ -65,7 +65,7 @@ def pieces(
             )
             for frame in range(0, span - frames, max(span // 3, 1))
         ]
-        yield setting, threads, calls
+        yield threads, calls
 
 
 def _prepare(baseline: Baseline, setting: str, frame: int) -> None:

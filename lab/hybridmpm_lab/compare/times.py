@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 
@@ -42,48 +42,36 @@ def times(
     counts.
     """
     start = first_frame(scene, warm_up)
-    calls: list[TimedCall] = []
-    owners: list[tuple[str, Row]] = []
+    timed: list[tuple[str, int, list[TimedCall]]] = []
     with ExitStack() as stack, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the rows of errors count them
         for name, method in methods.items():
-            facts: Row = {"threads": threads, "setting": None}
             try:
                 if method.stepper is not None:
-                    mine = _steps(method.stepper(threads), scene, start, span)
+                    timed.append((name, threads, _steps(method.stepper(threads), scene, start, span)))
                 elif method.make is not None:
-                    mine = _pieces(method.make(scene, threads), start, span)
+                    timed.append((name, threads, _pieces(method.make(scene, threads), start, span)))
                 else:
-                    for setting, its_threads, some in peers.pieces(
-                        stack.enter_context(baseline_process(method.label)), scene, start, span, PIECE
-                    ):
-                        facts = {"threads": its_threads, "setting": setting}
-                        calls += some
-                        owners += [(name, facts)] * len(some)
-                    continue
+                    baseline = stack.enter_context(baseline_process(method.label))
+                    settings = peers.pieces(baseline, scene, start, span, PIECE)
+                    timed += [(name, its_threads, calls) for its_threads, calls in settings]
             except SimulationError:
-                yield name, dict.fromkeys(FIELDS) | facts
-                continue
-            calls += mine
-            owners += [(name, facts)] * len(mine)
-        calibration = Calibration(threads)
-        seconds = seconds_by_turns([*calls, TimedCall(call=calibration.slowdown)], passes)
-    slowdown = significant(_quartile(seconds.pop()), 3)
-    pieces: dict[tuple[str, str | None], list[float]] = {}
-    by_setting: dict[tuple[str, str | None], Row] = {}
-    for (name, facts), spent in zip(owners, seconds, strict=True):
-        key = (name, facts["setting"])
-        pieces.setdefault(key, []).append(1e3 * _quartile(spent))
-        by_setting[key] = facts
-    quickest: dict[str, Row] = {}
-    for key, ms in sorted(pieces.items(), key=lambda item: float(np.median(item[1]))):
+                yield name, dict.fromkeys(FIELDS) | {"threads": threads}
+        calls = [call for *_, mine in timed for call in mine]
+        seconds = seconds_by_turns([*calls, TimedCall(call=Calibration(threads).slowdown)], passes)
+    quartiles = [float(np.percentile(mine, 25)) for mine in seconds]
+    slowdown = significant(quartiles.pop(), 3)
+    rows: dict[str, Row] = {}
+    for name, its_threads, mine in timed:
+        ms = [1e3 * quartiles.pop(0) for _ in mine]
         row = {
             "ms_per_frame": significant(float(np.median(ms))),
             "ms_p95": significant(float(np.percentile(ms, 95))),
             "slowdown": slowdown,
+            "threads": its_threads,
         }
-        quickest.setdefault(key[0], row | by_setting[key])
-    yield from quickest.items()
+        rows[name] = min(rows.get(name, row), row, key=lambda one: one["ms_per_frame"])
+    yield from rows.items()
 
 
 def _pieces(simulator: CoarseSimulator, start: int, span: int) -> list[TimedCall]:
@@ -131,7 +119,3 @@ def _step(stepper: Stepper, states: Recording, frame: int) -> float:
         _ = track.positions
     track.arrive()
     return (time.perf_counter() - began) / stepper.r_t
-
-
-def _quartile(values: Sequence[float]) -> float:
-    return float(np.percentile(values, 25))

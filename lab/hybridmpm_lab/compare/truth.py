@@ -35,6 +35,8 @@ MEASURES = (
     "sliced",
 )
 """Names of all errors; see `errors`."""
+SHARES = ("mpm_share", "network", "free_fall", "rest", "contact")
+"""Shares of the frames; see `shares`."""
 _Counts = dict[str, int]
 
 

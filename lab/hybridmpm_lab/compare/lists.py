@@ -1,0 +1,159 @@
+"""The lists of methods and scenes of the trade-off, of coarse modes and of networks."""
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from hybridmpm import scenarios
+from hybridmpm.errors import ConfigError
+from hybridmpm.physics import manifest
+from hybridmpm.physics.manifest import default_model
+from hybridmpm.physics.stepper import Stepper
+from hybridmpm.physics.track import warmup_frames
+from hybridmpm.planner.candidates import RATIOS, loaded
+from hybridmpm_lab.compare import methods, peers
+from hybridmpm_lab.compare.comparison import BOUNDS, RIVALS, Case, ComparisonSettings, seeds
+from hybridmpm_lab.compare.methods import Method
+from hybridmpm_lab.compare.truth import reference_scene
+from hybridmpm_lab.harness.rows import FIRST_SEED
+from hybridmpm_lab.harness.settings import scenarios_setting, setting
+from hybridmpm_lab.speed.baselines import SOLVERS
+
+THRESHOLDS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
+"""r_c of the hybrids that the cosine alone guards."""
+PAPER = {"paper r_p 1, r_t 1": ("1", 1), "paper r_p 1/1.75, r_t 2": ("1/1.75", 2)}
+"""Label of r_p, and r_t, by the label of a setting of the paper: 10 layers of 128 numbers."""
+_LADDER = [f"mpm {label}" for label in RATIOS]
+"""Names of MPM with all and with fewer particles."""
+_SPACINGS = {2: 2.9, 3: 2.0}
+"""Connectivity radius in spacings of the particles, by dimension: some 26 neighbours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TradeoffSettings(ComparisonSettings):
+    """Settings of the chart of all methods."""
+
+    peer: tuple[str, ...] = setting((), "Solver of others, for the scenes that it takes.", SOLVERS)
+    paper: bool = setting(False, "Time networks of the paper's size, too. This needs torch.", bool)  # noqa: FBT003
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoarseSettings(ComparisonSettings):
+    """Settings of the comparison of coarse modes, in scenarios of one material without obstacles."""
+
+    scenario: tuple[str, ...] = scenarios_setting(("water_2d", "sand_2d", "water_3d", "sand_3d"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelsSettings(ComparisonSettings):
+    """Settings of the comparison of networks."""
+
+    scenario: tuple[str, ...] = scenarios_setting(())
+    model: tuple[str, ...] = setting(
+        (), "Name of a network, or its ONNX file; if absent, all that ship.", str
+    )
+
+
+def tradeoff(settings: TradeoffSettings) -> list[Case]:
+    """Return a case for each scenario, with every method of the library, and peers."""
+    return [
+        _case(name, _methods(name, settings), settings, methods.warm_up(name)) for name in settings.scenario
+    ]
+
+
+def coarse(settings: CoarseSettings) -> list[Case]:
+    """Return a case for each scenario, with MPM of all and of fewer particles, from the first impact on."""
+    return [
+        _case(name, [one for one in methods.planned(name).values() if one.method in RIVALS], settings, 0)
+        for name in settings.scenario
+    ]
+
+
+def models(settings: ModelsSettings) -> list[Case]:
+    """Return a case for each scenario that one of the networks serves, of `settings.scenario` where given.
+
+    Raises
+    ------
+    ConfigError
+        No network serves a scenario that is given, or two networks have one label.
+    """
+    names = settings.model or tuple(manifest.models())
+    labels = [methods.network(name).label for name in names]
+    twins = [label for label in labels if labels.count(label) > 1]
+    if twins:
+        raise ConfigError(f"two models are called {twins[0]}; give each once, and rename files of one name")
+    served = {
+        scenario: [name for name in names if scenario in loaded(name, 1).spec.scenarios]
+        for scenario in scenarios.NAMES
+    }
+    wanted = settings.scenario or tuple(scenario for scenario, mine in served.items() if mine)
+    unserved = [scenario for scenario in wanted if not served[scenario]]
+    if unserved or not wanted:
+        missing, listed = ", ".join(unserved) or "any scenario", ", ".join(names) or "none yet"
+        raise ConfigError(f"no model serves {missing}; the models are {listed}")
+    found = []
+    for scenario in wanted:
+        networks = [methods.network(name) for name in served[scenario]]
+        falling = [methods.free_fall(one.r_p, one.r_t) for one in networks]
+        ladder = [one for name, one in methods.planned(scenario).items() if name in _LADDER]
+        warm_up = max(warmup_frames(one.r_t) for one in networks)
+        found.append(_case(scenario, [*networks, *falling, *ladder], settings, warm_up))
+    return found
+
+
+def _case(scenario: str, some: Iterable[Method], settings: ComparisonSettings, warm_up: int) -> Case:
+    return Case(
+        head={"scenario": scenario},
+        scene=partial(scenarios.get, scenario),
+        timed=partial(reference_scene, scenario),
+        methods=methods.matching(some, settings.method),
+        bounds=BOUNDS,
+        seeds=seeds(settings.scenes),
+        warm_up=warm_up,
+        span=settings.span,
+        threads=settings.threads,
+    )
+
+
+def _methods(scenario: str, settings: TradeoffSettings) -> Iterator[Method]:
+    yield methods.truth()
+    yield from methods.planned(scenario).values()
+    for r_c in THRESHOLDS:
+        yield methods.cosine_hybrid(default_model(scenario), r_c)
+    if peers.can_simulate(scenarios.get(scenario, FIRST_SEED)):
+        for package in settings.peer:
+            yield Method(method="peer", label=package)
+    for label, (ratio, r_t) in PAPER.items() if settings.paper else ():
+        yield Method(
+            method="neural",
+            label=label,
+            variant="untrained",
+            r_p=RATIOS[ratio],
+            r_t=r_t,
+            stepper=partial(_untrained, scenario, RATIOS[ratio], r_t),
+        )
+
+
+def _untrained(scenario: str, r_p: float, r_t: int, threads: int) -> Stepper:
+    """Return a network of the paper's size with random weights; its answers mean nothing."""
+    import torch  # noqa: PLC0415 - an extra
+
+    from hybridmpm.physics.model import NeuralModel  # noqa: PLC0415
+    from hybridmpm.physics.model_info import ModelInfo  # noqa: PLC0415
+    from hybridmpm.physics.spec import NetworkSpec, Normalization  # noqa: PLC0415
+    from hybridmpm.training.export import described, to_onnx  # noqa: PLC0415
+    from hybridmpm.training.physics.network.simulator import LearnedSimulator  # noqa: PLC0415
+
+    torch.manual_seed(0)
+    spec = NetworkSpec(scenarios=(scenario,), radius=1.0, r_p=r_p, r_t=r_t)
+    spec = dataclasses.replace(spec, radius=round(_SPACINGS[spec.dim] * spec.spacing, 6))
+    # Small scales, so that all motion counts as a disturbance and the network is run.
+    unit, none = (1e-3,) * spec.dim, (0.0,) * spec.dim
+    scales = Normalization(
+        velocity_mean=none, velocity_std=unit, acceleration_mean=none, acceleration_std=unit, noise_std=0.0
+    )
+    simulator = LearnedSimulator(spec, scales)
+    parameters = sum(parameter.numel() for parameter in simulator.parameters())
+    info = ModelInfo(spec=spec, scales=scales, parameters=parameters, training={})
+    return NeuralModel(described(to_onnx(simulator, info), info), where=scenario, threads=threads)
