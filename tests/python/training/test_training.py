@@ -18,10 +18,9 @@ from hybridmpm.physics.spec import HISTORY, NetworkSpec, Normalization
 from hybridmpm.scene.particle_types import KINEMATIC, SAND, WATER
 from hybridmpm.training import checkpoint, run
 from hybridmpm.training.physics import datasets
-from hybridmpm.training.physics.losses import huber_loss
 from hybridmpm.training.physics.rollouts import errors, log_rollouts, rollout
 from hybridmpm.training.physics.scales import normalization
-from hybridmpm.training.physics.trainer import Trainer
+from hybridmpm.training.physics.trainer import Trainer, huber_loss
 from hybridmpm.training.physics.windows import Windows, edges_of, first_push
 from hybridmpm.training.settings import TrainingSettings
 

@@ -56,8 +56,11 @@ def control(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | Non
     device = torch_device(options["device"], threads)
     from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
     from hybridmpm.training.control.transport.supply import Source, Supply  # noqa: PLC0415
-    from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415
-    from hybridmpm.training.control.transport.validation import held_out, log_unexplained  # noqa: PLC0415
+    from hybridmpm.training.control.transport.trainer import (  # noqa: PLC0415
+        TransportTrainer,
+        held_out,
+        log_unexplained,
+    )
 
     trainer = continued(ctx, partial(TransportTrainer.load, device=device)) or _new(names, options, device)
     spec, (training, validation) = trainer.spec, splits_of(options)

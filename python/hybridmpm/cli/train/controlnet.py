@@ -54,8 +54,10 @@ def controlnet(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | 
     """
     device = torch_device("cpu", threads)
     from hybridmpm.training.control.controlnet import cases  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control.controlnet.trainer import ControlNetTrainer  # noqa: PLC0415
-    from hybridmpm.training.control.controlnet.validation import log_unexplained  # noqa: PLC0415
+    from hybridmpm.training.control.controlnet.trainer import (  # noqa: PLC0415
+        ControlNetTrainer,
+        log_unexplained,
+    )
 
     trainer = continued(ctx, ControlNetTrainer.load)
     older = None if options["finetune"] is None else ControlNetTrainer.load(options["finetune"])

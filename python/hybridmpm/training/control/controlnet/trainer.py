@@ -1,7 +1,7 @@
 """`ControlNetTrainer`: a Fluid ControlNet in training."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -17,6 +17,7 @@ from hybridmpm.training.control.controlnet.ways import WAY, way_of
 from hybridmpm.training.control.controlnet.windows import Batch, drawn, plain
 from hybridmpm.training.physics.network.edges import Edges
 from hybridmpm.training.physics.network.features import edge_features, node_features
+from hybridmpm.training.run import VALIDATION, log_row
 from hybridmpm.training.settings import ControlNetSettings
 from hybridmpm.training.trainable import Trainable, adam_w
 
@@ -230,3 +231,22 @@ class ControlNetTrainer(Trainable[Conditioned]):
         spec = NetworkSpec.from_dict(json.loads(state["spec"]), where=str(path))
         settings = ControlNetSettings(**json.loads(state["settings"]))
         return cls(spec, settings, float(state["scale"])).restored(state, path)
+
+
+def log_unexplained(
+    trainer: ControlNetTrainer, folder: Path, groups: Mapping[str, Sequence[NodeCase]]
+) -> None:
+    """Add to `validation.jsonl` `ControlNetTrainer.unexplained` for arrows and ovals of each scenario.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    row = {}
+    for scenario, cases in groups.items():
+        for kind, arrow in (("arrow", True), ("oval", False)):
+            of_kind = [case for case in cases if case.is_arrow is arrow]
+            if of_kind:
+                row[f"{scenario}_{kind}"] = trainer.unexplained(of_kind)
+    log_row(folder / VALIDATION, {"step": trainer.step_count, "seconds": trainer.seconds, **row})

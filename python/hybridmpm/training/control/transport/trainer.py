@@ -1,7 +1,7 @@
 """`TransportTrainer`: a transport network with its optimizer and random generator."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -13,13 +13,17 @@ from torch.nn import functional
 
 from hybridmpm.control.methods.learned.features import SCALE
 from hybridmpm.control.methods.learned.spec import TransportSpec
+from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport.network import TransportNetwork
-from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of
+from hybridmpm.training.control.transport.windows import Batch, Sample, batch_of, drawn
+from hybridmpm.training.run import VALIDATION, log_row
 from hybridmpm.training.settings import TransportSettings
 from hybridmpm.training.trainable import Trainable, adam_w
 
 _CHUNK = 64
 """Validation samples that are evaluated at once."""
+_EACH = 2
+"""Validation samples of each scene."""
 
 
 class TransportTrainer(Trainable[TransportNetwork]):
@@ -123,3 +127,35 @@ def _covariance(places: Tensor) -> Tensor:
 def _new(spec: TransportSpec, device: torch.device) -> TransportNetwork:
     # Convolutions are a quarter faster on the CPU with channels last.
     return TransportNetwork(spec).to(device).to(memory_format=torch.channels_last)
+
+
+def held_out(groups: Mapping[str, Sequence[Past]], spec: TransportSpec) -> dict[str, list[Sample]]:
+    """Return samples of held-out pasts, the same in each call, by scenario and kind of sketch.
+
+    Parameters
+    ----------
+    groups : mapping
+        Pasts by scenario.
+    spec : TransportSpec
+        For the range of times.
+    """
+    found: dict[str, list[Sample]] = {}
+    for scenario, pasts in groups.items():
+        rng = np.random.default_rng(0)
+        for _ in range(_EACH * len(pasts)):
+            sample = drawn(rng, pasts, shortest=spec.shortest, longest=spec.longest)
+            kind = "arrow" if sample.is_arrow else "oval"
+            found.setdefault(f"{scenario}_{kind}", []).append(sample)
+    return found
+
+
+def log_unexplained(trainer: TransportTrainer, folder: Path, groups: Mapping[str, Sequence[Sample]]) -> None:
+    """Add to `validation.jsonl` the mean of `TransportTrainer.unexplained` for each group of samples.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    row = {name: float(trainer.unexplained(samples).mean()) for name, samples in groups.items()}
+    log_row(folder / VALIDATION, {"step": trainer.step_count, "seconds": trainer.seconds, **row})
