@@ -51,9 +51,9 @@ class Trajectory:
     mean_force: npt.NDArray[np.float64]
     """Mean acceleration in each frame (T, D) [m/s^2]."""
     target_displacement: npt.NDArray[np.float64]
-    """How far the sketch asks the centre of mass to move (D,) [m]."""
+    """Displacement of the centre of mass that the sketch describes (D,) [m]."""
     displacement: npt.NDArray[np.float64]
-    """How far it moves (D,) [m]."""
+    """Displacement of the centre of mass (D,) [m]."""
 
     @classmethod
     def of(cls, answer: httpx.Response) -> "Trajectory":

@@ -1,8 +1,8 @@
 """Steering a fluid by a freehand sketch, and by hand.
 
-`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. `prepare` tells what it takes
-to follow one, `follow` lets a simulator do it frame by frame. `push` is a local force. `reversed_case` makes
-an example of control whose true end is known, and `Oracle` follows it by the forces that lead there.
+`parse_png` and `parse_strokes` turn a sketch into an `Arrow` or an `Ellipse`. `prepare` returns the effort of
+following one, `follow` lets a simulator follow it frame by frame. `push` is a local force. `reversed_case`
+makes an example of control whose true end is known, and `Oracle` follows it by the forces that lead there.
 """
 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume

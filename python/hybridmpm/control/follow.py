@@ -1,4 +1,4 @@
-"""`follow`: a simulator is led along a sketch, frame by frame."""
+"""`follow`: let a simulator follow a sketch, frame by frame."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -33,13 +33,13 @@ class ControlledFrame:
 class Following(Iterator[ControlledFrame]):
     """A simulator that follows a sketch. Each step of the iteration computes one frame.
 
-    Between two steps the simulator may be looked at, saved or paused at will. Whoever advances, resets or
-    restores it elsewhere, e.g. by following another sketch, ends this one: it is then superseded.
+    Between two steps the simulator may be read, saved or paused. To advance, reset or restore it elsewhere,
+    e.g. by following another sketch, ends this iteration: it is then superseded.
 
     Parameters
     ----------
     simulator : Simulator
-        It is advanced by the iteration. At `guidance.first_frame`, or later where a snapshot is gone on from.
+        Advanced by the iteration. At `guidance.first_frame`, or later after a snapshot.
     guidance : Guidance
         Made for this simulator's scene.
 
@@ -78,7 +78,7 @@ class Following(Iterator[ControlledFrame]):
 
     @property
     def ending(self) -> Ending | None:
-        """How it ended; None as long as there are frames to come."""
+        """Reason of the end; None as long as there are frames to come."""
         return self._ending
 
     def cancel(self) -> None:
@@ -117,7 +117,7 @@ class Following(Iterator[ControlledFrame]):
 
     @property
     def result(self) -> ControlledTrajectory:
-        """What was reached; there once the iteration has ended.
+        """The result, once the iteration has ended.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class Following(Iterator[ControlledFrame]):
         return self._result(self._ending)
 
     def snapshot(self) -> bytes:
-        """Return what `resume` needs, besides the simulator's own snapshot, to go on to the same bits."""
+        """Return the bytes from which `resume` continues, together with the simulator's own snapshot."""
         return self.guidance.snapshot()
 
     def placed(self, values: Floats32) -> Floats32:
@@ -227,7 +227,7 @@ def follow(
 
 
 def resume(simulator: Simulator, data: bytes) -> Following:
-    """Go on following a sketch from snapshots: to the same bits as without the interruption.
+    """Continue to follow a sketch from snapshots, to the same bits as without the interruption.
 
     Parameters
     ----------

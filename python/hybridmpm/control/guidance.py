@@ -1,4 +1,4 @@
-"""`prepare` and `Guidance`: everything that is decided before anything moves."""
+"""`prepare` and `Guidance`: the interpretation of a sketch and its plan, before anything moves."""
 
 import dataclasses
 import time
@@ -43,9 +43,9 @@ class Guidance:
     """
 
     goal: Goal
-    """Where the particles go."""
+    """Places and paths of the particles."""
     law: Law
-    """What gives the force of a frame."""
+    """Law of the force in a frame."""
     method: str
     """Name of the method that made the law."""
     reason: str
@@ -77,7 +77,7 @@ class Guidance:
         return self.frames + self.hold
 
     def needs(self) -> Needs:
-        """Return which acceleration and how many frames the goal takes, and what is in the way."""
+        """Return the acceleration and the frames that the goal needs, and any obstruction."""
         return self._needs
 
     def __call__(self, simulator: Simulator) -> Floats32 | OfIds | None:

@@ -1,4 +1,4 @@
-"""`push`: a local force, as by a hand that moves through the fluid."""
+"""`push`: a local force, as of a hand that moves through the fluid."""
 
 from dataclasses import dataclass
 

@@ -24,13 +24,13 @@ _DIGITS = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Control:
-    """What makes a trajectory an example of control. N particles, T frames, D dimensions.
+    """Columns of an example of control. N particles, T frames, D dimensions.
 
     The force of the trajectory is that of a reversed case, its positions are where that force leads.
     """
 
     sketch: Sketch
-    """What stands for the motion, as a ruler draws it."""
+    """Sketch of the motion, without distortion."""
     stroke: Stroke
     """The same as a hand draws it, with times."""
     picture: bytes

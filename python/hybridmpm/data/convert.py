@@ -14,12 +14,12 @@ from hybridmpm.scene.particle_types import NAMES, TO_LAGRANGEBENCH, UNCHANGED
 
 @dataclass(frozen=True, kw_only=True)
 class Converted:
-    """What a conversion did."""
+    """Result of a conversion."""
 
     trajectories: dict[str, int]
     """Number of trajectories written, by split."""
     lost: tuple[str, ...]
-    """Those of "force", "mass", "scene" and "control" that the source has and the target cannot store."""
+    """Columns of the source that the target cannot store: "force", "mass", "scene", "control"."""
 
 
 def convert(

@@ -23,7 +23,7 @@ _MIN_STATES = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How a seed becomes a trajectory.
+    """Recipe by which a seed becomes a trajectory.
 
     Raises
     ------

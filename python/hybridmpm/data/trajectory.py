@@ -55,7 +55,7 @@ class Trajectory:
     scene: Scene | None = None
     """Scene that was simulated; None where unknown."""
     control: Control | None = None
-    """What the force is an example of; None where it is not one of control."""
+    """Example of control that the force belongs to; None if there is none."""
     place: Place = Place("trajectory")
     """Origin of the trajectory, for error messages."""
 

@@ -1,6 +1,6 @@
-"""Learned simulators: what they are and how they run. Nothing here needs torch; `hybridmpm.training` does.
+"""Learned simulators. Running them needs no torch; `hybridmpm.training` does.
 
-The models that come with the library are here by name, for completion: `physics.fluids_2d` is "fluids_2d".
+The models that come with the library are attributes, for completion: `physics.fluids_2d` is "fluids_2d".
 """
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Where the answer of a network counts; `training.physics.network.answer_gate` is the same with gradients."""
+"""Gate of a network's answer; `training.physics.network.answer_gate` is the same with gradients."""
 
 import numpy as np
 import numpy.typing as npt

@@ -1,4 +1,4 @@
-"""`NetworkSpec` and `Normalization`: what a learned simulator is, besides its weights."""
+"""`NetworkSpec` and `Normalization`: the settings of a learned simulator besides its weights."""
 
 import dataclasses
 import functools
@@ -14,7 +14,7 @@ from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 
 HISTORY = 6
-"""Positions a network step looks back on, the present one among them: they give five velocities."""
+"""Positions that a network step takes, the present one among them: they give five velocities."""
 TYPES = 9
 """Particle types of DeepMind's convention, used or not."""
 TYPE_EMBEDDING = 16
@@ -44,7 +44,7 @@ class NetworkSpec:
     """
 
     scenarios: tuple[str, ...]
-    """Whose scenes it is trained on."""
+    """Scenarios in the training data."""
     latent: int = 128
     """Width of node and edge latents, in [1, 1024]."""
     layers: int = 10

@@ -16,10 +16,10 @@ _FORMAT = 1
 
 
 class Kept(Protocol):
-    """What a checkpoint can hold."""
+    """An object whose state a checkpoint stores."""
 
     def state(self) -> dict[str, Any]:
-        """Return all that training needs to go on, as tensors and plain data."""
+        """Return the state from which training continues, as tensors and plain data."""
 
 
 def save(path: Path, trainer: Kept, about: Mapping[str, str]) -> None:
@@ -69,7 +69,7 @@ def with_this_solver(about: Mapping[str, str]) -> str:
 
 
 def origin_of(state: Mapping[str, Any]) -> dict[str, str]:
-    """Return what a training that begins with the weights of a checkpoint tells about them.
+    """Return the origin of a checkpoint's weights, for a training that begins with them.
 
     Returns
     -------

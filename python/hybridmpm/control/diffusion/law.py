@@ -34,7 +34,7 @@ class Diffused:
     picture: npt.NDArray[np.uint8]
     """The sketch as the network sees it (3, 64, 64)."""
     noise: npt.NDArray[np.float32]
-    """What sampling begins with (K, D)."""
+    """Noise at the start of sampling (K, D)."""
     frames: int
     """Number of frames of control."""
     steps: int
@@ -43,7 +43,7 @@ class Diffused:
     cap: float
     """Largest acceleration of a particle [m/s^2]; longer ones are shortened to it."""
     mean: Floats
-    """Where the centre of mass is to end (D,) [m]."""
+    """Goal of the centre of mass (D,) [m]."""
     covariance: Floats | None
     """Covariance (2, 2) of the end in the front view [m^2]; None for an arrow."""
 

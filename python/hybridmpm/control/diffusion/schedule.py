@@ -1,4 +1,4 @@
-"""How much of a sample is left at each step of the diffusion: the cosine schedule."""
+"""The cosine schedule: the share of a sample that is left at each step of the diffusion."""
 
 import numpy as np
 import numpy.typing as npt

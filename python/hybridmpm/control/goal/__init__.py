@@ -1,1 +1,1 @@
-"""What a sketch asks for: places for all particles, the paths there, and what these take."""
+"""The goal of a sketch: places for all particles, paths to them, and the effort of these."""

@@ -1,7 +1,7 @@
 """The paper's baseline controller: one acceleration, the same for all particles and all frames.
 
 The first guess is exact for a body in free flight. Walls, obstacles and the fluid's own pressure also act on
-the motion, so the guess is corrected by shooting: copies of the simulator are run, and each miss corrects the
+the motion, so the guess is corrected by trials: copies of the simulator are run, and each miss corrects the
 next acceleration.
 """
 

@@ -1,4 +1,4 @@
-"""The oracle: it knows the way that the sketch stands for. A bound for all that see the sketch alone."""
+"""The oracle: control by the true path behind a sketch, a bound for methods that take the sketch alone."""
 
 import numpy as np
 

@@ -30,7 +30,7 @@ _INSIDE = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """How a hand departs from what it means. Lengths are in pixels of the 512-pixel raster."""
+    """Errors of drawing by hand. Lengths are in pixels of the 512-pixel raster."""
 
     tremor: float = 1.0
     """Root mean square distance of the pen from the meant line."""
@@ -55,11 +55,11 @@ class Hand:
     head_skew: float = 0.0
     """Difference of the two barbs, as a fraction of their length."""
     head_offset: tuple[float, float] = (0.0, 0.0)
-    """Where the barbs meet, from the end of the shaft: forwards and to the left."""
+    """Meeting point of the barbs, from the end of the shaft: forwards and to the left."""
     head_filled: bool = False
     """Whether the head is a filled triangle."""
     lift: float | None = None
-    """Where the pen was lifted, as a fraction of the line; nowhere if None."""
+    """Point at which the pen was lifted, as a fraction of the line; nowhere if None."""
     gap: float = 6.0
     """Length of line that is missing where the pen was lifted."""
     width: float | None = None

@@ -26,7 +26,7 @@ class Format:
     write: Write | None
     """Write a split whole or not at all; raises `ExportError`. None if the format can only be read."""
     keeps: frozenset[str]
-    """Those of "force", "mass", "scene" and "control" that the format stores besides positions and types."""
+    """Columns besides positions and types: some of "force", "mass", "scene" and "control"."""
 
 
 def files_as_splits(suffix: str) -> Callable[[Path], list[str]]:

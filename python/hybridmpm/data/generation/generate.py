@@ -27,7 +27,7 @@ _SAMPLED = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a run will do."""
+    """Plan of a run."""
 
     recipe: Recipe
     folder: Path
@@ -49,7 +49,7 @@ class Plan:
 
 @dataclass(kw_only=True)
 class Report:
-    """What a run did."""
+    """Result of a run."""
 
     made: int = 0
     """Number of new trajectories."""

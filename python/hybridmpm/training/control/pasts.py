@@ -36,7 +36,7 @@ class Past:
     mass: npt.NDArray[np.float32]
     """(N,) [kg]."""
     sand: npt.NDArray[np.bool_]
-    """Which particles are sand (N,)."""
+    """Whether each particle is sand (N,)."""
 
     @property
     def seconds(self) -> float:

@@ -55,7 +55,7 @@ class State:
     v: Floats
     """Velocities (N, D) [m/s]."""
     sand: npt.NDArray[np.bool_]
-    """Which particles are sand (N,)."""
+    """Whether each particle is sand (N,)."""
     weight: Floats
     """Mass of each particle over that of all (N,) [-]."""
     particle_volume: float
@@ -75,10 +75,10 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a sketch says of the end, in D dimensions."""
+    """The end that a sketch describes, in D dimensions."""
 
     mean: Floats
-    """Where the centre of mass is to be (D,) [m]."""
+    """Goal of the centre of mass (D,) [m]."""
     root: Floats | None
     """Symmetric root (2, 2) of the covariance of the particles in the front view [m], which an arrow leaves
     open: None. No sketch says how far the fluid extends in depth."""

@@ -1,4 +1,4 @@
-"""Whether a learned plan can be trusted: what is looked at before it may move anything."""
+"""Checks of a learned plan before it moves anything."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,9 @@ _OUTSIDE_LENGTH = 0.02
 _OUTSIDE = 0.25
 """Largest share of the mass that may have places outside."""
 _MISSING = 0.25
-"""Largest share of the mass by which the goal may hold less than by the analytic plan."""
+"""Largest share of the mass that may miss the goal beyond that of the analytic plan."""
 _CELLS = 32
-"""Cells per metre of the grid on which the density of the places is looked at."""
+"""Cells per metre of the grid on which the density of the places is checked."""
 _DENSE = 1.5
 """Density over that at rest from which on a place counts as too dense."""
 _TOO_DENSE = 0.4
@@ -24,7 +24,7 @@ _TOO_DENSE = 0.4
 
 
 def objection(places: Floats, paths: Paths, task: Task) -> str | None:
-    """Tell what speaks against a plan; None if nothing does.
+    """Return the objection to a plan; None if there is none.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def objection(places: Floats, paths: Paths, task: Task) -> str | None:
 
 
 def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool_]:
-    """Tell which places (N, D) lie in the region of an oval, in 3D as the front view shows it; (N,)."""
+    """Return whether places (N, D) lie in the region of an oval, in 3D in the front view, (N,)."""
     scale = max(1.0, region.scale)
     if places.shape[1] == 2:
         return region.reaches(places, scale)

@@ -1,4 +1,4 @@
-"""Where a network's answer counts: particles of an undisturbed body fall freely and need no network."""
+"""The gate of a network's answer: particles of an undisturbed body fall freely and need no network."""
 
 import torch
 from torch import Tensor
