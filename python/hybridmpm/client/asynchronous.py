@@ -119,8 +119,8 @@ class AsyncClient:
         scene : Scene or mapping, optional
             A scene of your own.
         **settings
-            max_error or budget_ms, and measure; see docs/reference/http-api.md. `answer["session"]` are the settings of
-            `create` that choose this method.
+            max_error or budget_ms, and measure; see docs/reference/http-api.md. `answer["session"]` are the
+            settings of `create` that choose this method.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class AsyncClient:
         scene: Scene | Mapping[str, Any] | None = None,
         **settings: Unpack[SimulatorSettings],
     ) -> Json:
-        """Return the findings of the service about a scene before its first frame: see docs/reference/http-api.md.
+        """Return the findings about a scene before its first frame: see docs/reference/http-api.md.
 
         Parameters are those of `create`. A scene that is not valid is no error: its faults are among the
         `findings`, and `ok` is False.
@@ -365,7 +365,7 @@ class AsyncJob:
     ----------
     id : str
     info : dict
-        The latest description that the service sent: phase, done, total and more; see docs/reference/http-api.md.
+        The latest description from the service: phase, done, total and more; see docs/reference/http-api.md.
     """
 
     def __init__(self, client: AsyncClient, info: Json) -> None:

@@ -126,7 +126,7 @@ class Job(_Waiting[AsyncJob]):
 
     @property
     def info(self) -> Json:
-        """The latest description that the service sent: phase, done, total and more; see docs/reference/http-api.md."""
+        """The latest description from the service: phase, done, total and more."""
         return self._awaited.info
 
     def events(self) -> Iterator[Json]:

@@ -1,8 +1,8 @@
 """Data sets of trajectories: made from scenarios, described, drawn, and converted between formats.
 
 `plan` and `generate` make the trajectories of a `Recipe`. `FORMATS[name].read(folder, split, None)` yields
-the trajectories of a data set, also of another project's, as `Trajectory`. docs/guide/datasets.md describes the
-files. HDF5 needs h5py: `pip install 'hybridmpm[data]'`.
+the trajectories of a data set, also of another project's, as `Trajectory`. docs/guide/datasets.md describes
+the files. HDF5 needs h5py: `pip install 'hybridmpm[data]'`.
 """
 
 from hybridmpm.data.control import Control
