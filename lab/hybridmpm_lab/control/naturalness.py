@@ -26,12 +26,9 @@ LEAST_SEEDS = 50
 TOLERANCE = 0.05
 """Largest distance from 0.5 of the AUC of two sets of fluid left alone at which the classifier is valid."""
 
-_SURFACE = 0.75
-"""Fill below which a particle lies at the surface; at a flat one it is a half."""
-_REACH = 1.7
-"""Distance of particles of one piece, in spacings."""
-_QUIET = 0.1
-"""Rate [1/s] added to velocity gradients before their logarithm is taken."""
+_SURFACE = 0.75  # Fill below which a particle lies at the surface; at a flat one it is a half
+_REACH = 1.7  # Distance of particles of one piece, in spacings
+_QUIET = 0.1  # Rate [1/s] added to velocity gradients before their logarithm is taken
 _RIDGE = 1e-2
 _STEPS = 12
 _SPLITS = 16

@@ -31,10 +31,8 @@ CAP, ORACLE_CAP = 15.0, 30.0
 """Largest acceleration of a particle, by methods and by the oracle [g]."""
 HOLD = 20
 """Frames for which the goal is kept after it was reached."""
-_LOOKS = 4
-"""Frames of each run whose features count for naturalness, at equal distances."""
-_APART = 25
-"""Frames between two looks at an uncontrolled scene."""
+_LOOKS = 4  # Frames of each run whose features count for naturalness, at equal distances
+_APART = 25  # Frames between two looks at an uncontrolled scene
 MEASURES = (
     "error", "nrmse", "node_error", "transport", "inside", "inside_later", "centroid_error", "path_error",
     "rms_g", "peak_g", "bound_g", "rms_ratio", "handed_over", "plan_ms", "first_frame_ms", "total_ms",

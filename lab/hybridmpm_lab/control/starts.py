@@ -19,14 +19,11 @@ _Floats = npt.NDArray[np.float64]
 _Corners = tuple[_Floats, _Floats]
 
 _SALT = {"free": 1, "bent": 2, "obstacles": 3, "gather": 4, "hand": 5}
-_AMOUNT = {2: 0.052, 3: 0.00145}
-"""Volume of fluid by dimension [m^D]: 3400 particles in 2D, 3000 in 3D."""
+_AMOUNT = {2: 0.052, 3: 0.00145}  # Volume of fluid by dimension [m^D]: 3400 particles in 2D, 3000 in 3D
 _CENTERS = np.array([0.35, 0.4]), np.array([0.65, 0.65])
 """Corners of the box in which free ovals have their centres [m]."""
-_BESIDE = 0.16
-"""Distance of an oval's centre from the ramp beside it [m]."""
-_CLEAR = 0.07
-"""Wanted distance of such a centre from all ramps [m]."""
+_BESIDE = 0.16  # Distance of an oval's centre from the ramp beside it [m]
+_CLEAR = 0.07  # Wanted distance of such a centre from all ramps [m]
 # Letters as strokes, boxes (left, bottom, right, top) in units of the letter's height.
 _BAR = 0.2
 _LETTERS = (

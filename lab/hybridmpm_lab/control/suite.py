@@ -35,8 +35,7 @@ _SUITE: dict[Family, tuple[tuple[str, ...], tuple[Kind, ...], range]] = {
 """Scenarios, kinds of sketches and seeds of each family.
 
 Ramps leave no room for a shape on a bent path, or for a letter."""
-_MOST = 50
-"""Largest number of sketches of each kind in a family and scenario."""
+_MOST = 50  # Largest number of sketches of each kind in a family and scenario
 _STILL: dict[str, tuple[int, ...]] = {
     "water_2d": (2, 11),
     "sand_2d": (3, 16, 40, 46),

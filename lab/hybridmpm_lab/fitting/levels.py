@@ -22,10 +22,8 @@ from hybridmpm_lab.harness.settings import setting
 LARGEST_COMPRESSION = 0.02
 """Compression of matter at rest up to which moduli are lowered: the settled depth is wrong by as much."""
 _FITTED = tuple(dict.fromkeys(target.scenario for target in TARGETS))
-_SEEN = 1000
-"""Number of scenes of a scenario whose speeds are looked at."""
-_MARGIN = 1.1
-"""Factor on the largest speed among these: other seeds may draw a little more."""
+_SEEN = 1000  # Number of scenes of a scenario whose speeds are looked at
+_MARGIN = 1.1  # Factor on the largest speed among these: other seeds may draw a little more
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,7 @@ DENSEST = 1.3
 """Largest density, 99th percentile over that at rest, that is allowed."""
 _DENSITY_MARGIN, _TRANSPORT_MARGIN = 0.03, 0.05
 """Distance of a search from the bounds: other runs are longer, and other scenes differ."""
-_PENALTY = 4.0
-"""Weight of violated bounds, in the logarithm of the objective."""
+_PENALTY = 4.0  # Weight of violated bounds, in the logarithm of the objective
 _GROW, _SHRINK = np.exp(0.8 / 3), np.exp(-0.2 / 3)
 """Factors on the step after a better and after a worse trial: it keeps one trial in five better."""
 

@@ -49,8 +49,7 @@ TARGETS = tuple(
     Target(material, dim, name) for material in ("water", "sand") for dim in (2, 3) for name in RATIOS
 )
 
-_FEWEST_PER_CELL = 1.0
-"""Smallest number of particles per cell: with fewer, sand comes apart."""
+_FEWEST_PER_CELL = 1.0  # Smallest number of particles per cell: with fewer, sand comes apart
 _LARGEST_CFL = {"water": 0.65, "sand": 1.0}
 """Largest CFL numbers: those measured to be stable are 0.675 and 1.1."""
 _NANOSECONDS = {("water", 2): (18, 57, 21), ("sand", 2): (21, 53, 20)} | {
@@ -59,8 +58,7 @@ _NANOSECONDS = {("water", 2): (18, 57, 21), ("sand", 2): (21, 53, 20)} | {
 }
 """Times on one core of an AMD EPYC: of a coarse particle in a substep and in an upsampling, and of a shown
 particle in an upsampling."""
-_EVERY = 4
-"""Frames from one upsampling to the next."""
+_EVERY = 4  # Frames from one upsampling to the next
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,10 +6,8 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-_SIZE = 2048
-"""Side of the largest picture that the service takes [pixels]."""
-_BOMB_SIZE = 20_000
-"""Side of a picture that would fill gigabytes."""
+_SIZE = 2048  # Side of the largest picture that the service takes [pixels]
+_BOMB_SIZE = 20_000  # Side of a picture that would fill gigabytes
 
 
 @dataclass(frozen=True)

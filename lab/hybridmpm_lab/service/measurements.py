@@ -27,12 +27,10 @@ from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 
 PARTS = ("slow-client", "intervals", "real-time", "sketch", "push", "hostile", "restart")
 """The measurements, in their order."""
-_SPEED = 0.25
-"""Simulated seconds per second at which frames are watched."""
+_SPEED = 0.25  # Simulated seconds per second at which frames are watched
 _REAL_TIME: Row = {"coarse": "1/16"}
 _REAL_TIME_SESSIONS, _SLOW_SESSIONS = 8, 4
-_ROUNDS = 2
-"""Times that the slow client comes and goes, so that a disturbance of the machine hits both sides."""
+_ROUNDS = 2  # Times that the slow client comes and goes, so that a disturbance of the machine hits both sides
 _RESTING: Row = {
     "scene": {
         "name": "resting",

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from hybridmpm.errors import SimulationError
 
-_SETTINGS = "HYBRIDMPM_"
-"""Prefix of the environment variables that configure the service."""
+_SETTINGS = "HYBRIDMPM_"  # Prefix of the environment variables that configure the service
 
 
 @dataclass(frozen=True, eq=False)

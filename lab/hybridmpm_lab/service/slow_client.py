@@ -8,16 +8,14 @@ from dataclasses import dataclass
 
 from hybridmpm.errors import SimulationError
 
-_BYTES, _SECONDS = 256, 0.25
-"""It takes so many bytes in each such time."""
+_BYTES, _SECONDS = 256, 0.25  # It takes so many bytes in each such time
 _STAY_SECONDS = 6.0
 """Time after which it leaves and connects anew.
 
 The service drops it after 5 s (setting `send_seconds`), which it would not notice for minutes: the system
 still delivers the bytes that were sent before.
 """
-_RECEIVE_BUFFER = 4096
-"""Size of its own buffer [bytes]; the rest stays with the server."""
+_RECEIVE_BUFFER = 4096  # Size of its own buffer [bytes]; the rest stays with the server
 _HANDSHAKE = (
     "GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
