@@ -20,7 +20,7 @@ def to_bytes(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
     Parameters
     ----------
     magic : bytes
-        First bytes of the result, which tell the kind of snapshot.
+        First bytes of the result, one for each kind of snapshot.
     version : int
         Version of the layout of `tree`.
     tree : dict
@@ -47,7 +47,7 @@ def to_bytes(magic: bytes, version: int, tree: dict[str, Any]) -> bytes:
 
 
 def number(value: Any) -> Any:
-    """Return NumPy's numbers as Python's own, which JSON knows."""
+    """Return NumPy's numbers as Python's own, for JSON."""
     if isinstance(value, np.generic):
         return value.item()
     raise SnapshotError(f"a snapshot holds numbers, texts, arrays and bytes, but not {type(value).__name__}")
@@ -57,7 +57,7 @@ def number(value: Any) -> Any:
 def as_snapshot_error(what: str) -> Iterator[None]:
     """Turn whatever goes wrong while a state is read into a `SnapshotError`.
 
-    A checksum that is right does not tell that the content makes sense.
+    A correct checksum does not imply valid content.
     """
     try:
         yield

@@ -14,6 +14,6 @@ def nearest(name: object, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return the end of a message, which asks whether the most similar name was meant; "" without one."""
+    """Return the end of a message with the most similar name; "" without one."""
     near = nearest(name, known)
     return "" if near is None else f"; did you mean {near!r}?"

@@ -38,7 +38,11 @@ def dataset() -> None:
     help="Scene file with ranges, .yaml or .json, to draw scenes from instead of a scenario.",
 )
 @click.option(
-    "--out", type=_FOLDER, required=True, metavar="DIR", help="Folder of the data set, a new or a begun one."
+    "--out",
+    type=_FOLDER,
+    required=True,
+    metavar="DIR",
+    help="Folder of the data set, which is completed.",
 )
 @click.option(
     "--trajectories", type=click.IntRange(min=0), required=True, help="Number of trajectories for training."

@@ -37,7 +37,7 @@ class Particles:
 class Trajectory:
     """The motion of a sketch that was followed on a copy of a session, in T frames.
 
-    F is the number of frames whose positions were asked for.
+    F is the number of frames with positions.
     """
 
     positions: npt.NDArray[np.float32]

@@ -69,7 +69,7 @@ class AsyncClient:
         await self.close()
 
     async def close(self) -> None:
-        """Close the connections; sessions go on."""
+        """Close the connections; sessions continue."""
         await self.http.aclose()
 
     async def request(
@@ -255,7 +255,7 @@ class AsyncSession:
         return Particles.of(await self._client.request("GET", f"{self._path}/particles", headers=_NPZ))
 
     async def fork(self) -> "AsyncSession":
-        """Create a session that goes on from the present state of this one."""
+        """Create a session that continues from the present state of this one."""
         return AsyncSession(self._client, (await self._post("fork")).json())
 
     async def log(self) -> Json:
@@ -430,7 +430,7 @@ class AsyncStream:
         Raises
         ------
         ServiceError
-            The service refuses a command, or a frame has failed; the stream goes on.
+            The service refuses a command, or a frame has failed; the stream continues.
         StreamClosedError
             The service has ended the stream.
         UnreachableError

@@ -1,4 +1,4 @@
-"""`Control`: what was asked of a controlled trajectory, and what is true of it."""
+"""`Control`: the sketch and the true motion of a controlled trajectory."""
 
 import io
 import json

@@ -84,8 +84,8 @@ def write_sheet(
     ExportError
         The file cannot be written.
     """
-    begun = sketches or [None] * len(recordings)
-    rows = [_row(*parts, moments, width) for parts in zip(recordings, labels, begun, strict=True)]
+    first = sketches or [None] * len(recordings)
+    rows = [_row(*parts, moments, width) for parts in zip(recordings, labels, first, strict=True)]
     widest = max(row.shape[1] for row in rows)
     white = np.full((_GAP, widest, 3), 255, dtype=np.uint8)
     parts = [part for row in rows for part in (white, _padded(row, widest))][1:]

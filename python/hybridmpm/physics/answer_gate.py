@@ -50,7 +50,7 @@ def answer_weights(
         graph.senders,
         radius=spec.radius,
         scale=scales.acceleration_std,
-        # The network sees this far, so nothing that it could know is lost.
+        # The radius of the network, so that no input of it is lost.
         hops=spec.layers,
         quiet=QUIET,
         unnoticed=UNNOTICED,

@@ -196,7 +196,7 @@ class NeuralPhysics(CoarseSimulator):
     A frame that fails raises `NonFiniteError`, `DomainError` or `GraphSizeError`, or in the first frames an
     error of `MpmSolver`, and the state is the one before that frame.
 
-    A force that changes within a step of the network takes effect at once; the network sees it from its next
+    A force that changes within a step of the network takes effect at once, and in the network from its next
     step on.
     """
 

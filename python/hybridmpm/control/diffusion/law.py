@@ -32,7 +32,7 @@ class Diffused:
     nodes: dict[str, Any]
     """Fields of `Nodes`."""
     picture: npt.NDArray[np.uint8]
-    """The sketch as the network sees it (3, 64, 64)."""
+    """Picture of the sketch for the network (3, 64, 64)."""
     noise: npt.NDArray[np.float32]
     """Noise at the start of sampling (K, D)."""
     frames: int

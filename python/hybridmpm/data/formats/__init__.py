@@ -1,4 +1,4 @@
-"""The formats of data sets, and how to tell them apart."""
+"""The formats of data sets, and their detection."""
 
 import json
 from pathlib import Path

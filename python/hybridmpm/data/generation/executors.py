@@ -142,7 +142,7 @@ class RayTasks:
 
 
 def _require_listener(address: str) -> None:
-    """Raise OSError where nobody listens at host:port; Ray itself would retry for many minutes."""
+    """Raise OSError where no process listens at host:port; Ray itself would retry for minutes."""
     host, colon, port = address.rpartition("://")[2].rpartition(":")
     if colon:
         socket.create_connection((host, int(port)), timeout=_CONNECT_SECONDS).close()

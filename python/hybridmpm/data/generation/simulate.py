@@ -14,7 +14,7 @@ from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
 
 _AT_ONCE = 25
-"""Number of frames after which `stop` is asked again."""
+"""Number of frames from one call of `stop` to the next."""
 _MODES = 6
 """Number of waves of the random force."""
 _LONGEST, _SHORTEST = 0.8, 0.2
@@ -26,14 +26,14 @@ _FORCE_SALT = 2**21
 
 
 class StoppedError(Exception):
-    """The caller asked to stop before the trajectory was done."""
+    """The caller stopped the simulation before the trajectory was done."""
 
 
 def simulate(recipe: Recipe, seed: int, *, stop: Callable[[], bool] = lambda: False) -> Trajectory:
     """Simulate the scene of a seed; with `recipe.control` back to where it came from, see `controlled`.
 
     The trajectory has the particles of the solver first, then the obstacles as particles of type 3
-    (kinematic). `stop()` is asked every few frames.
+    (kinematic). `stop()` is called every few frames.
 
     Raises
     ------

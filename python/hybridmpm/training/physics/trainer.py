@@ -87,7 +87,7 @@ class Trainer(Trainable[GraphNetwork]):
 
     @classmethod
     def load(cls, path: Path, device: torch.device) -> Self:
-        """Return the trainer of a checkpoint, to go on with the training.
+        """Return the trainer of a checkpoint, to continue the training.
 
         Raises
         ------

@@ -86,7 +86,7 @@ class Windows:
     trajectories : sequence of Trajectory
         Trajectories with their scenes, which give walls and gravity.
     unroll : int
-        Largest number K of targets that `draw` is asked for.
+        Largest number K of targets of `draw`.
     step_dt : float
         Time from one state to the next [s].
 

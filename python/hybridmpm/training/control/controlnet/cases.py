@@ -41,7 +41,7 @@ class NodeCase:
     types: npt.NDArray[np.int64]
     """Particle types (K,)."""
     picture: npt.NDArray[np.uint8]
-    """The sketch as the network sees it (3, 64, 64)."""
+    """Picture of the sketch for the network (3, 64, 64)."""
     oval: npt.NDArray[np.bool_]
     """Whether the sketch is an oval, ()."""
     scene: Scene

@@ -13,23 +13,23 @@ from hybridmpm.training.physics.network.graph_network import Decoder, Encoder, L
 STEP_EMBEDDING = 16
 """Numbers that stand for the control step, as in the paper."""
 MOMENTS = 6
-"""Numbers that tell where the ink of a sketch is."""
+"""Numbers that describe the place of the ink of a sketch."""
 TIME_EMBEDDING = 64
 """Numbers that stand for the time of the diffusion."""
 _LONGEST_WAVE = 10_000.0
 
 
 class FluidControlNet(nn.Module):
-    """The graph network of the simulator, conditioned on a sketch, that tells a clean field from a noisy one.
+    """The simulator's graph network, conditioned on a sketch: it predicts a clean field from a noisy one.
 
     Each node gets, besides its features, its place in the box, an embedding of the control step, and the
     noisy acceleration, into which the control step is embedded, too. The embeddings of sketch and diffusion
     time are joined, and shift and scale the nodes before each layer of the processor, as in DiT (Peebles and
     Xie, arXiv:2212.09748).
 
-    Unlike in the paper, a node is also told where the middle of the ink is, seen from it, and how far the ink
-    spreads, and the same of the fluid, with its mean velocity: through the embedding, and from neighbour to
-    neighbour, training on few cases finds that out slowly.
+    Unlike in the paper, each node also gets the position of the middle of the ink relative to it and the
+    spread of the ink, and the same of the fluid, with its mean velocity. From the embedding and its neighbours
+    alone it would learn these slowly.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ class FluidControlNet(nn.Module):
         graph : Edges
             Pairs of neighbours.
         places : (N, D)
-            Places of the nodes in the box, from -1 to 1. The features of the simulator do not tell them, and
-            the sketch says nothing to whoever does not know where it is.
+            Places of the nodes in the box, from -1 to 1. The features of the simulator do not contain them,
+            and a sketch has no meaning without a place.
         fluid : (N, 3 D)
             From `fluid_moments`.
         noisy : (N, D)
@@ -134,7 +134,7 @@ def ink_moments(pictures: Tensor) -> Tensor:
 
 
 def fluid_moments(places: Tensor, v: Tensor, of_graph: Tensor | None = None) -> Tensor:
-    """Return what each node is told of the whole fluid (N, 3 D).
+    """Return the inputs of each node about the whole fluid (N, 3 D).
 
     Where its middle is, seen from the node, its standard deviations along the axes, and its mean velocity.
 
@@ -146,12 +146,12 @@ def fluid_moments(places: Tensor, v: Tensor, of_graph: Tensor | None = None) -> 
         Graph of each node; one graph if absent.
     """
     dim = places.shape[1]
-    told = torch.cat([places, places.square(), v], dim=1)
+    parts = torch.cat([places, places.square(), v], dim=1)
     if of_graph is None:
-        means = told.mean(dim=0, keepdim=True) + torch.zeros_like(told)
+        means = parts.mean(dim=0, keepdim=True) + torch.zeros_like(parts)
     else:
         graphs = int(of_graph[-1]) + 1
-        total = torch.zeros(graphs, told.shape[1], dtype=told.dtype).index_add(0, of_graph, told)
+        total = torch.zeros(graphs, parts.shape[1], dtype=parts.dtype).index_add(0, of_graph, parts)
         means = (total / torch.bincount(of_graph, minlength=graphs)[:, None])[of_graph]
     middle, square, velocity = (means[:, first : first + dim] for first in (0, dim, 2 * dim))
     return torch.cat([middle - places, (square - middle.square()).clamp(min=1e-6).sqrt(), velocity], dim=1)

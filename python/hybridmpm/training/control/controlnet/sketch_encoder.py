@@ -8,11 +8,11 @@ EMBEDDING = 44
 CHANNELS = 3
 """Colours of a picture."""
 _GIVEN = 3 * CHANNELS
-"""The colours, and each times the place to the right and downwards: their means tell where ink is."""
+"""The colours, and each times the place to the right and downwards: their means give the place of ink."""
 _FAINT = 1e-3
 """Mean ink of a picture that counts as hardly any."""
 _WIDTHS = (16, 24, 32, 48)
-"""Channels at each scale. The paper tells the number of convolutions, not their widths."""
+"""Channels at each scale. The paper gives the number of convolutions, not their widths."""
 _SHARES = (4, 8, 16, 16)
 """Numbers to which each scale is projected; 44 together. Coarser scales say more of where things are."""
 _SIDES = (1, 2, 4, 4)

@@ -24,7 +24,7 @@ from hybridmpm.training.trainable import Trainable, adam_w
 _AT_NOISE = 0.6
 """Share of the samples at the last time of the diffusion, from which all samplers begin."""
 _AT_REST = 0.05
-"""Mean square of the ways, in squares of `WAY`, below which an error is not told relative to it."""
+"""Least mean square of the ways, in squares of `WAY`, to which an error is relative."""
 _SMALL = 0.02
 """The same for the mean way of all nodes."""
 _SPEED = 1.0
@@ -58,10 +58,10 @@ class Conditioned(nn.Module):
         condition: Tensor,
         of_graph: Tensor | None = None,
     ) -> Tensor:
-        """Return where the network takes each node to go (N, D), from where it is, over `WAY`.
+        """Return the predicted displacement of each node (N, D) over `WAY`.
 
         The clean field x_0 follows from that by `ways.field_of`. The five velocities of the simulator's
-        features are all the present one: control keeps no past, so that it goes on from any state.
+        features are all the present one: control has no past, so that it continues from any state.
 
         Parameters
         ----------
@@ -149,16 +149,16 @@ class ControlNetTrainer(Trainable[Conditioned]):
         miss, size = self._means(error, batch), self._means(way, batch)
         whole, wanted = (self._whole(field, batch).square().sum(dim=-1) for field in (error, way))
         parts = (miss / (size + _AT_REST), whole / (wanted + _SMALL))
-        told = torch.stack([(part + 1e-8).sqrt().mean() for part in parts]).sum()
+        relative = torch.stack([(part + 1e-8).sqrt().mean() for part in parts]).sum()
         end = batch.x / WAY + way
         spread, true = self._spread(end + error, batch), self._spread(end, batch)
         wide = (spread - true).square().sum(dim=(1, 2)) / (true.square().sum(dim=(1, 2)) + 1e-8)
-        return told + (wide + 1e-8).sqrt().mean()
+        return relative + (wide + 1e-8).sqrt().mean()
 
     def unexplained(self, cases: Sequence[NodeCase]) -> float:
         """Return the mean square of what one evaluation leaves unexplained, over that of the ways [-].
 
-        Four frames of each case are asked for, from the same noise in each call.
+        Four frames of each case count, from the same noise in each call.
         """
         total = torch.zeros(2)
         for step in range(0, FRAMES, FRAMES // 4):
@@ -174,7 +174,7 @@ class ControlNetTrainer(Trainable[Conditioned]):
         return float(total[0] / total[1])
 
     def _answer(self, network: Conditioned, batch: Batch, time: Tensor, noise: Tensor) -> Tensor:
-        """Return where a network takes the nodes to go (N, D), from noisy fields at times (B,)."""
+        """Return the displacements (N, D) that a network predicts from noisy fields at times (B,)."""
         kept = self._kept[time][batch.of_graph, None]
         noisy = kept.sqrt() * batch.force / self.scale + (1 - kept).sqrt() * noise
         condition = network.network.condition(batch.pictures, time)[batch.of_graph]
@@ -218,7 +218,7 @@ class ControlNetTrainer(Trainable[Conditioned]):
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Return the trainer of a checkpoint, to go on with the training.
+        """Return the trainer of a checkpoint, to continue the training.
 
         Raises
         ------

@@ -177,7 +177,7 @@ def _pushed(rng: np.random.Generator, sample: _Sample, seconds: float) -> _Sampl
 
 
 def _mirrored(sample: _Sample) -> _Sample:
-    """Mirror left and right, which physics does not tell apart."""
+    """Mirror left and right, a symmetry of the physics."""
     x, v, force = sample.x.copy(), sample.v.copy(), sample.force.copy()
     x[:, 0] = sample.walls[:, 0].sum() - x[:, 0]
     v[:, 0] *= -1

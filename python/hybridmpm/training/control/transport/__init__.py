@@ -1,1 +1,1 @@
-"""Training of the transport network, which tells `learned` control where particles are to end."""
+"""Training of the transport network, which predicts the ends of particles for `learned` control."""

@@ -21,9 +21,9 @@ from hybridmpm.training.control.transport.windows import Batch, batch_of, drawn
 from hybridmpm.training.settings import TransportSettings
 
 _AHEAD = 8
-"""Batches that wait at most."""
+"""Largest number of batches that wait."""
 _PATIENCE = 5.0
-"""Time after which the training looks whether the other process is still there [s]."""
+"""Time after which the training checks that the other process is alive [s]."""
 
 Arrays = dict[str, npt.NDArray[np.float32]]
 
@@ -129,7 +129,7 @@ def _make(source: Source, first: int, batches: Any) -> None:
 
 
 def _put(batches: Any, made: Arrays | str) -> None:
-    """Wait until there is room for a batch, unless the training has ended."""
+    """Wait for room for a batch, unless the training has ended."""
     waiting = True
     while waiting:
         try:

@@ -104,7 +104,7 @@ class TransportTrainer(Trainable[TransportNetwork]):
 
     @classmethod
     def load(cls, path: Path, device: torch.device) -> Self:
-        """Return the trainer of a checkpoint, to go on with the training.
+        """Return the trainer of a checkpoint, to continue the training.
 
         Raises
         ------
