@@ -28,8 +28,8 @@ class FluidControlNet(nn.Module):
     Xie, arXiv:2212.09748).
 
     Unlike in the paper, each node also gets the position of the middle of the ink relative to it and the
-    spread of the ink, and the same of the fluid, with its mean velocity. From the embedding and its neighbours
-    alone it would learn these slowly.
+    spread of the ink, and the same of the fluid, with its mean velocity. From the embedding and its
+    neighbours alone it would learn these slowly.
 
     Parameters
     ----------
