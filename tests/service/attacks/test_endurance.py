@@ -93,7 +93,7 @@ def test_hostile_uploads_are_refused_and_leave_nothing(server: Server, count: in
                 else {"content": content}
             )
             headers = {} if one.is_picture else {"Content-Type": "application/json"}
-            answer = client.post(links[one.link], headers=headers, **kind)
+            answer = client.post(links[one.target], headers=headers, **kind)
             assert 400 <= answer.status_code < 500, (index, answer.text)
             assert len(answer.content) < 64 * 1024
 

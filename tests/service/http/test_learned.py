@@ -83,7 +83,7 @@ def test_the_pressure_of_a_network_is_refused(
         answer = learned.http.get(f"{create(solver=solver)}/pressure")
         body = problem(answer, 409)
         assert body["type"].endswith(":pressure-unknown")
-        assert "MPM alone" in body["detail"]
+        assert "has no pressure" in body["detail"]
 
 
 def test_the_page_offers_all_coarse_levels(learned: Service) -> None:
