@@ -8,8 +8,6 @@ from typing import Any
 from hybridmpm._support import charts
 from hybridmpm_lab.harness.rows import Row
 
-MEASURES = {"error": "grid_rmse", "transport": "transport [m]"}
-"""Errors that are drawn, with their titles."""
 _COLUMNS = 4
 _BOUND, _FRONT = charts.COLOURS[5], "#303030"
 _LINES = (("still", "initial state held (ceiling)", ":"), ("jitter", "truth, other jitter (floor)", "--"))
@@ -31,15 +29,28 @@ _ROOM = 1.12
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:
-    """Draw FILE by `grid_rmse`, and FILE-transport by the distance of transport.
+    """Draw the errors, `grid_rmse`, against the times.
 
     Points on the Pareto front are filled and joined, dominated ones are hollow; the colour is the share of
     the frames that MPM simulated. Raises as `charts` does.
     """
-    for measure in MEASURES:
-        name = file.stem if measure == "error" else f"{file.stem}-{measure}"
-        if any(row.get(measure) is not None and row["ms_per_frame"] is not None for row in rows):
-            _draw(rows, measure, file.with_name(f"{name}{file.suffix}"))
+    names = list(dict.fromkeys(row["scenario"] for row in rows))
+    columns = len(names) + 1 if len(names) <= _COLUMNS else _COLUMNS
+    figure, axes = charts.panels(columns, -(-(len(names) + 1) // columns), width=4.4, height=3.9)
+    panels = list(axes.flat)
+    shades = _shades()
+    for panel, name in zip(panels, names, strict=False):
+        _panel(panel, [row for row in rows if row["scenario"] == name], shades)
+        panel.set_title(name)
+    explained, *unused = panels[len(names) :]
+    for panel in (explained, *unused):
+        panel.axis("off")
+    kinds = [(row["method"], row["variant"]) for row in rows]
+    marks = dict(_MARKS[kind] for kind in _MARKS if kind in kinds)
+    _explain(explained, panels[: len(names)], marks, shades)
+    for row in axes:
+        row[0].set_ylabel("grid_rmse")
+    charts.save(figure, file)
 
 
 def legend(figure: Any, axes: Any) -> None:
@@ -53,26 +64,6 @@ def legend(figure: Any, axes: Any) -> None:
     figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, fontsize=8)
 
 
-def _draw(rows: Sequence[Row], measure: str, file: Path) -> None:
-    names = list(dict.fromkeys(row["scenario"] for row in rows))
-    columns = len(names) + 1 if len(names) <= _COLUMNS else _COLUMNS
-    figure, axes = charts.panels(columns, -(-(len(names) + 1) // columns), width=4.4, height=3.9)
-    panels = list(axes.flat)
-    shades = _shades()
-    for panel, name in zip(panels, names, strict=False):
-        _panel(panel, [row for row in rows if row["scenario"] == name], measure, shades)
-        panel.set_title(name)
-    explained, *unused = panels[len(names) :]
-    for panel in (explained, *unused):
-        panel.axis("off")
-    kinds = [(row["method"], row["variant"]) for row in rows]
-    marks = dict(_MARKS[kind] for kind in _MARKS if kind in kinds)
-    _explain(explained, panels[: len(names)], marks, shades)
-    for row in axes:
-        row[0].set_ylabel(MEASURES[measure])
-    charts.save(figure, file)
-
-
 def _shades() -> Any:
     """Return the colours of shares of frames, from none (violet) to all (yellow-green) by MPM."""
     from matplotlib import colormaps  # noqa: PLC0415 - an extra
@@ -83,33 +74,32 @@ def _shades() -> Any:
     return ScalarMappable(Normalize(0.0, 1.0), part)
 
 
-def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
-    on_front = "on_front" if measure == "error" else f"on_front_{measure}"
-    points = [row for row in rows if row["ms_per_frame"] is not None and row[measure] is not None]
+def _panel(panel: Any, rows: Sequence[Row], shades: Any) -> None:
+    points = [row for row in rows if row["ms_per_frame"] is not None and row["error"] is not None]
     points = [row for row in points if (row["method"], row["variant"]) in _MARKS]
-    front = sorted((row for row in points if row[on_front]), key=lambda row: row["ms_per_frame"])
-    bounds = {row["method"]: row[measure] for row in rows if row["method"] in {"still", "jitter"}}
-    ceiling, highest = bounds.get("still"), max((row[measure] for row in points), default=1.0) or 1.0
+    front = sorted((row for row in points if row["on_front"]), key=lambda row: row["ms_per_frame"])
+    bounds = {row["method"]: row["error"] for row in rows if row["method"] in {"still", "jitter"}}
+    ceiling, highest = bounds.get("still"), max((row["error"] for row in points), default=1.0) or 1.0
     top = _ROOM * (min(highest, ceiling) if ceiling else highest)
     for method, label, dashes in _LINES:
         if bounds.get(method):
             panel.axhline(bounds[method], label=label, linestyle=dashes, color=_BOUND, lw=1.2)
-    at, heights = [row["ms_per_frame"] for row in front], [row[measure] for row in front]
+    at, heights = [row["ms_per_frame"] for row in front], [row["error"] for row in front]
     panel.plot(at, heights, color=_FRONT, lw=1, label="Pareto front", zorder=2)
     for row in points:
         share = 1.0 if row["mpm_share"] is None else float(row["mpm_share"])
-        _point(panel, row, measure, is_front=row[on_front], colour=shades.to_rgba(share))
+        _point(panel, row, is_front=row["on_front"], colour=shades.to_rgba(share))
     for index, row in enumerate(front):
         panel.annotate(
             str(row["label"]).replace("unfitted ", "").replace(" all shown", ""),
-            (row["ms_per_frame"], row[measure]),
+            (row["ms_per_frame"], row["error"]),
             (3, -11) if index % 2 else (4, 6),
             textcoords="offset points",
             fontsize=6.5,
             zorder=5,
             bbox={"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.3},
         )
-    beyond = sum(row[measure] > top for row in points)
+    beyond = sum(row["error"] > top for row in points)
     untrained = [row["ms_per_frame"] for row in rows if row["variant"] == "untrained" and row["ms_per_frame"]]
     notes = [f"{beyond} beyond"] if beyond else []
     if untrained:
@@ -123,12 +113,12 @@ def _panel(panel: Any, rows: Sequence[Row], measure: str, shades: Any) -> None:
     panel.margins(x=0.06)
 
 
-def _point(panel: Any, row: Row, measure: str, *, is_front: bool, colour: Any) -> None:
+def _point(panel: Any, row: Row, *, is_front: bool, colour: Any) -> None:
     marker, _ = _MARKS[row["method"], row["variant"]]
     panel.errorbar(
         [row["ms_per_frame"]],
-        [row[measure]],
-        [row[f"{measure}_se"] or 0.0],
+        [row["error"]],
+        [row["error_se"] or 0.0],
         marker=marker,
         markersize=7 if is_front else 5,
         color=colour,
