@@ -118,7 +118,7 @@ def outdated(row: Row) -> str | None:
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
     """Write rows as a JSON list of flat objects, one a line; raises `ExportError`."""
     with replacing(path) as part:
-        lines = ",\n".join(json.dumps(row) for row in rows)
+        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows)
         part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
