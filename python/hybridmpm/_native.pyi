@@ -1055,6 +1055,7 @@ def answer_weights(
         Arrays that do not fit together, or a number out of range.
     """
 
+@final
 class FreeSpace:
     """The room between walls and obstacles on a coarse grid, for shortest ways and lines of sight.
 
