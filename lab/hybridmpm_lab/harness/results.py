@@ -80,7 +80,7 @@ STALE = {
     "mpm": "of solver version 4; half an hour of an idle machine",
     "batch": "of solver version 4; wants an idle machine",
     "scaling": "of solver version 4; wants an idle machine",
-    "tradeoff": "its networks were trained anew",
+    "tradeoff": "MPM without networks is of solver version 4; an hour, times on an idle machine",
     "crossing": "its networks were trained anew; two hours of an idle machine",
     "stability-map": "its networks were trained anew",
     "control": "ovals behind posts are of solver version 4; three hours of an idle machine",
