@@ -29,7 +29,7 @@ def held_still(recording: Recording) -> Recording:
 
 
 def merged_states(recording: Recording, r_p: float, *, seed: int = 0) -> Recording:
-    """Return a recording with each state merged on its own, as `downsampling.merge` does.
+    """Return a recording with each state merged on its own, as `coarse.merge` does.
 
     No method with so few particles can do better. Only particles of the same type and mass are merged with
     each other. A particle of one state does not correspond to the particle of this index in another state.
