@@ -93,13 +93,18 @@ def test_runs_gather_and_become_a_table(tmp_path: Path) -> None:
     assert mean["mpm 1"] < mean["jitter"] < mean["coarse 1/16"] < mean["still"]
     assert mean["merged 1/16"] < mean["mpm 1/16"]
     assert (rows[NAMES[3]]["mpm_share"], rows["mpm 1"]["mpm_share"]) == (0, 1)
-    # The most accurate is on the front; the network is slower than MPM that errs less.
+    # The most accurate is on the front, whatever the times are.
     assert rows["mpm 1"]["on_front"]
     assert rows["mpm 1"]["on_front_transport"]
-    assert rows[NAMES[3]]["dominated_by"] == rows[NAMES[3]]["equal_mpm"] == "coarse 1/16"
-    assert rows[NAMES[3]]["equal_mpm_ms"] == rows["coarse 1/16"]["ms_per_frame"]
-    apart = rows[NAMES[3]]["error_minus_equal_mpm"]
-    assert apart == pytest.approx(mean[NAMES[3]] - mean["coarse 1/16"], abs=1e-3)
+    network = rows[NAMES[3]]
+    as_good = [name for name in NAMES if name != NAMES[3] and mean[name] <= mean[NAMES[3]]]
+    assert network["equal_mpm"] == min(
+        (name for name in as_good if name.startswith(("mpm", "coarse"))),
+        key=lambda name: rows[name]["ms_per_frame"],
+    )
+    assert network["equal_mpm_ms"] == rows[network["equal_mpm"]]["ms_per_frame"]
+    apart = mean[NAMES[3]] - mean[network["equal_mpm"]]
+    assert network["error_minus_equal_mpm"] == pytest.approx(apart, abs=1e-3)
 
 
 def test_wrong_options_are_named(tmp_path: Path) -> None:

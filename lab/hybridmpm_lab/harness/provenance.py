@@ -122,11 +122,6 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
         part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
-def other_commit(folder: Path) -> str:
-    """Return the commit of another checkout; raises a `ConfigError` where the folder is none."""
-    return _git(folder, "rev-parse", "--short", "HEAD")
-
-
 def _commit(file: Path) -> str | None:
     try:
         # An installed copy may lie in some other project's checkout, which does not track it.

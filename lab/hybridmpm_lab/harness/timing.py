@@ -80,20 +80,6 @@ class TimedSimulation:
     """Frames of one measurement."""
 
 
-class Clock:
-    """Adds the time that a block takes to a list [s]; a block that fails is not counted."""
-
-    def __init__(self, times: list[float]) -> None:
-        self._times = times
-
-    def __enter__(self) -> None:
-        self._start = time.perf_counter()
-
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        if error is None:
-            self._times.append(time.perf_counter() - self._start)
-
-
 def seconds_by_turns(
     calls: Sequence[TimedCall], repeats: int, on_progress: Progress | None = None
 ) -> list[list[float]]:
