@@ -886,7 +886,7 @@ def cfl_substeps(
     speed: float = 0.0,
     cfl: float | None = None,
 ) -> int:
-    """Number of substeps of a frame that the CFL law gives, for a solver with `substeps="cfl"`.
+    """Return the number of substeps of a frame by the CFL law, for a solver with `substeps="cfl"`.
 
     A solver takes as many in its first frame. The number may exceed `MAX_SUBSTEPS`, which solvers refuse.
 

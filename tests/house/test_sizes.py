@@ -1,6 +1,6 @@
 """The number of lines that a reader has to face; `pytest -rP tests/house/test_sizes.py` prints them.
 
-Tracked files count in ruff's format, docstrings and blank lines with them. Whoever raises a limit writes the reason beside it.
+Tracked files count, with docstrings and blank lines. A limit that is raised has its reason beside it.
 """
 
 import subprocess

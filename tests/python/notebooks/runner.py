@@ -1,4 +1,4 @@
-"""Runs the notebooks of docs/guide/notebooks: `python -m tests.python.notebooks.runner` writes their outputs anew.
+"""Runs the notebooks of docs/guide/notebooks; `python -m tests.python.notebooks.runner` writes their outputs.
 
 Cells are plain Python, so this needs no Jupyter: a cell is executed, and what its last line stands for is
 shown as a notebook shows it, by its HTML, its picture or its `repr`.

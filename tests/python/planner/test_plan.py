@@ -1,4 +1,4 @@
-"""Plans: the right coarse level for an error or a time, honest refusals, and calibrations that are checked."""
+"""Plans: the method for an error or a time, refusals, and calibrations that are checked."""
 
 import json
 import math

@@ -204,7 +204,7 @@ def test_every_simulator_can_be_probed_and_pressure_is_for_mpm() -> None:
         assert float(solver.probe(HeightGauge(middle[0]))) > 0
         before = solver.snapshot()
         if name in {"network", "hybrid"}:
-            with pytest.raises(ConfigError, match="a simulator of kind '.*' has no pressure"):
+            with pytest.raises(ConfigError, match=r"a simulator of kind '.*' has no pressure"):
                 solver.probe(Pressure(middle))
         else:
             assert np.isfinite(solver.probe(Pressure(middle)))
