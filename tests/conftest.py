@@ -28,7 +28,6 @@ TOGETHER = {
         "tests/python/physics/",
         "tests/python/training/",
         "tests/python/cli/test_train_command.py",
-        "tests/lab/test_models.py",
     ),
 }
 """Tests that run in one process, one after the other: they share what is expensive, or they wait for time."""
@@ -46,10 +45,10 @@ os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 def pytest_xdist_auto_num_workers() -> int:
     """Return how many processes `pytest -n auto` starts: none where there is one core.
 
-    Otherwise one more than cores, because the process that drives the browser waits for most of its time.
+    Otherwise two more than cores: the processes that drive the browser and the service wait for most of their time.
     """
     cores = usable_cores()
-    return min(cores + 1, MAX_PROCESSES) if cores > 1 else 0
+    return min(cores + 2, MAX_PROCESSES) if cores > 1 else 0
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

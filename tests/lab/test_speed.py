@@ -33,7 +33,7 @@ def measured(folder: Path, *arguments: str, chart: bool = True) -> tuple[str, li
     files = ["--json", str(file), *(["--chart", str(picture)] if chart else [])]
     result = CliRunner().invoke(cli, [*arguments, "--repeats", "1", *files])
     assert result.exit_code == 0, result.output
-    assert not chart or picture.stat().st_size > 10_000
+    assert not chart or picture.stat().st_size > 5_000
     return result.stdout, json.loads(file.read_text())
 
 

@@ -133,4 +133,4 @@ def test_a_scene_that_does_not_exist_is_named(folder: Path) -> None:
     run = CliRunner().invoke(cli, ["control", "lava", "--sketch", str(folder / "arrow.json")])
     assert run.exit_code == 2
     assert "water_2d" in run.output
-    assert "'lava'" in run.output
+    assert "lava is neither a file nor a scenario" in run.output

@@ -238,9 +238,11 @@ def test_a_wrong_type_is_told_what_to_write_instead() -> None:
                 make(value)
     with pytest.raises(ConfigError, match=r"scenes must be a list of scenes, got a Scene: write \[scene\]"):
         MpmBatch(WATER)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=r"takes a simulator.*; got a Scene: write MpmSolver\(scene\)"):
+    with pytest.raises(
+        ConfigError, match=r"a simulator is required.*; got a Scene: write MpmSolver\(scene\)"
+    ):
         recording.record(WATER, 3)  # type: ignore[arg-type]
-    with pytest.raises(ConfigError, match=r"takes a simulator, such as an MpmSolver; got a str"):
+    with pytest.raises(ConfigError, match=r"a simulator is required, such as an MpmSolver; got a str"):
         control.prepare("water_2d", control.Arrow(points=np.array([[0.3, 0.3], [0.4, 0.4]])))  # type: ignore[arg-type]
 
 
