@@ -45,10 +45,10 @@ os.environ.setdefault("POT_BACKEND_DISABLE_PYTORCH", "1")
 def pytest_xdist_auto_num_workers() -> int:
     """Return how many processes `pytest -n auto` starts: none where there is one core.
 
-    Otherwise two more than cores: the processes that drive the browser and the service wait for most of their time.
+    Otherwise one more than cores, because the process that drives the browser waits for most of its time.
     """
     cores = usable_cores()
-    return min(cores + 2, MAX_PROCESSES) if cores > 1 else 0
+    return min(cores + 1, MAX_PROCESSES) if cores > 1 else 0
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

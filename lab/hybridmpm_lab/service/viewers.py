@@ -41,6 +41,11 @@ class Viewer:
         self._arrivals: list[float] = []
         self._ends: list[bytes] = []
 
+    @property
+    def frames(self) -> int:
+        """Number of frames since the last `forget`."""
+        return len(self._arrivals)
+
     async def send(self, kind: str, **values: Any) -> None:
         """Send a command of the player."""
         await self._stream.send(json.dumps({"type": kind} | values))
