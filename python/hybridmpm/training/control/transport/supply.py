@@ -138,4 +138,5 @@ def _put(batches: Any, made: Arrays | str) -> None:
         except queue.Full:
             training = multiprocessing.parent_process()
             if training is None or not training.is_alive():
+                batches.cancel_join_thread()  # nobody reads what still waits, so the process would never end
                 raise SystemExit from None
