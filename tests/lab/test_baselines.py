@@ -91,7 +91,7 @@ BY_DEFAULT = {("taichi", 2, WATER), ("warp", 3, SAND)}
 )  # fmt: skip
 def test_same_positions(package: str, dim: int, material: Material) -> None:
     if importlib.util.find_spec(package) is None:
-        pytest.skip(f"needs {package}: pip install 'hybridmpm[bench]'")
+        pytest.skip(f"needs {package}: pip install --editable lab")
     scene, frames = collision(dim, material), 200 // SUBSTEPS[dim]
     solver = MpmSolver(scene, substeps=SUBSTEPS[dim])
     x, v = solver.positions, solver.velocities

@@ -58,7 +58,7 @@ def test_a_baseline_is_measured_beside_ours(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if importlib.util.find_spec(package) is None:
-        pytest.skip(f"needs {package}: pip install 'hybridmpm[bench]'")
+        pytest.skip(f"needs {package}: pip install --editable lab")
     monkeypatch.setattr(solver, "CASES", solver.CASES[:1])  # each is compiled for seconds
     printed, rows = measured(tmp_path, "speed", "--particles", "216", "--baseline", package)
     assert [row["threads"] for row in rows] == [1, 2]
@@ -100,7 +100,7 @@ def test_a_missing_baseline_is_named_before_any_work(
     monkeypatch.setitem(sys.modules, package, None)
     result = CliRunner().invoke(cli, [command, "--baseline", package])
     assert result.exit_code == 2
-    assert "pip install 'hybridmpm[bench]'" in result.output
+    assert "pip install --editable lab" in result.output
 
 
 def test_a_busy_machine_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,7 +200,7 @@ def test_the_lower_quartile_of_a_clock_of_its_own() -> None:
 
 
 def test_rows_of_the_graph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("scipy", reason="needs SciPy: pip install 'hybridmpm[bench]'")
+    pytest.importorskip("scipy", reason="needs SciPy: pip install --editable lab")
     monkeypatch.setattr(graph, "MAX_BASELINE_PARTICLES", 1000)
     arguments = ["--particles", "1000", "--particles", "8000", "--baseline", "scipy"]
     printed, rows = measured(tmp_path, "neighbors", *arguments)

@@ -54,7 +54,7 @@ def panels(
         from cycler import cycler  # noqa: PLC0415
         from matplotlib.figure import Figure  # noqa: PLC0415
     except ImportError:
-        raise ConfigError("charts need matplotlib: pip install 'hybridmpm[bench]'") from None
+        raise ConfigError("charts need matplotlib: pip install 'matplotlib>=3.10'") from None
     with mpl.rc_context(_STYLE | {"axes.prop_cycle": cycler(color=COLOURS)}):
         figure = Figure(figsize=(width * columns, height * rows))
         axes = figure.subplots(rows, columns, squeeze=False)

@@ -28,7 +28,7 @@ from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.harness.store import RowStore
 
-pytestmark = pytest.mark.needs("ot", "bench")
+pytestmark = pytest.mark.needs("ot", "metrics")
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = DOCS / "results" / "control.md"

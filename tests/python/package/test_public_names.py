@@ -74,6 +74,6 @@ def test_every_error_is_public_and_a_simulation_error() -> None:
 )
 def test_module_lists_only_names_that_exist(module: str) -> None:
     if ".bench.peers." in module:
-        pytest.importorskip(module, reason="needs a peer: pip install 'hybridmpm[bench]'")
+        pytest.importorskip(module, reason="needs a peer: pip install --editable lab")
     loaded = importlib.import_module(module)
     assert [name for name in getattr(loaded, "__all__", []) if not hasattr(loaded, name)] == []

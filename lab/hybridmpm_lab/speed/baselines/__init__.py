@@ -17,4 +17,4 @@ def require_installed(package: str) -> None:
     except ValueError:  # a module that is blocked
         found = False
     if not found:
-        raise ConfigError(f"the baseline {package} is not installed: pip install 'hybridmpm[bench]'")
+        raise ConfigError(f"the baseline {package} is not installed: pip install --editable lab")

@@ -111,7 +111,7 @@ impl Material {
     }
 
     /// dt times the signal speed over dx at which splashes and single particles were last seen to be stable, the
-    /// lower of 2D and 3D; `hybridmpm bench stability` measures it. Larger fixed steps are refused.
+    /// lower of 2D and 3D; `python -m hybridmpm_lab validate stability_limit` measures it. Larger fixed steps are refused.
     pub fn cfl_limit(&self) -> f32 {
         match self.model {
             Model::Water(_) => 0.675,
