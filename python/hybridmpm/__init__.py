@@ -1,7 +1,7 @@
 """Real-time, interactive particle fluids: scenes, an MLS-MPM solver and errors between states.
 
 The names in `__all__` are public, and so are the modules among them; the rest may move. What a scene and MPM
-do not need is imported when it is first asked for.
+do not need is imported when it is first used.
 """
 
 from importlib import import_module as _import_module

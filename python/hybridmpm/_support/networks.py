@@ -269,7 +269,7 @@ def _opset(part: memoryview | int) -> str:
 
 
 def _tensors(graph: memoryview) -> list[memoryview]:
-    """Return the initializers, and tensors that nodes carry."""
+    """Return the initializers, and tensors that nodes contain."""
     found = []
     for number, part in messages(graph):
         if number == _GRAPH_INITIALIZER:

@@ -44,7 +44,7 @@ def examine() -> list[Finding]:
         *(Finding(name, "ok", importlib.metadata.version(name)) for name in _LIBRARIES),
         Finding("platform", "ok", platform.platform()),
         Finding("processor", "ok", cpu_model()),
-        Finding("threads", "ok", f"{usable_cores()} can run at once; a solver uses 1 unless told otherwise"),
+        Finding("threads", "ok", f"{usable_cores()} can run at once; a solver uses 1 by default"),
         Finding("cpu features", "ok", ", ".join(_core.cpu_features()) or "none that matter here"),
         _solver_works(),
         _encoder(),

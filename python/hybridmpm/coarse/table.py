@@ -43,7 +43,7 @@ class FittedLevel(Record):
     r_p: Annotated[float, Range(0, 1, open_low=True)]
     particles_per_cell: _Positive = Field(description="Merged particles in a cell of the coarse grid.")
     modulus: Annotated[float, Range(0, 1, open_low=True)] = Field(
-        description="Factor on the elastic moduli, before depth asks for more."
+        description="Factor on the elastic moduli, before depth requires more."
     )
     cfl: Annotated[float, Range(0, 1, open_low=True)]
     affine_share: Annotated[float, Range(0, 1)]

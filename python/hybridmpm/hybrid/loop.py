@@ -393,7 +393,7 @@ class HybridLoop:
             raise
 
     def _refuse(self, guard: Guard, value: float) -> None:
-        """Let MPM take over because of an alarm about a step that has not begun, and make the frame."""
+        """Let MPM take over because of an alarm about a step that has not started, and compute the frame."""
         network = self._network
         with self._all_or_nothing():
             made = network.network_steps

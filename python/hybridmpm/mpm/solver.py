@@ -191,7 +191,7 @@ class MpmSolver(CoarseSimulator):
 
     @property
     def resolution(self) -> int:
-        """Grid cells per metre; fewer than the scene's where `r_p` or `coarse` asks for a coarser grid."""
+        """Grid cells per metre; fewer than the scene's where `r_p` or `coarse` makes the grid coarser."""
         return self._solver.resolution
 
     @property

@@ -25,7 +25,7 @@ class Estimate:
     name: str
     """Name of the method, such as "coarse 1/16"."""
     error: float
-    """Mean error over 200 frames from the first impact on, by the measure that was asked for."""
+    """Mean error over 200 frames from the first impact on, by the chosen measure."""
     error_se: float | None
     """Its standard error over the scenes of the calibration."""
     ms_per_frame: float

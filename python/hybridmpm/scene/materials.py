@@ -23,8 +23,8 @@ Friction = Annotated[float, Range(0, 10)]
 class Water(Record):
     """Weakly compressible fluid with Cauchy pressure p = lambda (1 - J).
 
-    The stiffness comes from one of two fields. `bulk_modulus` is lambda itself. `max_compression` c asks that
-    water at rest be compressed by at most c, so lambda = rho g h / c. Here h is the height of the highest
+    The stiffness comes from one of two fields. `bulk_modulus` is lambda itself. `max_compression` c is the
+    largest compression of water at rest, so lambda = rho g h / c. Here h is the height of the highest
     water at the start above the floor of the walls, because settled water is never deeper. Impacts may
     compress the water by more than c. With neither field, lambda is `REFERENCE_BULK_MODULUS`.
     """

@@ -1,4 +1,4 @@
-"""What a sketch asks for: places for all particles, paths to them, and what these take."""
+"""The requirements of a sketch: places for all particles, paths to them, and what these take."""
 
 import itertools
 from typing import Any

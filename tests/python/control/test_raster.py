@@ -199,7 +199,7 @@ def test_red_and_green_together_are_two_sketches() -> None:
     ("one", "other", "message"),
     [
         (([0.1, 0.1], [0.4, 0.1]), ([0.1, 0.5], [0.4, 0.6]), "several separate marks"),
-        (([0.1, 0.1], [0.6, 0.6]), ([0.1, 0.6], [0.6, 0.1]), "head cannot be told"),
+        (([0.1, 0.1], [0.6, 0.6]), ([0.1, 0.6], [0.6, 0.1]), "head looks like its tail"),
         (([0.5, 0.5], [0.8, 0.6]), ([0.5, 0.5], [0.2, 0.6]), "other lines beside it"),
         (([0.1, 0.1], [0.4, 0.1]), ([0.4, 0.1], [0.8, 0.2]), "other lines beside it"),
         (([0.1, 0.5], [0.5, 0.5]), ([0.3, 0.5], [0.3, 0.2]), "other lines beside it"),
@@ -300,8 +300,8 @@ def _maze() -> bytes:
         (partial(_photograph, 3), "red and green"),
         (partial(_photograph, 1), "is ink, at most 30%"),
         (partial(_scribble, "green", 30), "no oval|filled"),
-        (partial(_scribble, "red", 30), "head cannot be told|other lines|too long"),
-        (partial(_scribble, "black", 12), "head cannot be told|other lines|too long"),
+        (partial(_scribble, "red", 30), "head looks like its tail|other lines|too long"),
+        (partial(_scribble, "black", 12), "head looks like its tail|other lines|too long"),
         (_maze, "too long.*up to 2048"),
     ],
 )

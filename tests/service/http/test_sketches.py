@@ -156,7 +156,7 @@ def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
     body = answer.json()
     assert body["sketch"]["kind"] == "ellipse"
     assert (body["frames"], body["hold"], body["needs"]["cap"]) == (60, 5, 3.75)
-    assert body["reason"] == "asked for"
+    assert body["reason"] == "chosen by the caller"
     np.testing.assert_allclose(body["sketch"]["center"], [0.55, 0.45], atol=0.003)
 
 

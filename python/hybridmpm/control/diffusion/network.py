@@ -88,7 +88,7 @@ class ControlNetwork(ServedNetwork):
             A node has more than 256 neighbours.
         """
         graph = edge_inputs(radius_graph(x, self.spec.radius))
-        told: dict[str, npt.NDArray[Any]] = {
+        conditions: dict[str, npt.NDArray[Any]] = {
             "x": x,
             "v": v,
             "types": types,
@@ -98,7 +98,7 @@ class ControlNetwork(ServedNetwork):
         }
 
         def denoised(noisy: npt.NDArray[np.floating], time: int) -> npt.NDArray[np.floating]:
-            feed = told | {"noisy": noisy.astype(np.float32), "time": np.array([time])}
+            feed = conditions | {"noisy": noisy.astype(np.float32), "time": np.array([time])}
             (clean,) = self._session.run([OUTPUT], feed)
             return np.asarray(clean)
 

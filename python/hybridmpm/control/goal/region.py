@@ -1,4 +1,4 @@
-"""The region that an oval asks the fluid to fill."""
+"""The region of an oval that the fluid is to fill."""
 
 from dataclasses import dataclass
 from typing import Literal, Self

@@ -16,13 +16,13 @@ class Analytic:
 
     Where obstacles are in the way, it leads there somewhat earlier than asked, if the cap allows for it.
 
-    The force is computed in each frame from the actual state, so pressure, friction and walls, which the plan
-    does not know, are made up for.
+    The force is computed in each frame from the actual state. That corrects for pressure, friction and
+    walls, which the plan leaves out.
     """
 
     name = "analytic"
 
-    def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal knows the state
+    def plan(self, simulator: Simulator, task: Task) -> Tracked:  # noqa: ARG002 - the goal contains the state
         """Return the law along the paths of the goal."""
         return task.tracked(task.goal.paths, share=arrival(task))
 

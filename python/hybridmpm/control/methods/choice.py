@@ -36,7 +36,7 @@ def chosen(method: str | Method) -> tuple[Method, str]:
         if method not in METHODS:
             near = did_you_mean(method, ("auto", *METHODS))
             raise ConfigError(f"method must be auto, {', '.join(METHODS)} or a Method, got {method!r}{near}")
-        return METHODS[method], "asked for"
+        return METHODS[method], "chosen by the caller"
     if not callable(getattr(method, "plan", None)):
         raise ConfigError(f"method must be a name or have the function plan, got {method!r}")
-    return method, "asked for"
+    return method, "chosen by the caller"

@@ -31,15 +31,15 @@ _MAX_USELESS = 2
 
 
 class Constant:
-    """Finds the constant acceleration under which the centre of mass goes where the sketch asks.
+    """Finds the constant acceleration under which the centre of mass goes where the sketch leads.
 
-    A body in free flight needs a = 2 (Delta - v_0 t) / t^2 - g, where Delta is the displacement that the
-    sketch asks for, v_0 the velocity of the centre of mass and t the time. This acceleration is tried on a
+    A body in free flight needs a = 2 (Delta - v_0 t) / t^2 - g, where Delta is the displacement of the
+    sketch, v_0 the velocity of the centre of mass and t the time. This acceleration is tried on a
     copy of the simulator, and the miss gives the next acceleration (Broyden's method). Up to `MAX_ROLLOUTS`
     accelerations are tried; the one with the smallest miss is taken. Accelerations longer than
     `MAX_ACCELERATION` or the cap of the task are shortened to that.
 
-    An arrow asks the centre of mass to move by tip minus tail, an oval to move to its centre. A network alone
+    With an arrow the centre of mass is to move by tip minus tail, with an oval to its centre. A network alone
     gets the acceleration as an input.
 
     References

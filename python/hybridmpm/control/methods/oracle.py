@@ -37,14 +37,14 @@ class Oracle:
         case = self._case
         if task.frames != case.frames:
             raise ConfigError(
-                f"the oracle knows the way for frames = {case.frames}, those of its case, got {task.frames}"
+                f"the oracle has the way of its case, for frames = {case.frames}, got {task.frames}"
             )
         at_start = np.array_equal(simulator.positions, case.positions[0]) and np.array_equal(
             simulator.velocities, case.velocities
         )
         if not at_start:
             raise ConfigError(
-                "the oracle knows the way of its case alone: follow with case.simulator(), which is in the "
+                "the oracle has the way of its case alone: follow with case.simulator(), which is in the "
                 "state in which that starts"
             )
         return case.law(task.cap)

@@ -54,7 +54,7 @@ _NEAR_END = 0.4
 """Place along the line, from 0 to 1, from which ink beside it may be the head at its end."""
 _CLEAR_HEAD = 8.0
 """Least ink beside the line [pixels] at the end that is the head."""
-_NO_HEAD = "the arrow's head cannot be told from its tail: draw one arrow with a clear head at its tip alone"
+_NO_HEAD = "the arrow's head looks like its tail: draw one arrow with a clear head at its tip alone"
 _MIN_LENGTH = 40.0
 """Shortest arrow, from the end of its tail to that of its head."""
 _SHORT = 100.0
@@ -293,7 +293,7 @@ def read_arrow(coverage: Floats, mask: Mask) -> Arrow:
     Raises
     ------
     SketchError
-        The arrow is too short, its head cannot be told from its tail, or there are lines beside it.
+        The arrow is too short, its head looks like its tail, or there are lines beside it.
     """
     ink = _Ink(coverage, pixels_of(coverage > 0), coverage[coverage > 0])
     shaft = find_shaft(coverage, mask)
@@ -524,7 +524,7 @@ def _beyond(coverage: Floats, front: Floats, along: Floats) -> float:
 def _tail(ink: _Ink, free: Shaft) -> tuple[Floats, int]:
     """Return the tail, and the index of the first point of the line that lies clearly inside of it.
 
-    The ink behind a point of the line tells the length L from there to the tail. With the widths w there and
+    The ink behind a point of the line gives the length L from there to the tail. With the widths w there and
     w_0 at the tail, which is round, it is (w + w_0) L / 2 + pi w_0^2 / 8.
     """
     inner = min(int((free.free[0] + 6.0) / free.spacing), len(free.points) - 2)

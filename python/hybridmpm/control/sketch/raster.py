@@ -163,7 +163,7 @@ def parse_png(data: bytes) -> Sketch:
     SketchError
         The data are no such PNG; or the picture is blank, has too little or too much ink, several marks, or
         red and green ink together; or an outline is open, filled or no oval; or an arrow is too short, its
-        head cannot be told from its tail, or there are other lines beside it.
+        head looks like its tail, or there are other lines beside it.
     """
     ink = read_ink(decode_png(data))
     mark, bridged = main_mark(ink.mask)

@@ -29,7 +29,7 @@ Floats: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """A sketch that asks the centre of mass to move by tip minus tail.
+    """A sketch along which the centre of mass is to move, by tip minus tail.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Arrow:
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """A sketch that asks the centre of mass to move to `center`.
+    """A sketch that leads the centre of mass to `center`.
 
     Parameters
     ----------

@@ -21,8 +21,8 @@ def detect(folder: Path) -> Format:
     Raises
     ------
     DataError
-        The folder has no data set; or the data set is in LagrangeBench's layout, and nothing tells whether
-        its particle types are DeepMind's or LagrangeBench's.
+        The folder has no data set; or the data set is in LagrangeBench's layout without a mark of whose
+        particle types it has, DeepMind's or LagrangeBench's.
     """
     if not folder.is_dir():
         raise DataError(f"{folder} is no folder; a data set is a folder with metadata.json and its splits")
@@ -36,6 +36,6 @@ def detect(folder: Path) -> Format:
         return FORMATS[name]
     except (OSError, ValueError, KeyError, TypeError):
         raise DataError(
-            f"{folder} has LagrangeBench's layout, but nothing tells whose particle types: name the format "
-            "lagrangebench (3 is a rigid body) or hybridmpm (DeepMind's, 3 is kinematic)"
+            f"{folder} has LagrangeBench's layout, whose particle types have two conventions: name the "
+            "format lagrangebench (3 is a rigid body) or hybridmpm (DeepMind's, 3 is kinematic)"
         ) from None

@@ -81,7 +81,7 @@ class Track:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a step has begun and not arrived."""
+        """Whether a step has started and not ended."""
         return self._path is not None and self._phase < self.r_t
 
     @property

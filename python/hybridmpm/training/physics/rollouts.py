@@ -76,7 +76,7 @@ def errors(path: npt.NDArray[np.float32], trajectory: Trajectory) -> npt.NDArray
     scene = trajectory.scene
     moving = trajectory.types != KINEMATIC
     mass = np.ones(int(moving.sum()), np.float32) if trajectory.mass is None else trajectory.mass[moving]
-    assert scene is not None  # noqa: S101 - training data sets carry scenes
+    assert scene is not None  # noqa: S101 - training data sets contain scenes
     thinning = len(mass) / len(scene.sample().x)
     resolution = max(8, round(scene.resolution * thinning ** (1 / scene.dim)))
     return np.array(
@@ -107,7 +107,7 @@ def write_picture(
 
 def _row(trajectory: Trajectory, states: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     moving = trajectory.types != KINEMATIC
-    assert trajectory.scene is not None  # noqa: S101 - training data sets carry scenes
+    assert trajectory.scene is not None  # noqa: S101 - training data sets contain scenes
     view = view_of(trajectory.scene, trajectory.types[moving].astype(np.uint8), _WIDTH)
     pictures = []
     for state in np.linspace(HISTORY - 1, len(states) - 1, _PICTURES).round().astype(int):

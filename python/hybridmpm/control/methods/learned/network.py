@@ -37,18 +37,18 @@ class TransportNetwork(ServedNetwork):
         state : State
             Where the N particles are.
         aim : Aim
-            What the sketch tells of the end.
+            The end as far as the sketch shows it.
         seed : int
             Seed of the noise; other seeds give other ends.
         evaluations : int in [1, 20]
             Steps in which the flow from noise to places is followed, by Euler's method.
         """
         steps = whole("evaluations", evaluations, 1, 20)
-        told = inputs([state], [aim], [None])
-        noisy = smooth_noise(np.random.default_rng(seed), told.places[0].astype(np.float64))[None]
+        given = inputs([state], [aim], [None])
+        noisy = smooth_noise(np.random.default_rng(seed), given.places[0].astype(np.float64))[None]
         for step in range(steps):
             time = np.full(1, step / steps, dtype=np.float32)
-            feed = {**vars(told), "noisy": noisy.astype(np.float32), "time": time}
+            feed = {**vars(given), "noisy": noisy.astype(np.float32), "time": time}
             (end,) = self._session.run([OUTPUT], feed)
             noisy += (end - noisy) / (steps - step)
         return aim.to_metres(noisy[0])

@@ -16,8 +16,8 @@ _WIDTHS = (16, 24, 32, 48)
 _SHARES = (4, 8, 16, 16)
 """Numbers to which each scale is projected; 44 together. Coarser scales say more of where things are."""
 _SIDES = (1, 2, 4, 4)
-"""Cells along each side in which the means of a scale are taken: without places nothing tells left from
-right."""
+"""Cells along each side in which the means of a scale are taken: without places left and right look
+alike."""
 
 
 class SketchEncoder(nn.Module):

@@ -101,14 +101,14 @@ class Conditioned(nn.Module):
 class ControlNetTrainer(Trainable[Conditioned]):
     """Training by diffusion: the network predicts the clean field from a noisy one.
 
-    What the network answers is not the field itself but the ways that it is made of: see `ways.field_of`.
-    So it need not learn how a body is braked and held, and its errors count by how far they lead astray: an
-    error of the acceleration early in the time leads much farther than the same error late.
+    The network predicts the ways of which the field is made, not the field itself: see `ways.field_of`.
+    So it need not learn how a body is braked and held. An error counts by the distance that it leads astray:
+    early in the time an error of the acceleration leads much farther than late.
 
     The loss of a sample is the root mean square error of where the nodes are led, over that of how far they
-    have to go, at least `_AT_REST`. To it the same is added of the mean over all nodes, which is what a
-    sketch tells best, and the relative error of the covariance of where all nodes are led: without it the
-    network answers the mean of what is possible, in which a fluid has less room than it takes.
+    have to go, at least `_AT_REST`. Two terms are added: the same for the mean over all nodes, which a
+    sketch determines best, and the relative error of the covariance of the nodes' ends. Without the
+    covariance the network predicts the mean of all possible ends, which leaves a fluid too little room.
 
     Parameters
     ----------
