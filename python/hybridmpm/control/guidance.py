@@ -12,7 +12,7 @@ from hybridmpm._support.arguments import whole
 from hybridmpm._support.packing import as_snapshot_error, from_bytes, to_bytes
 from hybridmpm.control.checks import positive
 from hybridmpm.control.goal.cloud import Cloud
-from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, goal_of
+from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill, Oval, Region
 from hybridmpm.control.goal.room import Room
@@ -32,7 +32,7 @@ DEFAULT_CAP = 15.0
 DEFAULT_RESOLUTION = 32
 """Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
 cells is swallowed by the solver's own grid."""
-_MAGIC, _VERSION = b"HMPMGUID", 1
+_MAGIC, _VERSION = b"HMPMGUID", 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +106,7 @@ class Guidance:
             "cloud": vars(goal.cloud),
             "ways": vars(goal.paths),
             "path": goal.path,
+            "bent": goal.bent,
             "drawn": None if goal.drawn is None else vars(goal.drawn),
             "region": None
             if goal.region is None
@@ -143,6 +144,7 @@ class Guidance:
             tree = from_bytes(_MAGIC, _VERSION, data)
             needs = dict(tree["needs"])
             needs["obstructions"] = tuple(Obstruction(**one) for one in needs["obstructions"])
+            needs["notes"] = tuple(needs["notes"])
             return cls(
                 goal=_goal_from_dict(tree, scene),
                 law=law_from_dict(tree["law"]),
@@ -162,6 +164,7 @@ def _goal_from_dict(tree: dict[str, Any], scene: Scene) -> Goal:
         room=room,
         paths=Paths(**tree["ways"]),
         path=tree["path"],
+        bent=tuple(tree["bent"]),
         drawn=None if tree["drawn"] is None else Oval(**tree["drawn"]),
         region=None
         if region is None
@@ -177,6 +180,7 @@ class SketchOptions(TypedDict, total=False):
     strength: float
     hold: int
     fill: Fill
+    gentle: bool
     resolution: int
     seed: int
 
@@ -191,6 +195,7 @@ def prepare(
     strength: float = 1.0,
     hold: int = 0,
     fill: Fill = "even",
+    gentle: bool = True,
     resolution: int = DEFAULT_RESOLUTION,
     seed: int = 0,
     most: int = 2 * MAX_FRAMES,
@@ -226,6 +231,9 @@ def prepare(
     fill : "even" or "shrink"
         Filling of an oval larger than the fluid: evenly, which may tear water into filaments, or shrunk to
         the fluid's volume.
+    gentle : bool
+        Whether a goal out of reach is approached at ease, as near as that leads: with at most 5 g, or the
+        middle of the cap and 1 g. Without it the whole cap is used. Methods that are objects always have it.
     resolution : int in [0, 256]
         Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
     seed : int in [0, 2**32)
@@ -266,6 +274,11 @@ def prepare(
         needs = goal.needs(longest, largest)
     frames = needs.frames
     planner, reason = chosen(method)
+    if gentle and isinstance(method, str) and not needs.reachable:
+        largest = min(largest, ease(largest))
+        if any(one.reason in ("time", "cap") for one in needs.obstructions):
+            goal = goal.within(frames, largest)
+        reason += f"; the goal is out of reach and approached with at most {largest:.3g} g"
     task = Task(
         goal=goal,
         frames=frames,

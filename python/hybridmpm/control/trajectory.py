@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import Floats
+from hybridmpm.control.goal.region import NEAR
 
 Ending = Literal["done", "cancelled", "superseded", "failed"]
 """End of a followed sketch. superseded: another caller advanced or reset the simulator."""
 
 _SHARE = 0.95
-_MISS = 0.01
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class SketchResult:
     inside_drawn: float | None
     """Share of the mass in the oval as it was drawn, at that time; None for an arrow."""
     miss: float
-    """Distance of the centre of mass from that of the goal, at that time [m]."""
+    """Distance of the centre of mass from the drawn end at that time [m]: the tip, or the middle of the goal."""
     rms: float
     """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
     peak: float
@@ -33,8 +33,11 @@ class SketchResult:
 
     @property
     def goal(self) -> bool:
-        """Whether the goal was reached: 95 % of the mass in it, or at most 1 cm from the tip of an arrow."""
-        return self.miss <= _MISS if self.inside is None else self.inside >= _SHARE
+        """Whether the drawn end was reached.
+
+        The centre of mass is at most 1 cm off, and 95 % of the mass is in the goal where one is filled.
+        """
+        return self.miss <= NEAR and (self.inside is None or self.inside >= _SHARE)
 
     def __str__(self) -> str:
         parts = []

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.errors import ConfigError
+from hybridmpm.scene.particle_types import GOOP
 from hybridmpm.simulator import Simulator
 
 Floats = npt.NDArray[np.float64]
@@ -27,6 +28,8 @@ class Cloud:
     """Velocities (N, D) [m/s]."""
     weight: Floats
     """Mass of each particle over that of all (N,) [-]."""
+    types: npt.NDArray[np.uint8]
+    """DeepMind's particle types (N,): 5 water, 6 sand, 7 elastic."""
     volume: float
     """Volume of all particles at rest, in 2D their area [m^D]."""
     gravity: Floats
@@ -50,6 +53,7 @@ class Cloud:
             x=simulator.positions.astype(np.float64),
             v=simulator.velocities.astype(np.float64),
             weight=mass / mass.sum(),
+            types=simulator.materials,
             volume=simulator.particle_count * simulator.particle_spacing**scene.dim,
             gravity=np.array(scene.gravity),
             frame=simulator.frame,
@@ -60,6 +64,11 @@ class Cloud:
     def dim(self) -> int:
         """Dimension D."""
         return len(self.gravity)
+
+    @property
+    def elastic(self) -> float:
+        """Share of the mass that is elastic [-]."""
+        return float(self.weight @ (self.types == GOOP))
 
     @property
     def centroid(self) -> Floats:

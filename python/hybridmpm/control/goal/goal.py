@@ -1,5 +1,6 @@
 """`Goal`: the places and paths that a sketch gives to the particles, and the force that they need."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
@@ -7,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
+from hybridmpm.control.goal.bends import Bends, resampled
 from hybridmpm.control.goal.cloud import Cloud, Floats
-from hybridmpm.control.goal.paths import Paths, arrow_path
-from hybridmpm.control.goal.region import Fill, Oval, Region, region_of
-from hybridmpm.control.goal.room import Room
+from hybridmpm.control.goal.paths import Paths, arrow_path, cornered
+from hybridmpm.control.goal.region import NEAR, Fill, Oval, Region, gathered, region_of
+from hybridmpm.control.goal.room import Room, RoomGrid
 from hybridmpm.control.sketch.sketch import Arrow, Sketch
 from hybridmpm.scene import Scene
 
@@ -51,6 +53,8 @@ class Needs:
     """Share of the drawn oval that walls and obstacles take; 0 for an arrow."""
     obstructions: tuple[Obstruction, ...]
     """Reasons for which the goal is out of reach; empty where it is within reach."""
+    notes: tuple[str, ...]
+    """Remarks on the goal, e.g. that the way was bent round an obstacle; none of them keeps it out of reach."""
 
     @property
     def reachable(self) -> bool:
@@ -66,7 +70,7 @@ class Needs:
             )
         if self.taken > 0:
             lines.append(f"walls and obstacles take {100 * self.taken:.0f} % of the oval")
-        return "; ".join(lines + [obstruction.message for obstruction in self.obstructions])
+        return "; ".join([*lines, *self.notes, *(obstruction.message for obstruction in self.obstructions)])
 
 
 _MISFIT = 0.02
@@ -75,8 +79,21 @@ _EASE = 5.0
 """Largest acceleration of suggested frames, whatever the cap [g]."""
 _FRAMES = np.arange(40, 401, 5)
 """Numbers of frames that may be suggested."""
+_TOUCHING = 0.002
+"""Share of an elastic body that may lie in obstacles at the tip, which turn it."""
+_SOLID = 0.5
+"""Share of elastic mass from which on a body is led round obstacles as a whole only."""
+_THIN = 2.0
+"""Volume of an oval over that of the fluid from which on `fill="shrink"` is suggested."""
+_HALVINGS = 7
+"""Number of halvings in the search for the part of a way that can be gone."""
 _PARTS = 6
 """Parts of the numbers of frames that are tried at once; most searches end in the first or second."""
+
+
+def ease(cap: float) -> float:
+    """Return the acceleration [g] of an easy motion: 5 g, or the middle of the cap and 1 g, which balances gravity."""
+    return min((1 + cap) / 2, _EASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +110,8 @@ class Goal:
     """The oval as it was drawn; None for an arrow."""
     region: Region | None
     """Region that is filled; None where the fluid keeps its shape."""
+    bent: tuple[str, ...] = ()
+    """Remarks on what the path was bent for."""
 
     @property
     def target_displacement(self) -> Floats:
@@ -101,12 +120,8 @@ class Goal:
 
     @property
     def leads_around(self) -> bool:
-        """Whether particles go around obstacles to fill a region."""
-        return (
-            self.region is not None
-            and not self.paths.together
-            and bool((np.diff(self.paths.starts) > 2).any())
-        )
+        """Whether particles go around obstacles in groups, each on a way of its own."""
+        return not self.paths.together and bool((np.diff(self.paths.starts) > 2).any())
 
     def end(self) -> tuple[Floats, Floats | None]:
         """Return mean and spread of the end in the sketch.
@@ -151,11 +166,10 @@ class Goal:
 
         The limit is 5 g, or the middle between 1 g, which balances gravity, and the cap.
         """
-        easy = min((1 + cap) / 2, _EASE)
         frames = 100
         # Slowed paths need slightly more than paths that are timed anew.
         for _ in range(2):
-            frames = self._fewest_frames(easy, frames) or int(_FRAMES[-1])
+            frames = self._fewest_frames(ease(cap), frames) or int(_FRAMES[-1])
         return frames
 
     def _fewest_frames(self, acceleration: float, known: int) -> int | None:
@@ -188,7 +202,30 @@ class Goal:
             scale=self.region.scale if self.region is not None and self.drawn is not None else 1.0,
             taken=0.0 if self.drawn is None else 1 - float(self.room.is_free(self.drawn.sample()).mean()),
             obstructions=tuple(obstructions),
+            notes=(*self.bent, *self._remarks()),
         )
+
+    def _remarks(self) -> list[str]:
+        found = []
+        if self.drawn is not None and self.cloud.elastic > 0:
+            found.append("elastic bodies keep their shape and will not fill the oval")
+        if self.drawn is not None and self.region is not None:
+            spread = self.region.volume / self.cloud.volume
+            if spread > _THIN:
+                found.append(
+                    f'the oval is {spread:.1f} times the fluid\'s volume, which tears it: fill="shrink" keeps it whole'
+                )
+        return found
+
+    def within(self, frames: int, acceleration: float) -> "Goal":
+        """Return the goal of a way that ends where an acceleration [g] leads in a number of frames."""
+        seconds, gravity = frames * self.cloud.frame_dt, self.cloud.gravity
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            enough = self.paths.shortened(middle).timed(seconds).effort(gravity).acceleration <= acceleration
+            low, high = (middle, high) if enough else (low, middle)
+        return dataclasses.replace(self, paths=self.paths.shortened(low))
 
     def _closed_in(self) -> list[Obstruction]:
         found = []
@@ -207,6 +244,14 @@ class Goal:
             found.append(
                 Obstruction("wall", "the arrow leads the centre of mass out of the room: shorten it")
             )
+        elif self.drawn is None and cut_off == 0:
+            off = float(np.linalg.norm(self.cloud.weight @ self.paths.places - self.path[-1]))
+            if self.region is not None and self.cloud.elastic > _SOLID:
+                text = "walls and obstacles leave no room at the tip for the shape of the elastic body"
+                found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
+            elif off > NEAR:
+                text = f"walls and obstacles keep the centre of mass {100 * off:.0f} cm from the tip"
+                found.append(Obstruction("wall", f"{text}: end the arrow farther from them"))
         return found
 
     def _too_weak(self, frames: int, acceleration: float, cap: float) -> Obstruction:
@@ -234,30 +279,93 @@ def goal_of(sketch: Sketch, cloud: Cloud, scene: Scene, *, fill: Fill = "even") 
         return _carried(sketch, cloud, room, scene)
     oval = Oval.drawn(sketch, cloud, scene.walls)
     region = region_of(oval, room, volume=cloud.volume, particles=len(cloud.x), fill=fill)
-    grid = room.grid()
-    found = _core.match_to_region(cloud.x, region.cells, None if grid is None else grid.space)
-    paths = Paths.of_groups(
+    paths = _in_groups(cloud, region.cells, room.grid())
+    path = np.stack([cloud.centroid, cloud.weight @ paths.places])
+    return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, oval, region)
+
+
+def _in_groups(cloud: Cloud, cells: Floats, grid: RoomGrid | None) -> Paths:
+    """Return paths on which groups fill cells (M, D) [m], each by the shortest way around obstacles."""
+    found = _core.match_to_region(cloud.x, cells, None if grid is None else grid.space)
+    return Paths.of_groups(
         cloud, found.places, found.group, found.way_starts, found.ways, cut_off=found.cut_off
     )
-    path = np.stack([cloud.centroid, cloud.weight @ paths.places])
-    return Goal(sketch, cloud, room, paths, path, oval, region)
 
 
 def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
     path = cloud.centroid + arrow_path(sketch, cloud.dim, scene.walls)
-    places = cloud.x + (path[-1] - path[0])
-    if room.is_free(places).mean() >= 1 - _MISFIT:
-        group = np.zeros(len(places), dtype=np.uint32)
-        starts = np.array([0, len(path)], dtype=np.uint32)
-        # Particles slightly beyond the walls are moved back.
-        places = np.clip(places, room.lower, room.upper)
-        paths = Paths.of_groups(
-            cloud, places, group, starts, path, cut_off=np.zeros(1, dtype=bool), together=True
-        )
+    kept = cloud.x + (path[-1] - path[0])
+    keeps = bool(room.is_free(kept).mean() >= 1 - _MISFIT)
+    if cloud.elastic > _SOLID:
+        keeps &= bool((room.distance(kept) >= 0).mean() >= 1 - _TOUCHING)
+    # Particles slightly beyond the walls are moved back.
+    kept = np.clip(kept, room.lower, room.upper)
+    disc = None if keeps else _Disc.of(path, cloud, room)
+    body = Bends.of(room, cloud.x, kept if disc is None else disc.places, path)
+    way, bent = resampled(path), []
+    if (inward := body.within(way)) is not None:
+        way, path = inward, cornered(inward)
+        bent.append("the way left the room and was bent back into it")
+    grid = room.grid()
+    if grid is None or not body.hits(way).any():
+        paths = _together(path, cloud, kept) if disc is None else disc.paths(path, cloud, room)
+        return Goal(sketch, cloud, room, paths, path, None, disc and disc.region, tuple(bent))
+    bent.append("the way was bent round obstacles")
+    if keeps and (around := body.around(way, grid)) is not None:
+        path = cornered(around)
+        return Goal(sketch, cloud, room, _together(path, cloud, kept), path, None, None, tuple(bent))
+    if keeps and cloud.elastic > _SOLID:
+        paths = _together(path[[0, -1]], cloud, kept, cut_off=True).held_back(cloud.x, room)
         return Goal(sketch, cloud, room, paths, path, None, None)
-    tip = Oval.ball(np.clip(path[-1], room.lower, room.upper), cloud.volume)
-    region = region_of(tip, room, volume=cloud.volume, particles=len(places), fill="shrink")
-    moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
-    found = _core.match_to_region(moved, region.cells)
-    paths = Paths.along(path, cloud, found.places, found.group, lower=room.lower, upper=room.upper)
-    return Goal(sketch, cloud, room, paths, path, None, region)
+    disc = disc or _Disc.of(path, cloud, room)
+    body = Bends.of(room, disc.places - path[-1] + path[0], disc.places, path)
+    inward = body.within(way)
+    around = body.around(way if inward is None else inward, grid)
+    if around is not None:
+        path = cornered(around)
+        paths = disc.paths(path, cloud, room, early=True)
+        return Goal(sketch, cloud, room, paths, path, None, disc.region, tuple(bent))
+    region = None if keeps else disc.region
+    paths = _in_groups(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
+    middle = body.centre().around(way, grid)
+    path = path if middle is None else cornered(middle)
+    return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, None, region, tuple(bent))
+
+
+def _together(path: Floats, cloud: Cloud, places: Floats, *, cut_off: bool = False) -> Paths:
+    """Return paths of all particles along one path (K, D), in the shape that they have."""
+    group, starts = np.zeros(len(places), dtype=np.uint32), np.array([0, len(path)], dtype=np.uint32)
+    return Paths.of_groups(
+        cloud, places, group, starts, path, cut_off=np.array([cut_off]), together=not cut_off
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Disc:
+    """A disc, or ball, around the tip of an arrow, with a place for each particle."""
+
+    region: Region
+    places: Floats
+    """(N, D) [m]."""
+    group: npt.NDArray[np.uint32]
+    """Group of each particle (N,)."""
+
+    @classmethod
+    def of(cls, path: Floats, cloud: Cloud, room: Room) -> "_Disc":
+        region = gathered(path[-1], room, volume=cloud.volume, particles=len(cloud.x))
+        moved = np.ascontiguousarray(cloud.x + (path[-1] - path[0]))
+        found = _core.match_to_region(moved, region.cells)
+        return cls(region, found.places, found.group)
+
+    def paths(self, path: Floats, cloud: Cloud, room: Room, *, early: bool = False) -> Paths:
+        """Return paths of groups along a path (K, D); `early`, they take their shape at the start of it."""
+        return Paths.along(
+            path, cloud, self.places, self.group, lower=room.lower, upper=room.upper, early=early
+        )
+
+
+def _quartered(places: Floats, cloud: Cloud) -> Floats:
+    """Return cells (M, D) [m] of the shape that places (N, D) have: two along each axis for a particle."""
+    side = (cloud.volume / len(places)) ** (1 / cloud.dim)
+    corners = np.stack(np.meshgrid(*[[-side / 4, side / 4]] * cloud.dim), axis=-1).reshape(-1, cloud.dim)
+    return np.asarray((places[:, None] + corners).reshape(-1, cloud.dim))

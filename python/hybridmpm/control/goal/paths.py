@@ -1,6 +1,8 @@
 """`Paths` of the particles to their places, and the path of their centre of mass along an arrow."""
 
+import dataclasses
 import heapq
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +10,7 @@ import numpy.typing as npt
 
 from hybridmpm import _core
 from hybridmpm.control.goal.cloud import EARTH, Cloud, Floats
+from hybridmpm.control.goal.room import Room
 from hybridmpm.control.sketch.sketch import Arrow, depth_of_width
 from hybridmpm.scene import Walls
 
@@ -21,6 +24,12 @@ _TOLERANCE = 0.008
 _CORNERS = 64
 """Largest number of points of the simplified path. The time to plan grows with their square, and no fluid
 follows so many bends."""
+_EARLY = 0.2
+"""Part of a path around obstacles on which a body takes the shape that it has at the tip."""
+_STEPS = 33
+"""Number of places at which a straight way is looked at for the first obstacle."""
+_PASSING = 0.97
+"""Share of the particles that must be free for others to go on."""
 _PIECES = 8
 """Smallest number of pieces of a bent path, so that the spline through them stays near to it."""
 
@@ -38,7 +47,12 @@ def arrow_path(arrow: Arrow, dim: int, walls: Walls) -> Floats:
             back, front = walls.lower[2], walls.upper[2]
             depth = np.array([depth_of_width(float(width), back, front) for width in arrow.widths])
         points = np.column_stack([points, depth])
-    few = _simplified(points - points[0])
+    return cornered(points - points[0])
+
+
+def cornered(points: Floats) -> Floats:
+    """Return corners (K, D) of a path (M, D), near enough to each other that a spline stays near to it."""
+    few = _simplified(points)
     if len(few) == 2:
         return few
     lengths = np.linalg.norm(np.diff(few, axis=0), axis=1)
@@ -143,22 +157,58 @@ class Paths:
         *,
         lower: Floats,
         upper: Floats,
+        early: bool = False,
     ) -> "Paths":
         """Return paths of groups that go together along a path (K, D), each from its centre.
 
-        The change of shape is proportional to the length of path gone. Corners are clipped to `lower` and
+        The change of shape is proportional to the length of path gone, `early` over its first part only.
+        Corners are clipped to `lower` and
         `upper`, (D,) each [m].
         """
         straight = cls.straight(cloud, places, group)
         start, end = straight.corners.reshape(-1, 2, cloud.dim).swapaxes(0, 1)
         lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-        done = (lengths / lengths[-1])[:, None]
+        done = np.minimum(1.0, lengths / (lengths[-1] * (_EARLY if early else 1.0)))[:, None]
         shift = path - path[0]
         change = end - start - shift[-1]
         corners = np.clip(start[:, None] + shift + done * change[:, None], lower, upper)
         starts = len(path) * np.arange(len(start) + 1, dtype=np.uint32)
         corners = corners.reshape(-1, cloud.dim)
         return cls.of_groups(cloud, places, group, starts, corners, cut_off=straight.cut_off, together=True)
+
+    def shortened(self, share: float) -> "Paths":
+        """Return paths that end after a share in [0, 1] of their lengths; places move with their ends."""
+        corners = self.corners.copy()
+        for first, last in itertools.pairwise(self.starts.astype(int)):
+            path = self.corners[first:last]
+            done = np.append(0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+            for axis, along in enumerate(path.T):
+                corners[first:last, axis] = np.interp(share * done, done, along)
+        ends = self.starts[1:] - 1
+        places = self.places + (corners - self.corners)[ends][self.group]
+        return dataclasses.replace(self, places=places, corners=corners)
+
+    def held_back(self, x: Floats, room: Room) -> "Paths":
+        """Return paths on which those who are cut off go straight on, in their shape, until something is hit.
+
+        Parameters
+        ----------
+        x : (N, D)
+            Positions of the particles at the start [m].
+        room : Room
+        """
+        if not self.cut_off.any():
+            return self
+        members = self.cut_off[self.group]
+        way = (self.places - x)[members].mean(axis=0)
+        steps = np.linspace(0, 1, _STEPS)
+        free = [bool(room.is_free(x[members] + step * way).mean() >= _PASSING) for step in steps[1:]]
+        reach = steps[free.index(False) if False in free else _STEPS - 1]
+        places, corners = self.places.copy(), self.corners.copy()
+        places[members] = x[members] + reach * way
+        firsts = self.starts[:-1][self.cut_off]
+        corners[firsts + 1] = corners[firsts] + reach * way
+        return dataclasses.replace(self, places=places, corners=corners)
 
     @property
     def offset(self) -> Floats:

@@ -76,6 +76,12 @@ class Oval:
 Fill = Literal["even", "shrink"]
 """Filling of an oval larger than the fluid: evenly, or after it is shrunk to the fluid's volume."""
 
+NEAR = 0.01
+"""Largest distance of the centre of mass from the drawn end at which that is reached [m]."""
+_CENTRED = 0.7 * NEAR
+"""Distance of a region's middle from the tip at which its fluid arrives there [m]."""
+_SHIFTS = 40
+"""Number of shifts of a disc whose middle walls and obstacles have moved."""
 _ROOM = 1.03
 """Volume of settled fluid over its volume at rest [-]."""
 _CELLS_PER_PARTICLE = {2: 6, 3: 6}
@@ -132,6 +138,11 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
             "no part of the oval is free: it lies in obstacles or outside of the walls; draw it where the "
             "fluid can be"
         )
+    return _filled(oval, room, volume=volume, particles=particles, fill=fill)
+
+
+def _filled(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill) -> Region:
+    """Return the region of an oval of which a part is free."""
     volume *= _ROOM
     wanted = max(volume, oval.volume if fill == "even" else 0.0)
     side = (wanted / (_CELLS_PER_PARTICLE[len(oval.center)] * particles)) ** (1 / len(oval.center))
@@ -142,6 +153,36 @@ def region_of(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fi
     scale = fitting if fill == "shrink" else max(1.0, fitting)
     kept = cells[level <= scale]
     return Region(oval, room, scale, kept, len(kept) * side ** len(oval.center))
+
+
+def gathered(tip: Floats, room: Room, *, volume: float, particles: int) -> Region:
+    """Return the free part of a disc, or ball, in which a fluid has room around a tip (D,) [m].
+
+    Where walls and obstacles take so much of a disc around the tip that the middle of the rest is off the tip,
+    the disc is shifted towards them until the middle is at the tip. That is the most compact region with
+    this middle. Where there is none, the disc stays around the tip.
+
+    Parameters are otherwise those of `region_of`.
+    """
+
+    start = np.clip(tip, room.lower, room.upper)
+    region = region_of(Oval.ball(start, volume), room, volume=volume, particles=particles, fill="shrink")
+    if np.linalg.norm(region.cells.mean(axis=0) - tip) <= NEAR or not room.is_free(tip[None]).all():
+        return region
+    nodes, side = room.lattice()
+    count = min(len(nodes), max(1, round(_ROOM * volume / side ** len(tip))))
+    center = start
+    found = []
+    for _ in range(_SHIFTS):
+        away = np.linalg.norm(nodes - center, axis=1)
+        near = np.argpartition(away, count - 1)[:count]
+        off = tip - nodes[near].mean(axis=0)
+        found.append((float(np.linalg.norm(off)), center, float(away[near].max())))
+        center = center + 2 * off
+    _, center, radius = min(found, key=lambda one: one[0])
+    disc = Oval(center, np.full(len(tip), radius), np.eye(len(tip)))
+    shifted = _filled(disc, room, volume=volume, particles=particles, fill="shrink")
+    return shifted if np.linalg.norm(shifted.cells.mean(axis=0) - tip) <= _CENTRED else region
 
 
 def _nearest_cells(

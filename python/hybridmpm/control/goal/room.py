@@ -54,6 +54,15 @@ class Room:
         """Return which points (N, D) lie between the walls and in no obstacle; (N,)."""
         return self.within_walls(x) & (self.distance(x) >= 0)
 
+    def lattice(self) -> tuple[Floats, float]:
+        """Return the free points (M, D) of a lattice [m], and their distance [m]."""
+        side = 1 / _NODES_PER_METRE[len(self.lower)]
+        axes = [
+            np.arange(a + side / 2, b, side) for a, b in zip(self.lower, self.upper, strict=True)
+        ]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        return points[self.is_free(points)], side
+
     def grid(self) -> "RoomGrid | None":
         """Return the room on a coarse grid, for paths around obstacles; None where there are none."""
         if not self._solids:
@@ -79,6 +88,12 @@ class RoomGrid:
     """Distance of the nodes [m]."""
     distance: Floats
     """Signed distance of the nearest obstacle in each node, D axes [m]."""
+
+    @property
+    def nodes(self) -> Floats:
+        """Nodes, D axes and the coordinates [m]."""
+        index = np.stack(np.meshgrid(*map(np.arange, self.distance.shape), indexing="ij"), axis=-1)
+        return np.asarray(self.lower + self.spacing * index)
 
     @cached_property
     def space(self) -> _core.FreeSpace:
