@@ -10,7 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LIMITS = {
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 33_000),
+    # 500 lines lead arrows round obstacles, and tell control who is to move.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 33_500),
     "command line": (("python/hybridmpm/cli/**.py",), 2_600),
     # The aim is 7 000; next to go are Warp, the scaling of threads, and what cases of validation repeat.
     "laboratory": (("lab/**.py",), 9_400),

@@ -52,7 +52,7 @@ def judged(case: ReversedCase, method: str | Method) -> Row:
     """Return the final grid RMSE of a method, the time of its plan and first force, and what took over."""
     simulator = case.simulator()
     began = time.process_time()
-    guidance = prepare(simulator, case.sketch, method=method, frames=case.frames, cap=CAP)
+    guidance = prepare(simulator, case.sketch, method=method, frames=case.frames, cap=CAP, gentle=False)
     guidance(simulator)
     spent = time.process_time() - began
     result = Following(simulator, guidance).run()

@@ -99,12 +99,12 @@ class Problem:
     @cached_property
     def goal(self) -> Goal:
         """Goal of the sketch."""
-        return prepare(self.simulator, self.sketch, method="none", frames=self.frames).goal
+        return prepare(self.simulator, self.sketch, method="none", frames=self.frames, gentle=False).goal
 
     @cached_property
     def judged(self) -> Goal:
         """Goal of the meant sketch."""
-        return prepare(self.simulator, self.meant, method="none", frames=self.frames).goal
+        return prepare(self.simulator, self.meant, method="none", frames=self.frames, gentle=False).goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +242,14 @@ def _followed(
     cap = ORACLE_CAP if name == ORACLE else CAP
     start = time.perf_counter()
     following = follow(
-        twin, problem.sketch, method, frames=problem.frames, cap=cap, hold=HOLD, seed=problem.case.seed
+        twin,
+        problem.sketch,
+        method,
+        frames=problem.frames,
+        cap=cap,
+        gentle=False,
+        hold=HOLD,
+        seed=problem.case.seed,
     )
     guidance, frames = following.guidance, following.guidance.frames
     moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}

@@ -32,6 +32,9 @@ DEFAULT_CAP = 15.0
 DEFAULT_RESOLUTION = 32
 """Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
 cells is swallowed by the solver's own grid."""
+_STRAIN = 1.5
+"""Acceleration needed over the cap up to which a goal is tried with the whole cap: a force that stays the same
+needs two thirds of what the least force has at its ends."""
 _MAGIC, _VERSION = b"HMPMGUID", 2
 
 
@@ -233,7 +236,7 @@ def prepare(
         the fluid's volume.
     gentle : bool
         Whether a goal out of reach is approached at ease, as near as that leads: with at most 5 g, or the
-        middle of the cap and 1 g. Without it the whole cap is used. Methods that are objects always have it.
+        middle of the cap and 1 g. False allows for the whole cap, which methods that are objects always have.
     resolution : int in [0, 256]
         Cells per metre of the grid on which the force is smoothed; 0 leaves it as it is.
     seed : int in [0, 2**32)
@@ -274,9 +277,11 @@ def prepare(
         needs = goal.needs(longest, largest)
     frames = needs.frames
     planner, reason = chosen(method)
-    if gentle and isinstance(method, str) and not needs.reachable:
+    blocked = any(one.reason in ("wall", "obstacle") for one in needs.obstructions)
+    hurried = needs.acceleration > _STRAIN * largest
+    if gentle and isinstance(method, str) and (blocked or hurried):
         largest = min(largest, ease(largest))
-        if any(one.reason in ("time", "cap") for one in needs.obstructions):
+        if hurried:
             goal = goal.within(frames, largest)
         reason += f"; the goal is out of reach and approached with at most {largest:.3g} g"
     task = Task(

@@ -25,7 +25,7 @@ class SketchResult:
     inside_drawn: float | None
     """Share of the mass in the oval as it was drawn, at that time; None for an arrow."""
     miss: float
-    """Distance of the centre of mass from the drawn end at that time [m]: the tip, or the middle of the goal."""
+    """Distance of the centre of mass at that time from the tip, or from the middle of the oval's goal [m]."""
     rms: float
     """Root mean square of the force over mass and time, the frames of `hold` left out [g]."""
     peak: float

@@ -116,7 +116,10 @@ class Bends:
         slack = _ROUNDED * grid.spacing
         x = self.offset
         outside = [
-            ((nodes[:, None, axis] + x[:, axis] < lower - slack) | (nodes[:, None, axis] + x[:, axis] > upper + slack))
+            (
+                (nodes[:, None, axis] + x[:, axis] < lower - slack)
+                | (nodes[:, None, axis] + x[:, axis] > upper + slack)
+            )
             for axis, (lower, upper) in enumerate(zip(self.room.lower, self.room.upper, strict=True))
         ]
         beyond = np.any(outside, axis=0).mean(axis=1)
@@ -124,7 +127,9 @@ class Bends:
         near = np.flatnonzero(
             (beyond <= _HIT) & (grid.distance.ravel() < np.linalg.norm(x, axis=1).max() + clearance)
         )
-        distance = self.room.distance((nodes[near, None] + x).reshape(-1, nodes.shape[1])).reshape(len(near), -1)
+        distance = self.room.distance((nodes[near, None] + x).reshape(-1, nodes.shape[1])).reshape(
+            len(near), -1
+        )
         burden = np.where(beyond <= _HIT, 1.0, np.inf)
         close = (distance < clearance).mean(axis=1)
         burden[near] = np.where((distance < slack).mean(axis=1) > _HIT, np.inf, 1 + _BURDEN * close)
@@ -147,7 +152,8 @@ def _shortest(burden: Floats, grid: RoomGrid, start: Floats, end: Floats, reach:
     padded = np.pad(burden, 1, constant_values=np.inf)
     inner = (slice(1, -1),) * dim
     shifted = [
-        tuple(slice(1 + along, padded.shape[axis] - 1 + along) for axis, along in enumerate(step)) for step in steps
+        tuple(slice(1 + along, padded.shape[axis] - 1 + along) for axis, along in enumerate(step))
+        for step in steps
     ]
     price = [
         grid.spacing * np.linalg.norm(step) * (burden + padded[part]) / 2
@@ -169,7 +175,9 @@ def _shortest(burden: Floats, grid: RoomGrid, start: Floats, end: Floats, reach:
         values = [length[tuple(place + step)] + cost[here] for step, cost in zip(steps, price, strict=True)]
         here = tuple(int(along) for along in place - 1 + steps[int(np.argmin(values))])
         chain.append(here)
-    return _taut(np.array([start, *(grid.lower + grid.spacing * np.array(node) for node in chain), end]), burden, grid)
+    return _taut(
+        np.array([start, *(grid.lower + grid.spacing * np.array(node) for node in chain), end]), burden, grid
+    )
 
 
 def _nearest(burden: Floats, grid: RoomGrid, point: Floats, reach: float) -> tuple[int, ...] | None:
@@ -184,6 +192,7 @@ def _nearest(burden: Floats, grid: RoomGrid, point: Floats, reach: float) -> tup
 
 def _taut(chain: Floats, burden: Floats, grid: RoomGrid) -> Floats:
     """Leave out the points of a chain (M, D) that straight lines without a greater burden pass by."""
+
     def worst(points: Floats) -> float:
         nodes = np.clip(np.round((points - grid.lower) / grid.spacing), 0, np.array(burden.shape) - 1)
         return float(burden[tuple(nodes.astype(int).T)].max())

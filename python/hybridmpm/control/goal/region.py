@@ -158,13 +158,12 @@ def _filled(oval: Oval, room: Room, *, volume: float, particles: int, fill: Fill
 def gathered(tip: Floats, room: Room, *, volume: float, particles: int) -> Region:
     """Return the free part of a disc, or ball, in which a fluid has room around a tip (D,) [m].
 
-    Where walls and obstacles take so much of a disc around the tip that the middle of the rest is off the tip,
-    the disc is shifted towards them until the middle is at the tip. That is the most compact region with
-    this middle. Where there is none, the disc stays around the tip.
+    Where walls and obstacles take a part of a disc around the tip, the middle of the rest is off the tip.
+    The disc is then shifted towards them until the middle is at the tip. That is the most compact region
+    with this middle. Where there is none, the disc stays around the tip.
 
     Parameters are otherwise those of `region_of`.
     """
-
     start = np.clip(tip, room.lower, room.upper)
     region = region_of(Oval.ball(start, volume), room, volume=volume, particles=particles, fill="shrink")
     if np.linalg.norm(region.cells.mean(axis=0) - tip) <= NEAR or not room.is_free(tip[None]).all():

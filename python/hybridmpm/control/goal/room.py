@@ -57,9 +57,7 @@ class Room:
     def lattice(self) -> tuple[Floats, float]:
         """Return the free points (M, D) of a lattice [m], and their distance [m]."""
         side = 1 / _NODES_PER_METRE[len(self.lower)]
-        axes = [
-            np.arange(a + side / 2, b, side) for a, b in zip(self.lower, self.upper, strict=True)
-        ]
+        axes = [np.arange(a + side / 2, b, side) for a, b in zip(self.lower, self.upper, strict=True)]
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
         return points[self.is_free(points)], side
 

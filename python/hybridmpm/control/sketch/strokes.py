@@ -178,12 +178,12 @@ def _ellipse_along(points: Floats, widths: Floats | None) -> Ellipse:
     if outline.gap > MAX_OPENING:
         raise SketchError(
             f"points: an oval must go more than half round, but {np.degrees(outline.gap):.0f} degrees "
-            "are open as seen from its middle; draw it round, or send it as an arrow"
+            "are open as seen from its middle; draw it round, or send it with kind: arrow"
         )
     if outline.spread > _LOOSE:
         raise SketchError(
             f"points: the stroke is no oval: it strays from one by {outline.spread:.0%} of its size, "
-            f"at most {_LOOSE:.0%} are allowed; draw one round"
+            f"at most {_LOOSE:.0%} are allowed; draw one round, or send it with kind: arrow"
         )
     width = None if widths is None else float(np.median(widths))
     return Ellipse(outline.center, outline.axes, outline.angle, width)
