@@ -17,7 +17,8 @@ LIMITS = {
     "laboratory": (("lab/**.py",), 9_400),
     "service": (("service/**.py",), 7_500),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
-    "tests": (("tests/**.py",), 29_300),
+    # 400 lines are for arrows behind obstacles, and for who is to move.
+    "tests": (("tests/**.py",), 29_700),
     "tests of the laboratory": (("tests/lab/**.py",), 2_050),
 }
 """Patterns of git, and the most lines of the files that they match."""

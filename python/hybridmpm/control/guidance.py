@@ -33,8 +33,8 @@ DEFAULT_RESOLUTION = 32
 """Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
 cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
-"""Acceleration needed over the cap up to which a goal is tried with the whole cap: a force that stays the same
-needs two thirds of what the least force has at its ends."""
+"""Acceleration needed over the cap up to which a goal is tried with the whole cap: a force of one size needs two
+thirds of what the least force has at its ends."""
 _MAGIC, _VERSION = b"HMPMGUID", 2
 
 
