@@ -15,10 +15,11 @@ LIMITS = {
     "command line": (("python/hybridmpm/cli/**.py",), 2_600),
     # The aim is 7 000; next to go are Warp, the scaling of threads, and what cases of validation repeat.
     "laboratory": (("lab/**.py",), 9_400),
-    "service": (("service/**.py",), 7_500),
+    # Sealed files of sessions, told jobs and guards of all routes came with the attacks that they answer.
+    "service": (("service/**.py",), 8_400),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
-    # 400 lines are for arrows behind obstacles, and for who is to move.
-    "tests": (("tests/**.py",), 29_700),
+    # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions, kills.
+    "tests": (("tests/**.py",), 30_200),
     "tests of the laboratory": (("tests/lab/**.py",), 2_050),
 }
 """Patterns of git, and the most lines of the files that they match."""

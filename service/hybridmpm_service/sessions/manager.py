@@ -15,6 +15,7 @@ from hybridmpm.physics import WEIGHTS
 from hybridmpm_service.errors import (
     ServiceError,
     SessionNotFoundError,
+    StorageError,
     TooManySessionsError,
     UnavailableError,
 )
@@ -24,6 +25,7 @@ from hybridmpm_service.sessions.journal import Folder
 from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
+from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
 from hybridmpm_service.settings import Settings
@@ -69,6 +71,7 @@ class SessionManager:
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
         self._kept = [] if self._folder is None else self._folder.names()
         self._reviving = set(self._kept)
+        self._refused: dict[str, str] = {}
         self._replaying: set[CancelFlag] = set()
         self._checker = ThreadPoolExecutor(1, "check")
         self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
@@ -200,10 +203,18 @@ class SessionManager:
         return session
 
     async def revive(self) -> None:
-        """Start the sessions of the folder again; each is paused where it was."""
-        if self._folder is not None:
-            cores = asyncio.Semaphore(usable_cores())
-            await asyncio.gather(*(self._revive(self._folder, name, cores) for name in self._kept))
+        """Start the sessions of the folder again; each is paused where it was.
+
+        Those that have to be computed again from frame 0 come last, so that they delay no others.
+        """
+        if self._folder is None:
+            return
+        cores = asyncio.Semaphore(usable_cores())
+        for patient in (False, True):
+            waiting = {name: self._folder.path(name) for name in self._kept if name in self._reviving}
+            await asyncio.gather(
+                *(self._revive(name, path, cores, patient=patient) for name, path in waiting.items())
+            )
 
     def get(self, name: str) -> Session:
         """Return a session and note its use.
@@ -219,6 +230,8 @@ class SessionManager:
             raise UnavailableError("the server is shutting down")
         if name in self._reviving:
             raise UnavailableError(f"session {name!r} is being computed again after a restart of the server")
+        if name in self._refused:
+            raise SessionNotFoundError(f"session {name!r} could not be started again: {self._refused[name]}")
         session = self._sessions.get(name)
         if session is None or self._is_idle(session):
             raise SessionNotFoundError(
@@ -241,19 +254,25 @@ class SessionManager:
         ------
         SessionNotFoundError
             The session does not exist, or no longer.
+        StorageError
+            Its file cannot be deleted; the session goes on.
         """
         session = self.get(name)
+        ending = self._end(session, CLOSE_DELETED, "the session has been deleted", keep=False)
         del self._sessions[session.id]
-        await _soon([self._end(session, CLOSE_DELETED, "the session has been deleted", keep=False)])
+        await _soon([ending])
 
     async def expire(self) -> None:
         """End the sessions without viewers or calls for `idle_seconds`; wait as `delete` does."""
-        idle = [session for session in self._sessions.values() if self._is_idle(session)]
-        for session in idle:
-            del self._sessions[session.id]
-        await _soon(
-            [self._end(session, CLOSE_DELETED, "the session has expired", keep=False) for session in idle]
-        )
+        endings = []
+        for session in [session for session in self._sessions.values() if self._is_idle(session)]:
+            try:
+                endings.append(self._end(session, CLOSE_DELETED, "the session has expired", keep=False))
+            except StorageError as err:
+                _log.warning("session %s has expired, and its file cannot be deleted: %s", session.id, err)
+            else:
+                del self._sessions[session.id]
+        await _soon(endings)
 
     def why_full(self) -> UnavailableError | None:
         """Return the refusal of a new session; None if one can be created."""
@@ -319,7 +338,7 @@ class SessionManager:
         async def kept() -> Revived:
             made = await making
             if self._folder is not None:
-                await asyncio.to_thread(_keep, self._folder, name, made)
+                await asyncio.to_thread(_keep, self._folder.path(name), made)
             return made
 
         def end(keeping: asyncio.Task[Revived]) -> None:
@@ -357,28 +376,49 @@ class SessionManager:
         self._sessions[session.id] = session
         return session
 
-    async def _revive(self, folder: Folder, name: str, cores: asyncio.Semaphore) -> None:
-        """Start the session of a file again; a failure is logged, and leaves the file alone."""
+    async def _revive(self, name: str, path: Path, cores: asyncio.Semaphore, *, patient: bool) -> None:
+        """Start the session of a file again; a failure is logged, and leaves the file alone.
 
-        def make() -> Revived:
-            file = folder.open(name)
-            try:
-                revived = revived_from_file(file, self._solvers, self.clock)
-                return replace(revived, findings=checking.findings(revived.origin.scene))
-            except BaseException:
-                file.close()
-                raise
-
+        Unless `patient` is set, one that has to be computed again from frame 0 is left for later.
+        """
+        cancel = CancelFlag()
+        self._replaying.add(cancel)
         try:
             async with cores:
-                if self.draining.is_set():
-                    return
-                made = await asyncio.to_thread(make)
-            self._begin(name, made)
-        except (ServiceError, SimulationError) as err:
-            _log.error("session %s cannot be started again, and its file is left as it is: %s", name, err)
+                if not self.draining.is_set():
+                    made = await asyncio.to_thread(self._revived, path, cancel, patient=patient)
+                    if made is None:
+                        return
+                    try:
+                        self._begin(name, made)
+                    except BaseException:
+                        made.simulation.journal.close()
+                        raise
+        except Exception as err:  # noqa: BLE001 - one file costs its own session alone, whatever it contains
+            if not self.draining.is_set():
+                known = isinstance(err, ServiceError | SimulationError)
+                text = str(err) if known else f"its file is damaged ({type(err).__name__}: {err})"
+                self._refused[name] = " ".join(text.split())
+                _log.error(
+                    "session %s cannot be started again, and its file is left as it is: %s",
+                    name,
+                    self._refused[name],
+                )
         finally:
-            self._reviving.discard(name)
+            self._replaying.discard(cancel)
+        self._reviving.discard(name)
+
+    def _revived(self, path: Path, cancel: CancelFlag, *, patient: bool) -> Revived | None:
+        file = SessionFile(path)
+        try:
+            made = revived_from_file(file, self._solvers, self.clock, cancel, patient=patient)
+            if made is not None:
+                return replace(made, findings=checking.findings(made.origin.scene))
+        except BaseException:
+            file.close()
+            raise
+        file.close()
+        return None
 
     def _end(self, session: Session, code: int, reason: str, *, keep: bool) -> asyncio.Task[None]:
         """Close a session, and count it until its threads have ended."""
@@ -404,10 +444,9 @@ def _estimate(origin: Origin, r_p: float) -> float:
     return estimated_frame_seconds(origin.scene) * (r_p if origin.choice.solver == "mpm" else 1.0)
 
 
-def _keep(folder: Folder, name: str, made: Revived) -> None:
+def _keep(path: Path, made: Revived) -> None:
     """Write a simulation to a file of its own from now on."""
-    simulation = made.simulation
-    file = folder.create(name, made.origin)
-    if simulation.frame:
-        file.rewrite(simulation.journal.inputs or (), simulation.checkpoint(), complete=True)
-    simulation.journal.keep_in(file, simulation.computed_seconds)
+    simulation, journal = made.simulation, made.simulation.journal
+    fresh = simulation.frame == 0 and journal.inputs == ()
+    checkpoint = None if fresh else simulation.checkpoint()
+    journal.create(path, made.origin, made.notice, simulation.computed_seconds, checkpoint)

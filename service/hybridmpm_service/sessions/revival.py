@@ -2,15 +2,16 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hybridmpm import SOLVER_VERSION, CancelFlag, FrameCancelledError, SnapshotError
 from hybridmpm.checking import Finding
 from hybridmpm.control import Guidance, prepare
-from hybridmpm_service.errors import FieldError, ServiceError
-from hybridmpm_service.sessions.inputs import Input, Origin, PushInput, SketchInput, Versions
-from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal, SessionFile
+from hybridmpm_service.errors import FieldError, ServiceError, StorageError
+from hybridmpm_service.sessions.inputs import Input, Origin, SketchInput, Versions
+from hybridmpm_service.sessions.journal import MAX_INPUTS, Journal
 from hybridmpm_service.sessions.player import Clock
+from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverFactory
 from hybridmpm_service.sessions.view import Particles
@@ -83,21 +84,25 @@ def replay(
     inputs: Sequence[Input],
     until: int,
     guidances: Mapping[int, Guidance] | None = None,
+    *,
+    first: int = 0,
     check: Callable[[], object] = lambda: None,
 ) -> None:
-    """Advance a simulation to a frame, with the inputs acting as they did.
+    """Advance a simulation to a frame, with the pending inputs of its journal acting as they did.
 
     Parameters
     ----------
     simulation : Simulation
-        At the frame of the first input or before.
+        At the frame of the first pending input or before.
     inputs : sequence of Input
-        In the order in which they acted.
+        All inputs, in the order in which they acted.
     until : int
         Frame to stop at; inputs that act from it on are given, too.
     guidances : mapping, optional
         Guidances of sketches by the place of the sketch among the inputs. Other sketches are planned again,
         in the state of their frame.
+    first : int
+        Place of the first pending input.
     check : callable, optional
         Called between frames and during plans; its exception ends the replay.
 
@@ -105,40 +110,51 @@ def replay(
     ------
     SimulationError, SketchError
         A frame or a plan failed.
+    StorageError
+        A sketch has no plan, and was drawn before the present frame; or the inputs are not in order.
     """
-    plans = dict(guidances or {})
-    drawn = {
-        place: one for place, one in enumerate(inputs) if isinstance(one, SketchInput) and place not in plans
-    }
-    stops = sorted({one.frame for one in inputs} | {one.drawn_frame for one in drawn.values()} | {until})
-    waiting = list(enumerate(inputs))
+    plans, waiting = dict(guidances or {}), list(enumerate(inputs))[first:]
+    drawn = {place: one for place, one in waiting if isinstance(one, SketchInput) and place not in plans}
+    stops = sorted({one.frame for _, one in waiting} | {one.drawn_frame for one in drawn.values()} | {until})
     for stop in (stop for stop in stops if stop >= simulation.frame):
-        check()
-        simulation.advance(stop - simulation.frame)
+        while simulation.frame < stop:
+            check()
+            simulation.advance(1)
         for place, sketch in drawn.items():
             if sketch.drawn_frame == stop:
+                check()
                 plans[place] = prepare(
                     simulation.copy(), sketch.sketch.sketch(), on_frame=check, **sketch.settings.model_dump()
                 )
+                # If this is interrupted, it goes on after the frame for which the sketch was planned.
+                simulation.journal.plan(place, plans[place].snapshot)
         while waiting and waiting[0][1].frame == stop:
             place, one = waiting.pop(0)
-            _act(simulation, one, plans.get(place))
+            if isinstance(one, SketchInput) and place not in plans:
+                raise StorageError(f"the plan of sketch {one.number} is missing")
+            simulation.journal.acted()
+            simulation.act(one, plans.get(place))
+    if waiting:
+        raise StorageError(f"an input of frame {waiting[0][1].frame} comes after one of a later frame")
 
 
-def _act(simulation: Simulation, one: Input, guidance: Guidance | None) -> None:
-    if isinstance(one, PushInput):
-        simulation.hand = None if one.push is None else one.push.push()
-    elif guidance is not None and isinstance(one, SketchInput):
-        simulation.steer(guidance, one.number, one.settings.model_dump())
-    else:
-        simulation.release()
-
-
-def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -> Revived:
+def revived_from_file(
+    file: SessionFile, solvers: SolverFactory, clock: Clock, cancel: CancelFlag, *, patient: bool
+) -> Revived | None:
     """Return the simulation of a file, which keeps it from now on.
 
     It continues from the checkpoint, and the inputs after that act again. A checkpoint of another solver
-    version is not used: everything is computed again from frame 0. A pushing hand has let go.
+    version is not used: everything is computed again from frame 0. A pushing hand lets go.
+
+    Parameters
+    ----------
+    file : SessionFile
+    solvers : SolverFactory
+    clock : Clock
+    cancel : CancelFlag
+        Ends the computation.
+    patient : bool
+        Whether everything may be computed again from frame 0; if not, None is returned instead.
 
     Raises
     ------
@@ -148,43 +164,54 @@ def revived_from_file(file: SessionFile, solvers: SolverFactory, clock: Clock) -
         The simulator cannot be made again, or a frame fails.
     """
     stored = file.read()
-    origin = stored.origin
+    origin, checkpoint, inputs, notice = stored.origin, stored.checkpoint, stored.inputs, stored.notice
     chosen = solvers.make(origin.choice, origin.scene, origin.scenario)
     versions = Origin.of(origin.scene, chosen, None, None).versions
-    checkpoint = stored.checkpoint
-    notice, restored = None, False
     simulation = Simulation(chosen, clock=clock)
-    if checkpoint is not None and versions == origin.versions:
+    simulation.cancel_by(cancel)
+    frames = [stored.reached, *(one.frame for one in inputs)]
+    until = max(frames if checkpoint is None else [*frames, checkpoint.frame])
+    unlike, first, complete = why_unlike(origin.versions, versions), stored.acted, stored.complete
+    again = unlike is not None and (until > 0 or bool(inputs))
+    if again:
+        notice = f"The session may differ from its former state: {unlike}."
+    elif checkpoint is not None:
         try:
             simulation.restore(checkpoint)
-            restored = True
+            if simulation.frame != checkpoint.frame:
+                raise StorageError(f"its checkpoint is of frame {simulation.frame}, not {checkpoint.frame}")
         except SnapshotError as err:
+            again = True
             notice = f"Its checkpoint cannot be used, and it was computed again from frame 0: {err}"
-    first = stored.checked if restored else 0
-    simulation.journal = Journal(stored.inputs[:first], complete=stored.complete)
-    if checkpoint is not None and not restored:
-        unlike = why_unlike(origin.versions, versions)
-        notice = notice or (
-            None if unlike is None else f"The session may differ from its former state: {unlike}."
-        )
-        if not stored.complete:
+    guidances = {}
+    if not again:
+        pending = ((place, data) for place, data in stored.guidances.items() if place >= first)
+        guidances = {place: Guidance.restored(data, origin.scene) for place, data in pending}
+    else:
+        if not patient:
+            return None
+        if checkpoint is not None and not complete:
             notice = (
                 "The session begins anew: another version has computed it, and its inputs are not all kept."
             )
-    frames = [stored.reached, *(one.frame for one in stored.inputs)]
-    until = max(frames if checkpoint is None else [*frames, checkpoint.frame])
-    if stored.complete or restored:
-        guidances = {
-            place - first: Guidance.restored(data, origin.scene)
-            for place, data in stored.guidances.items()
-            if place >= first
-        }
-        replay(simulation, stored.inputs[first:], until, guidances)
-    simulation.hand = None
-    simulation.journal.keep_in(file, simulation.computed_seconds)
-    if not restored and checkpoint is not None:
-        simulation.journal.check(simulation.computed_seconds, simulation.checkpoint)
+            inputs, until, complete = (), 0, True
+        # If this is interrupted, it goes on from its own checkpoints.
+        origin = replace(origin, versions=versions)
+        file.rewrite(inputs, origin=origin, reached=until, complete=complete, notice=notice)
+        simulation.reset()
+        first = 0
+    simulation.journal = Journal(
+        inputs, complete=complete, pending=len(inputs) - first, sketches=stored.sketches
+    )
+    simulation.journal.keep_in(file)
+    replay(simulation, inputs, until, guidances, first=first, check=lambda: _check(cancel))
+    simulation.let_go()
     return Revived(simulation, origin, notice)
+
+
+def _check(cancel: CancelFlag) -> None:
+    if cancel.is_set:
+        raise FrameCancelledError("the session is no longer needed")
 
 
 def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel: CancelFlag) -> Revived:
@@ -210,15 +237,12 @@ def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel
     present = Origin.of(origin.scene, chosen, origin.scenario, origin.seed)
     simulation = Simulation(chosen, clock=clock)
     simulation.cancel_by(cancel)
-
-    def check() -> None:
-        if cancel.is_set:
-            raise FrameCancelledError("the client of the session has gone")
-
     late = next((one.frame for one in log.inputs if one.frame > log.frame), None)
     if late is not None:
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")
-    replay(simulation, log.inputs, log.frame, check=check)
+    numbers = (one.number for one in log.inputs if isinstance(one, SketchInput))
+    simulation.journal = Journal(log.inputs, sketches=max(numbers, default=0), pending=len(log.inputs))
+    replay(simulation, log.inputs, log.frame, check=lambda: _check(cancel))
     notice = None
     if digest_of(simulation.particles()) != log.digest:
         unlike = why_unlike(origin.versions, present.versions)

@@ -112,7 +112,7 @@ class Session:
         self._worker = Worker("session", name, self._check_open)
         self._planner = Planner(
             name,
-            number=0 if self.view.control is None else self.view.control.number,
+            number=simulation.journal.sketches,
             check_open=self._check_open,
             on_change=self.audience.post_status,
         )
@@ -323,14 +323,14 @@ class Session:
         """End the player and all streams; calls that wait fail with SessionNotFoundError.
 
         The threads end within a substep of their frames: see `ended`. The file is brought up to date then,
-        or, unless `keep` is set, deleted at once.
+        or, unless `keep` is set, deleted at once; a StorageError says that it cannot be, and changes nothing.
         """
         if self._closed:
             return
-        self._closed = True
         journal = self.simulation.journal
         if not keep:
             journal.discard()
+        self._closed = True
         self._cancel.set()
         self._player.end()
         for task in self._tasks:
@@ -399,7 +399,6 @@ class Session:
             try:
                 return job()
             finally:
-                self.simulation.journal.settle(self.simulation.computed_seconds, self.simulation.checkpoint)
                 # Viewers see the state after a failure, too, and after a cancelled call.
                 self._loop.call_soon_threadsafe(self._publish, self.simulation.view())
 
@@ -419,10 +418,29 @@ class Session:
             self.audience.post_status()
 
     async def _report(self) -> None:
-        """Post the status regularly, until this task is cancelled."""
+        """Post the status regularly, and keep a session that rests, until this task is cancelled."""
+        simulation = self.simulation
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
             self.audience.post_status()
+            if not self._worker.busy and simulation.journal.is_behind(
+                simulation.computed_seconds, resting=True
+            ):
+                await self._keep()
+
+    async def _keep(self) -> None:
+        """Write what a session that rests has computed to its file."""
+        simulation = self.simulation
+
+        def settle() -> None:
+            simulation.journal.settle(simulation.computed_seconds, simulation.checkpoint, resting=True)
+
+        try:
+            await self._worker.run(settle)
+        except ServiceError:
+            pass  # It was closed meanwhile, and is kept then, or calls wait.
+        except Exception:  # noqa: BLE001 - the next attempt may succeed, and reports must go on
+            _log.exception("session %s cannot be kept", self.id)
 
 
 def _phase(view: View) -> tuple[int, str] | None:

@@ -22,14 +22,16 @@ from hybridmpm.stream_frames import Frame, FrameMessage
 from hybridmpm_service.errors import PressureUnknownError
 from hybridmpm_service.sessions.inputs import (
     Hand,
+    Input,
     LimitedSettings,
     PushInput,
     ReleaseInput,
     SketchInput,
     SketchRecord,
 )
-from hybridmpm_service.sessions.journal import Checkpoint, Journal
+from hybridmpm_service.sessions.journal import Journal
 from hybridmpm_service.sessions.player import Clock
+from hybridmpm_service.sessions.session_file import Checkpoint
 from hybridmpm_service.sessions.solvers import ChosenSolver
 from hybridmpm_service.sessions.view import (
     CellMeans,
@@ -211,6 +213,7 @@ class Simulation:
             if not go_on():
                 return done
             self._one_frame()
+            self.journal.settle(self.computed_seconds, self.checkpoint)
         return frames
 
     def cancel_by(self, flag: CancelFlag) -> None:
@@ -231,8 +234,8 @@ class Simulation:
         twin._recorder = None if self._recorder is None else self._recorder.on(solver)
         twin._steering = None if self._steering is None else self._steering.on(solver)
         twin._control, twin._steered = self._control, self._steered
-        # The hand pushes until the next frame, which notes its end.
         twin._noted_hand = self._noted_hand
+        twin.let_go()
         return twin
 
     def steer(self, guidance: Guidance, number: int, settings: Mapping[str, Any]) -> Steered:
@@ -256,20 +259,38 @@ class Simulation:
             settings=LimitedSettings(**settings),
         )
         self.journal.add(made, guidance.snapshot)
-        self._steering = Steering(number, guidance, self._solver)
-        self._control = self._steering.control
+        self.act(made, guidance)
         return Steered(number, self._solver.frame, guidance)
 
     def release(self) -> None:
         """End the sketch that steers."""
         if self._control is not None:
-            self.journal.add(ReleaseInput(frame=self.frame))
-        self._steering = self._control = None
+            made = ReleaseInput(frame=self.frame)
+            self.journal.add(made)
+            self.act(made)
+
+    def let_go(self) -> None:
+        """End the push of a hand, in the present frame."""
+        if self._noted_hand is not None:
+            made = PushInput(frame=self.frame, push=None)
+            self.journal.add(made)
+            self.act(made)
+        self.hand = None
+
+    def act(self, one: Input, guidance: Guidance | None = None) -> None:
+        """Let an input act that the journal contains already; a sketch comes with its guidance."""
+        if isinstance(one, PushInput):
+            self.hand = self._noted_hand = None if one.push is None else one.push.push()
+        elif isinstance(one, SketchInput) and guidance is not None:
+            self._steering = Steering(one.number, guidance, self._solver)
+            self._control = self._steering.control
+        else:
+            self._steering = self._control = None
 
     def reset(self) -> None:
         """Return to frame 0, without sketch and hand."""
-        self._solver.reset()
         self.journal.clear()
+        self._solver.reset()
         self._steering = self._control = None
         self.hand = self._noted_hand = None
         if self._recorder is not None:

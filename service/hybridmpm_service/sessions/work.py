@@ -41,6 +41,11 @@ class Worker:
         self._queued: set[object] = set()
 
     @property
+    def busy(self) -> bool:
+        """Whether a job runs or waits."""
+        return bool(self._unfinished)
+
+    @property
     def in_demand(self) -> bool:
         """Whether a job waits that does not run yet. Safe to read from the thread."""
         return bool(self._queued)

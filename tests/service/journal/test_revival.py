@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybridmpm import Box, BoxSink, RectangularEmitter, Scene
+from hybridmpm import Box, BoxSink, RectangularEmitter, Scene, SimulationError
 from hybridmpm.control import Arrow, Ellipse, push
 from hybridmpm.errors import ConfigError
 from hybridmpm_service import Settings
 from hybridmpm_service.errors import FieldError, SessionNotFoundError, StorageError, UnavailableError
-from hybridmpm_service.sessions import journal
+from hybridmpm_service.sessions import journal, session_file
+from hybridmpm_service.sessions.inputs import Hand, PushInput
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.sessions.viewers import Mailbox
 
@@ -237,14 +239,14 @@ def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch
     monkeypatch.setattr(journal, "_RETRY_SECONDS", 0.0)
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
     full = [False]
-    insert = journal._insert
+    insert = session_file._insert
 
     def failing(*arguments: Any) -> None:
         if full[0]:
             raise OSError(28, "No space left on device")
         insert(*arguments)
 
-    monkeypatch.setattr(journal, "_insert", failing)
+    monkeypatch.setattr(session_file, "_insert", failing)
     expected: list[str] = []
 
     async def before(manager: SessionManager) -> None:
@@ -270,7 +272,7 @@ def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def scene(manager: SessionManager) -> None:
-        monkeypatch.setattr(journal, "_TABLES", "CREATE nonsense")
+        monkeypatch.setattr(session_file, "_TABLES", ["CREATE nonsense"])
         with pytest.raises(StorageError, match="cannot be read or written"):
             await manager.create(lambda: SCENE)
         assert manager.all() == []
@@ -278,6 +280,148 @@ def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
         assert _files(tmp_path) == []
 
     _play(tmp_path, scene, max_sessions=1)
+
+
+def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> None:
+    """Its end acts, so it is an input: the next crash must not bring the push back."""
+    digests: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await session.advance(5)
+        made = PushInput(frame=5, push=Hand.of(push((0.5, 0.4), (1.0, 0.0), 0.1)))
+        # The process is killed after the input was written, and before its frame.
+        session.simulation.journal.add(made)
+        shutil.copytree(tmp_path / "live", tmp_path / "killed", ignore=shutil.ignore_patterns("lock*"))
+
+    async def between(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        await session.advance(20)
+        log = await session.log()
+        assert [(one.frame, one.push is None) for one in log.inputs] == [(5, False), (5, True)]  # type: ignore[union-attr]
+        digests.append(log.digest)
+        shutil.copytree(tmp_path / "killed", tmp_path / "again", ignore=shutil.ignore_patterns("lock*"))
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert (session.notice, await _digest(session)) == (None, digests[0])
+
+    _play(tmp_path / "live", before)
+    _play(tmp_path / "killed", between)
+    _play(tmp_path / "again", after)
+
+
+def test_a_fork_that_has_computed_nothing_keeps_its_sketch(tmp_path: Path) -> None:
+    digests: list[str] = []
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await session.steer(ARROW, most=400, frames=20)
+        fork = await manager.fork(session.id)
+        shutil.copytree(tmp_path / "live", tmp_path / "left", ignore=shutil.ignore_patterns("lock*"))
+        digests.append(await _digest(fork, 9))
+
+    async def after(manager: SessionManager) -> None:
+        assert [await _digest(session, 9) for session in manager.all()] == digests * 2
+
+    _play(tmp_path / "live", before)
+    _play(tmp_path / "left", after)
+
+
+def test_a_number_is_never_given_to_two_sketches(tmp_path: Path) -> None:
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        assert (await session.steer(ARROW, most=400, frames=20)).number == 1
+        await session.release()
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert (await session.steer(ARROW, most=400, frames=20)).number == 2
+
+    _play(tmp_path, before)
+    _play(tmp_path, after)
+
+
+def test_frames_of_one_call_are_kept_while_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A restart computes again at most what was computed since the latest checkpoint."""
+    monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 0.0)
+    checked: list[int] = []
+    check = session_file.SessionFile.check
+
+    def noted(self: session_file.SessionFile, checkpoint: session_file.Checkpoint, pending: int = 0) -> None:
+        checked.append(checkpoint.frame)
+        check(self, checkpoint, pending)
+
+    monkeypatch.setattr(session_file.SessionFile, "check", noted)
+
+    async def scene(manager: SessionManager) -> None:
+        await (await manager.create(lambda: SCENE)).advance(20)
+        assert checked == list(range(1, 21))
+
+    _play(tmp_path, scene)
+
+
+def test_a_session_that_rests_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await session.advance(5)
+        simulation = session.simulation
+        await _until(lambda: not simulation.journal.is_behind(simulation.computed_seconds, resting=True))
+        shutil.copytree(tmp_path / "live", tmp_path / "left", ignore=shutil.ignore_patterns("lock*"))
+
+    async def after(manager: SessionManager) -> None:
+        (session,) = manager.all()
+        assert (session.view.frame, session.simulation.computed_seconds) == (5, 0.0)
+
+    _play(tmp_path / "live", before)
+    _play(tmp_path / "left", after)
+
+
+def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each attempt ends at the next input, and begins at the last one: there are checkpoints."""
+    monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 0.0)
+    attempts: list[tuple[int, str]] = []
+    act = Simulation.act
+
+    async def before(manager: SessionManager) -> None:
+        session = await manager.create(lambda: SCENE)
+        await _story(session)
+        # Other sessions are there without waiting for this one.
+        await manager.create(lambda: SCENE)
+
+    def interrupted(self: Simulation, one: Any, guidance: Any = None) -> None:
+        met = (one.frame, one.kind) in attempts
+        attempts.append((one.frame, one.kind))
+        if not met:
+            raise SimulationError("interrupted")
+        act(self, one, guidance)
+
+    async def attempt(manager: SessionManager) -> None:
+        assert len(manager.all()) in (1, 2)
+
+    async def after(manager: SessionManager) -> None:
+        session = manager.all()[0]
+        assert session.view.frame == 60
+        assert session.notice is not None
+        assert "may differ from its former state" in session.notice
+        log = await session.log()
+        assert (await manager.replay(log)).notice is None
+
+    with monkeypatch.context() as patch:
+        patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
+        _play(tmp_path, before)
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, "act", interrupted)
+        for _ in range(7):
+            _play(tmp_path, attempt)
+    assert [frame for frame, _ in attempts] == [5, 5, 12, 12, 18, 18, 21, 21, 21, 21, 21, 30, 30]
+    # Nothing is computed again after that, and the remark stays.
+    _play(tmp_path, after)
+    _play(tmp_path, after)
 
 
 def test_a_damaged_file_costs_its_session_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -298,6 +442,13 @@ def test_a_damaged_file_costs_its_session_alone(tmp_path: Path, caplog: pytest.L
     _play(tmp_path, after)
     assert f"session {names[0]} cannot be started again" in caplog.text
     assert damaged.read_bytes() == b"?" * 4096
+
+
+def test_a_creation_that_was_killed_leaves_nothing(tmp_path: Path) -> None:
+    part = tmp_path / f"{1:032x}.new"
+    part.write_bytes(b"begun")
+    _play(tmp_path, _nothing)
+    assert not part.exists()
 
 
 def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from hybridmpm_service.sessions.inputs import (
     SketchInput,
     SketchRecord,
 )
-from hybridmpm_service.sessions.journal import Checkpoint, SessionFile
+from hybridmpm_service.sessions.session_file import Checkpoint, SessionFile
 from hybridmpm_service.sessions.solvers import ChosenSolver
 
 SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
@@ -66,7 +66,7 @@ def test_inputs_origin_and_checkpoint_come_back(path: Path) -> None:
     stored = SessionFile(path).read()
     assert stored.origin.record() == ORIGIN.record()
     assert stored.inputs == INPUTS
-    assert (stored.checked, stored.reached, stored.complete) == (3, 12, True)
+    assert (stored.acted, stored.reached, stored.complete) == (3, 12, True)
     assert stored.checkpoint == checkpoint
     assert stored.guidances == {}
 
@@ -76,7 +76,7 @@ def test_a_reset_forgets_all_but_the_origin(path: Path) -> None:
     file.append(INPUTS[0], b"guidance")
     file.check(Checkpoint(frame=6, state=b"state", guidance=None, rest={}))
     file.mark(7)
-    file.clear()
+    file.rewrite()
     stored = file.read()
     assert (stored.inputs, stored.checkpoint, stored.reached) == ((), None, 0)
 
@@ -107,7 +107,7 @@ def test_a_file_of_another_format_is_refused_with_both(path: Path) -> None:
     SessionFile.create(path, ORIGIN).close()
     with sqlite3.connect(path) as database:
         database.execute("PRAGMA user_version = 9")
-    with pytest.raises(StorageError, match="has the format 9, this service reads 1"):
+    with pytest.raises(StorageError, match="has the format 9, this service reads 2"):
         SessionFile(path).read()
 
 
@@ -115,7 +115,7 @@ def test_a_file_with_a_foreign_record_is_refused(path: Path) -> None:
     file = SessionFile.create(path, ORIGIN)
     with sqlite3.connect(path) as database:
         database.execute("""INSERT INTO inputs (record) VALUES ('{"kind": "wish", "frame": 3}')""")
-    with pytest.raises(StorageError, match="is damaged: Input tag 'wish'"):
+    with pytest.raises(StorageError, match="is damaged: inputs has 1 rows instead of 0"):
         file.read()
 
 
