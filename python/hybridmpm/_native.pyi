@@ -5,7 +5,7 @@ order the solver keeps inside; what emitters add comes last, and what sinks remo
 the number of particles, D the dimension (2 or 3).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -44,6 +44,7 @@ __all__ = [
     "Upsampler",
     "__version__",
     "advance_all",
+    "after_signals",
     "answer_weights",
     "cfl_substeps",
     "cpu_features",
@@ -336,6 +337,27 @@ class Emitter:
 class Diagnostics:
     """Totals over all particles at one instant."""
 
+    def __new__(
+        cls,
+        mass: float,
+        momentum: Sequence[float],
+        centroid: Sequence[float],
+        kinetic_energy: float,
+        potential_energy: float,
+        elastic_energy: float,
+        max_speed: float,
+        min_volume_ratio: float,
+        max_volume_ratio: float,
+        emitted_mass: float,
+        removed_mass: float,
+    ) -> Diagnostics:
+        """Return an object of these values, as copies and pickles are made."""
+
+    def __getnewargs__(
+        self,
+    ) -> tuple[
+        float, Sequence[float], Sequence[float], float, float, float, float, float, float, float, float
+    ]: ...
     @property
     def mass(self) -> float:
         """[kg]; in 2D for a slice one metre deep."""
@@ -374,6 +396,17 @@ class Diagnostics:
 class FrameReport:
     """How the last frame was cut into substeps."""
 
+    def __new__(
+        cls,
+        substeps: int,
+        smallest_dt: float,
+        bound: str,
+        obstacle_work: float,
+        max_speed: float,
+    ) -> FrameReport:
+        """Return an object of these values, as copies and pickles are made."""
+
+    def __getnewargs__(self) -> tuple[int, float, str, float, float]: ...
     @property
     def substeps(self) -> int: ...
     @property
@@ -398,6 +431,16 @@ class FrameReport:
 class MotionReport:
     """What a prescribed motion did, in numbers that tell whether it is sound."""
 
+    def __new__(
+        cls,
+        density: float,
+        divergence: float,
+        kinetic_energy: float,
+        potential_energy: float,
+    ) -> MotionReport:
+        """Return an object of these values, as copies and pickles are made."""
+
+    def __getnewargs__(self) -> tuple[float, float, float, float]: ...
     @property
     def density(self) -> float:
         """Density over rest density that one particle in a hundred exceeds [-]."""
@@ -415,6 +458,16 @@ class MotionReport:
 class AccelerationSignal:
     """What the latest accelerations of particles say."""
 
+    def __new__(
+        cls,
+        cosine: float | None,
+        plain: float | None,
+        active: float,
+        largest: float,
+    ) -> AccelerationSignal:
+        """Return an object of these values, as copies and pickles are made."""
+
+    def __getnewargs__(self) -> tuple[float | None, float | None, float, float]: ...
     @property
     def cosine(self) -> float | None:
         """Mean of cos(older window, newer window) over the particles that are not calm in both.
@@ -491,8 +544,8 @@ class AccelerationHistory:
 class CancelFlag:
     """A flag by which one thread ends the frame that another computes: `Simulator.cancel_by` takes it."""
 
-    def __new__(cls) -> CancelFlag:
-        """Create a flag that is not set."""
+    def __new__(cls, is_set: bool = False) -> CancelFlag:
+        """Create a flag, set or not."""
 
     def set(self) -> None:
         """Set the flag for good. A frame that is being computed ends within a substep."""
@@ -936,6 +989,15 @@ class RadiusGraph:
     overwritten, and so are arrays taken from it before.
     """
 
+    def __new__(
+        cls,
+        starts: npt.NDArray[np.uint32],
+        senders: npt.NDArray[np.uint32],
+        radius: float,
+    ) -> RadiusGraph:
+        """Return an object of these values, as copies and pickles are made."""
+
+    def __getnewargs__(self) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], float]: ...
     @property
     def senders(self) -> npt.NDArray[np.uint32]:
         """Shape (E,)."""
@@ -1261,3 +1323,6 @@ def limit_instructions(widest: str) -> str:
     ConfigError
         There is no set of that name.
     """
+
+def after_signals(hook: Callable[[], object]) -> None:
+    """Call `hook` after each look for signals within a long call, which an exception of it ends."""

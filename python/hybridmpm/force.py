@@ -12,6 +12,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import unmasked
 from hybridmpm.errors import ForceError
 from hybridmpm.scene import Scene
 
@@ -224,7 +225,7 @@ def _is_pair(force: Any) -> bool:
 
 
 def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_frame: bool) -> _ForceOfIds:
-    ids = np.asarray(pair[0])
+    ids = np.asarray(unmasked(f"the ids of {name}", pair[0], ForceError))
     if ids.dtype.kind not in "iu" and len(ids):
         raise ForceError(f"the ids of {name} must be whole numbers, got {ids.dtype}")
     ids = ids if len(ids) else np.empty(0, dtype=np.uint64)
@@ -251,6 +252,7 @@ def _checked_pair(pair: Any, simulator: Forced, frames: int, name: str, *, one_f
 
 def _numbers(value: Any, name: str) -> _Floats:
     """Convert to float32; any error of the conversion becomes a `ForceError`."""
+    unmasked(name, value, ForceError)
     try:
         given = np.asarray(value)
         # What float32 cannot hold becomes infinite, and is refused as that.

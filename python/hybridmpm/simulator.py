@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
+from hybridmpm._support import signals
 from hybridmpm._support.arguments import whole
 from hybridmpm.decisions import Decision, Mode, frames_of_mpm
 from hybridmpm.errors import ConfigError, FrameCancelledError, SnapshotError
@@ -33,6 +34,7 @@ class Simulator(ABC):
 
     N is the number of particles, D the dimension. A frame that fails raises an error that names particle and
     frame, and the state is the one before that frame. The same scene, settings and calls give the same bits.
+    Ctrl-C ends a call within a frame; the state is then the one after the last frame that is whole.
 
     Arrays of a simulator are snapshots of its state, which do not change when it advances. They are
     read-only, because writing to them would move no particle. `positions.copy()` may be changed.
@@ -270,7 +272,9 @@ class Simulator(ABC):
                 raise FrameCancelledError(
                     f"frame {self.frame} was cancelled before it was done; the state is the one before it"
                 )
-            self._advance_frame(force.at(index))
+            given = force.at(index)
+            with signals.whole():
+                self._advance_frame(given)
             if path is not None:
                 path[index] = self.positions
 

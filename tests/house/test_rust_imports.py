@@ -18,7 +18,7 @@ import pytest
 RUST = Path(__file__).parents[2] / "rust"
 DEPENDS_ON = {
     "bindings": {"guidance", "mpm", "neighbors", "neural", "threads"},
-    "guidance": set(),
+    "guidance": {"threads"},
     "mpm": {"threads"},
     "neighbors": {"threads"},
     "neural": set(),

@@ -1,6 +1,7 @@
 """Checks of arguments before the compiled core gets them, whose integers have fixed sizes."""
 
 import operator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,16 @@ def flag(name: str, value: object) -> bool:
     return value
 
 
+def unmasked(name: str, value: Any, error: type[Exception] = ConfigError) -> Any:
+    """Return a value that is no masked array, or raise an error: its mask would be lost."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise error(
+            f"{name} must be an array without a mask, which would be lost, got a masked array: fill it by "
+            ".filled(value), or leave masked rows out"
+        )
+    return value
+
+
 def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.float32]:
     """Return `value` as a contiguous float32 array with as many axes as one of `shapes`, e.g. "(N, D)".
 
@@ -50,6 +61,7 @@ def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.flo
         not checked here, but by the core.
     """
     expected = f"{name} must be numbers of shape {' or '.join(shapes)}"
+    unmasked(name, value)
     try:
         # Numbers too large for float32 become infinite; the core then names the particle that has one.
         with np.errstate(over="ignore"):
@@ -59,6 +71,16 @@ def float32(name: str, value: npt.ArrayLike, *shapes: str) -> npt.NDArray[np.flo
     if array.ndim not in {len(shape.split()) for shape in shapes}:
         raise ConfigError(f"{expected}, got shape {array.shape}")
     return array
+
+
+def float64(name: str, value: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return `value` as a float64 array of any shape, or raise `ConfigError`."""
+    try:
+        return np.asarray(unmasked(name, value), dtype=np.float64)
+    except ConfigError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{name} must be numbers: {error}") from None
 
 
 def no_truth_value(value: object) -> object:

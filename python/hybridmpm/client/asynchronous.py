@@ -15,6 +15,7 @@ import numpy.typing as npt
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from hybridmpm._support.arguments import unmasked
 from hybridmpm.client import messages
 from hybridmpm.client.answers import Particles, Trajectory
 from hybridmpm.client.errors import closed, refusal, unreachable
@@ -523,7 +524,7 @@ def _sketch(drawing: Drawing, kind: str | None, settings: SketchSettings) -> Jso
     if isinstance(drawing, Stroke):
         stroke = drawing.model_dump(exclude_none=True)
     else:
-        stroke = {"points": np.asarray(drawing, dtype=np.float64).tolist()}
+        stroke = {"points": np.asarray(unmasked("the points", drawing), dtype=np.float64).tolist()}
     if kind is not None:
         stroke["kind"] = kind
     return {"json": {"strokes": [stroke], **settings}}

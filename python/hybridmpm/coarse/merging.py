@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm._support.arguments import whole
+from hybridmpm._support.arguments import float64, whole
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Particles, Scene
 from hybridmpm.scene.scene import MIN_CELLS_BETWEEN_WALLS
@@ -165,7 +165,7 @@ def balanced_clusters(x: npt.NDArray[np.floating], count: int, *, seed: int = 0)
     ConfigError
         `count` is out of range.
     """
-    points = np.asarray(x, dtype=np.float64)
+    points = float64("x", x)
     count = whole("count", count, 1, len(points))
     labels = _bisected(points, count)
     if 1 < count < len(points):

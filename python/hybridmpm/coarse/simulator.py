@@ -28,7 +28,14 @@ class CoarseSimulator(Simulator):
     @property
     def _shown(self) -> CoarseParticles | Upsampler:
         """Source of the particles that are shown."""
+        self._update_shown()
         return self._coarse if self._upsampler is None else self._upsampler
+
+    def _update_shown(self) -> None:
+        """Let the particles shown follow, if an update is due: also one that a signal has ended."""
+        # Read anew: a simulator may have gone back to an earlier state, with another upsampler.
+        if self._upsampler is not None:
+            self._upsampler.update()
 
     @property
     def particle_spacing(self) -> float:
@@ -72,12 +79,11 @@ class CoarseSimulator(Simulator):
         return _read_only(self._shown.mass)
 
     def _advance_frame(self, force: _Floats | None) -> None:
+        self._update_shown()
         if self._upsampler is not None and force is not None and force.ndim == 2:
             force = self._upsampler.gather_force(force)
         self._advance_coarse(force)
-        # Read anew: a simulator may have gone back to an earlier state, with another upsampler.
-        if self._upsampler is not None:
-            self._upsampler.update()
+        self._update_shown()
 
     @abstractmethod
     def _advance_coarse(self, force: _Floats | None) -> None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import float64
 from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.errors import ConfigError
 
@@ -22,11 +23,8 @@ def positive(name: str, value: object, most: float = math.inf) -> float:
 def vector(name: str, value: npt.ArrayLike, dim: int | None = None) -> Floats:
     """Return `value` as D finite numbers, or raise `ConfigError`; D is `dim`, or 2 or 3 without it."""
     allowed = "2 or 3" if dim is None else str(dim)
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = float64(name, value).copy()
     sizes = (2, 3) if dim is None else (dim,)
     if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
-        raise ConfigError(f"{name} must be {allowed} finite numbers, got {value!r}")
+        raise ConfigError(f"{name} must be {allowed} finite numbers, got {array.tolist()}")
     return array

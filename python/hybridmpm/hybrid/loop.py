@@ -332,7 +332,11 @@ class HybridLoop:
         network.steps += 1
         network.network_steps = network.network_steps + 1 if network.source == "network" else 0
         made = network.network_steps
-        alarm = self._alarm(Stage.STATE, x, report=report) if made else None
+        try:
+            alarm = self._alarm(Stage.STATE, x, report=report) if made else None
+        except BaseException:
+            self.state.take_back(before)
+            raise
         if alarm is not None:
             guard, value = alarm
             with self._all_or_nothing(before):

@@ -234,6 +234,7 @@ class HybridSimulator(CoarseSimulator):
         SnapshotError
             A guard of the caller's own has undeclared state; see `Guard`.
         """
+        self._update_shown()
         return to_bytes(_MAGIC, _VERSION, self._loop.state.to_dict())
 
     def restore(self, data: bytes) -> None:

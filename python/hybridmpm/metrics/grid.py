@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm._support.arguments import float32, whole
+from hybridmpm._support.arguments import float32, float64, whole
 from hybridmpm.errors import ConfigError
 
 EMPTY_BELOW = 1e-3
@@ -121,7 +121,7 @@ def grid_node_error(
 
 def _normalised(predicted: npt.ArrayLike, true: npt.ArrayLike, dim: int | None) -> tuple[_Floats, _Floats]:
     """Return m~ of `predicted` and of `true`, (nodes,) or (F, nodes)."""
-    p, t = np.asarray(predicted, dtype=np.float64), np.asarray(true, dtype=np.float64)
+    p, t = float64("predicted", predicted), float64("true", true)
     if p.shape != t.shape:
         raise ConfigError(f"predicted and true must have the same shape, got {p.shape} and {t.shape}")
     before = 0 if dim is None else p.ndim - whole("dim", dim, 1, p.ndim)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
-from hybridmpm._support.arguments import float32, whole
+from hybridmpm._support.arguments import float32, float64, whole
 from hybridmpm.coarse.splines import Stencils
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
@@ -87,7 +87,7 @@ def energy_error(predicted: npt.ArrayLike, true: npt.ArrayLike) -> _Floats:
     ConfigError
         Shapes differ, a value is not finite, or the largest true energy is not above 0.
     """
-    p, t = np.asarray(predicted, dtype=np.float64), np.asarray(true, dtype=np.float64)
+    p, t = float64("predicted", predicted), float64("true", true)
     if p.shape != t.shape or p.ndim != 1 or len(p) == 0:
         raise ConfigError(f"predicted and true must have the same shape (F,), got {p.shape} and {t.shape}")
     if not (np.isfinite(p).all() and np.isfinite(t).all() and t.max() > 0):

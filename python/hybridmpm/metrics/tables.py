@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from hybridmpm._support.arguments import float64
 from hybridmpm.errors import ConfigError
 
 
@@ -22,7 +23,7 @@ class Estimate:
     @classmethod
     def of(cls, samples: Sequence[float]) -> "Estimate":
         """Estimate the mean of samples; raises `ConfigError` where there are none or one is not finite."""
-        values = np.asarray(samples, dtype=np.float64)
+        values = float64("samples", samples)
         if values.ndim != 1 or len(values) == 0 or not np.isfinite(values).all():
             raise ConfigError("samples must be one or more finite numbers")
         error = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm import _core
+from hybridmpm._support import signals
 from hybridmpm._support.arguments import flag, float32, whole
 from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level, coarse_warnings
 from hybridmpm.coarse.upsampler import CoarseParticles
@@ -282,7 +283,9 @@ class MpmSolver(CoarseSimulator):
         if force.by_frame or (shows_all and (by_particle or path is not None)):
             super()._advance(frames, force, path)
         elif shows_all:
-            self._stepper.advance(frames, force.array)
+            with signals.whole():
+                self._update_shown()
+                self._stepper.advance(frames, force.array)
         else:
             # The core computes all frames in one call.
             self._solver.advance(frames, force.array, path)
@@ -383,6 +386,7 @@ class MpmSolver(CoarseSimulator):
 
     def snapshot(self) -> bytes:
         """Complete state, versioned and checksummed. Going on from it gives the same bits."""
+        self._update_shown()
         return self._stepper.snapshot()
 
     def restore(self, data: bytes) -> None:

@@ -306,6 +306,7 @@ class NeuralPhysics(CoarseSimulator):
 
     def snapshot(self) -> bytes:
         """Return the complete state, versioned and checksummed. Going on from it gives the same bits."""
+        self._update_shown()
         shown = None if self._upsampler is None else self._upsampler.snapshot()
         state = {"network": self._stepper.to_dict(), "shown": shown}
         return to_bytes(_MAGIC, _VERSION, state)

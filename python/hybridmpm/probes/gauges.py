@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import float64
 from hybridmpm.errors import ConfigError
 from hybridmpm.probes.probe import (
     Floats,
@@ -49,7 +50,7 @@ class HeightGauge(Probe):
         if len(acting) != 1:
             raise ConfigError(f"a height gauge needs gravity along one axis, got {scene.gravity}")
         up = int(acting[0])
-        place = np.atleast_1d(np.asarray(self.place, dtype=np.float64))
+        place = np.atleast_1d(float64("place", self.place))
         if place.shape != (scene.dim - 1,):
             raise ConfigError(
                 f"place must be the {scene.dim - 1} coordinates across gravity in {scene.dim}D, got "

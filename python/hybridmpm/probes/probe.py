@@ -7,6 +7,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import float64
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene import Scene
 
@@ -73,10 +74,7 @@ class Probe(ABC):
 
 def checked_points(name: str, points: npt.ArrayLike, scene: Scene) -> Floats:
     """Return points (K, D) of one point (D,) or several, or raise `ConfigError`."""
-    try:
-        array = np.asarray(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ConfigError(f"{name} must be numbers, got {points!r}") from None
+    array = float64(name, points)
     rows = array.reshape(1, -1) if array.ndim == 1 else array
     if rows.ndim != 2 or rows.shape[1] != scene.dim or not len(rows):
         raise ConfigError(

@@ -3,38 +3,84 @@
 use mpm::{Contact, ContactKind, Vector};
 use numpy::ndarray::Dimension;
 use numpy::{
-    Element, IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadwriteArray,
+    PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use crate::error::config_error;
 
-/// The numbers of a C-contiguous array.
-pub fn slice_of<'a, T: Element, D: Dimension>(
-    name: &str,
-    array: &'a PyReadonlyArray<'_, T, D>,
-) -> PyResult<&'a [T]> {
-    array.as_slice().map_err(|_| {
-        config_error(format!(
-            "{name} must be C-contiguous, got strides {:?}",
-            array.strides()
-        ))
-    })
+/// The numbers of an array that `array` has returned, the last axis changing fastest.
+pub fn slice_of<'a, T: Element, D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>) -> &'a [T] {
+    assert!(is_plain(array), "`array` returns plain memory");
+    array.as_slice().expect("contiguous")
+}
+
+/// Whether the elements lie one after the other, the last axis changing fastest, each where the processor expects it.
+fn is_plain<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> bool {
+    array.is_c_contiguous() && array.data().is_aligned()
 }
 
 /// An array of the expected type and number of axes; `expected` names both, as "float32 of shape (N,)".
+///
+/// Elements in another order in memory, with gaps between them or with swapped bytes are read in the order of the
+/// array's indices. All arrays that Python passes come by this way.
 pub fn array<'py, T: Element, D: Dimension>(
     name: &str,
     expected: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<PyReadonlyArray<'py, T, D>> {
-    value.extract().map_err(|_| {
-        config_error(format!(
-            "{name} must be {expected}, got {}",
-            describe(value)
-        ))
-    })
+    refuse_mask(name, value)?;
+    let refused = || {
+        let got = describe(value);
+        config_error(format!("{name} must be {expected}, got {got}"))
+    };
+    if let Ok(array) = value.extract::<PyReadonlyArray<'py, T, D>>()
+        && is_plain(&array)
+    {
+        return Ok(array);
+    }
+    let untyped = value.cast::<PyUntypedArray>().map_err(|_| refused())?;
+    let native = untyped.dtype().call_method1("newbyteorder", ("=",))?;
+    let copy = value.call_method1("astype", (native, "C"))?;
+    copy.extract().map_err(|_| refused())
+}
+
+/// An array to write to, of the expected shape.
+pub fn writable<'py, T: Element, D: Dimension>(
+    name: &str,
+    expected: &str,
+    shape: &[usize],
+    value: &Bound<'py, PyAny>,
+) -> PyResult<PyReadwriteArray<'py, T, D>> {
+    refuse_mask(name, value)?;
+    let array = value.extract::<PyReadwriteArray<'py, T, D>>().ok();
+    array
+        .filter(|array| array.shape() == shape && is_plain(array))
+        .ok_or_else(|| {
+            let got = describe(value);
+            config_error(format!(
+                "{name} must be {expected} of shape {shape:?}, C-contiguous and writable, got {got}"
+            ))
+        })
+}
+
+/// Refuses NumPy's masked arrays: their masks would be lost.
+pub fn refuse_mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let py = value.py();
+    if value.get_type().is(py.get_type::<PyUntypedArray>())
+        || !value.is_instance_of::<PyUntypedArray>()
+    {
+        return Ok(());
+    }
+    let masked = py.import("numpy.ma")?.getattr("MaskedArray")?;
+    if value.is_instance(&masked)? {
+        return Err(config_error(format!(
+            "{name} must be an array without a mask, which would be lost, got a masked array: fill it by \
+             .filled(value), or leave masked rows out"
+        )));
+    }
+    Ok(())
 }
 
 /// Makes an array read-only: it is a copy of the state, and changes to it would be lost.
@@ -55,13 +101,16 @@ pub fn vectors(
     numbers.into_pyarray(py).reshape([count, dim])
 }
 
+/// Most letters of an object in an error message; of a longer one the type is named.
+const LONGEST: usize = 200;
+
 /// Description of an object for error messages.
 pub fn describe(value: &Bound<'_, PyAny>) -> String {
     match value.cast::<PyUntypedArray>() {
         Ok(array) => format!("{} of shape {:?}", array.dtype(), array.shape()),
         Err(_) => match value.repr() {
-            Ok(text) => text.to_string(),
-            Err(_) => value.get_type().to_string(),
+            Ok(text) if text.len().is_ok_and(|length| length <= LONGEST) => text.to_string(),
+            _ => format!("a {}", value.get_type()),
         },
     }
 }

@@ -11,6 +11,7 @@ mod guidance;
 mod neural;
 mod pools;
 mod scene;
+mod signals;
 mod solver;
 
 use numpy::{IntoPyArray, Ix1, Ix2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -30,7 +31,7 @@ fn grid_mass<'py>(
     let x = array::<f32, Ix2>("x", "float32 of shape (N, D)", x)?;
     let mass = array::<f32, Ix1>("mass", "float32 of shape (N,)", mass)?;
     let dim = x.shape()[1];
-    let (x, mass) = (slice_of("x", &x)?, slice_of("mass", &mass)?);
+    let (x, mass) = (slice_of(&x), slice_of(&mass));
     let nodes = py
         .detach(|| match dim {
             2 => mpm::grid_mass::<2>(x, mass, resolution),
@@ -115,6 +116,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<guidance::PyTracks>()?;
     module.add_function(wrap_pyfunction!(solver::advance_all, module)?)?;
     module.add_function(wrap_pyfunction!(solver::cfl_substeps, module)?)?;
+    module.add_function(wrap_pyfunction!(signals::after_signals, module)?)?;
     module.add_function(wrap_pyfunction!(grid_mass, module)?)?;
     module.add_function(wrap_pyfunction!(graph::py_radius_graph, module)?)?;
     module.add_function(wrap_pyfunction!(guidance::match_to_region, module)?)?;

@@ -1,10 +1,13 @@
 //! The assignment problem, solved exactly by shortest augmenting paths.
 
+use threads::interrupted;
+
 const FREE: usize = usize::MAX;
 
 /// Gives each row a column of its own so that the sum of their costs is least.
 ///
-/// `cost(row, column)` is finite; there are at least as many columns as rows. Takes O(rows^2 columns) time.
+/// `cost(row, column)` is finite; there are at least as many columns as rows. Takes O(rows^2 columns) time. Where it is
+/// `interrupted`, each row gets the column of its own number.
 ///
 /// The algorithm is that of Crouse 2016, "On implementing 2D rectangular assignment algorithms", a rectangular
 /// form of Jonker and Volgenant 1987 without its heuristics for the first rows.
@@ -23,6 +26,9 @@ pub fn assign(rows: usize, columns: usize, cost: impl Fn(usize, usize) -> f64) -
     let mut open: Vec<usize> = Vec::with_capacity(columns);
     let mut closed: Vec<usize> = Vec::with_capacity(columns);
     for start in 0..rows {
+        if interrupted() {
+            return (0..rows).collect();
+        }
         shortest.fill(f64::INFINITY);
         open.clear();
         open.extend((0..columns).rev());

@@ -3,6 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use threads::interrupted;
+
 use crate::error::GuidanceError;
 
 /// Where obstacles are, by their signed distance in the nodes of a grid.
@@ -20,6 +22,8 @@ pub struct FreeSpace<const D: usize> {
 const CLEARANCE: f64 = 0.5;
 /// Ways closer to an obstacle than this many spacings are counted longer, so that others go first.
 const COMFORT: f64 = 2.0;
+/// Nodes that are visited between two looks at whether the work is interrupted.
+const LOOK_EVERY: usize = 1024;
 /// How far a point in an obstacle, or close to one, may be from the free node that stands for it [spacings].
 const REACH: isize = 4;
 
@@ -65,7 +69,8 @@ impl<const D: usize> FreeSpace<D> {
         })
     }
 
-    /// Length of the shortest way from each node to the nearest of `goals` [m]; infinite where there is none.
+    /// Length of the shortest way from each node to the nearest of `goals` [m]; infinite where there is none, or where
+    /// the work was `interrupted` first.
     pub fn lengths_to(&self, goals: &[[f64; D]]) -> Vec<f64> {
         let mut lengths = vec![f64::INFINITY; self.distance.len()];
         let mut queue = BinaryHeap::new();
@@ -75,7 +80,12 @@ impl<const D: usize> FreeSpace<D> {
                 queue.push(Reverse((0, node)));
             }
         }
+        let mut visited = 0_usize;
         while let Some(Reverse((key, node))) = queue.pop() {
+            visited += 1;
+            if visited.is_multiple_of(LOOK_EVERY) && interrupted() {
+                break;
+            }
             // Positive floats are ordered as their bits are.
             if f64::from_bits(key) > lengths[node] {
                 continue;

@@ -17,6 +17,9 @@ pub enum GraphError {
     /// Indices of points are 31 bits wide.
     #[error("x must have at most {limit} points, got {points}")]
     Points { points: usize, limit: usize },
+    /// The caller's watch ended the search.
+    #[error("the search for neighbours was ended before it was done")]
+    Interrupted,
     /// More edges than allowed.
     #[error(
         "the graph of {points} points has more than max_edges = {limit} edges: points have clumped, or the \

@@ -2,13 +2,16 @@
 
 use std::ops::Range;
 
-use threads::Pool;
+use threads::{Pool, interrupted};
 
 use crate::error::GraphError;
 use crate::filter::Filter;
 use crate::rows::{Part, Rows, pieces};
 use crate::scan::{CellList, Reach, Tile, room, write_sorted};
 use crate::settings::{GraphSettings, check_fixed, check_length, check_points};
+
+/// Cells that are searched between two looks at whether the search is interrupted: less than a millisecond.
+const LOOK_EVERY: usize = 256;
 
 /// Finds graphs; its memory is reused for the next one.
 #[derive(Debug)]
@@ -41,7 +44,7 @@ impl<const D: usize> Search<D> {
 
     /// Finds the edges between points, N times D coordinates, and returns their number.
     ///
-    /// Points that are `fixed`, N flags, are not joined to each other.
+    /// Points that are `fixed`, N flags, are not joined to each other. Fails where the search is `interrupted`.
     pub fn find(
         &mut self,
         points: &[f32],
@@ -81,6 +84,9 @@ impl<const D: usize> Search<D> {
         pool.for_each(&mut jobs, |(range, part, lengths)| {
             sweep.run(range.clone(), part, lengths);
         });
+        if interrupted() {
+            return Err(GraphError::Interrupted);
+        }
         rows.check_size(cells.points(), settings)?;
         let slots = parts.into_iter().map(|range| cells.slots(range));
         let found = slots.map(|slots| (&cells.order[slots.clone()], &lengths[slots]));
@@ -120,7 +126,10 @@ impl<const D: usize> Sweep<'_, D> {
     fn run(&self, range: Range<usize>, part: &mut Part, lengths: &mut [u32]) {
         let (mut tile, mut runs, mut row) = (Tile::new(), Vec::new(), Vec::new());
         let mut lengths = lengths.iter_mut();
-        for cell in range {
+        for (number, cell) in range.enumerate() {
+            if number.is_multiple_of(LOOK_EVERY) && interrupted() {
+                return;
+            }
             let slots = self.cells.slots(cell..cell + 1);
             if slots.is_empty() {
                 continue;

@@ -8,8 +8,10 @@ mod error;
 mod pool;
 mod steps;
 mod team;
+mod watch;
 
 pub use error::ThreadError;
 pub use pool::Pool;
 pub use steps::Step;
 pub use team::Team;
+pub use watch::{interrupted, is_watched, watched};

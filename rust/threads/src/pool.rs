@@ -2,11 +2,17 @@
 
 use std::mem::ManuallyDrop;
 use std::process;
-use std::sync::{Mutex, TryLockError};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, TryLockError};
+use std::time::Duration;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::ThreadError;
+use crate::watch::{interrupted, is_watched, watched};
+
+/// Time from one look of a watched caller at its watch to the next.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// Threads of rayon that work while their caller waits.
 ///
@@ -69,11 +75,67 @@ impl Pool {
             return;
         };
         let work = &work;
-        workers.scope_fifo(|scope| {
+        if !is_watched() {
+            workers.scope_fifo(|scope| {
+                for item in items {
+                    scope.spawn_fifo(move |_| work(item));
+                }
+            });
+            return;
+        }
+        // The workers' watch is a flag that the caller, who only waits, sets.
+        let (stop, left) = (Arc::new(AtomicBool::new(false)), Left::new(items.len()));
+        workers.in_place_scope_fifo(|scope| {
             for item in items {
-                scope.spawn_fifo(move |_| work(item));
+                let (stop, left) = (Arc::clone(&stop), &left);
+                scope.spawn_fifo(move |_| {
+                    let _done = Done(left);
+                    watched(move || stop.load(Ordering::Relaxed), || work(item));
+                });
+            }
+            while !left.wait() {
+                if interrupted() {
+                    stop.store(true, Ordering::Relaxed);
+                }
             }
         });
+    }
+}
+
+/// Number of items that are not done yet.
+struct Left {
+    count: AtomicUsize,
+    lock: Mutex<()>,
+    none: Condvar,
+}
+
+impl Left {
+    fn new(count: usize) -> Self {
+        Self {
+            count: AtomicUsize::new(count),
+            lock: Mutex::new(()),
+            none: Condvar::new(),
+        }
+    }
+
+    /// Waits for a while; whether all are done.
+    fn wait(&self) -> bool {
+        let lock = self.lock.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_left = |(): &mut ()| self.count.load(Ordering::Acquire) > 0;
+        let waited = self.none.wait_timeout_while(lock, LOOK_EVERY, is_left);
+        !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
+    }
+}
+
+/// Counts an item as done when dropped, also by a panic.
+struct Done<'a>(&'a Left);
+
+impl Drop for Done<'_> {
+    fn drop(&mut self) {
+        if self.0.count.fetch_sub(1, Ordering::AcqRel) == 1 {
+            drop(self.0.lock.lock().unwrap_or_else(PoisonError::into_inner));
+            self.0.none.notify_all();
+        }
     }
 }
 
@@ -123,6 +185,24 @@ mod tests {
         // Two threads may overtake each other between taking an item and counting it.
         assert!((0..16).all(|place| items[place].0.abs_diff(place) <= 1));
         assert!(items.iter().any(|(_, thread)| *thread != items[0].1));
+    }
+
+    #[test]
+    fn a_watch_of_the_caller_reaches_all_workers() {
+        let pool = Pool::new(2).unwrap();
+        let mut items = [false; 8];
+        watched(
+            || true,
+            || {
+                pool.for_each(&mut items, |item| {
+                    while !interrupted() {
+                        std::thread::yield_now();
+                    }
+                    *item = true;
+                });
+            },
+        );
+        assert_eq!(items, [true; 8]);
     }
 
     #[test]

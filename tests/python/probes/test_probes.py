@@ -234,7 +234,7 @@ def test_pressure_of_the_core_is_that_of_the_equation_of_state() -> None:
         ),
         (Density([[0.2, 0.2], [0.2, np.nan]]), "inside the walls"),
         (Pressure([0.2, 0.2, 0.2]), "one point of 2 numbers, or K of them"),
-        (Pressure("here"), "points must be numbers, got 'here'"),
+        (Pressure("here"), "points must be numbers: could not convert string to float: 'here'"),
         (Density([]), "one point of 2 numbers"),
         (PatchDensity([0.1, 0.1], [0.5, 0.2]), "upper must lie inside the walls"),
         (PatchPressure([0.3, 0.2], [0.2, 0.3]), "upper must be above lower along each axis"),

@@ -11,6 +11,7 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm._support.arguments import unmasked
 from hybridmpm.errors import SketchError
 
 RASTER_SIZE = 512
@@ -138,6 +139,7 @@ def width_of_depth(depth: float, back: float, front: float) -> float:
 
 def _frozen(values: npt.ArrayLike) -> Floats:
     """Return a read-only float64 copy, so that nobody can change the values after they are checked."""
+    unmasked("the numbers of a sketch", values, SketchError)
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as err:

@@ -8,8 +8,8 @@ use numpy::{Ix1, Ix2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods}
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::convert::{array, describe, slice_of};
-use crate::error::{GraphSizeError, config_error};
+use crate::convert::{array, describe, refuse_mask, slice_of};
+use crate::error::{FrameCancelledError, GraphSizeError, config_error};
 use crate::pools::shared_pool;
 use finder::Finder;
 pub use record::PyRadiusGraph;
@@ -73,7 +73,6 @@ impl<'py> Points<'py> {
                 x.shape()
             )));
         }
-        slice_of("x", &x)?;
         let fixed = types.map(|types| fixed(types, kinematic)).transpose()?;
         Ok(Self { x, fixed })
     }
@@ -87,12 +86,13 @@ impl<'py> Points<'py> {
     }
 
     fn coordinates(&self) -> &[f32] {
-        self.x.as_slice().expect("checked when made")
+        slice_of(&self.x)
     }
 }
 
 /// Which points are kinematic; `types` are integers of any width.
 fn fixed(types: &Bound<'_, PyAny>, kinematic: i64) -> PyResult<Vec<bool>> {
+    refuse_mask("types", types)?;
     let safe = PyDict::new(types.py());
     safe.set_item("casting", "safe")?;
     let wide = types.call_method("astype", ("int64",), Some(&safe));
@@ -118,6 +118,7 @@ fn raised(error: GraphError) -> PyErr {
         | GraphError::Position { .. }
         | GraphError::Flags { .. }
         | GraphError::Points { .. } => config_error(message),
+        GraphError::Interrupted => FrameCancelledError::new_err(message),
         GraphError::Edges { .. } => GraphSizeError::new_err(message),
     }
 }

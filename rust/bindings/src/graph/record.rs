@@ -3,13 +3,16 @@
 use std::sync::{Mutex, MutexGuard};
 
 use neighbors::GraphSettings;
-use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Ix1, PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PySlice;
 use threads::Pool;
 
 use super::finder::Finder;
 use super::{Points, in_use, raised};
+use crate::convert::{array, slice_of};
+use crate::error::config_error;
+use crate::signals::interruptible;
 
 /// Edges between points at most a radius apart.
 #[pyclass(frozen, name = "RadiusGraph", module = "hybridmpm._native")]
@@ -97,7 +100,7 @@ impl Held {
         spare: usize,
     ) -> PyResult<()> {
         let (x, fixed) = (points.coordinates(), points.fixed.as_deref());
-        let edges = py.detach(|| finder.find(x, fixed, pool)).map_err(raised)?;
+        let edges = interruptible(py, || finder.find(x, fixed, pool))?.map_err(raised)?;
         if self.starts.bind(py).len() != points.count() + 1 {
             self.starts = uninit(py, points.count() + 1);
         }
@@ -126,6 +129,41 @@ fn uninit(py: Python<'_>, count: usize) -> Py<PyArray1<u32>> {
 
 #[pymethods]
 impl PyRadiusGraph {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        starts: &Bound<'_, PyAny>,
+        senders: &Bound<'_, PyAny>,
+        radius: f32,
+    ) -> PyResult<Self> {
+        let starts = array::<u32, Ix1>("starts", "uint32 of shape (N + 1,)", starts)?;
+        let senders = array::<u32, Ix1>("senders", "uint32 of shape (E,)", senders)?;
+        let (bounds, found) = (slice_of(&starts), slice_of(&senders));
+        let fits = bounds.first() == Some(&0) && bounds.last() == Some(&(found.len() as u32));
+        if !fits || !bounds.is_sorted() {
+            return Err(config_error(
+                "starts must ascend from 0 to the number of senders",
+            ));
+        }
+        let held = Mutex::new(Held {
+            starts: PyArray1::from_slice(py, bounds).unbind(),
+            senders: PyArray1::from_slice(py, found).unbind(),
+            edges: found.len(),
+            receivers: None,
+            radius,
+            search: None,
+        });
+        Ok(Self { held })
+    }
+
+    /// Arguments of `new`, by which copies and pickles are made.
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Py<PyArray1<u32>>, Bound<'py, PyAny>, f32)> {
+        Ok((self.starts(py)?, self.senders(py)?, self.radius()?))
+    }
+
     #[getter]
     fn senders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let held = self.held()?;

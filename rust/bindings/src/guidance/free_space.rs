@@ -30,7 +30,7 @@ impl PyFreeSpace {
         let distance =
             array::<f64, IxDyn>("distance", "float64 with as many axes as lower", distance)?;
         let counts = distance.shape().to_vec();
-        let numbers = slice_of("distance", &distance)?.to_vec();
+        let numbers = slice_of(&distance).to_vec();
         let inner = py.detach(|| match dim_of("lower", lower.len())? {
             2 => FreeSpace::new(
                 fixed("lower", &lower)?,

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use super::arrays::{dim_of, other_dimension, points, raised, rows};
 use super::free_space::{AnySpace, PyFreeSpace};
 use crate::convert::{array, slice_of};
+use crate::signals::interruptible;
 
 /// Result of `match_to_region`.
 #[pyclass(frozen, get_all, name = "Matching", module = "hybridmpm._native")]
@@ -48,7 +49,7 @@ pub fn match_to_region(
     let x = array::<f64, Ix2>("x", "float64 of shape (N, D)", x)?;
     let dim = dim_of("x", x.shape()[1])?;
     let cells = points("cells", cells, dim)?;
-    let (x, cells) = (slice_of("x", &x)?, slice_of("cells", &cells)?);
+    let (x, cells) = (slice_of(&x), slice_of(&cells));
     let space = space.as_ref().map(|space| &space.inner);
     match (dim, space) {
         (2, None | Some(AnySpace::Plane(_))) => {
@@ -56,8 +57,9 @@ pub fn match_to_region(
                 Some(AnySpace::Plane(room)) => Some(room),
                 _ => None,
             };
-            let found =
-                py.detach(|| ::guidance::match_to_region(&rows::<2, _>(x), &rows(cells), room));
+            let found = interruptible(py, || {
+                ::guidance::match_to_region(&rows::<2, _>(x), &rows(cells), room)
+            })?;
             PyMatching::of(py, found.map_err(raised)?)
         }
         (3, None | Some(AnySpace::Space(_))) => {
@@ -65,8 +67,9 @@ pub fn match_to_region(
                 Some(AnySpace::Space(room)) => Some(room),
                 _ => None,
             };
-            let found =
-                py.detach(|| ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room));
+            let found = interruptible(py, || {
+                ::guidance::match_to_region(&rows::<3, _>(x), &rows(cells), room)
+            })?;
             PyMatching::of(py, found.map_err(raised)?)
         }
         _ => Err(other_dimension(dim)),

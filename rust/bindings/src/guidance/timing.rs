@@ -37,7 +37,7 @@ pub fn least_acceleration(
     }
     let points = array::<f64, Ix2>("points", "float64 of shape (K, D)", points)?;
     let shape = [points.shape()[0], dim_of("points", points.shape()[1])?];
-    let numbers = slice_of("points", &points)?;
+    let numbers = slice_of(&points);
     let ends = [start_velocity.as_slice(), end_velocity.as_slice()];
     let (times, velocities) = py.detach(|| match shape[1] {
         2 => timed::<2>(numbers, ends, seconds),

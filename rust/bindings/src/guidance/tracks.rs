@@ -93,12 +93,12 @@ impl PyTracks {
             }
         }
         let arrays = Arrays {
-            starts: slice_of("starts", &starts)?,
-            times: slice_of("times", &times)?,
-            x: slice_of("x", &x)?,
-            v: slice_of("v", &v)?,
-            path: slice_of("path", &path)?,
-            offset: slice_of("offset", &offset)?,
+            starts: slice_of(&starts),
+            times: slice_of(&times),
+            x: slice_of(&x),
+            v: slice_of(&v),
+            path: slice_of(&path),
+            offset: slice_of(&offset),
         };
         let settings = (shortest, ahead, cells, cap);
         let space = space.as_ref().map(|space| &space.inner);
@@ -137,10 +137,7 @@ impl PyTracks {
             AnyTracks::Plane(tracks) => tracks.count(),
             AnyTracks::Space(tracks) => tracks.count(),
         };
-        let rows = rows
-            .as_ref()
-            .map(|rows| slice_of("rows", rows))
-            .transpose()?;
+        let rows = rows.as_ref().map(slice_of);
         let present = rows.map_or(count, <[u32]>::len);
         for (name, shape) in [("x", x.shape()), ("v", v.shape())] {
             if shape != [present, self.dim] {
@@ -161,11 +158,7 @@ impl PyTracks {
                 "rows must be below {count}, got {row}"
             )));
         }
-        let (x, v, mass) = (
-            slice_of("x", &x)?,
-            slice_of("v", &v)?,
-            slice_of("mass", &mass)?,
-        );
+        let (x, v, mass) = (slice_of(&x), slice_of(&v), slice_of(&mass));
         let force = py.detach(|| match &self.inner {
             AnyTracks::Plane(tracks) => tracks
                 .force(x.as_chunks().0, v.as_chunks().0, mass, time, rows)

@@ -55,8 +55,8 @@ pub fn answer_weights<'py>(
             known.shape()
         )));
     }
-    let history = slice_of("history", &history)?;
-    let known = slice_of("known_acceleration", &known)?;
+    let history = slice_of(&history);
+    let known = slice_of(&known);
     let numbers = Numbers {
         radius,
         scale: &scale,

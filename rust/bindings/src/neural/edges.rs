@@ -22,8 +22,8 @@ impl Edges {
         let starts = array::<u32, Ix1>("starts", "uint32 of shape (N + 1,)", starts)?;
         let senders = array::<u32, Ix1>("senders", "uint32 of shape (E,)", senders)?;
         let edges = Self {
-            starts: slice_of("starts", &starts)?.to_vec(),
-            senders: slice_of("senders", &senders)?.to_vec(),
+            starts: slice_of(&starts).to_vec(),
+            senders: slice_of(&senders).to_vec(),
         };
         check_length("starts", edges.starts.len(), count + 1, count)?;
         let ascending = edges.starts.is_sorted() && edges.starts[0] == 0;

@@ -72,7 +72,7 @@ impl PyAccelerationHistory {
                 "x must be {expected}, got shape {got:?}"
             )));
         }
-        let x = slice_of("x", &x)?;
+        let x = slice_of(&x);
         let signal = py.detach(|| self.locked().push(x)).map_err(raised)?;
         Ok(PyAccelerationSignal(signal))
     }
@@ -104,6 +104,21 @@ impl PyAccelerationHistory {
 
 #[pymethods]
 impl PyAccelerationSignal {
+    #[new]
+    fn new(cosine: Option<f32>, plain: Option<f32>, active: f32, largest: f32) -> Self {
+        Self(Signal {
+            cosine,
+            plain,
+            active,
+            largest,
+        })
+    }
+
+    /// Arguments of `new`, by which copies and pickles are made.
+    fn __getnewargs__(&self) -> (Option<f32>, Option<f32>, f32, f32) {
+        (self.0.cosine, self.0.plain, self.0.active, self.0.largest)
+    }
+
     #[getter]
     fn cosine(&self) -> Option<f32> {
         self.0.cosine

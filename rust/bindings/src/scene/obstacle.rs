@@ -173,7 +173,7 @@ impl PyObstacle {
         time: f64,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let x = self.points(x)?;
-        let points = slice_of("x", &x)?.chunks_exact(self.dim());
+        let points = slice_of(&x).chunks_exact(self.dim());
         let distances: Vec<f32> = with_placed!(self, time, placed => {
             points.map(|x| placed.distance(&Vector::from_column_slice(x))).collect()
         });
@@ -187,7 +187,7 @@ impl PyObstacle {
         time: f64,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let x = self.points(x)?;
-        let points = slice_of("x", &x)?.chunks_exact(self.dim());
+        let points = slice_of(&x).chunks_exact(self.dim());
         let moved: Vec<f32> = with_placed!(self, time, placed => {
             points.map(|x| placed.moved(&Vector::from_column_slice(x))).flat_map(|x| x.data.0[0]).collect()
         });

@@ -5,12 +5,13 @@ use std::thread;
 use mpm::{Force, MpmError};
 use numpy::{IxDyn, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-use threads::Pool;
+use threads::{Pool, interrupted};
 
 use super::class::PySolver;
 use crate::convert::array;
 use crate::error::{batch_error, config_error};
 use crate::pools::pool;
+use crate::signals::interruptible;
 
 /// Each scene on one thread. A solver that stands in the list twice advances twice.
 #[pyfunction]
@@ -34,14 +35,14 @@ pub fn advance_all(
             index,
             solver,
             force,
-            outcome: Ok(()),
+            outcome: Ok(Ok(())),
         });
     }
     let available = || thread::available_parallelism().map_or(1, usize::from);
     let threads = threads.unwrap_or_else(available).min(jobs.len());
     // A pool of its own: a shared one would leave a second batch at the same time to a single thread.
     let pool = pool(threads.max(1))?;
-    let failures = py.detach(|| run(jobs, frames, &pool));
+    let failures = interruptible(py, || run(jobs, frames, &pool))??;
     if failures.is_empty() {
         return Ok(());
     }
@@ -73,20 +74,24 @@ struct Job<'a> {
     index: usize,
     solver: &'a PySolver,
     force: Force<'a>,
-    outcome: Result<(), MpmError>,
+    outcome: PyResult<Result<(), MpmError>>,
 }
 
 /// Runs all jobs and returns the failures by index.
-fn run(mut jobs: Vec<Job<'_>>, frames: usize, pool: &Pool) -> Vec<(usize, MpmError)> {
+fn run(mut jobs: Vec<Job<'_>>, frames: usize, pool: &Pool) -> PyResult<Vec<(usize, MpmError)>> {
     // The largest first, so that no thread is left alone with it at the end.
-    jobs.sort_by_cached_key(|job| std::cmp::Reverse(job.solver.count()));
+    jobs.sort_by_cached_key(|job| std::cmp::Reverse(job.solver.count().unwrap_or_default()));
     pool.for_each(&mut jobs, |job| {
-        job.outcome = job.solver.run(frames, job.force);
+        if !interrupted() {
+            job.outcome = job.solver.run(frames, job.force);
+        }
     });
     jobs.sort_by_key(|job| job.index);
-    let failures = jobs.into_iter().filter_map(|job| {
-        let failure = job.outcome.err();
-        failure.map(|error| (job.index, error))
-    });
-    failures.collect()
+    let mut failures = Vec::new();
+    for job in jobs {
+        if let Err(error) = job.outcome? {
+            failures.push((job.index, error));
+        }
+    }
+    Ok(failures)
 }

@@ -110,16 +110,16 @@ impl<'py> Arrays<'py> {
         Ok(arrays)
     }
 
-    pub fn particles(&self) -> PyResult<Particles<'_>> {
+    pub fn particles(&self) -> Particles<'_> {
         let ratio = self.volume_ratio.as_ref();
-        Ok(Particles {
-            x: slice_of("x", &self.x)?,
-            v: slice_of("v", &self.v)?,
-            material: slice_of("material", &self.material)?,
-            mass: slice_of("mass", &self.mass)?,
-            volume: slice_of("volume", &self.volume)?,
-            volume_ratio: ratio.map(|r| slice_of("volume_ratio", r)).transpose()?,
-        })
+        Particles {
+            x: slice_of(&self.x),
+            v: slice_of(&self.v),
+            material: slice_of(&self.material),
+            mass: slice_of(&self.mass),
+            volume: slice_of(&self.volume),
+            volume_ratio: ratio.map(slice_of),
+        }
     }
 }
 
@@ -180,7 +180,7 @@ impl Arguments<'_> {
                     sleep: self.sleep,
                     threads: self.threads,
                 };
-                let particles = arrays.particles()?;
+                let particles = arrays.particles();
                 let solver = py.detach(|| mpm::Solver::new(settings, particles));
                 Ok(AnySolver::$variant(solver.map_err(NativeError)?))
             }};

@@ -11,8 +11,18 @@ pub struct PyCancelFlag(pub CancelFlag);
 #[pymethods]
 impl PyCancelFlag {
     #[new]
-    fn new() -> Self {
-        Self::default()
+    #[pyo3(signature = (is_set=false))]
+    fn new(is_set: bool) -> Self {
+        let flag = Self::default();
+        if is_set {
+            flag.set();
+        }
+        flag
+    }
+
+    /// Arguments of `new`: a copy is a flag of its own, in the same state.
+    fn __getnewargs__(&self) -> (bool,) {
+        (self.is_set(),)
     }
 
     fn set(&self) {

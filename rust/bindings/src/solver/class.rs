@@ -2,8 +2,8 @@
 
 use mpm::{EmitterStatus, Force, MpmError, PrescribeOptions, Sleep};
 use numpy::{
-    IntoPyArray, Ix2, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
-    PyReadwriteArray3, PyUntypedArrayMethods,
+    IntoPyArray, Ix2, Ix3, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -14,7 +14,7 @@ use super::cancel::PyCancelFlag;
 use super::force::checked_force;
 use super::held::Held;
 use super::report::{PyDiagnostics, PyFrameReport, PyMotionReport};
-use crate::convert::{ForWalls, array, read_only, slice_of, vectors, wall_contacts};
+use crate::convert::{ForWalls, array, read_only, slice_of, vectors, wall_contacts, writable};
 use crate::error::{NativeError, config_error};
 use crate::scene::{PyEmitter, PyMaterial, PyObstacle};
 
@@ -28,13 +28,13 @@ pub struct PySolver {
 }
 
 impl PySolver {
-    pub fn count(&self) -> usize {
-        with_any!(&*self.held.locked(), solver => solver.count())
+    pub fn count(&self) -> PyResult<usize> {
+        with_any!(&*self.held.locked()?, solver => Ok(solver.count()))
     }
 
     /// Advances on the calling thread, without the GIL.
-    pub fn run(&self, frames: usize, force: Force<'_>) -> Result<(), MpmError> {
-        with_any!(&mut *self.held.locked(), solver => solver.advance(frames, force, |_, _| ()))
+    pub fn run(&self, frames: usize, force: Force<'_>) -> PyResult<Result<(), MpmError>> {
+        with_any!(&mut *self.held.locked()?, solver => Ok(solver.advance(frames, force, |_, _| ())))
     }
 
     pub fn dimension(&self) -> usize {
@@ -42,7 +42,7 @@ impl PySolver {
     }
 
     /// An independent solver in the same state.
-    pub fn twin(&self, py: Python<'_>) -> AnySolver {
+    pub fn twin(&self, py: Python<'_>) -> PyResult<AnySolver> {
         self.held.detached(py, |any| any.clone())
     }
 
@@ -54,7 +54,7 @@ impl PySolver {
         frames: usize,
         array: Option<&'a PyReadonlyArrayDyn<'_, f32>>,
     ) -> PyResult<Force<'a>> {
-        let count = py.detach(|| self.count());
+        let count = py.detach(|| self.count())?;
         checked_force(name, [frames, count, self.dim], array)
     }
 
@@ -64,7 +64,7 @@ impl PySolver {
         py: Python<'_>,
         width: usize,
         write: impl Fn(&AnySolver, &mut [T]) + Sync,
-    ) -> Vec<T> {
+    ) -> PyResult<Vec<T>> {
         let size = |any: &AnySolver| with_any!(any, solver => solver.count()) * width;
         self.held.read(py, size, write)
     }
@@ -75,7 +75,7 @@ impl PySolver {
         py: Python<'py>,
         write: impl Fn(&AnySolver, &mut [f32]) + Sync,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        vectors(py, self.dim, self.read(py, self.dim, write)).map(read_only)
+        vectors(py, self.dim, self.read(py, self.dim, write)?).map(read_only)
     }
 }
 
@@ -157,29 +157,23 @@ impl PySolver {
         py: Python<'_>,
         frames: usize,
         force: Option<&Bound<'_, PyAny>>,
-        out: Option<PyReadwriteArray3<'_, f32>>,
+        out: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let count = py.detach(|| self.count());
+        let count = py.detach(|| self.count())?;
         let per_frame = [frames, count, self.dim];
         let force = force
             .map(|force| array::<f32, IxDyn>("force", "float32", force))
             .transpose()?;
         let force = self.force(py, "force", frames, force.as_ref())?;
-        let mut out = out;
+        let mut out = out
+            .map(|out| writable::<f32, Ix3>("out", "float32", &per_frame, out))
+            .transpose()?;
         let out: &mut [f32] = match &mut out {
             None => &mut [],
-            Some(array) if array.shape() == per_frame => array
-                .as_slice_mut()
-                .map_err(|_| config_error("out must be C-contiguous and writable"))?,
-            Some(array) => {
-                return Err(config_error(format!(
-                    "out must be of shape {per_frame:?}, got {:?}",
-                    array.shape()
-                )));
-            }
+            Some(array) => array.as_slice_mut()?,
         };
         let size = count * self.dim;
-        self.held.detached(py, |any| {
+        self.held.interruptible(py, |any| {
             with_any!(any, solver => {
                 if !out.is_empty() && (solver.settings().openings.any() || solver.count() != count) {
                     return Err(config_error(
@@ -193,13 +187,13 @@ impl PySolver {
                 });
                 advanced.map_err(|error| NativeError(error).into())
             })
-        })
+        })?
     }
 
-    fn cancel_by(&self, py: Python<'_>, flag: &PyCancelFlag) {
+    fn cancel_by(&self, py: Python<'_>, flag: &PyCancelFlag) -> PyResult<()> {
         let flag = flag.0.clone();
         self.held
-            .detached(py, |any| with_any!(any, solver => solver.cancel_by(flag)));
+            .detached(py, |any| with_any!(any, solver => solver.cancel_by(flag)))
     }
 
     #[pyo3(signature = (x, v, frame, *, affine=true, deform=false))]
@@ -212,7 +206,7 @@ impl PySolver {
         affine: bool,
         deform: bool,
     ) -> PyResult<PyMotionReport> {
-        let count = py.detach(|| self.count());
+        let count = py.detach(|| self.count())?;
         let expected = format!("float32 of shape ({count}, {})", self.dim);
         let x = array::<f32, Ix2>("x", &expected, x)?;
         let v = array::<f32, Ix2>("v", &expected, v)?;
@@ -223,13 +217,13 @@ impl PySolver {
                 )));
             }
         }
-        let (x, v) = (slice_of("x", &x)?, slice_of("v", &v)?);
+        let (x, v) = (slice_of(&x), slice_of(&v));
         let options = PrescribeOptions { affine, deform };
         let report = self.held.detached(
             py,
             |any| with_any!(any, solver => solver.prescribe(x, v, frame, options)),
         );
-        Ok(PyMotionReport(report.map_err(NativeError)?))
+        Ok(PyMotionReport(report?.map_err(NativeError)?))
     }
 
     #[getter]
@@ -238,7 +232,7 @@ impl PySolver {
     }
 
     #[getter]
-    fn particle_count(&self, py: Python<'_>) -> usize {
+    fn particle_count(&self, py: Python<'_>) -> PyResult<usize> {
         py.detach(|| self.count())
     }
 
@@ -248,48 +242,48 @@ impl PySolver {
     }
 
     #[getter]
-    fn frame(&self, py: Python<'_>) -> u64 {
+    fn frame(&self, py: Python<'_>) -> PyResult<u64> {
         self.held
             .detached(py, |any| with_any!(any, solver => solver.frame()))
     }
 
     #[getter]
-    fn time(&self, py: Python<'_>) -> f64 {
-        self.frame(py) as f64 * self.frame_dt
+    fn time(&self, py: Python<'_>) -> PyResult<f64> {
+        Ok(self.frame(py)? as f64 * self.frame_dt)
     }
 
     #[getter]
-    fn is_open(&self, py: Python<'_>) -> bool {
+    fn is_open(&self, py: Python<'_>) -> PyResult<bool> {
         self.held
             .detached(py, |any| with_any!(any, s => s.settings().openings.any()))
     }
 
     #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+    fn ids<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u64>>> {
         let ids = self
             .held
-            .detached(py, |any| with_any!(any, s => s.ids().to_vec()));
-        read_only(ids.into_pyarray(py))
+            .detached(py, |any| with_any!(any, s => s.ids().to_vec()))?;
+        Ok(read_only(ids.into_pyarray(py)))
     }
 
     #[getter]
-    fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+    fn material<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let out = self.read(
             py,
             1,
             |any, out| with_any!(any, s => s.write_materials(out)),
         );
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+    fn mass<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_masses(out)));
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
+    fn emitters(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
         self.held.detached(
             py,
             |any| with_any!(any, s => s.emitters().map(EmitterStatus::name).collect()),
@@ -313,72 +307,73 @@ impl PySolver {
             py,
             width,
             |any, out| with_any!(any, s => s.write_affine(out)),
-        );
+        )?;
         let count = out.len() / width;
         let shape = [count, self.dim, self.dim];
         out.into_pyarray(py).reshape(shape).map(read_only)
     }
 
     #[getter]
-    fn volume_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+    fn volume_ratio<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let out = self.read(
             py,
             1,
             |any, out| with_any!(any, s => s.write_volume_ratios(out)),
         );
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn pressure<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+    fn pressure<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let out = self.read(
             py,
             1,
             |any, out| with_any!(any, s => s.write_pressures(out)),
         );
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn asleep<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+    fn asleep<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let out = self.read(py, 1, |any, out| with_any!(any, s => s.write_asleep(out)));
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn last_frame(&self, py: Python<'_>) -> Option<PyFrameReport> {
-        self.held
-            .detached(py, |any| with_any!(any, solver => solver.last_frame()))
-            .map(PyFrameReport)
+    fn last_frame(&self, py: Python<'_>) -> PyResult<Option<PyFrameReport>> {
+        let report = self
+            .held
+            .detached(py, |any| with_any!(any, solver => solver.last_frame()))?;
+        Ok(report.map(PyFrameReport))
     }
 
-    fn diagnostics(&self, py: Python<'_>) -> PyDiagnostics {
-        PyDiagnostics(
-            self.held
-                .detached(py, |any| with_any!(any, solver => solver.diagnostics())),
-        )
+    fn diagnostics(&self, py: Python<'_>) -> PyResult<PyDiagnostics> {
+        let totals = self
+            .held
+            .detached(py, |any| with_any!(any, solver => solver.diagnostics()));
+        totals.map(PyDiagnostics)
     }
 
-    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let data = self
             .held
-            .detached(py, |any| with_any!(any, solver => solver.snapshot()));
-        PyBytes::new(py, &data)
+            .detached(py, |any| with_any!(any, solver => solver.snapshot()))?;
+        Ok(PyBytes::new(py, &data))
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
         let result = self
             .held
-            .detached(py, |any| with_any!(any, solver => solver.restore(data)));
+            .detached(py, |any| with_any!(any, solver => solver.restore(data)))?;
         Ok(result.map_err(NativeError)?)
     }
 
-    fn copy(&self, py: Python<'_>) -> Self {
-        Self {
-            held: Held::new(self.twin(py)),
+    fn copy(&self, py: Python<'_>) -> PyResult<Self> {
+        Ok(Self {
+            held: Held::new(self.twin(py)?),
             dim: self.dim,
             resolution: self.resolution,
             frame_dt: self.frame_dt,
-        }
+        })
     }
 }

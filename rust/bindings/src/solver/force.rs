@@ -18,9 +18,9 @@ pub fn checked_force<'a>(
     };
     let (held, per_frame) = ([count, dim], [frames, count, dim]);
     match array.shape() {
-        shape if shape == [dim] => Ok(Force::Uniform(slice_of(name, array)?)),
-        shape if shape == held => Ok(Force::Held(slice_of(name, array)?)),
-        shape if shape == per_frame => Ok(Force::PerFrame(slice_of(name, array)?)),
+        shape if shape == [dim] => Ok(Force::Uniform(slice_of(array))),
+        shape if shape == held => Ok(Force::Held(slice_of(array))),
+        shape if shape == per_frame => Ok(Force::PerFrame(slice_of(array))),
         shape => Err(config_error(format!(
             "{name} must be of shape {held:?} or {per_frame:?}, or [{dim}] for all particles alike, got {shape:?}"
         ))),

@@ -2,7 +2,10 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use pyo3::Python;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::{PyResult, Python};
+
+use crate::signals::{in_handler, interruptible};
 
 pub struct Held<T>(Mutex<T>);
 
@@ -11,13 +14,35 @@ impl<T: Send> Held<T> {
         Self(Mutex::new(inner))
     }
 
-    pub fn locked(&self) -> MutexGuard<'_, T> {
-        self.0.lock().expect("no panic under the lock")
+    /// Waits for the lock. A handler of a signal must not: it may run within the call that has the lock.
+    pub fn locked(&self) -> PyResult<MutexGuard<'_, T>> {
+        if !in_handler() {
+            return Ok(self.0.lock().expect("no panic under the lock"));
+        }
+        self.0.try_lock().map_err(|_| {
+            PyRuntimeError::new_err(
+                "the simulator is in a call that a signal has interrupted: a signal handler may use it after the \
+                 call, or end the call by raising an exception",
+            )
+        })
     }
 
     /// Takes the lock with the GIL released, so that a thread that waits for it stops no other.
-    pub fn detached<R: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut T) -> R + Send) -> R {
-        py.detach(|| work(&mut self.locked()))
+    pub fn detached<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut T) -> R + Send,
+    ) -> PyResult<R> {
+        py.detach(|| Ok(work(&mut *self.locked()?)))
+    }
+
+    /// The same for work that a signal may end early.
+    pub fn interruptible<R: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut T) -> R + Send,
+    ) -> PyResult<R> {
+        interruptible(py, || Ok(work(&mut *self.locked()?)))?
     }
 
     /// Returns `size` numbers, written by `write`.
@@ -26,7 +51,7 @@ impl<T: Send> Held<T> {
         py: Python<'_>,
         size: impl Fn(&T) -> usize + Sync,
         write: impl Fn(&T, &mut [N]) + Sync,
-    ) -> Vec<N> {
+    ) -> PyResult<Vec<N>> {
         self.detached(py, |inner| {
             let mut out = vec![N::default(); size(inner)];
             write(inner, &mut out);

@@ -2,6 +2,9 @@
 
 use mpm::{Diagnostics, FrameReport, MotionReport};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::error::config_error;
 
 /// Totals over all particles at one instant.
 #[pyclass(frozen, name = "Diagnostics", module = "hybridmpm._native")]
@@ -9,6 +12,61 @@ pub struct PyDiagnostics(pub Diagnostics);
 
 #[pymethods]
 impl PyDiagnostics {
+    #[new]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "all fields, for copies and pickles"
+    )]
+    fn new(
+        mass: f64,
+        momentum: Vec<f64>,
+        centroid: Vec<f64>,
+        kinetic_energy: f64,
+        potential_energy: f64,
+        elastic_energy: f64,
+        max_speed: f64,
+        min_volume_ratio: f64,
+        max_volume_ratio: f64,
+        emitted_mass: f64,
+        removed_mass: f64,
+    ) -> Self {
+        Self(Diagnostics {
+            mass,
+            momentum,
+            centroid,
+            kinetic_energy,
+            potential_energy,
+            elastic_energy,
+            max_speed,
+            min_volume_ratio,
+            max_volume_ratio,
+            emitted_mass,
+            removed_mass,
+        })
+    }
+
+    /// Arguments of `new`, by which copies and pickles are made.
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let d = &self.0;
+        let vectors = (d.momentum.clone(), d.centroid.clone());
+        let energies = (d.kinetic_energy, d.potential_energy, d.elastic_energy);
+        let extremes = (d.max_speed, d.min_volume_ratio, d.max_volume_ratio);
+        let arguments = (
+            d.mass,
+            vectors.0,
+            vectors.1,
+            energies.0,
+            energies.1,
+            energies.2,
+            extremes.0,
+            extremes.1,
+            extremes.2,
+            d.emitted_mass,
+            d.removed_mass,
+        );
+        arguments.into_pyobject(py)
+    }
+
     #[getter]
     fn mass(&self) -> f64 {
         self.0.mass
@@ -65,6 +123,36 @@ pub struct PyFrameReport(pub FrameReport);
 
 #[pymethods]
 impl PyFrameReport {
+    #[new]
+    fn new(
+        substeps: u32,
+        smallest_dt: f32,
+        bound: &str,
+        obstacle_work: f64,
+        max_speed: f32,
+    ) -> PyResult<Self> {
+        let bound = mpm::Bound::named(bound)
+            .ok_or_else(|| config_error(format!("bound must be one of a report, got {bound:?}")))?;
+        Ok(Self(FrameReport {
+            substeps,
+            smallest_dt,
+            bound,
+            obstacle_work,
+            max_speed,
+        }))
+    }
+
+    /// Arguments of `new`, by which copies and pickles are made.
+    fn __getnewargs__(&self) -> (u32, f32, &'static str, f64, f32) {
+        (
+            self.0.substeps,
+            self.0.smallest_dt,
+            self.0.bound.name(),
+            self.0.obstacle_work,
+            self.0.max_speed,
+        )
+    }
+
     #[getter]
     fn substeps(&self) -> u32 {
         self.0.substeps
@@ -97,6 +185,26 @@ pub struct PyMotionReport(pub MotionReport);
 
 #[pymethods]
 impl PyMotionReport {
+    #[new]
+    fn new(density: f32, divergence: f32, kinetic_energy: f64, potential_energy: f64) -> Self {
+        Self(MotionReport {
+            density,
+            divergence,
+            kinetic_energy,
+            potential_energy,
+        })
+    }
+
+    /// Arguments of `new`, by which copies and pickles are made.
+    fn __getnewargs__(&self) -> (f32, f32, f64, f64) {
+        (
+            self.0.density,
+            self.0.divergence,
+            self.0.kinetic_energy,
+            self.0.potential_energy,
+        )
+    }
+
     #[getter]
     fn density(&self) -> f32 {
         self.0.density

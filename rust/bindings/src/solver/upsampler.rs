@@ -59,14 +59,14 @@ impl<'py> CoarseArrays<'py> {
         Ok(arrays)
     }
 
-    fn coarse(&self) -> PyResult<CoarseParticles<'_>> {
+    fn coarse(&self) -> CoarseParticles<'_> {
         let affine = self.affine.as_ref();
-        Ok(CoarseParticles {
-            ids: slice_of("ids", &self.ids)?,
-            x: slice_of("x", &self.x)?,
-            affine: affine.map(|a| slice_of("affine", a)).transpose()?,
-            mass: slice_of("mass", &self.mass)?,
-        })
+        CoarseParticles {
+            ids: slice_of(&self.ids),
+            x: slice_of(&self.x),
+            affine: affine.map(slice_of),
+            mass: slice_of(&self.mass),
+        }
     }
 }
 
@@ -76,7 +76,7 @@ impl PyUpsampler {
         &self,
         py: Python<'_>,
         write: impl Fn(&AnyUpsampler, &mut [T]) + Sync,
-    ) -> Vec<T> {
+    ) -> PyResult<Vec<T>> {
         let size = |any: &AnyUpsampler| with_any!(any, upsampler => upsampler.count());
         self.held.read(py, size, write)
     }
@@ -107,7 +107,7 @@ impl PyUpsampler {
     ) -> PyResult<Self> {
         let dim = solver.dimension();
         let arrays = Arrays::new(dim, x, v, material, mass, volume, None)?;
-        let particles = arrays.particles()?;
+        let particles = arrays.particles();
         let constants = UpsamplingConstants {
             affine_share,
             relaxation,
@@ -143,7 +143,7 @@ impl PyUpsampler {
                 AnyUpsampler::$variant(Box::new(upsampler.map_err(NativeError)?))
             }};
         }
-        let inner = match &solver.twin(py) {
+        let inner = match &solver.twin(py)? {
             AnySolver::Plane(coarse) => build!(Plane, coarse),
             AnySolver::Space(coarse) => build!(Space, coarse),
         };
@@ -161,39 +161,39 @@ impl PyUpsampler {
     }
 
     #[getter]
-    fn frame(&self, py: Python<'_>) -> u64 {
+    fn frame(&self, py: Python<'_>) -> PyResult<u64> {
         self.held
             .detached(py, |any| with_any!(any, upsampler => upsampler.frame()))
     }
 
     #[getter]
-    fn particle_count(&self, py: Python<'_>) -> usize {
+    fn particle_count(&self, py: Python<'_>) -> PyResult<usize> {
         self.held
             .detached(py, |any| with_any!(any, upsampler => upsampler.count()))
     }
 
     #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+    fn ids<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u64>>> {
         let ids = self
             .held
-            .detached(py, |any| with_any!(any, c => c.ids().to_vec()));
-        read_only(ids.into_pyarray(py))
+            .detached(py, |any| with_any!(any, c => c.ids().to_vec()))?;
+        Ok(read_only(ids.into_pyarray(py)))
     }
 
     #[getter]
-    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+    fn mass<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let out = self.read(py, |any, out| with_any!(any, c => c.write_masses(out)));
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn material<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u8>> {
+    fn material<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let out = self.read(py, |any, out| with_any!(any, c => c.write_materials(out)));
-        read_only(out.into_pyarray(py))
+        Ok(read_only(out?.into_pyarray(py)))
     }
 
     #[getter]
-    fn emitters(&self, py: Python<'_>) -> Vec<&'static str> {
+    fn emitters(&self, py: Python<'_>) -> PyResult<Vec<&'static str>> {
         self.held.detached(
             py,
             |any| with_any!(any, c => c.emitters().map(EmitterStatus::name).collect()),
@@ -211,11 +211,11 @@ impl PyUpsampler {
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<()> {
         let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
-        let coarse = arrays.coarse()?;
-        let updated = self.held.detached(
+        let coarse = arrays.coarse();
+        let updated = self.held.interruptible(
             py,
             |any| with_any!(any, upsampler => upsampler.update(&coarse, frame)),
-        );
+        )?;
         Ok(updated.map_err(NativeError)?)
     }
 
@@ -230,14 +230,14 @@ impl PyUpsampler {
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
-        let coarse = arrays.coarse()?;
+        let coarse = arrays.coarse();
         let shown = self.held.detached(py, |any| {
             with_any!(any, upsampler => {
                 let mut out = vec![0.0; upsampler.count() * self.dim];
                 upsampler.write_positions(&coarse, frame, &mut out).map(|()| out)
             })
         });
-        vectors(py, self.dim, shown.map_err(NativeError)?)
+        vectors(py, self.dim, shown?.map_err(NativeError)?)
     }
 
     #[pyo3(signature = (frame, *, ids, x, v, affine=None, mass))]
@@ -256,16 +256,16 @@ impl PyUpsampler {
         mass: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let arrays = CoarseArrays::new(self.dim, ids, x, affine, mass)?;
-        let coarse = arrays.coarse()?;
+        let coarse = arrays.coarse();
         let v = array::<f32, Ix2>("v", &format!("float32 of shape (N, {})", self.dim), v)?;
-        let v = slice_of("v", &v)?;
+        let v = slice_of(&v);
         let shown = self.held.detached(py, |any| {
             with_any!(any, upsampler => {
                 let mut out = vec![0.0; upsampler.count() * self.dim];
                 upsampler.write_velocities(&coarse, v, frame, &mut out).map(|()| out)
             })
         });
-        vectors(py, self.dim, shown.map_err(NativeError)?)
+        vectors(py, self.dim, shown?.map_err(NativeError)?)
     }
 
     fn gather_force<'py>(
@@ -278,19 +278,19 @@ impl PyUpsampler {
             &format!("float32 of shape (N, {})", self.dim),
             force,
         )?;
-        let force = slice_of("force", &force)?;
+        let force = slice_of(&force);
         let gathered = self.held.detached(
             py,
             |any| with_any!(any, upsampler => upsampler.gather_force(force)),
         );
-        vectors(py, self.dim, gathered.map_err(NativeError)?)
+        vectors(py, self.dim, gathered?.map_err(NativeError)?)
     }
 
-    fn snapshot<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+    fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let data = self
             .held
-            .detached(py, |any| with_any!(any, upsampler => upsampler.snapshot()));
-        PyBytes::new(py, &data)
+            .detached(py, |any| with_any!(any, upsampler => upsampler.snapshot()))?;
+        Ok(PyBytes::new(py, &data))
     }
 
     fn restore(&self, py: Python<'_>, data: &[u8]) -> PyResult<()> {
@@ -298,13 +298,13 @@ impl PyUpsampler {
             py,
             |any| with_any!(any, upsampler => upsampler.restore(data)),
         );
-        Ok(restored.map_err(NativeError)?)
+        Ok(restored?.map_err(NativeError)?)
     }
 
-    fn copy(&self, py: Python<'_>) -> Self {
-        Self {
-            held: Held::new(self.held.detached(py, |any| any.clone())),
+    fn copy(&self, py: Python<'_>) -> PyResult<Self> {
+        Ok(Self {
+            held: Held::new(self.held.detached(py, |any| any.clone())?),
             ..*self
-        }
+        })
     }
 }

@@ -20,7 +20,7 @@ use crate::substep::{
     Bound, FrameReport, GridForces, Outcome, P2gStep, Stage, StepChooser, Substep,
 };
 use crate::volume::VolumeCorrection;
-use threads::Team;
+use threads::{Team, interrupted};
 
 /// MLS-MPM on one scene.
 #[derive(Clone)]
@@ -96,7 +96,8 @@ impl<const D: usize> Solver<D> {
 
     /// Advances by whole frames and calls back after each with the solver.
     ///
-    /// On an error the state is the one before the frame that failed; earlier frames stand.
+    /// On an error the state is the one before the frame that failed; earlier frames stand. A frame whose work is
+    /// `interrupted` fails as one that a flag has cancelled.
     pub fn advance(
         &mut self,
         frames: usize,
@@ -215,10 +216,7 @@ impl<const D: usize> Solver<D> {
             self.correct_volumes(elapsed);
         }
         while remaining > 0.0 {
-            if self.cancel.is_set() {
-                let frame = self.state.frame;
-                return Err(MpmError::Cancelled { frame });
-            }
+            self.check_cancelled()?;
             // A substep is at most dx / signal speed long, so speeds gain at most this.
             let speed = self.state.max_speed + pull * dx / self.chooser.signal_speed;
             let (dt, bound) = self
@@ -231,6 +229,8 @@ impl<const D: usize> Solver<D> {
             let end = start + f64::from(frame_dt - remaining + dt);
             self.obstacles.move_to(end, dt);
             let outcome = self.run(&Stage::ALL, P2gStep { dt, force });
+            // Stages that are interrupted leave slabs out.
+            self.check_cancelled()?;
             self.state.max_speed = outcome.max_speed_squared.sqrt();
             if !outcome.sound {
                 return Err(self.diagnose());
@@ -249,6 +249,14 @@ impl<const D: usize> Solver<D> {
             }
         }
         Ok(report)
+    }
+
+    fn check_cancelled(&self) -> Result<(), MpmError> {
+        if self.cancel.is_set() || interrupted() {
+            let frame = self.state.frame;
+            return Err(MpmError::Cancelled { frame });
+        }
+        Ok(())
     }
 
     pub(super) fn sort(&mut self) {

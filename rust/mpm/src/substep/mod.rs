@@ -11,7 +11,7 @@ mod transfer_tests;
 pub use g2p::{Outcome, gather};
 pub use grid_update::GridForces;
 pub use p2g::{P2gStep, for_each_row, scatter_row};
-pub use stages::{Stage, Substep};
+pub use stages::{Interruption, Stage, Substep};
 pub use timestep::{
     Bound, DEFAULT_SPEED_CFL, FrameReport, MAX_SUBSTEPS, StepChooser, Substeps, cfl_substeps,
     reference_substeps,

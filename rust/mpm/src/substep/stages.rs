@@ -1,6 +1,7 @@
 //! The stages of a substep, slab by slab on several threads.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::g2p::{Outcome, g2p};
 use super::grid_update::{GridForces, grid_update};
@@ -11,7 +12,7 @@ use crate::material::Constitutive;
 use crate::particles::{
     COLOURS, CutGroup, MaterialGroup, Slab, bands, fresh_planes, unlocked, with_group,
 };
-use threads::{Step, Team};
+use threads::{Step, Team, interrupted};
 
 /// A part of a substep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +39,33 @@ impl Stage {
 /// Fewer slabs are halved.
 const FEW_SLABS: usize = 8;
 
+/// From this number of particles on a stage takes so long that it may be interrupted between two slabs.
+const MANY_PARTICLES: usize = 1 << 16;
+
+/// Whether slabs should be left out, because the work of the thread that called for all of them is interrupted.
+pub struct Interruption {
+    is_long: bool,
+    found: AtomicBool,
+}
+
+impl Interruption {
+    pub fn new<const D: usize>(groups: &[MaterialGroup<D>]) -> Self {
+        let count = |group: &MaterialGroup<D>| with_group!(group, group => group.len());
+        Self {
+            is_long: groups.iter().map(count).sum::<usize>() >= MANY_PARTICLES,
+            found: AtomicBool::new(false),
+        }
+    }
+
+    /// Whether it has been found, by this thread or another.
+    pub fn is_found(&self) -> bool {
+        if self.is_long && !self.found.load(Ordering::Relaxed) && interrupted() {
+            self.found.store(true, Ordering::Relaxed);
+        }
+        self.found.load(Ordering::Relaxed)
+    }
+}
+
 /// Inputs of a substep besides particles and grid.
 pub struct Substep<'a, const D: usize> {
     pub step: P2gStep<'a, D>,
@@ -60,6 +88,7 @@ impl<const D: usize> Substep<'_, D> {
     ) -> Outcome {
         let bands = bands(slabs, grid.layout.extent);
         let grid = grid.shared();
+        let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
         let outcomes: Vec<_> = slabs.iter().map(|_| Mutex::new(Outcome::NOTHING)).collect();
         let of_stage = |&stage: &Stage| {
@@ -69,6 +98,9 @@ impl<const D: usize> Substep<'_, D> {
         };
         let (stages, steps): (Vec<_>, Vec<_>) = stages.iter().flat_map(of_stage).unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
+            if interruption.is_found() {
+                return;
+            }
             let reach = slabs[slab].reach();
             // The planes within reach belong to the slab and its neighbours.
             match stages[number] {

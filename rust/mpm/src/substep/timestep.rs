@@ -40,6 +40,20 @@ pub enum Bound {
 }
 
 impl Bound {
+    const ALL: [Self; 6] = [
+        Self::Sound,
+        Self::Speed,
+        Self::Obstacle,
+        Self::Frame,
+        Self::Reference,
+        Self::Fixed,
+    ];
+
+    /// The limit of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|bound| bound.name() == name)
+    }
+
     pub fn name(self) -> &'static str {
         match self {
             Self::Sound => "sound",

@@ -18,7 +18,7 @@ use crate::initial::{Particles, check_particles};
 use crate::linalg::{LANES, Vector};
 use crate::openings::{EmitterStatus, Openings, Population};
 use crate::settings::SolverSettings;
-use threads::Team;
+use threads::{Team, interrupted, is_watched};
 
 /// Frames from one update to the next in a scene without emitters and sinks.
 const UPDATE_EVERY: u64 = 4;
@@ -79,6 +79,8 @@ pub struct Upsampler<const D: usize> {
     state: UpsamplerState<D>,
     /// Frame after the latest update, and the particles computed for it.
     cache: Option<(u64, Vec<Block<D>>)>,
+    /// Particles before the update in progress, where that may be interrupted; kept to reuse its memory.
+    before: Vec<Block<D>>,
 }
 
 impl<const D: usize> Upsampler<D> {
@@ -142,6 +144,7 @@ impl<const D: usize> Upsampler<D> {
             },
             openings: settings.openings.clone(),
             cache: None,
+            before: Vec::new(),
         })
     }
 
@@ -172,8 +175,13 @@ impl<const D: usize> Upsampler<D> {
     }
 
     /// Moves all particles to the end of a frame with the coarse particles, given at the same time.
+    ///
+    /// On an error, which an update that is `interrupted` ends with, the state is the one before.
     pub fn update(&mut self, coarse: &CoarseParticles<'_>, frame: u64) -> Result<(), MpmError> {
         coarse.check::<D>()?;
+        if is_watched() {
+            self.before.clone_from(&self.state.blocks);
+        }
         let mut blocks = std::mem::take(&mut self.state.blocks);
         let moved = self.advect_to(&mut blocks, coarse, frame);
         self.state.blocks = blocks;
@@ -186,6 +194,10 @@ impl<const D: usize> Upsampler<D> {
             self.relax();
         } else {
             confine(&self.surfaces, &mut self.state.blocks, &self.team);
+        }
+        if interrupted() {
+            std::mem::swap(&mut self.state.blocks, &mut self.before);
+            return Err(MpmError::Cancelled { frame });
         }
         let (state, surfaces) = (&mut self.state, &self.surfaces);
         state.frame = frame;
@@ -306,7 +318,7 @@ impl<const D: usize> Upsampler<D> {
         for _ in 0..MAX_PASSES {
             let is_dense = self.relaxation.relax(blocks, &self.team);
             confine(&self.surfaces, blocks, &self.team);
-            if !is_dense {
+            if !is_dense || interrupted() {
                 break;
             }
         }

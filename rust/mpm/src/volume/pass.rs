@@ -8,6 +8,7 @@ use crate::boundary::Obstacles;
 use crate::grid::{CHUNK, Grid, View, Window};
 use crate::material::Constitutive;
 use crate::particles::{CutGroup, MaterialGroup, Slab, bands, fresh_planes, with_group};
+use crate::substep::Interruption;
 use threads::{Step, Team};
 
 /// A part of a pass.
@@ -52,6 +53,7 @@ impl<const D: usize> Pass<'_, D> {
     ) {
         let bands = bands(slabs, grid.layout.extent);
         let grid = grid.shared();
+        let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
         let groups = || groups.iter().zip(&self.shares);
         let across = |stage| stage == Stage::SmoothAcrossPlanes;
@@ -60,6 +62,9 @@ impl<const D: usize> Pass<'_, D> {
             .filter(|(stage, _)| self.first || !across(*stage));
         let (stages, steps): (Vec<_>, Vec<_>) = needed.copied().unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
+            if interruption.is_found() {
+                return;
+            }
             let (reach, band) = (slabs[slab].reach(), bands[slab].clone());
             // The planes within reach belong to the slab and its neighbours, which wait or have finished the stage before.
             match stages[number] {

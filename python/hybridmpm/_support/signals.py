@@ -1,0 +1,66 @@
+"""Handlers of signals within a frame: Ctrl-C waits until the state is whole.
+
+Python runs the handler of a signal between any two instructions. Within a frame that consists of several
+steps, an exception of a handler would leave some of them done.
+"""
+
+import contextlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+from hybridmpm import _core
+
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGBREAK")
+_SIGNALS = tuple(int(getattr(signal, name)) for name in _NAMES if hasattr(signal, name))
+"""Signals whose handlers raise exceptions in practice, as far as the system has them."""
+
+_Handler = Callable[[int, FrameType | None], object]
+
+_postponed: list[tuple[_Handler, int, FrameType | None]] = []
+"""Calls of handlers that wait, on the main thread."""
+_in_whole = False
+
+
+def run_postponed() -> None:
+    """Call the handlers that wait; an exception of one of them is raised here."""
+    while _postponed:
+        handler, number, frame = _postponed.pop(0)
+        handler(number, frame)
+
+
+# A call into the core undoes what it has begun where a handler raises, so that handlers may run within.
+_core.after_signals(run_postponed)
+
+
+@contextlib.contextmanager
+def whole() -> Iterator[None]:
+    """Postpone handlers of signals to the end of a block, or to a call of the core within it.
+
+    A signal that comes again while its handler waits is handled at once: the block may hang.
+    """
+    global _in_whole  # noqa: PLW0603 - signals belong to the process
+    if _in_whole or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    given = {number: signal.getsignal(number) for number in _SIGNALS}
+    ours = {number: handler for number, handler in given.items() if callable(handler)}
+
+    def postpone(number: int, frame: FrameType | None) -> None:
+        again = any(number == waiting for _, waiting, _ in _postponed)
+        _postponed.append((ours[number], number, frame))
+        if again:
+            run_postponed()
+
+    _in_whole = True
+    try:
+        for number in ours:
+            signal.signal(number, postpone)
+        yield
+    finally:
+        for number, handler in ours.items():
+            if signal.getsignal(number) is postpone:
+                signal.signal(number, handler)
+        _in_whole = False
+        run_postponed()

@@ -1,0 +1,92 @@
+//! Signals, such as Ctrl-C, within calls that take long.
+//!
+//! Python runs handlers of signals on the main thread only, and only between two of its own instructions. So work on
+//! that thread takes the GIL now and then to let handlers run; where one raises, the work ends.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use threads::watched;
+
+/// Time from one look for signals to the next.
+const EVERY: Duration = Duration::from_millis(10);
+/// Most time between two looks, where other threads keep the GIL for long.
+const AT_MOST: Duration = Duration::from_millis(40);
+
+thread_local! {
+    /// Whether this thread runs handlers of signals within a call.
+    static IN_HANDLER: Cell<bool> = const { Cell::new(false) };
+    /// When this thread looks for signals next, in whichever call it then is.
+    static NEXT: Cell<Instant> = Cell::new(Instant::now() + EVERY);
+}
+
+/// Function that Python runs after each look for signals.
+static HOOK: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+
+/// Calls `hook` after each look for signals; an exception of it ends the call.
+#[pyfunction]
+pub fn after_signals(py: Python<'_>, hook: Py<PyAny>) {
+    HOOK.get_or_init(py, || hook);
+}
+
+pub fn in_handler() -> bool {
+    IN_HANDLER.get()
+}
+
+/// Looks for signals, at times.
+struct Signals {
+    raised: Rc<RefCell<Option<PyErr>>>,
+}
+
+impl Signals {
+    /// Whether a handler has raised an exception.
+    fn poll(&self) -> bool {
+        if self.raised.borrow().is_some() {
+            return true;
+        }
+        let began = Instant::now();
+        if began < NEXT.get() || in_handler() {
+            return false;
+        }
+        let outcome = Python::attach(|py| {
+            IN_HANDLER.set(true);
+            let run = || {
+                py.check_signals()?;
+                HOOK.get(py).map(|hook| hook.call0(py)).transpose()
+            };
+            let outcome = run();
+            IN_HANDLER.set(false);
+            outcome
+        });
+        // The GIL may be slow to get: looks then take at most a fifth of the time.
+        let pause = EVERY.max((4 * began.elapsed()).min(AT_MOST));
+        NEXT.set(Instant::now() + pause);
+        *self.raised.borrow_mut() = outcome.err();
+        self.raised.borrow().is_some()
+    }
+}
+
+/// Does work with the GIL released, which ends early where a handler of a signal raises an exception: that is returned.
+pub fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+    if !is_main_thread(py)? {
+        return Ok(py.detach(work));
+    }
+    let (done, raised) = py.detach(|| {
+        let raised = Rc::new(RefCell::new(None));
+        let signals = Signals {
+            raised: Rc::clone(&raised),
+        };
+        let done = watched(move || signals.poll(), work);
+        (done, raised.take())
+    });
+    raised.map_or(Ok(done), Err)
+}
+
+fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
+    let threading = py.import("threading")?;
+    let main = threading.call_method0("main_thread")?.getattr("ident")?;
+    threading.call_method0("get_ident")?.eq(main)
+}
