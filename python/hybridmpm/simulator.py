@@ -1,5 +1,6 @@
 """`Simulator`: the interface of all simulators."""
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -302,7 +303,38 @@ class Simulator(ABC):
 
     @abstractmethod
     def copy(self) -> Self:
-        """Return an independent simulator in the same state; a network is shared."""
+        """Return an independent simulator in the same state; a network is shared.
+
+        `copy.copy` and `copy.deepcopy` do the same. A pickle contains scene, settings, network and state, so
+        that a simulator may be sent to another process; its copy there obeys no `cancel_by`.
+        """
+
+    def __copy__(self) -> Self:
+        return self.copy()
+
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Self:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (type(self), self.scene, self._arguments(), self.snapshot(), self._notes())
+
+    def _arguments(self) -> dict[str, Any]:
+        """Return the arguments that make an equal simulator of the scene."""
+        raise TypeError(f"a {type(self).__name__} cannot be pickled: its class does not define `_arguments`")
+
+    def _notes(self) -> dict[str, Any]:
+        """Return what a snapshot leaves out: reports of the latest frames, and warnings that were given."""
+        return {}
+
+    def _take_notes(self, notes: dict[str, Any]) -> None:
+        """Take what `_notes` of a simulator in the same state has returned."""
+        del notes
+
+    def _shallow(self) -> Self:
+        """Return an object with the same attributes, for `copy`."""
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        return twin
 
     @abstractmethod
     def snapshot(self) -> bytes:
@@ -364,6 +396,18 @@ class Simulator(ABC):
         except Exception as error:
             raise SnapshotError(f"{path} cannot be restored: {error}") from error
         return simulator
+
+
+def _rebuilt(
+    cls: type[Simulator], scene: Scene, arguments: dict[str, Any], state: bytes, notes: dict[str, Any]
+) -> Simulator:
+    """Return the simulator of a pickle."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # raised where it was made
+        simulator = cls(scene, **arguments)  # type: ignore[call-arg]  # each kind has its own
+    simulator.restore(state)
+    simulator._take_notes(notes)
+    return simulator
 
 
 def checked_simulator(value: object) -> Simulator:

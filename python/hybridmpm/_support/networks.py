@@ -123,6 +123,16 @@ class ServedNetwork:
         properties = check_file(data, where=where)
         self._described(metadata(properties, self.FORMAT, where=where))
         self._session = _session(data, threads=threads, where=where)
+        self._arguments = (data, where, name, threads)
+
+    def __copy__(self) -> Self:
+        return self  # it has no state
+
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Self:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _network, (type(self), *self._arguments)
 
     def _described(self, plain: dict[str, Any]) -> None:
         """Take the metadata of the file; a KeyError, TypeError or ValueError is reported as damage."""
@@ -140,6 +150,11 @@ class ServedNetwork:
         """
         data, where = read_network(name, cls.FOLDER)
         return cls(data, where=where, name=str(name), threads=threads)
+
+
+def _network(cls: type[ServedNetwork], data: bytes, where: str, name: str | None, threads: int) -> Any:
+    """Return the network of a pickle."""
+    return cls(data, where=where, name=name, threads=threads)
 
 
 Network = TypeVar("Network", bound=ServedNetwork)

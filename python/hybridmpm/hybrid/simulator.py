@@ -1,6 +1,5 @@
 """`HybridSimulator`: a network with guards, and MPM as its fallback."""
 
-import copy
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -115,7 +114,7 @@ class HybridSimulator(CoarseSimulator):
             "wait": whole("wait", wait, 1, MAX_WINDOW),
             "shortcuts": flag("shortcuts", shortcuts),
         }
-        self._show_all = flag("show_all", show_all)
+        self._show_all, self._threads = flag("show_all", show_all), threads
         mpm = MpmSolver(scene, r_p=checked_ratio(self._model.r_p), threads=threads)
         self._loop = HybridLoop(
             mpm, self._model, self._guards, **self._settings, show_all=self._show_all and mpm.r_p < 1
@@ -222,7 +221,7 @@ class HybridSimulator(CoarseSimulator):
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state, with the same network."""
-        twin = copy.copy(self)
+        twin = self._shallow()
         twin._loop = self._loop.copy()  # noqa: SLF001 - of this very class
         return twin
 
@@ -248,6 +247,16 @@ class HybridSimulator(CoarseSimulator):
         """
         with as_snapshot_error("snapshot"):
             self._loop.state = self._loop.state.from_dict(from_bytes(_MAGIC, _VERSION, data))
+
+    def _arguments(self) -> dict[str, Any]:
+        settings = {"model": self._model, "guards": self._guards, "show_all": self._show_all}
+        return {**settings, **self._settings, "threads": self._threads}
+
+    def _notes(self) -> dict[str, Any]:
+        return self._mpm._notes()  # noqa: SLF001 - of this class's family
+
+    def _take_notes(self, notes: dict[str, Any]) -> None:
+        self._mpm._take_notes(notes)  # noqa: SLF001 - of this class's family
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {

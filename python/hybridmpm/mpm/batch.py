@@ -1,7 +1,8 @@
 """`MpmBatch`: many scenes side by side, each on one thread."""
 
+import copy
 from collections.abc import Iterable, Iterator, Sequence
-from typing import overload
+from typing import Self, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -58,6 +59,9 @@ class MpmBatch(Sequence[MpmSolver]):
             MpmSolver(scene, substeps=substeps, cfl=cfl, allow_unstable=allow_unstable, sleep=sleep)
             for scene in scenes
         )
+
+    def __copy__(self) -> Self:
+        return copy.deepcopy(self)
 
     def __repr__(self) -> str:
         count = sum(member.particle_count for member in self._members)

@@ -1,6 +1,5 @@
 """`MpmSolver`: MLS-MPM on a scene."""
 
-import copy
 import math
 import warnings
 from functools import partial
@@ -138,6 +137,7 @@ class MpmSolver(CoarseSimulator):
                     warnings.warn(text, CoarseWarning, stacklevel=2)
             show_all = True
         self._warned: frozenset[str] = frozenset()
+        self._threads = whole("threads", threads, 1, 1024)
         build = partial(
             native_solver,
             scene,
@@ -145,7 +145,7 @@ class MpmSolver(CoarseSimulator):
             allow_unstable=allow_unstable,
             sleep=sleep,
             level=self._level,
-            threads=whole("threads", threads, 1, 1024),
+            threads=self._threads,
         )
         solver = build(cfl=cfl if coarse is None else self._level.cfl)
         self._stepper = MpmStepper(
@@ -399,18 +399,31 @@ class MpmSolver(CoarseSimulator):
         """
         self._stepper.restore(data)
 
-    def _settings_to_save(self) -> dict[str, Any]:
+    def _arguments(self) -> dict[str, Any]:
+        shown = {"r_p": self.r_p, "show_all": self._upsampler is not None}
         return {
             "substeps": self._substeps,
             "cfl": self._cfl,
             "allow_unstable": self._allow_unstable,
-            "sleep": None if self._sleep is None else self._sleep.model_dump(),
-            **(
-                {"r_p": self.r_p, "show_all": self._upsampler is not None}
-                if self.coarse is None
-                else {"coarse": self.coarse.to_dict()}
-            ),
+            "sleep": self._sleep,
+            "threads": self._threads,
+            **(shown if self.coarse is None else {"coarse": self.coarse}),
         }
+
+    def _notes(self) -> dict[str, Any]:
+        return {"warned": self._warned, **self._stepper.notes()}
+
+    def _take_notes(self, notes: dict[str, Any]) -> None:
+        self._warned = notes["warned"]
+        self._stepper.take_notes(notes)
+
+    def _settings_to_save(self) -> dict[str, Any]:
+        settings = self._arguments()
+        del settings["threads"]
+        settings["sleep"] = None if self._sleep is None else self._sleep.model_dump()
+        if self.coarse is not None:
+            settings["coarse"] = self.coarse.to_dict()
+        return settings
 
     @classmethod
     def load(cls, path: str | Path, *, threads: int = 1) -> Self:
@@ -443,7 +456,7 @@ class MpmSolver(CoarseSimulator):
 
     def copy(self) -> Self:
         """Return an independent solver in the same state."""
-        twin = copy.copy(self)
+        twin = self._shallow()
         twin._stepper = self._stepper.copy()  # noqa: SLF001 - of this very class
         return twin
 

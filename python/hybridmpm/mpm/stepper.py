@@ -3,7 +3,7 @@
 import math
 import struct
 from collections.abc import Callable
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,8 @@ class MpmStepper:
         self._safe: _core.Solver | None = None
         self._cancel: _core.CancelFlag | None = None
         self._redone: dict[int, _core.FrameReport | None] = {}
+        self._last: tuple[int, _core.FrameReport | None] | None = None
+        """Number of a frame and its report, which the solver does not have after a restore."""
         self._speed_warning = speed_warning
         self.too_fast: float | None = None
         """Root mean square of the speeds [m/s] when it first exceeded `speed_warning`; None until then."""
@@ -59,7 +61,10 @@ class MpmStepper:
     @property
     def last(self) -> _core.FrameReport | None:
         """Substeps of the latest frame; None before the first."""
-        return self._redone.get(self.solver.frame, self.solver.last_frame)
+        frame, report = self.solver.frame, self.solver.last_frame
+        if report is None and self._last is not None and self._last[0] == frame:
+            report = self._last[1]
+        return self._redone.get(frame, report)
 
     def advance(self, frames: int, force: _Floats | None) -> None:
         """Advance by frames under one acceleration, (D,) or of those simulated (n, D) [m/s^2], or without."""
@@ -130,6 +135,14 @@ class MpmStepper:
                 raise
         self._redone = {frame: report for frame, report in self._redone.items() if frame <= self.solver.frame}
 
+    def notes(self) -> dict[str, Any]:
+        """Return what a snapshot leaves out, which `take_notes` takes."""
+        return {"redone": self._redone, "last": (self.solver.frame, self.last), "too_fast": self.too_fast}
+
+    def take_notes(self, notes: dict[str, Any]) -> None:
+        """Take what `notes` has returned in the same state."""
+        self._redone, self._last, self.too_fast = notes["redone"], notes["last"], notes["too_fast"]
+
     def copy(self) -> Self:
         """Return an independent stepper in the same state."""
         solver = self.solver.copy()
@@ -137,7 +150,7 @@ class MpmStepper:
         twin = type(self)(solver, upsampler, self._make_safe, self._speed_warning)
         # The compiled copy has the same flag.
         twin._redone, twin._cancel = dict(self._redone), self._cancel  # noqa: SLF001 - of this very class
-        twin.too_fast = self.too_fast
+        twin.too_fast, twin._last = self.too_fast, self._last  # noqa: SLF001 - of this very class
         return twin
 
 

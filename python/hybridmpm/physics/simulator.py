@@ -205,7 +205,7 @@ class NeuralPhysics(CoarseSimulator):
     def __init__(self, scene: Scene, model: Model, *, show_all: bool = True, threads: int = 1) -> None:
         self._model = as_stepper(model, checked_scene(scene), threads=threads)
         self._model.check(scene)
-        self._show_all = flag("show_all", show_all)
+        self._show_all, self._threads = flag("show_all", show_all), threads
         self._start(MpmSolver(scene, r_p=self._model.r_p, threads=threads))
 
     def _start(self, solver: MpmSolver) -> None:
@@ -298,7 +298,7 @@ class NeuralPhysics(CoarseSimulator):
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state; the two share the network."""
-        twin = copy.copy(self)
+        twin = self._shallow()
         twin._stepper = self._stepper.copy()  # noqa: SLF001 - of this very class
         if self._shown_by is not None:
             twin._shown_by = self._shown_by.copy(twin._stepper)  # noqa: SLF001 - of this very class
@@ -324,6 +324,15 @@ class NeuralPhysics(CoarseSimulator):
             stepper = self._stepper.from_dict(state["network"])
             self._shown_by = restored(self._shown_by, state["shown"], stepper)
         self._stepper = stepper
+
+    def _arguments(self) -> dict[str, Any]:
+        return {"model": self._model, "show_all": self._show_all, "threads": self._threads}
+
+    def _notes(self) -> dict[str, Any]:
+        return self._solver._notes()  # noqa: SLF001 - of this class's family
+
+    def _take_notes(self, notes: dict[str, Any]) -> None:
+        self._solver._take_notes(notes)  # noqa: SLF001 - of this class's family
 
     def _settings_to_save(self) -> dict[str, Any]:
         return {"model": model_to_dict(self._model), "show_all": self._show_all}

@@ -4,7 +4,7 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
-from copy import copy, deepcopy
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -310,7 +310,7 @@ class AutoSolver(CoarseSimulator):
 
     def copy(self) -> Self:
         """Return an independent simulator in the same state."""
-        twin = copy(self)
+        twin = self._shallow()
         twin.__dict__.update(
             _controller=deepcopy(self._controller), _changes=list(self._changes), _inner=self._inner.copy()
         )
@@ -353,6 +353,10 @@ class AutoSolver(CoarseSimulator):
         self._start = _ContinuedScene.of(self._scene, tree["x"], tree["v"]) if self._changes else self._scene
         self._inner = self._made()
         self._inner.restore(tree["inner"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A snapshot leaves out the times of the latest frames, on which the next level depends.
+        return object.__new__, (type(self),), self.__dict__
 
     def _settings_to_save(self) -> dict[str, Any]:
         raise ConfigError(

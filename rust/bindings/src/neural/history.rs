@@ -95,6 +95,14 @@ impl PyAccelerationHistory {
         py.detach(|| self.locked().restore(data)).map_err(raised)
     }
 
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        self.copy(py)
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyAny>) -> Self {
+        self.copy(py)
+    }
+
     fn copy(&self, py: Python<'_>) -> Self {
         Self {
             inner: Mutex::new(py.detach(|| self.locked().clone())),

@@ -301,6 +301,14 @@ impl PyUpsampler {
         Ok(restored?.map_err(NativeError)?)
     }
 
+    fn __copy__(&self, py: Python<'_>) -> PyResult<Self> {
+        self.copy(py)
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.copy(py)
+    }
+
     fn copy(&self, py: Python<'_>) -> PyResult<Self> {
         Ok(Self {
             held: Held::new(self.held.detached(py, |any| any.clone())?),
