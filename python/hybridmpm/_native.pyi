@@ -537,6 +537,8 @@ class AccelerationHistory:
             The bytes are cut off, or of other settings; the present state is then untouched.
         """
 
+    def __copy__(self) -> AccelerationHistory: ...
+    def __deepcopy__(self, _memo: object, /) -> AccelerationHistory: ...
     def copy(self) -> AccelerationHistory:
         """Return an independent history in the same state."""
 
@@ -771,6 +773,8 @@ class Solver:
             The present state is then untouched.
         """
 
+    def __copy__(self) -> Solver: ...
+    def __deepcopy__(self, _memo: object, /) -> Solver: ...
     def copy(self) -> Solver:
         """Return an independent solver in the same state."""
 
@@ -901,6 +905,8 @@ class Upsampler:
     def restore(self, data: bytes) -> None:
         """Restore the state of a snapshot of the same scene; raises `SnapshotError`."""
 
+    def __copy__(self) -> Upsampler: ...
+    def __deepcopy__(self, _memo: object, /) -> Upsampler: ...
     def copy(self) -> Upsampler:
         """Return an independent upsampler in the same state."""
 

@@ -11,15 +11,17 @@ import pytest
 ROOT = Path(__file__).parents[2]
 LIMITS = {
     # 500 lines lead arrows round obstacles, and tell control who is to move.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 33_500),
+    # 800 lines make arrays, signals, copies, files and pictures of any kind work, or refuse them plainly.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 34_300),
     "command line": (("python/hybridmpm/cli/**.py",), 2_600),
     # The aim is 7 000; next to go are Warp, the scaling of threads, and what cases of validation repeat.
     "laboratory": (("lab/**.py",), 9_400),
     # Sealed files of sessions, told jobs and guards of all routes came with the attacks that they answer.
     "service": (("service/**.py",), 8_400),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
-    # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions, kills.
-    "tests": (("tests/**.py",), 30_200),
+    # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
+    # 800 lines try arrays of all layouts, signals in all calls, copies, files and pictures.
+    "tests": (("tests/**.py",), 31_000),
     "tests of the laboratory": (("tests/lab/**.py",), 2_050),
 }
 """Patterns of git, and the most lines of the files that they match."""
