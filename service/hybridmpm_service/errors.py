@@ -49,6 +49,10 @@ class ModelDamagedError(UnavailableError):
     """The server's copy of a model cannot be loaded."""
 
 
+class WorkTooLongError(ServiceError):
+    """The work of a request takes longer, or more memory, than one request may."""
+
+
 class IdempotencyKeyError(ServiceError):
     """The key of a request came with another request before."""
 
@@ -84,3 +88,7 @@ class FieldError(ServiceError):
         super().__init__(f"{field}: {message}")
         self.field = field
         self.message = message
+
+    def __reduce__(self) -> tuple[type["FieldError"], tuple[str, str]]:
+        """Pickle both parts, since errors also come from processes apart."""
+        return type(self), (self.field, self.message)

@@ -9,7 +9,6 @@ import threading
 import uuid
 import zipfile
 from collections.abc import Awaitable, Callable, Generator, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -18,6 +17,7 @@ from hybridmpm.data import Outcome, Recipe, Seeds, generate, plan, produce
 from hybridmpm.errors import SimulationError
 from hybridmpm_service.errors import JobNotFoundError, ServiceError, TooManyJobsError
 from hybridmpm_service.sessions.player import Clock
+from hybridmpm_service.sessions.turns import Turn, Turns
 
 _log = logging.getLogger(__name__)
 
@@ -120,18 +120,12 @@ class JobTable:
     keep_seconds : float
         Time for which a job is kept after its end [s].
     clock : Clock
-
-    Attributes
-    ----------
-    pool : ThreadPoolExecutor
-        The one thread of the jobs that belong to no session.
     """
 
     def __init__(self, most: int, keep_seconds: float, clock: Clock) -> None:
         self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
         self._jobs: dict[str, Job] = {}
         self._folder: Path | None = None
-        self.pool = ThreadPoolExecutor(1, "jobs")
 
     def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
         """Begin a job; where the table is full, the job that ended first is forgotten.
@@ -191,7 +185,6 @@ class JobTable:
         """End all jobs, and delete their files."""
         await asyncio.gather(*(job.cancel() for job in self.all()))
         self._jobs.clear()
-        self.pool.shutdown(wait=False)
         if self._folder is not None:
             await asyncio.to_thread(shutil.rmtree, self._folder, ignore_errors=True)
 
@@ -202,6 +195,19 @@ class JobTable:
 
 
 MEDIA_TYPE = "application/zip"
+
+
+class _Stop(threading.Event):
+    """Event that is set once a turn has ended; whoever reads it waits for the turn."""
+
+    def __init__(self, turn: Turn) -> None:
+        super().__init__()
+        self._turn = turn
+
+    def is_set(self) -> bool:
+        """Wait for the turn; return whether it has ended. Called between frames."""
+        self._turn.wait()
+        return self._turn.flag.is_set
 
 
 class _OneByOne:
@@ -216,36 +222,29 @@ class _OneByOne:
             yield produce(recipe, seed, self._stop)
 
 
-async def made(
-    pool: ThreadPoolExecutor, recipe: Recipe, seeds: Seeds, progress: Progress, folder: Path
-) -> Result:
-    """Make a data set in a thread of the pool, and return a zip file of its splits and metadata.
+async def made(turns: Turns, recipe: Recipe, seeds: Seeds, progress: Progress, folder: Path) -> Result:
+    """Make a data set in a turn, and return a zip file of its splits and metadata.
 
     Cancelled, it ends within some frames. Raises as `hybridmpm.data.generate`.
     """
-    stop, total = threading.Event(), sum(seeds.counts().values())
+    total = sum(seeds.counts().values())
     progress.update(0, total)
 
     def note(count: int) -> None:
         progress.update(progress.done + count, total)
 
-    def make() -> Path:
+    def make(turn: Turn) -> Path:
         planned = plan(recipe, folder / recipe.name, seeds)
-        generate(planned, executor=_OneByOne(stop), on_progress=note)
+        generate(planned, executor=_OneByOne(_Stop(turn)), on_progress=note)
         packed = folder / f"{recipe.name}.zip"
         # HDF5 files are compressed already.
         with zipfile.ZipFile(packed, "w") as file:
             for part in sorted(planned.folder.iterdir()):
+                turn.check()
                 if part.suffix in {".h5", ".json"}:
                     file.write(part, f"{recipe.name}/{part.name}")
         return packed
 
-    making = asyncio.get_running_loop().run_in_executor(pool, make)
-    try:
-        file = await asyncio.shield(making)
-    except asyncio.CancelledError:
-        stop.set()
-        # The folder is deleted with the job, so writing has to end first.
-        await asyncio.gather(making, return_exceptions=True)
-        raise
-    return Result(file=file, media_type=MEDIA_TYPE)
+    # Its trajectories are written one by one, so it takes little memory.
+    async with turns.turn(background=True) as turn:
+        return Result(file=await turn.in_thread(lambda: make(turn)), media_type=MEDIA_TYPE)

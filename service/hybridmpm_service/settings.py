@@ -40,7 +40,11 @@ class Settings(BaseModel):
     max_grid_nodes: int = Field(default=1 << 22, ge=64, le=1 << 27)
     """Largest number of grid nodes of a session."""
     max_frame_cost: int = Field(default=20_000_000, ge=1000, le=10**12)
-    """Largest cost of a frame of a session, in particles times substeps; 20 000 000 take about a second."""
+    """Largest cost of a frame of a session, in particles times substeps; 20 000 000 take about a second.
+    Tests of particles and grid nodes against obstacles count as well."""
+    max_building_cost: int = Field(default=100_000_000, ge=1000, le=10**12)
+    """Largest cost of building a session, in tests of grid nodes and lattice sites against obstacles and
+    bodies; 100 000 000 take about a second."""
     max_advance_frames: int = Field(default=2000, ge=1, le=100_000)
     """Largest number of frames that one call advances."""
     max_sketch_frames: int = Field(default=400, ge=1, le=4000)

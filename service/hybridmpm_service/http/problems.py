@@ -32,6 +32,7 @@ from hybridmpm_service.errors import (
     UnavailableError,
     UnsupportedFormatError,
     UploadTooLargeError,
+    WorkTooLongError,
 )
 
 MEDIA_TYPE = "application/problem+json"
@@ -88,6 +89,7 @@ TABLE: dict[type[Exception], Row] = {
     UploadTooLargeError: Row(413, "upload-too-large", "The file is too large"),
     UnsupportedFormatError: Row(415, "unsupported-format", "The format of the body is not supported"),
     IdempotencyKeyError: Row(422, "idempotency-key-reused", "The key belongs to another request"),
+    WorkTooLongError: Row(422, "work-too-long", "The work takes too long"),
     FieldError: Row(422, "bad-field", "A field is out of range"),
     SceneError: Row(422, "bad-scene", "The scene is not valid"),
     SketchError: Row(422, "bad-sketch", "The sketch is refused"),
@@ -177,10 +179,15 @@ def fields_of(error: Exception) -> list[tuple[str, str]]:
     return []
 
 
-async def _on_known_error(request: Request, error: Exception) -> Response:
+def response_of(instance: str, error: Exception) -> Response:
+    """Return the answer of an exception of the service or the library."""
     row = row_of(error)
     headers = {"Retry-After": str(RETRY_AFTER_SECONDS)} if row.status == 503 else None
-    return problem_response(request.url.path, row, str(error), fields_of(error), headers)
+    return problem_response(instance, row, str(error), fields_of(error), headers)
+
+
+async def _on_known_error(request: Request, error: Exception) -> Response:
+    return response_of(request.url.path, error)
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:

@@ -17,6 +17,7 @@ from hybridmpm.export import Cloud
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import encode
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import frame_of
 from hybridmpm_service.sessions.work import Check, traced
 
@@ -46,7 +47,7 @@ def _tokens(request: Request, header: str) -> list[str]:
     return [part.partition(";")[0].strip().lower() for part in lines.split(",")]
 
 
-async def npz_response(arrays: Mapping[str, npt.ArrayLike]) -> Response:
+async def npz_response(turns: Turns, arrays: Mapping[str, npt.ArrayLike]) -> Response:
     """Return arrays as an npz file that `numpy.load` reads without pickle."""
 
     def encode() -> bytes:
@@ -54,23 +55,23 @@ async def npz_response(arrays: Mapping[str, npt.ArrayLike]) -> Response:
         np.savez(data, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
         return data.getvalue()
 
-    return Response(await asyncio.to_thread(encode), media_type=NPZ)
+    return Response(await turns.run(encode), media_type=NPZ)
 
 
-async def cloud_response(cloud: Cloud, media_type: str) -> Response:
+async def cloud_response(turns: Turns, cloud: Cloud, media_type: str) -> Response:
     """Return a point cloud as `PLY` or `VTP`."""
     encode = cloud.ply if media_type == PLY else cloud.vtp
-    return Response(await asyncio.to_thread(encode), media_type=media_type)
+    return Response(await turns.run(encode), media_type=media_type)
 
 
-async def json_response(body: Mapping[str, Any]) -> Response:
+async def json_response(turns: Turns, body: Mapping[str, Any]) -> Response:
     """Return numbers, lists and arrays as a JSON object."""
 
     def encode() -> bytes:
         fields = (f"{json.dumps(name)}:{_json(value)}" for name, value in body.items())
         return f"{{{','.join(fields)}}}".encode()
 
-    return Response(await asyncio.to_thread(encode), media_type="application/json")
+    return Response(await turns.run(encode), media_type="application/json")
 
 
 def with_nulls(array: npt.NDArray[np.floating[Any]]) -> npt.NDArray[Any]:

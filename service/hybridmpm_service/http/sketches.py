@@ -1,6 +1,5 @@
 """Sketches over HTTP: reading of strokes or a PNG, and the answers about goals, needs and motions."""
 
-import asyncio
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -26,6 +25,7 @@ from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadT
 from hybridmpm_service.http.answers import Answer, example
 from hybridmpm_service.http.requests import SketchRequest, read_json
 from hybridmpm_service.sessions.inputs import SketchRecord, SketchSettings
+from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans
 
 _PICTURE = "sketch"
@@ -61,7 +61,7 @@ T = TypeVar("T")
 _Rounded = Annotated[float, AfterValidator(lambda value: round(value, _DIGITS))]
 
 
-async def read_sketch(request: Request, max_upload_bytes: int) -> tuple[Sketch, SketchSettings]:
+async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> tuple[Sketch, SketchSettings]:
     """Return the sketch of a request, and its settings.
 
     Raises
@@ -75,25 +75,25 @@ async def read_sketch(request: Request, max_upload_bytes: int) -> tuple[Sketch, 
     """
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == "application/json":
-        return await _read_strokes(await request.body())
+        return await _read_strokes(turns, await request.body())
     if media_type == "multipart/form-data":
-        return await _read_form(request, max_upload_bytes)
+        return await _read_form(request, turns, max_upload_bytes)
     raise UnsupportedFormatError(
         "send application/json with strokes or multipart/form-data with a PNG, "
         f"got {media_type or 'no Content-Type'}"
     )
 
 
-async def _read_strokes(data: bytes) -> tuple[Sketch, SketchSettings]:
+async def _read_strokes(turns: Turns, data: bytes) -> tuple[Sketch, SketchSettings]:
     def parse() -> tuple[Sketch, SketchSettings]:
         content = read_json(data, "body")
         body = _checked(lambda: SketchRequest.model_validate(content))
         return parse_strokes(body.strokes), body.settings()
 
-    return await _off_loop("body", parse)
+    return await _off_loop(turns, "body", parse)
 
 
-async def _read_form(request: Request, max_bytes: int) -> tuple[Sketch, SketchSettings]:
+async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sketch, SketchSettings]:
     known = [*SketchSettings.model_fields]
     async with request.form(max_files=1, max_fields=len(known), max_part_size=1024) as form:
         upload = form.get(_PICTURE)
@@ -109,7 +109,7 @@ async def _read_form(request: Request, max_bytes: int) -> tuple[Sketch, SketchSe
         data = await upload.read(max_bytes + 1)
     if len(data) > max_bytes:
         raise UploadTooLargeError(f"sketch: the file has more than the allowed {max_bytes} bytes")
-    return await _off_loop("body.sketch", lambda: parse_png(data)), settings
+    return await _off_loop(turns, "body.sketch", lambda: parse_png(data)), settings
 
 
 def _checked(validate: Callable[[], T]) -> T:
@@ -120,9 +120,9 @@ def _checked(validate: Callable[[], T]) -> T:
         raise RequestValidationError(problems) from None
 
 
-async def _off_loop(field: str, parse: Callable[[], T]) -> T:
+async def _off_loop(turns: Turns, field: str, parse: Callable[[], T]) -> T:
     try:
-        return await asyncio.to_thread(parse)
+        return await turns.run(parse)
     except SketchError as err:
         # Messages about strokes begin with the field; a picture has no fields.
         inner, colon, message = str(err).partition(": ")

@@ -3,7 +3,6 @@
 from fastapi import APIRouter
 
 from hybridmpm.errors import SceneError
-from hybridmpm.planner import estimates, plan
 from hybridmpm_service.http.answers import CheckBody, PlanBody
 from hybridmpm_service.http.creation import CheckScene, PlanRequest
 from hybridmpm_service.routes.calls import SessionRoute
@@ -25,8 +24,10 @@ async def check_scene(body: CheckScene, sessions: Sessions) -> CheckBody:
 
 
 @router.post("/v1/plans", tags=["plans"], responses=problems(400, 413, 415, 422, 503))
-def make_plan(body: PlanRequest) -> PlanBody:
+async def make_plan(body: PlanRequest, sessions: Sessions) -> PlanBody:
     """Choose the fastest method within an error, or the most accurate within a time; nothing is simulated."""
-    scene = body.make_scene()
-    found = plan(scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure)
-    return PlanBody.of(found, [one for one, _ in estimates(scene, measure=body.measure)])
+    return PlanBody.of(
+        *await sessions.plan(
+            body.make_scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure
+        )
+    )

@@ -1,6 +1,5 @@
 """Routes of jobs, and of the recordings and data sets that jobs make."""
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, get_args
 
@@ -106,6 +105,8 @@ async def record_session(
         text = f"must be at least {-(-body.frames // max(1, most - 1))} for so many frames, got {body.every}"
         raise FieldError("body.every", text)
     style = export.Style(width=body.width, speed=body.speed, strip=_STRIP)
+    # Positions and velocities, and what a file of them takes while it is made.
+    memory = 16 * states * max(1, session.view.particles * session.scene.dim)
     name = f"{session_id[:8]}.{body.format}"
     export.check_target(Path(name))
 
@@ -114,7 +115,8 @@ async def record_session(
         await session.on_copy(
             lambda twin, check: recorded(
                 twin, check, file, style, frames=body.frames, every=body.every, on_part=progress.update
-            )
+            ),
+            memory=memory,
         )
         return Result(file=file, media_type=_RECORDED[body.format])
 
@@ -124,16 +126,16 @@ async def record_session(
 
 
 @router.post("/datasets", status_code=202, responses=problems(413, 415, 422, 503))
-async def make_dataset(body: MakeDataSet, jobs: Jobs, limits: Limits, response: Response) -> JobBody:
-    """Begin a job that makes a data set: a zip file of HDF5 files and their metadata.
-
-    Data sets are made one after the other, each by one thread.
-    """
+async def make_dataset(
+    *, body: MakeDataSet, sessions: Sessions, jobs: Jobs, limits: Limits, response: Response
+) -> JobBody:
+    """Begin a job that makes a data set: a zip file of HDF5 files and their metadata."""
     h5py()
-    recipe, seeds = await asyncio.to_thread(body.planned, limits)
+    turns = sessions.turns
+    recipe, seeds = await turns.run(lambda: body.planned(limits))
 
     async def work(progress: Progress, folder: Path) -> Result:
-        return await made(jobs.pool, recipe, seeds, progress, folder)
+        return await made(turns, recipe, seeds, progress, folder)
 
     job = JobBody.of(jobs.begin("dataset", None, work))
     response.headers["Location"] = job.links["self"]

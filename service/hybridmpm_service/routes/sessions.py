@@ -1,7 +1,5 @@
 """Routes that create, describe, advance and delete sessions."""
 
-import asyncio
-
 from fastapi import APIRouter, Request, Response
 
 from hybridmpm.export import Cloud
@@ -22,6 +20,7 @@ from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.turns import Turns
 
 router = APIRouter(prefix="/v1/sessions", tags=["sessions"], route_class=SessionRoute)
 
@@ -43,8 +42,8 @@ async def create_session(
 async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> Session:
     sent = body.log
     if sent is not None:
-        log = await asyncio.to_thread(sent.log, limits.max_replay_frames, limits.max_sketch_frames)
-        return await sessions.replay(log)
+        most = limits.max_replay_frames, limits.max_sketch_frames
+        return await sessions.replay(await sessions.turns.run(lambda: sent.log(*most)))
     seed = None if body.scenario is None else body.seed or 0
     return await sessions.create(body.make_scene, scenario=body.scenario, seed=seed, choice=body.choice())
 
@@ -57,11 +56,12 @@ async def fork_session(session_id: SessionId, sessions: Sessions, response: Resp
     return answer
 
 
-@router.get("/{session_id}/log", responses=problems(400, 404, 503))
-async def get_log(session_id: SessionId, sessions: Sessions) -> LogBody:
+@router.get("/{session_id}/log", response_model=LogBody, responses=problems(400, 404, 503))
+async def get_log(session_id: SessionId, sessions: Sessions) -> Response:
     """Return the log of the session: scene, simulator and inputs since frame 0, to compute it again from."""
     log = await sessions.get(session_id).log()
-    return await asyncio.to_thread(LogBody.of, log)
+    text = await sessions.turns.run(lambda: LogBody.of(log).model_dump_json())
+    return Response(text, media_type="application/json")
 
 
 @router.get("")
@@ -108,7 +108,9 @@ async def advance_session(
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"
         raise FieldError("body.frames", text)
     await session.advance(body.frames)
-    return await _particles(session, as_npz=True) if accepts(request, NPZ) else SessionBody.of(session)
+    if accepts(request, NPZ):
+        return await _particles(sessions.turns, session, as_npz=True)
+    return SessionBody.of(session)
 
 
 @router.get(
@@ -122,10 +124,10 @@ async def get_particles(session_id: SessionId, sessions: Sessions, request: Requ
         if accepts(request, media_type):
             state = await sessions.get(session_id).particles()
             cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
-            return await cloud_response(cloud, media_type)
-    return await _particles(sessions.get(session_id), as_npz=accepts(request, NPZ))
+            return await cloud_response(sessions.turns, cloud, media_type)
+    return await _particles(sessions.turns, sessions.get(session_id), as_npz=accepts(request, NPZ))
 
 
-async def _particles(session: Session, *, as_npz: bool) -> Response:
+async def _particles(turns: Turns, session: Session, *, as_npz: bool) -> Response:
     arrays = vars(await session.particles())
-    return await (npz_response(arrays) if as_npz else json_response(arrays))
+    return await (npz_response(turns, arrays) if as_npz else json_response(turns, arrays))

@@ -31,6 +31,7 @@ from hybridmpm_service.jobs import Progress, Result
 from hybridmpm_service.routes.calls import SessionRoute
 from hybridmpm_service.routes.dependencies import Jobs, Limits, SessionId, Sessions, problems
 from hybridmpm_service.sessions.inputs import SketchSettings
+from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.work import Report, traced
 
 router = APIRouter(prefix="/v1/sessions", tags=["sketches"], route_class=SessionRoute)
@@ -75,7 +76,7 @@ async def steer_session(
 ) -> SketchBody:
     """Let a sketch steer the session; the answer comes when it is planned, while the session goes on."""
     session = sessions.get(session_id)
-    sketch, settings = await read_sketch(request, limits.max_upload_bytes)
+    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes)
     most = limits.max_sketch_frames
     _check_frames(settings, most)
     steered = await session.steer(sketch, most=most, **settings.model_dump())
@@ -129,7 +130,7 @@ async def trace_sketch(
     respond-async` a job computes the motion.
     """
     session = sessions.get(session_id)
-    sketch, settings = await read_sketch(request, limits.max_upload_bytes)
+    sketch, settings = await read_sketch(request, sessions.turns, limits.max_upload_bytes)
     numbers = max(1, session.view.particles) * session.scene.dim
     most = max(1, min(limits.max_sketch_frames, MAX_TRAJECTORY_NUMBERS // numbers))
     _check_frames(settings, most)
@@ -142,7 +143,7 @@ async def trace_sketch(
         found = await session.on_copy(
             lambda twin, check: traced(twin, check, sketch, on_frame=report, **chosen)
         )
-        return await _answered(*found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
+        return await _answered(sessions.turns, *found, stride, as_npz=as_npz, may_leave=session.scene.is_open)
 
     if not prefers_async(request):
         return await motion()
@@ -159,15 +160,21 @@ async def trace_sketch(
 
 
 async def _answered(
-    guidance: Guidance, motion: ControlledTrajectory, stride: int, *, as_npz: bool, may_leave: bool
+    turns: Turns,
+    guidance: Guidance,
+    motion: ControlledTrajectory,
+    stride: int,
+    *,
+    as_npz: bool,
+    may_leave: bool,
 ) -> Response:
     arrays = trajectory_arrays(motion, stride)
     if as_npz:
-        return await npz_response(arrays)
+        return await npz_response(turns, arrays)
     if may_leave:
-        arrays["positions"] = await asyncio.to_thread(with_nulls, arrays["positions"])
+        arrays["positions"] = await turns.run(lambda: with_nulls(arrays["positions"]))
     known = GuidanceBody.of(guidance, motion.first_frame).model_dump(mode="json")
-    return await json_response(known | {"reached": vars(motion.reached)} | arrays)
+    return await json_response(turns, known | {"reached": vars(motion.reached)} | arrays)
 
 
 def _check_frames(settings: SketchSettings, most: int) -> None:

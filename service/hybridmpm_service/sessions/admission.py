@@ -1,19 +1,84 @@
-"""Limits on scenes before they are built: memory, estimated time of a frame, static findings."""
+"""Limits on scenes before they are built: memory, estimated work of building and of a frame, findings."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
 
 from hybridmpm import Scene, SceneError
-from hybridmpm.checking import Finding, findings
+from hybridmpm.checking import Finding
 from hybridmpm.mpm import frame_cost
+from hybridmpm.scene import Motion
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.settings import Settings
 
 _SECONDS_PER_PARTICLE_SUBSTEP = 25e-9
 """Estimate for a particle in a substep; on one core MPM takes 15 (2D water) to 43 ns (3D sand)."""
+_SHAPE_TESTS = {"segment": 1.5, "cylinder": 3.0}
+"""Cost of the distance to a shape that is not a ball or a box, in those; one of a ball takes about 10 ns."""
+_TESTS_PER_PARTICLE_SUBSTEP = 2.5
+"""Tests that take as long as a particle in a substep."""
+_SEARCH_SHARE, _SEARCH_CELLS = 1 / 3, 2.0
+"""Share of the nodes that a search for the nodes near a moving obstacle tests, and its motion in between."""
+_CHECK_POINTS = 20_000
+"""Largest number of points of a body that its findings test."""
+
+
+def building_cost(scene: Scene) -> float:
+    """Return the estimated cost of building a scene, in tests of a point against a solid or a body."""
+    nodes: int = (scene.resolution + 1) ** scene.dim
+    still = sum(_tests(one.shape) for one in scene.obstacles if one.motion is None)
+    solids = sum(_tests(one.shape) for one in scene.obstacles)
+    sites = [_sites(scene, *body.bounds) for body in scene.bodies]
+    filled = frame_cost(scene).particles
+    tests = nodes * still + search_cost(scene)
+    for index, (body, count) in enumerate(zip(scene.bodies, sites, strict=True)):
+        points = min(count, _CHECK_POINTS)
+        corners = len(getattr(body, "vertices", ()))
+        # Its sites, those of earlier bodies that are merged with them, and the points of its findings.
+        tests += count * (5 + corners) + filled + (min(count, filled) + points) * solids + points * index
+    return tests
+
+
+def search_cost(scene: Scene) -> float:
+    """Return the estimated cost of finding the nodes near moving obstacles, in tests as `building_cost`."""
+    moving = sum(_tests(one.shape) for one in scene.obstacles if one.motion is not None)
+    nodes: int = (scene.resolution + 1) ** scene.dim
+    return nodes * moving * _SEARCH_SHARE
+
+
+def estimated_frame_cost(scene: Scene, particles: int) -> float:
+    """Return the estimated cost of a frame, in particles times substeps.
+
+    Particles are tested against all obstacles. Moving ones are looked for on the grid whenever they have
+    moved by two cells.
+    """
+    substeps, solids = frame_cost(scene).substeps, sum(_tests(one.shape) for one in scene.obstacles)
+    fastest = max((_speed(one.motion) for one in scene.obstacles if one.motion is not None), default=0.0)
+    searches = 1 + fastest * scene.frame_dt / (_SEARCH_CELLS * scene.dx)
+    tests = particles * substeps * solids / 4 + searches * search_cost(scene)
+    return particles * substeps + tests / _TESTS_PER_PARTICLE_SUBSTEP
 
 
 def estimated_frame_seconds(scene: Scene) -> float:
     """Return the estimated time of a scene's frame [s]."""
-    cost = frame_cost(scene)
-    return cost.particles * cost.substeps * _SECONDS_PER_PARTICLE_SUBSTEP
+    return estimated_frame_cost(scene, frame_cost(scene).particles) * _SECONDS_PER_PARTICLE_SUBSTEP
+
+
+def _speed(motion: Motion) -> float:
+    """Return a bound of an obstacle's speed [m/s]."""
+    turn = float(np.linalg.norm(motion.angular_velocity or 0.0))
+    return float(np.linalg.norm(motion.velocity or 0.0)) + turn * math.sqrt(3.0)
+
+
+def _tests(shape: str) -> float:
+    return _SHAPE_TESTS.get(shape, 1.0)
+
+
+def _sites(scene: Scene, lower: npt.ArrayLike, upper: npt.ArrayLike) -> float:
+    """Return the number of lattice sites in a box."""
+    sides = (np.asarray(upper) - np.asarray(lower)) / scene.spacing
+    return float(np.prod(np.ceil(sides) + 1))
 
 
 def within_limits(scene: Scene, settings: Settings) -> Scene:
@@ -34,25 +99,38 @@ def within_limits(scene: Scene, settings: Settings) -> Scene:
     cost = frame_cost(scene)
     # Emitters fill a scene up to the limit. More particles at the start are refused when they are made.
     particles = limit if scene.emitters else min(cost.particles, limit)
-    if particles * cost.substeps > settings.max_frame_cost:
+    frame, most_frame = estimated_frame_cost(scene, particles), settings.max_frame_cost
+    if frame > most_frame:
+        beside = f" and {len(scene.obstacles)} obstacles" if scene.obstacles else ""
         text = (
-            f"make a frame of about {particles} particles x {cost.substeps} substeps = "
-            f"{particles * cost.substeps}, and this server takes up to {settings.max_frame_cost} (setting "
-            "max_frame_cost): shorten frame_dt, lower the resolution, or take softer or smaller bodies"
+            f"make a frame of about {particles} particles x {cost.substeps} substeps{beside} = "
+            f"{round(frame)}, and this server takes up to {most_frame} (setting max_frame_cost): shorten "
+            "frame_dt, lower the resolution, or take softer or smaller bodies, or fewer obstacles"
         )
         raise SceneError.of([("bodies", text)])
+    allowed_tests = settings.max_building_cost
+    # A search is the longest part of a frame that cannot be ended in the middle.
+    for tests, limit_of, which in (
+        (building_cost(scene), allowed_tests, "setting max_building_cost"),
+        (search_cost(scene), allowed_tests // 10, "a tenth of max_building_cost, for those that move"),
+    ):
+        if tests > limit_of:
+            text = (
+                f"take about {tests:.0f} tests of grid nodes and lattice sites, and this server makes up to "
+                f"{limit_of} ({which}): lower the resolution, or take fewer obstacles and bodies"
+            )
+            raise SceneError.of([("obstacles" if scene.obstacles else "bodies", text)])
     return scene.model_copy(update={"max_particles": limit})
 
 
-def static_findings(scene: Scene, choice: SolverChoice) -> tuple[Finding, ...]:
-    """Return the static findings of a scene's check, for which no frame is simulated.
+def without_errors(found: tuple[Finding, ...], choice: SolverChoice) -> tuple[Finding, ...]:
+    """Return the findings about a scene that a simulator can run in spite of them.
 
     Raises
     ------
     SceneError
         There are errors among them: the scene would not run. The message has remedies.
     """
-    found = findings(scene)
     errors = [one for one in found if one.severity == "error"]
     if errors and choice.solver == "mpm" and choice.coarse is None:
         raise SceneError.of([(one.field, f"{one.problem}; {one.advice}") for one in errors])

@@ -4,14 +4,14 @@ import asyncio
 import logging
 import time
 import uuid
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 
 from hybridmpm import CancelFlag, Scene, SimulationError, checking, usable_cores
-from hybridmpm.checking import SceneCheck
+from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.physics import WEIGHTS
+from hybridmpm.planner import Estimate, Plan
 from hybridmpm_service.errors import (
     ServiceError,
     SessionNotFoundError,
@@ -19,7 +19,13 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
     UnavailableError,
 )
-from hybridmpm_service.sessions.admission import estimated_frame_seconds, static_findings, within_limits
+from hybridmpm_service.sessions import scene_work
+from hybridmpm_service.sessions.admission import (
+    building_cost,
+    estimated_frame_seconds,
+    within_limits,
+    without_errors,
+)
 from hybridmpm_service.sessions.inputs import Origin
 from hybridmpm_service.sessions.journal import Folder
 from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
@@ -28,12 +34,17 @@ from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
+from hybridmpm_service.sessions.turns import Turn, Turns
 from hybridmpm_service.settings import Settings
 
 CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
 _ENDING_SECONDS = 0.5
 """Longest time that a call waits for the threads of an ended session; they need some milliseconds."""
+_SCENE_SECONDS = 10.0
+"""Longest time for which a check, a plan or the trial of a new scene runs."""
+_SMALL = 5_000_000
+"""Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 
 _log = logging.getLogger(__name__)
 
@@ -52,6 +63,8 @@ class SessionManager:
     clock : Clock
     draining : asyncio.Event
         Set once the server stops: no session can be created then, and all have been closed.
+    turns : Turns
+        All expensive work of the service.
 
     Raises
     ------
@@ -73,7 +86,8 @@ class SessionManager:
         self._reviving = set(self._kept)
         self._refused: dict[str, str] = {}
         self._replaying: set[CancelFlag] = set()
-        self._checker = ThreadPoolExecutor(1, "check")
+        # One core is left to the event loop and the sessions that play.
+        self.turns = Turns(max(1, usable_cores() - 1))
         self._machine = Machine(settings.max_load or usable_cores(), settings.threads)
         self._sessions: dict[str, Session] = {}
         self._ending: set[asyncio.Task[None]] = set()
@@ -114,13 +128,18 @@ class SessionManager:
         ConfigError, FieldError, ModelDamagedError
             The scene, the coarse level or the model is refused.
         """
+        wanted = choice or SolverChoice()
 
-        def make() -> Revived:
-            scene = within_limits(make_scene(), self._settings)
-            found = static_findings(scene, choice or SolverChoice())
-            chosen = self._admitted(choice or SolverChoice(), scene, scenario)
-            simulation = Simulation(chosen, clock=self.clock)
-            return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None, found)
+        async def make(turn: Turn) -> Revived:
+            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
+            found = without_errors(await _examined(turn, scene), wanted)
+
+            def build() -> Revived:
+                chosen = self._admitted(wanted, scene, scenario)
+                simulation = Simulation(chosen, clock=self.clock)
+                return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None, found)
+
+            return await turn.in_thread(build)
 
         return await self._create(make)
 
@@ -129,27 +148,42 @@ class SessionManager:
     ) -> SceneCheck:
         """Return the check of a scene; parameters as in `create`.
 
-        Checks are made one after the other, since each measures times of frames.
-
         Raises
         ------
         UnavailableError
-            The server is shutting down.
+            The server is shutting down, or too much work waits.
+        WorkTooLongError
+            The check takes too long.
         SceneError
             The scene is not valid, or beyond a limit of this server.
         ConfigError, FieldError, ModelDamagedError
             The coarse level or the model is refused.
         """
-        if self.draining.is_set():
-            raise UnavailableError("the server is shutting down")
+        solvers = self._solvers
+        async with self.turns.turn(seconds=_SCENE_SECONDS) as turn:
+            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
+            return await turn.apart(
+                scene_work.checked, scene, scenario, choice, solvers.threads, solvers.folder
+            )
 
-        def check() -> SceneCheck:
-            scene = within_limits(make_scene(), self._settings)
-            if choice == SolverChoice() and self._settings.threads == 1:
-                return checking.check(scene)
-            return checking.check_with(scene, lambda: self._solvers.make(choice, scene, scenario).simulator)
+    async def plan(self, make_scene: Callable[[], Scene], **demand: object) -> tuple[Plan, list[Estimate]]:
+        """Return a plan for a scene, and the estimates of all methods.
 
-        return await asyncio.get_running_loop().run_in_executor(self._checker, check)
+        Parameters
+        ----------
+        make_scene : callable
+            As in `create`.
+        **demand
+            The others of `hybridmpm.planner.plan`.
+
+        Raises
+        ------
+        UnavailableError, WorkTooLongError, SceneError
+            As `check`.
+        """
+        async with self.turns.turn(seconds=_SCENE_SECONDS) as turn:
+            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
+            return await turn.apart(scene_work.planned, scene, demand)
 
     async def replay(self, log: SessionLog) -> Session:
         """Start a session from a log: it is computed again, then paused.
@@ -162,21 +196,19 @@ class SessionManager:
             The scene, the simulator or an input is refused, or a frame fails.
         """
 
-        def make() -> Revived:
-            scene = within_limits(log.origin.scene, self._settings)
-            found = static_findings(scene, log.origin.choice)
-            chosen = self._admitted(log.origin.choice, scene, log.origin.scenario)
-            limited = replace(log, origin=replace(log.origin, scene=scene))
-            return replace(revived_from_log(limited, chosen, self.clock, cancel), findings=found)
+        async def make(turn: Turn) -> Revived:
+            scene = await turn.in_thread(lambda: within_limits(log.origin.scene, self._settings))
+            origin = replace(log.origin, scene=scene)
+            found = without_errors(await _examined(turn, scene), origin.choice)
 
-        cancel = CancelFlag()
-        self._replaying.add(cancel)
-        try:
-            return await self._create(make)
-        finally:
-            # Ends the computation for a cancelled call.
-            cancel.set()
-            self._replaying.discard(cancel)
+            def compute() -> Revived:
+                chosen = self._admitted(origin.choice, origin.scene, origin.scenario)
+                limited = replace(log, origin=origin)
+                return revived_from_log(limited, chosen, self.clock, turn.flag, turn.check)
+
+            return replace(await turn.in_thread(compute), findings=found)
+
+        return await self._create(make)
 
     async def fork(self, name: str) -> Session:
         """Start an independent session in the present state of another.
@@ -198,7 +230,7 @@ class SessionManager:
         async def forked() -> Revived:
             return Revived(await origin.fork(), origin.origin, origin.notice, origin.findings)
 
-        session = await self._begun(asyncio.ensure_future(forked()), origin.frame_seconds)
+        session = await self._begun(asyncio.create_task(forked()), origin.frame_seconds)
         session.set_speed(origin.speed)
         return session
 
@@ -278,6 +310,8 @@ class SessionManager:
         """Return the refusal of a new session; None if one can be created."""
         if self.draining.is_set():
             return UnavailableError("the server is shutting down")
+        if (stuck := self.turns.why_stuck()) is not None:
+            return stuck
         limit = self._settings.max_sessions
         # Sessions that end take memory and a core as long as their threads run.
         if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
@@ -294,6 +328,7 @@ class SessionManager:
     def drain(self) -> None:
         """Begin a stop: create no more sessions, and close all, their streams with code 1001."""
         self.draining.set()
+        self.turns.close(UnavailableError("the server is shutting down"))
         for cancel in self._replaying:
             cancel.set()
         for session in self._sessions.values():
@@ -305,8 +340,7 @@ class SessionManager:
         while self._sessions:
             _, session = self._sessions.popitem()
             self._end(session, CLOSE_GOING_AWAY, "the server stops", keep=True)
-        self._checker.shutdown(wait=False, cancel_futures=True)
-        await asyncio.gather(*self._ending)
+        await asyncio.gather(self.turns.ended(), *self._ending)
         if self._folder is not None:
             self._folder.close()
 
@@ -325,14 +359,19 @@ class SessionManager:
         self._machine.check(load, "a new session of this scene")
         return chosen
 
-    async def _create(self, make: Callable[[], Revived]) -> Session:
+    async def _create(self, make: Callable[[Turn], Awaitable[Revived]]) -> Session:
         await self._check_room()
-        return await self._begun(asyncio.get_running_loop().run_in_executor(None, make))
 
-    async def _begun(self, making: asyncio.Future[Revived], frame_seconds: float | None = None) -> Session:
+        async def made() -> Revived:
+            async with self.turns.turn() as turn:
+                return await make(turn)
+
+        return await self._begun(asyncio.create_task(made()))
+
+    async def _begun(self, making: asyncio.Task[Revived], frame_seconds: float | None = None) -> Session:
         """Wait for a simulation, and start its session; where sessions are kept on disk, it has a file then.
 
-        It is counted until it is made, also after a cancelled call, which discards it.
+        A cancelled call ends the making, and discards what is made. It is counted until then.
         """
 
         async def kept() -> Revived:
@@ -354,6 +393,9 @@ class SessionManager:
         keeping = asyncio.get_running_loop().create_task(kept())
         try:
             return self._begin(name, await asyncio.shield(keeping), frame_seconds)
+        except asyncio.CancelledError:
+            making.cancel()
+            raise
         finally:
             if keeping.done():
                 end(keeping)
@@ -369,6 +411,7 @@ class SessionManager:
             made.origin,
             self.clock,
             machine=self._machine,
+            turns=self.turns,
             estimate=frame_seconds or _estimate(made.origin, made.simulation.r_p),
             notice=made.notice,
             findings=made.findings,
@@ -437,6 +480,17 @@ async def _soon(endings: list[asyncio.Task[None]]) -> None:
     """Wait for sessions that end, but not for long: the others go on, and are counted."""
     if endings:
         await asyncio.wait(endings, timeout=_ENDING_SECONDS)
+
+
+async def _examined(turn: Turn, scene: Scene) -> tuple[Finding, ...]:
+    """Return the static findings of a scene; one that may take long is built in a process apart first."""
+    if building_cost(scene) <= _SMALL:
+        return await turn.in_thread(lambda: checking.findings(scene))
+    turn.seconds = turn.spent + _SCENE_SECONDS
+    try:
+        return await turn.apart(scene_work.examined, scene)
+    finally:
+        turn.seconds = None
 
 
 def _estimate(origin: Origin, r_p: float) -> float:

@@ -214,7 +214,13 @@ def _check(cancel: CancelFlag) -> None:
         raise FrameCancelledError("the session is no longer needed")
 
 
-def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel: CancelFlag) -> Revived:
+def revived_from_log(
+    log: SessionLog,
+    chosen: ChosenSolver,
+    clock: Clock,
+    cancel: CancelFlag,
+    check: Callable[[], object] = lambda: None,
+) -> Revived:
     """Return the simulation of a log, computed again from frame 0.
 
     Parameters
@@ -225,6 +231,8 @@ def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel
     clock : Clock
     cancel : CancelFlag
         Ends the computation.
+    check : callable, optional
+        As in `replay`.
 
     Raises
     ------
@@ -242,7 +250,7 @@ def revived_from_log(log: SessionLog, chosen: ChosenSolver, clock: Clock, cancel
         raise FieldError("body.log.inputs", f"an input acts in frame {late}, after the end at {log.frame}")
     numbers = (one.number for one in log.inputs if isinstance(one, SketchInput))
     simulation.journal = Journal(log.inputs, sketches=max(numbers, default=0), pending=len(log.inputs))
-    replay(simulation, log.inputs, log.frame, check=lambda: _check(cancel))
+    replay(simulation, log.inputs, log.frame, check=check)
     notice = None
     if digest_of(simulation.particles()) != log.digest:
         unlike = why_unlike(origin.versions, present.versions)

@@ -16,6 +16,7 @@ from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.player import Clock, Machine, Player
 from hybridmpm_service.sessions.revival import SessionLog, log_of
 from hybridmpm_service.sessions.simulation import Simulation, Steered
+from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans, Control, Particles, View
 from hybridmpm_service.sessions.viewers import Audience, Mailbox
 from hybridmpm_service.sessions.work import Check, Planner, Worker
@@ -34,9 +35,9 @@ class Session:
 
     The event loop never computes. All work on the simulation runs on the session's own thread, in the order
     of the calls. After each piece of work the thread passes a `View` to the loop, which sends it to the
-    viewers. Sketches are prepared on copies of the simulator, on a second thread. Other work on copies runs
-    on a third, while the first goes on. A flag that is read in every substep ends all three when the session
-    is closed.
+    viewers. Sketches are prepared on copies of the simulator, in turns with all expensive work of the
+    service, as is other work on copies. A flag that is read in every substep ends a frame when the session is
+    closed.
 
     Parameters
     ----------
@@ -50,6 +51,8 @@ class Session:
         Clock of the player and of `last_used`.
     machine : Machine
         Limits the load of the sessions that play.
+    turns : Turns
+        Limit the work on copies.
     estimate : float
         Estimated time of a frame [s], before one has been measured.
     notice : str, optional
@@ -79,6 +82,7 @@ class Session:
         clock: Clock,
         *,
         machine: Machine,
+        turns: Turns,
         estimate: float,
         notice: str | None = None,
         findings: tuple[Finding, ...] = (),
@@ -109,9 +113,9 @@ class Session:
         self._cancel = CancelFlag()
         simulation.cancel_by(self._cancel)
         self._loop = asyncio.get_running_loop()
-        self._worker = Worker("session", name, self._check_open)
+        self._worker = Worker(name, self._check_open)
         self._planner = Planner(
-            name,
+            turns=turns,
             number=simulation.journal.sketches,
             check_open=self._check_open,
             on_change=self.audience.post_status,
@@ -224,11 +228,11 @@ class Session:
         finally:
             self._planner.end(preparation)
 
-    async def on_copy(self, work: Callable[[Simulator, Check], T]) -> T:
+    async def on_copy(self, work: Callable[[Simulator, Check], T], *, memory: int | None = None) -> T:
         """Do work on a copy of the simulator while the session goes on; see `Planner.on_copy`."""
         with self._in_use():
             twin = await self._on_worker(self.simulation.copy)
-            return await self._planner.on_copy(lambda check: work(twin, check))
+            return await self._planner.on_copy(twin, lambda check: work(twin, check), memory=memory)
 
     async def release(self) -> None:
         """End the sketch that steers; drop one that is being prepared. Errors as in `advance`."""

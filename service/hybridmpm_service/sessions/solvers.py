@@ -77,7 +77,7 @@ class SolverFactory:
     """
 
     def __init__(self, *, threads: int, folder: Path = WEIGHTS) -> None:
-        self._threads, self._folder = threads, folder
+        self.threads, self.folder = threads, folder
         self._models = models(folder)
         self._loaded: dict[str, NeuralModel] = {}
         self._lock = threading.Lock()
@@ -119,7 +119,7 @@ class SolverFactory:
                 coarse=choice.coarse,
                 model=model,
                 r_c=choice.r_c,
-                threads=self._threads,
+                threads=self.threads,
             ),
         )
         return ChosenSolver(
@@ -134,7 +134,7 @@ class SolverFactory:
         if scenario is None:
             known = ", ".join(self._models) or "none yet"
             raise FieldError("body.model", f"is required with a scene of your own; known are {known}")
-        return default_model(scenario, self._folder)
+        return default_model(scenario, self.folder)
 
     def _model(self, name: str) -> NeuralModel:
         if name not in self._models:
@@ -147,8 +147,8 @@ class SolverFactory:
 
     def _load(self, name: str) -> NeuralModel:
         try:
-            data = read_model(name, self._folder)
-            return NeuralModel(data, where=f"model {name}", name=name, threads=self._threads)
+            data = read_model(name, self.folder)
+            return NeuralModel(data, where=f"model {name}", name=name, threads=self.threads)
         except (DataError, ConfigError) as err:
             _log.exception("model %s cannot be loaded", name)
             raise ModelDamagedError(

@@ -1,42 +1,39 @@
-"""Threads of a session: jobs in order; sketches, motions and recordings on copies of the simulator."""
+"""Work of a session: jobs in order; sketches, motions and recordings on copies of the simulator."""
 
 import asyncio
-import contextlib
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from hybridmpm import export, recording
+from hybridmpm import FrameCancelledError, export, recording
 from hybridmpm.control import ControlledTrajectory, Following, Guidance, Sketch, prepare
 from hybridmpm.simulator import Simulator
-from hybridmpm_service.errors import SessionBusyError, SketchDroppedError
+from hybridmpm_service.errors import ServiceError, SessionBusyError, SketchDroppedError
+from hybridmpm_service.sessions.turns import Turn, Turns
 from hybridmpm_service.sessions.view import Control
 
 MAX_WAITING = 32
-"""Largest number of jobs that may wait for one thread of a session."""
+"""Largest number of jobs that may wait for the thread of a session."""
 
 T = TypeVar("T")
 
 
 class Worker:
-    """A thread of a session; it starts with the first job. Belongs to the event loop.
+    """The thread of a session; it starts with the first job. Belongs to the event loop.
 
     Parameters
     ----------
-    purpose : str
-        Purpose, as a part of the thread's name.
     session : str
         Name of the session.
     check_open : callable
         Called before and after each job; it raises once the session is closed.
     """
 
-    def __init__(self, purpose: str, session: str, check_open: Callable[[], None]) -> None:
+    def __init__(self, session: str, check_open: Callable[[], None]) -> None:
         self._session = session
         self._check_open = check_open
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"{purpose}-{session[:8]}")
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"session-{session[:8]}")
         self._unfinished: set[Future[Any]] = set()
         self._queued: set[object] = set()
 
@@ -119,15 +116,37 @@ class Errand:
 
     def __init__(self, check_open: Check, control: Control | None = None) -> None:
         self.control = control
+        self.turn: Turn | None = None
+        """Its turn, from the time on at which it waits for one."""
         self._check_open = check_open
         self._why_dropped: str | None = None
 
+    def join(self, turn: Turn) -> None:
+        """Note the turn of the work, which may still wait."""
+        self.turn = turn
+
     def drop(self, why: str) -> None:
-        """End the work at its next check."""
+        """End the work at its next check or substep."""
         self._why_dropped = why
+        self.end()
+
+    def end(self) -> None:
+        """End work that was dropped, or whose session is closed."""
+        try:
+            self._raise_if_dropped()
+        except ServiceError as error:
+            if self.turn is not None:
+                self.turn.end(error)
 
     def check(self) -> None:
-        """Raise if the work was dropped or the session is closed."""
+        """Wait for the turn; raise if the work was dropped or the session is closed."""
+        if self.turn is not None:
+            self.turn.wait()
+        self._raise_if_dropped()
+        if self.turn is not None:
+            self.turn.raise_if_ended()
+
+    def _raise_if_dropped(self) -> None:
         self._check_open()
         if self._why_dropped is not None:
             raise SketchDroppedError(self._why_dropped)
@@ -140,23 +159,22 @@ class Planner:
 
     Parameters
     ----------
-    session : str
-        Name of the session.
     number : int
         Number of the latest sketch of the session; 0 before the first.
+    turns : Turns
     check_open : callable
         Raises once the session is closed.
     on_change : callable
         Called when a preparation begins or ends.
     """
 
-    def __init__(self, session: str, *, number: int, check_open: Check, on_change: Check) -> None:
+    def __init__(self, *, number: int, turns: Turns, check_open: Check, on_change: Check) -> None:
+        self._turns = turns
         self._check_open = check_open
         self._on_change = on_change
-        self._sketches = Worker("sketches", session, check_open)
-        self._copies = Worker("copies", session, check_open)
         self._count = number
         self._preparation: Errand | None = None
+        self._errands: dict[Errand, asyncio.Event] = {}
 
     @property
     def control(self) -> Control | None:
@@ -208,58 +226,67 @@ class Planner:
         ConfigError, SketchError, SimulationError
             As `hybridmpm.control.prepare`.
         """
+        return await self._do(
+            preparation,
+            twin,
+            lambda check: prepare(twin, sketch, most=most, on_frame=check, **settings),
+        )
 
-        def plan() -> Guidance:
-            preparation.check()
-            return prepare(twin, sketch, most=most, on_frame=preparation.check, **settings)
+    async def on_copy(self, twin: Simulator, work: Callable[[Check], T], *, memory: int | None = None) -> T:
+        """Do work on a copy of the simulator.
 
-        return await self._sketches.run(plan)
-
-    async def on_copy(self, work: Callable[[Check], T]) -> T:
-        """Do work on a copy of the simulator, after earlier such work.
-
-        A cancelled call ends the work at its next check, and waits until then: files that the work writes may
-        be deleted afterwards.
+        A cancelled call ends the work, and waits until then: files that the work writes may be deleted
+        afterwards.
 
         Parameters
         ----------
+        twin : Simulator
+            The copy.
         work : callable
             Called in a thread, with a check to make in each frame.
+        memory : int, optional
+            Estimate of its memory [bytes] where it is a job in the background.
 
         Raises
         ------
-        SessionBusyError, SessionNotFoundError
-            As `Worker.run`; otherwise the exception of the work.
+        UnavailableError, SessionNotFoundError
+            Too much work waits, or the session was closed; otherwise the exception of the work.
         """
-        errand = Errand(self._check_open)
-        loop, ended = asyncio.get_running_loop(), asyncio.Event()
-        started = threading.Event()
+        return await self._do(Errand(self._check_open), twin, work, memory=memory)
 
-        def do() -> T:
-            started.set()
-            try:
-                errand.check()
-                return work(errand.check)
-            finally:
-                with contextlib.suppress(RuntimeError):  # The event loop may be closed by now.
-                    loop.call_soon_threadsafe(ended.set)
-
+    async def _do(
+        self, errand: Errand, twin: Simulator, work: Callable[[Check], T], *, memory: int | None = None
+    ) -> T:
+        self._check_open()
+        self._errands[errand] = ended = asyncio.Event()
         try:
-            return await self._copies.run(do)
-        except asyncio.CancelledError:
-            errand.drop("its client has gone")
-            if started.is_set():
-                await ended.wait()
-            raise
+            async with self._turns.turn(
+                memory=memory, background=memory is not None, on_join=errand.join
+            ) as turn:
+                twin.cancel_by(turn.flag)
+
+                def checked() -> T:
+                    errand.check()
+                    try:
+                        return work(errand.check)
+                    except FrameCancelledError:
+                        errand.check()
+                        raise
+
+                return await turn.in_thread(checked)
+        finally:
+            errand.turn = None
+            del self._errands[errand]
+            ended.set()
 
     def stop(self) -> None:
-        """Take no more work."""
-        self._sketches.end()
-        self._copies.end()
+        """End all work."""
+        for errand in self._errands:
+            errand.end()
 
     async def ended(self) -> None:
-        """Wait until the threads have ended after `stop`."""
-        await asyncio.gather(self._sketches.ended(), self._copies.ended())
+        """Wait until the work has ended after `stop`."""
+        await asyncio.gather(*(ended.wait() for ended in list(self._errands.values())))
 
 
 Report: TypeAlias = Callable[[int, int], object]

@@ -9,11 +9,24 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from hybridmpm_service.errors import UnavailableError
 from hybridmpm_service.http.replies import json_response, npz_response
+from hybridmpm_service.sessions.turns import Turns
+
+
+def _response(respond: Any, body: dict[str, Any]) -> Any:
+    async def make() -> Any:
+        turns = Turns(1)
+        try:
+            return await respond(turns, body)
+        finally:
+            turns.close(UnavailableError("the test ends"))
+
+    return asyncio.run(make())
 
 
 def _round_trip(value: Any) -> Any:
-    return json.loads(bytes(asyncio.run(json_response({"value": value, "name": "x"})).body))["value"]
+    return json.loads(bytes(_response(json_response, {"value": value, "name": "x"}).body))["value"]
 
 
 @pytest.mark.parametrize(
@@ -33,7 +46,7 @@ def test_encoding_runs_in_another_thread(respond: Any) -> None:
             threads.append(threading.get_ident())
             return super().items()
 
-    asyncio.run(respond(Body(value=np.zeros(3))))
+    _response(respond, Body(value=np.zeros(3)))
     assert threads
     assert threading.get_ident() not in threads
 

@@ -22,14 +22,14 @@ ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 
 
 class _Gate:
-    """Holds the preparation of sketches, in threads of a name, until it is opened."""
+    """Holds the first preparation of a sketch until it is opened."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, thread: str = "sketches") -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.inside, self._opened = threading.Event(), threading.Event()
         self.frames = 0
 
         def held(*arguments: Any, on_frame: Callable[[], object], **settings: Any) -> Any:
-            if not threading.current_thread().name.startswith(thread):
+            if self.inside.is_set():
                 return prepare(*arguments, on_frame=on_frame, **settings)
             self.inside.set()
             assert self._opened.wait(60)
@@ -126,12 +126,12 @@ async def _trace(session: Session, sketch: Arrow, **settings: Any) -> tuple[Guid
     return await session.on_copy(lambda twin, check: traced(twin, check, sketch, **settings))
 
 
-@pytest.mark.parametrize(("plan", "thread"), [(Session.steer, "sketches"), (_trace, "copies")])
+@pytest.mark.parametrize("plan", [Session.steer, _trace])
 @pytest.mark.parametrize("stop", ["delete", "close"])
 def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
-    monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], thread: str, stop: str
+    monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], stop: str
 ) -> None:
-    gate = _Gate(monkeypatch, thread)
+    gate = _Gate(monkeypatch)
 
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
@@ -219,7 +219,7 @@ def test_a_trajectory_leaves_the_session_as_it_is() -> None:
 def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene(manager: SessionManager, clock: _Clock) -> None:
         session = await manager.create(lambda: SCENE)
-        gate = _Gate(monkeypatch, "copies")
+        gate = _Gate(monkeypatch)
         tracing = asyncio.create_task(_trace(session, ARROW, most=400, frames=20))
         await gate.reached()
         await session.steer(ARROW, most=400, frames=20)

@@ -1,0 +1,330 @@
+"""Turns: the one place that says how much expensive work runs at once, and whose.
+
+Whatever a client can make expensive has a turn: creation, checks, plans, replays, sketches, recordings, data
+sets and large answers. Only as many turns run at once as there are cores. The others wait, or pause where
+they are. Those run whose client has had the least time lately: counted by address first, by connection then.
+So a short piece of work does not wait for a long one, and a client that asks for much waits for itself.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import os
+import signal
+import threading
+import time
+from collections import Counter, defaultdict
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import ContextVar
+from typing import Any, NamedTuple, TypeVar
+
+from hybridmpm import CancelFlag, FrameCancelledError
+from hybridmpm_service.errors import UnavailableError, WorkTooLongError
+from hybridmpm_service.sessions.apart import ApartError, run_apart
+
+T = TypeVar("T")
+_TICK_SECONDS = 0.05
+"""Time between two decisions about what runs."""
+_HALF_LIFE_SECONDS = 10.0
+"""Time after which half of a client's use is forgotten."""
+MAX_TURNS = 256
+"""Largest number of turns, those that wait among them."""
+MAX_MEMORY = 1 << 30
+"""Largest memory of all turns that have started, as they estimate it [bytes]."""
+_MEMORY = 1 << 26
+"""Memory of a turn that gives no estimate: there are at most 16 of them at once [bytes]."""
+STUCK_SECONDS = 5.0
+"""Waiting for a first start for longer means that work is stuck: the server is not ready."""
+
+
+class Client(NamedTuple):
+    """A client as the server sees it: the address, and the connection from there."""
+
+    address: str = ""
+    connection: int = 0
+
+
+CLIENT: ContextVar[Client] = ContextVar("client", default=Client())  # noqa: B039 - a tuple never changes
+"""Client of the present request; tasks inherit it."""
+
+
+class Turn:
+    """The right of one piece of work to run, of `Turns.turn`."""
+
+    def __init__(
+        self,
+        client: Client,
+        number: int,
+        pool: ThreadPoolExecutor,
+        *,
+        seconds: float | None,
+        memory: int,
+        background: bool,
+    ) -> None:
+        self.client, self.number = client, number
+        self.seconds, self.memory, self.background = seconds, memory, background
+        self.flag = CancelFlag()
+        """Set at the end: it ends a frame that is being computed."""
+        self.spent = 0.0
+        """Time for which the turn has run [s]."""
+        self.started = asyncio.Event()
+        self.threads = 0
+        """Number of threads that work for it; they may outlive it until their next check."""
+        self._pool = pool
+        self._go = threading.Event()
+        self._pid = 0
+        self._error: Exception | None = None
+        self._apart: asyncio.Task[Any] | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether the turn may run now."""
+        return self._go.is_set()
+
+    def check(self) -> None:
+        """Wait while others have precedence. Called between pieces of work, in its thread.
+
+        Raises
+        ------
+        UnavailableError
+            The work is to end, e.g. since its client has gone.
+        """
+        self.wait()
+        self.raise_if_ended()
+
+    def wait(self) -> None:
+        """Wait, in a thread, while others have precedence."""
+        self._go.wait()
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Return the result of work in a thread. A cancelled call ends the work, and waits until then."""
+
+        def checked() -> T:
+            self.check()
+            try:
+                return work()
+            except FrameCancelledError:
+                self.check()
+                raise
+
+        def ended(_: Future[T]) -> None:
+            self.threads -= 1
+
+        self.threads += 1
+        future = self._pool.submit(checked)
+        future.add_done_callback(ended)
+        working = asyncio.wrap_future(future)
+        try:
+            return await asyncio.shield(working)
+        except asyncio.CancelledError:
+            self.end(_gone())
+            await asyncio.gather(working, return_exceptions=True)
+            raise
+
+    async def apart(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of a function in a process of its own; see `run_apart`."""
+
+        def start(pid: int) -> None:
+            self._pid = pid
+            self._signal()
+
+        self._apart = asyncio.ensure_future(run_apart(function, *arguments, on_start=start))
+        try:
+            return await asyncio.shield(self._apart)
+        except ApartError as error:
+            raise WorkTooLongError(f"the work was ended: {error}, perhaps for lack of memory") from error
+        except asyncio.CancelledError:
+            self._apart.cancel()
+            if self._error is not None:
+                raise self._error from None
+            raise
+        finally:
+            self._pid = 0
+
+    def allow(self, *, running: bool) -> None:
+        """Let the work run, or pause."""
+        if running == self.running or self._error is not None:
+            return
+        (self._go.set if running else self._go.clear)()
+        if running:
+            self.started.set()
+        self._signal()
+
+    def end(self, error: Exception) -> None:
+        """End the work: a process at once, a thread at its next check or substep."""
+        if self._error is None:
+            self._error = error
+        self.flag.set()
+        self._go.set()
+        self.started.set()
+        if self._apart is not None:
+            self._apart.cancel()
+
+    def raise_if_ended(self) -> None:
+        """Raise the error of `end`, if it was called."""
+        if self._error is not None:
+            raise self._error
+
+    def _signal(self) -> None:
+        if self._pid:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGCONT if self.running else signal.SIGSTOP)
+
+
+class Turns:
+    """All turns of a service. Belongs to the event loop.
+
+    Parameters
+    ----------
+    slots : int >= 1
+        Number of turns that run at once.
+    """
+
+    def __init__(self, slots: int) -> None:
+        self._slots = slots
+        self._turns: list[Turn] = []
+        self._numbers = itertools.count()
+        self._spent: defaultdict[str | Client, float] = defaultdict(float)
+        self._pool = ThreadPoolExecutor(4 * MAX_MEMORY // _MEMORY, "work")
+        self._latest = time.monotonic()
+        self._waiting: dict[Turn, float] = {}
+        self._timer: asyncio.TimerHandle | None = None
+        self._closed = False
+
+    @contextlib.asynccontextmanager
+    async def turn(
+        self,
+        *,
+        seconds: float | None = None,
+        memory: int | None = None,
+        background: bool = False,
+        on_join: Callable[[Turn], object] = lambda _turn: None,
+    ) -> AsyncIterator[Turn]:
+        """Wait for a turn of the present client, and keep it while the block runs.
+
+        Parameters
+        ----------
+        seconds : float, optional
+            Longest time for which it may run [s], pauses not counted.
+        memory : int, optional
+            Estimate of the memory that it takes [bytes]; 64 MiB if absent.
+        background : bool
+            Nobody waits for an answer: other work of the same connection goes first, older work next.
+        on_join : callable
+            Called with the turn before it waits.
+
+        Raises
+        ------
+        UnavailableError
+            Too much work waits, or the server stops.
+        WorkTooLongError
+            It has run for longer than that.
+        """
+        turn = self._join(seconds=seconds, memory=memory or _MEMORY, background=background)
+        try:
+            on_join(turn)
+            await turn.started.wait()
+            self._waiting.pop(turn, None)
+            turn.raise_if_ended()
+            yield turn
+            turn.raise_if_ended()
+        finally:
+            self._waiting.pop(turn, None)
+            turn.end(_gone())
+            self._decide()
+
+    async def run(self, work: Callable[[], T]) -> T:
+        """Return the result of work in a thread, in a turn of its own."""
+        async with self.turn() as turn:
+            return await turn.in_thread(work)
+
+    def why_stuck(self) -> UnavailableError | None:
+        """Return why new work would wait for long; None if it would not."""
+        longest = time.monotonic() - min(self._waiting.values(), default=time.monotonic())
+        if longest > STUCK_SECONDS:
+            return UnavailableError(f"work has been waiting for {longest:.0f} s")
+        return None
+
+    def close(self, error: Exception) -> None:
+        """End all work, and begin none."""
+        self._closed = True
+        for turn in self._turns:
+            turn.end(error)
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    async def ended(self) -> None:
+        """Wait until all threads have ended after `close`."""
+        await asyncio.to_thread(self._pool.shutdown)
+
+    def _join(self, **settings: Any) -> Turn:
+        client = CLIENT.get()
+        if self._closed:
+            raise UnavailableError("the server is shutting down")
+        if len(self._turns) >= MAX_TURNS:
+            self._make_room(client)
+        turn = Turn(client, next(self._numbers), self._pool, **settings)
+        self._turns.append(turn)
+        self._waiting[turn] = time.monotonic()
+        self._decide()
+        return turn
+
+    def _make_room(self, client: Client) -> None:
+        """End the newest waiting turn of the client that has most, unless that is the one who asks."""
+        full = UnavailableError(f"{len(self._turns)} pieces of work wait already: try again later")
+        counts = Counter(one.client.address for one in self._turns)
+        address, most = counts.most_common(1)[0]
+        waiting = [one for one in self._waiting if one.client.address == address]
+        if counts[client.address] + 1 >= most or not waiting:
+            raise full
+        waiting[-1].end(full)
+        self._turns.remove(waiting[-1])
+
+    def _decide(self) -> None:
+        """Count the time of those that run, and choose those that run next."""
+        self._count()
+        self._turns = [one for one in self._turns if not one.flag.is_set or one.threads]
+        active = [one for one in self._turns if not one.flag.is_set]
+        taken = sum(one.memory for one in self._turns if one.started.is_set())
+        chosen = set[Turn]()
+        for turn in sorted(active, key=self._precedence):
+            if len(chosen) == self._slots:
+                break
+            if not turn.started.is_set():
+                if taken and taken + turn.memory > MAX_MEMORY:
+                    continue
+                taken += turn.memory
+            chosen.add(turn)
+        for turn in active:
+            turn.allow(running=turn in chosen)
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._turns and not self._closed:
+            self._timer = asyncio.get_running_loop().call_later(_TICK_SECONDS, self._decide)
+
+    def _count(self) -> None:
+        """Count the time since the last decision, and end the turns that have had all of theirs."""
+        now = time.monotonic()
+        passed, self._latest = now - self._latest, now
+        kept = 0.5 ** (passed / _HALF_LIFE_SECONDS)
+        faded = {key: kept * spent for key, spent in self._spent.items() if spent > 1e-3}
+        self._spent = defaultdict(float, faded)
+        for turn in self._turns:
+            if not turn.running or turn.flag.is_set:
+                continue
+            turn.spent += passed
+            for key in (turn.client.address, turn.client):
+                self._spent[key] += passed
+            if turn.seconds is not None and turn.spent > turn.seconds:
+                text = f"the work was ended after {turn.seconds:g} s: send a smaller scene"
+                turn.end(WorkTooLongError(text))
+
+    def _precedence(self, turn: Turn) -> tuple[float, float, bool, float, int]:
+        client, age = turn.client, 0.0 if turn.background else turn.spent
+        spent = (self._spent.get(client.address, 0.0), self._spent.get(client, 0.0))
+        return *spent, turn.background, age, turn.number
+
+
+def _gone() -> UnavailableError:
+    return UnavailableError("the client of this work has gone")
