@@ -8,6 +8,7 @@ makes an example of control whose true end is known, and `Oracle` follows it by 
 from hybridmpm.control.follow import ControlledFrame, Following, follow, resume
 from hybridmpm.control.goal.goal import Goal, Needs, Obstruction
 from hybridmpm.control.goal.region import Fill, Oval
+from hybridmpm.control.goal.who import Who
 from hybridmpm.control.guidance import DEFAULT_CAP, MAX_CAP, Guidance, SketchOptions, prepare
 from hybridmpm.control.laws import Law
 from hybridmpm.control.methods.choice import METHODS
@@ -52,6 +53,7 @@ __all__ = [
     "SketchResult",
     "Stroke",
     "Task",
+    "Who",
     "classify_stroke",
     "follow",
     "parse_png",

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from hybridmpm.control.goal.cloud import EARTH, Floats
 from hybridmpm.control.guidance import Guidance, SketchOptions, prepare
-from hybridmpm.control.laws import Floats32
+from hybridmpm.control.laws import Floats32, is_whole
 from hybridmpm.control.methods.method import Method
 from hybridmpm.control.sketch.sketch import Sketch
 from hybridmpm.control.trajectory import ControlledTrajectory, Ending, SketchResult
@@ -25,7 +25,7 @@ class ControlledFrame:
     frame: int
     """Frame number of the simulator, after the frame."""
     positions: npt.NDArray[np.float32]
-    """Positions (N, D) [m] of the particles that were there when the sketch was drawn; NaN where gone."""
+    """Positions (N, D) [m] of the particles that are led; NaN where gone."""
     force: npt.NDArray[np.float32]
     """Acceleration besides gravity that acted on them, (D,) or (N, D) [m/s^2]."""
 
@@ -135,10 +135,11 @@ class Following(Iterator[ControlledFrame]):
     def placed(self, values: Floats32) -> Floats32:
         """Give rows (M, D), one for each present particle of the simulator, to the particles of the start.
 
-        Returns (N, D), with NaN for particles that are gone. Where none come or go, these are the same rows.
+        Returns (N, D), with NaN for particles that are gone. Where all are led and none come or go, these are
+        the same rows.
         """
         simulator, ids = self.simulator, self.guidance.goal.cloud.ids
-        if not simulator.scene.is_open:
+        if is_whole(simulator, len(ids)):
             return values
         placed = np.full((len(ids), simulator.dim), np.nan, dtype=np.float32)
         present = simulator.ids

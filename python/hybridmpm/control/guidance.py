@@ -16,6 +16,7 @@ from hybridmpm.control.goal.goal import Goal, Needs, Obstruction, ease, goal_of
 from hybridmpm.control.goal.paths import Paths
 from hybridmpm.control.goal.region import Fill, Oval, Region
 from hybridmpm.control.goal.room import Room
+from hybridmpm.control.goal.who import Who
 from hybridmpm.control.laws import Floats32, Law, OfIds, law_from_dict, law_to_dict
 from hybridmpm.control.methods.choice import METHODS, chosen
 from hybridmpm.control.methods.method import FallBack, Method, Task
@@ -33,8 +34,8 @@ DEFAULT_RESOLUTION = 32
 """Cells per metre of the grid on which forces are smoothed. Finer grids only cost force: what is below their
 cells is swallowed by the solver's own grid."""
 _STRAIN = 1.5
-"""Acceleration needed over the cap up to which a goal is tried with the whole cap: a force of one size needs two
-thirds of what the least force has at its ends."""
+"""Need over the cap up to which the whole cap is tried: the least force is largest at its ends, and less does
+the same where it acts all the time."""
 _MAGIC, _VERSION = b"HMPMGUID", 2
 
 
@@ -183,6 +184,7 @@ class SketchOptions(TypedDict, total=False):
     strength: float
     hold: int
     fill: Fill
+    who: Who | None
     gentle: bool
     resolution: int
     seed: int
@@ -198,6 +200,7 @@ def prepare(
     strength: float = 1.0,
     hold: int = 0,
     fill: Fill = "even",
+    who: Who | None = None,
     gentle: bool = True,
     resolution: int = DEFAULT_RESOLUTION,
     seed: int = 0,
@@ -216,7 +219,7 @@ def prepare(
     ----------
     simulator : Simulator
         In the state that the sketch was drawn on; it does not change. The particles that are there now are
-        steered, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
+        led, those that emitters add later are not. Moving obstacles are assumed to stay where they are.
     sketch : Arrow or Ellipse
     method : str or Method
         "auto", or one of: "analytic", guidance by optimal transport and least force; "constant", the paper's
@@ -234,6 +237,11 @@ def prepare(
     fill : "even" or "shrink"
         Filling of an oval larger than the fluid: evenly, which may tear water into filaments, or shrunk to
         the fluid's volume.
+    who : optional
+        Who is led, all particles by default; on the others no force acts. The index of a body in
+        `scene.bodies`; a material, "water", "sand" or "elastic"; an `Ellipse`, for the particles in it, or an
+        `Arrow`, for those within 2 cm of its line, in the front view; a stroke as `parse_strokes` takes it;
+        or {"particle": number}, the body of a particle, by its number in `Simulator.ids`.
     gentle : bool
         Whether a goal out of reach is approached at ease, as near as that leads: with at most 5 g, or the
         middle of the cap and 1 g. False allows for the whole cap, which methods that are objects always have.
@@ -250,7 +258,7 @@ def prepare(
     Raises
     ------
     ConfigError
-        An argument is out of range, `simulator` is none, or there are no particles.
+        An argument is out of range, `simulator` is none, or there are no particles, or none that `who` means.
     SketchError
         Walls and obstacles leave nothing of the goal.
     SimulationError
@@ -271,7 +279,7 @@ def prepare(
         "seed": whole("seed", seed, 0, 2**32 - 1),
     }
     longest = whole("most", most, settings["hold"] + 1, 2 * MAX_FRAMES) - settings["hold"]
-    goal = goal_of(sketch, Cloud.of(simulator), simulator.scene, fill=fill)
+    goal = goal_of(sketch, Cloud.of(simulator, who), simulator.scene, fill=fill)
     needs = goal.needs(frames, largest)
     if frames is None and needs.frames > longest:
         needs = goal.needs(longest, largest)

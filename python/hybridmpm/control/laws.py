@@ -120,6 +120,11 @@ class Retraced:
         return np.asarray(wanted * np.minimum(1.0, largest / np.maximum(size, 1e-12)), dtype=np.float32)
 
 
+def is_whole(simulator: Simulator, count: int) -> bool:
+    """Return whether `count` particles that are led are all that there are, always."""
+    return not simulator.scene.is_open and count == simulator.particle_count
+
+
 class Law(Protocol):
     """The force of each frame: a dataclass of arrays and numbers, so that a snapshot can contain it."""
 
@@ -150,17 +155,17 @@ class Unforced:
 
 @dataclass(frozen=True, eq=False)
 class Uniform:
-    """The same acceleration for all particles that were there at the start, in all frames."""
+    """The same acceleration for all particles that are led, in all frames."""
 
     name: ClassVar[str] = "uniform"
     acceleration: Floats32
     """(D,) [m/s^2]."""
     ids: npt.NDArray[np.uint64]
-    """Particles (N,) that were there at the start."""
+    """Particles (N,) that are led."""
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:  # noqa: ARG002 - always the same
-        """Return (D,), or a pair where particles have come or gone."""
-        if not simulator.scene.is_open:
+        """Return (D,), or a pair where not all particles are led."""
+        if is_whole(simulator, len(self.ids)):
             return self.acceleration
         return self.ids, np.tile(self.acceleration, (len(self.ids), 1))
 
@@ -171,7 +176,7 @@ class Tracked:
 
     name: ClassVar[str] = "tracked"
     ids: npt.NDArray[np.uint64]
-    """Particles (N,) that were there at the start, ascending."""
+    """Particles (N,) that are led, ascending."""
     starts: npt.NDArray[np.uint32]
     times: Floats32
     x: Floats32
@@ -240,10 +245,10 @@ class Tracked:
         )
 
     def force(self, simulator: Simulator, index: int) -> Floats32 | OfIds:
-        """Return (N, D), or a pair where particles have come or gone."""
+        """Return (N, D), or a pair where not all particles are led."""
         x, v = simulator.positions, simulator.velocities
         time = index * self.frame_dt
-        if not simulator.scene.is_open:
+        if is_whole(simulator, len(self.ids)):
             return self._tracks.force(x, v, self.weight, time)
         present = simulator.ids
         places, known = locate(present, self.ids)

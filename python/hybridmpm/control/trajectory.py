@@ -62,7 +62,7 @@ class ControlledTrajectory:
     """Positions (T + 1, N, D) [m]; row 0 is the state at the start. NaN for particles that are gone."""
     force: npt.NDArray[np.float32]
     """External acceleration besides gravity [m/s^2], in a form that `Simulator.advance` takes over T frames:
-    (D,) where it is one constant, else (T, N, D). In a scene with emitters or sinks it takes (ids, force)."""
+    (D,) where it is one constant, else (T, N, D). Where not all particles are led it takes (ids, force)."""
     mean_force: Floats
     """Mean of `force` over the mass of the particles, in each frame, (T, D) [m/s^2]."""
     target_displacement: Floats

@@ -52,6 +52,7 @@ _GUIDED: dict[str, Any] = {
         "taken": 0.0,
         "reachable": True,
         "obstructions": [],
+        "notes": [],
         "text": "4.2 g in 100 frames, of 15 g allowed; at ease in 100 frames",
     },
     "goal": {"path": [[0.41, 0.52], [0.71, 0.72]], "drawn": None, "region": None},
@@ -185,6 +186,8 @@ class NeedsBody(Answer):
     """Whether no obstruction is known."""
     obstructions: list[ObstructionBody]
     """Known obstructions; empty if the goal is within reach."""
+    notes: list[str]
+    """Remarks that keep nothing out of reach, e.g. that the way was bent round an obstacle."""
     text: str
     """Summary in words."""
 
@@ -192,8 +195,11 @@ class NeedsBody(Answer):
     def of(cls, needs: Needs) -> Self:
         """Describe the needs of a sketch."""
         known = {
-            name: getattr(needs, name) for name in cls.model_fields if name not in {"text", "obstructions"}
+            name: getattr(needs, name)
+            for name in cls.model_fields
+            if name not in {"text", "obstructions", "notes"}
         }
+        known["notes"] = list(needs.notes)
         obstructions = [{"reason": one.reason, "message": one.message} for one in needs.obstructions]
         return cls.model_validate(known | {"obstructions": obstructions, "text": str(needs)})
 

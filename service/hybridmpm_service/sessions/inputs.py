@@ -13,7 +13,18 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter
 
 from hybridmpm import SOLVER_VERSION, Scene, __version__
-from hybridmpm.control import DEFAULT_CAP, MAX_CAP, MAX_POINTS, METHODS, Arrow, Ellipse, Fill, Push, Sketch
+from hybridmpm.control import (
+    DEFAULT_CAP,
+    MAX_CAP,
+    MAX_POINTS,
+    METHODS,
+    Arrow,
+    Ellipse,
+    Fill,
+    Push,
+    Sketch,
+    Stroke,
+)
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice
 
 MAX_PUSH_SPEED = 100.0
@@ -37,6 +48,13 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True, use_attribute_docstrings=True)
 
 
+class OfParticle(Strict):
+    """Choice of the body that a particle belongs to."""
+
+    particle: int = Field(ge=0, lt=2**32)
+    """Number of the particle."""
+
+
 class SketchSettings(Strict):
     """Settings of a sketch. An absent one takes its default."""
 
@@ -56,6 +74,9 @@ class SketchSettings(Strict):
     fill: Fill = "even"
     """Treatment of an oval larger than the fluid: filled evenly (even), or shrunk to the volume of the fluid
     (shrink)."""
+    who: Annotated[int, Field(ge=0)] | Literal["water", "sand", "elastic"] | OfParticle | Stroke | None = None
+    """Particles that the sketch leads, all of them if absent: the index of a body, a material, the body of a
+    particle, or the particles under a stroke."""
     seed: int = Field(default=0, ge=0, lt=2**32)
     """Seed of random numbers of a method."""
 

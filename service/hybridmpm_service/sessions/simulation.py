@@ -118,8 +118,8 @@ class Steering:
     def _with_reached(self, control: Control) -> Control:
         goal, x = self.guidance.goal, self._simulator.positions.astype(np.float64)
         weight = goal.cloud.weight
-        if self._simulator.scene.is_open:
-            # Only particles of the planned state are steered, and those that have left do not count.
+        if self._simulator.scene.is_open or goal.cloud.partial:
+            # Particles that are not led, and those that have left, do not count.
             present = self._simulator.ids
             x = x[np.isin(present, goal.cloud.ids)]
             weight = weight[np.isin(goal.cloud.ids, present)]

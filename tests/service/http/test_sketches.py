@@ -46,6 +46,29 @@ def test_the_force_is_that_of_the_next_frame(service: Any, path: str) -> None:
     assert service.http.get(path).json()["control"]["frames_done"] == 3
 
 
+@pytest.mark.parametrize("who", [0, "water", {"particle": 5}, {"points": [[0.1, 0.1], [0.9, 0.9]]}, None])
+def test_who_is_led_can_be_chosen(service: Any, path: str, who: Any) -> None:
+    count = len(service.http.get(f"{path}/particles").json()["positions"])
+    answer = service.http.post(f"{path}/trajectories", json={"strokes": [ARROW], "frames": 2, "who": who})
+    assert answer.status_code == 200, answer.text
+    led = len(answer.json()["positions"][0])
+    assert led == count if not isinstance(who, dict) or "particle" in who else 0 < led < count
+    steered = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 45, "who": who})
+    assert steered.status_code == 200, steered.text
+    service.http.post(f"{path}/advance", json={"frames": 2})
+    log = service.http.get(f"{path}/log").json()
+    again = service.http.post("/v1/sessions", json={"log": log})
+    assert again.status_code == 201, again.text
+    assert again.json()["notice"] is None
+
+
+def test_a_choice_of_nobody_is_refused(service: Any, path: str) -> None:
+    for who, text in (("sand", "chooses none"), (7, "who must be"), ({"particle": -1}, "greater than")):
+        answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "who": who})
+        assert 400 <= answer.status_code < 500
+        assert text in answer.text
+
+
 def test_a_sketch_steers_from_the_next_frame_on(service: Any, path: str) -> None:
     service.http.post(f"{path}/advance", json={"frames": 4})
     answer = service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 45, "hold": 3})
@@ -149,7 +172,15 @@ def test_viewers_see_the_preparation_of_a_sketch(service: Any, path: str) -> Non
 
 def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
     oval = Ellipse(np.array([0.55, 0.45]), np.array([0.12, 0.08]), 0.3)
-    form = {"frames": "60", "hold": "5", "cap": "7.5", "strength": "0.5", "fill": "shrink", "seed": "4"}
+    form = {
+        "frames": "60",
+        "hold": "5",
+        "cap": "7.5",
+        "strength": "0.5",
+        "fill": "shrink",
+        "seed": "4",
+        "who": "water",
+    }
     files = {"sketch": ("s.png", render_png(oval))}
     answer = service.http.post(f"{path}/sketches", files=files, data=form | {"method": "analytic"})
     assert answer.status_code == 200, answer.text

@@ -23,7 +23,7 @@ from hybridmpm.cli.options import (
     width_option,
 )
 from hybridmpm.cli.progress import CountedProgress, progress
-from hybridmpm.control import METHODS, Sketch, parse_png, parse_strokes
+from hybridmpm.control import METHODS, Sketch, Who, parse_png, parse_strokes
 from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP
 from hybridmpm.errors import ConfigError, SketchError
@@ -92,6 +92,12 @@ from hybridmpm.simulator import Kind, Simulator
     show_default=True,
     help="Filling of an oval larger than the fluid: evenly (even), or after it is shrunk to the "
     "fluid's volume (shrink).",
+)
+@click.option(
+    "--who",
+    metavar="BODY|MATERIAL|FILE",
+    callback=lambda _ctx, _param, text: None if text is None else _who(text),
+    help="Who is led: the index of a body, a material, or a sketch over the particles. Default: all.",
 )
 @threads_option
 @targets_option
@@ -173,6 +179,13 @@ def _sketch(file: Path) -> Sketch:
         return parse_strokes(content["strokes"])
     except ConfigError as error:
         raise SketchError(f"{file}: {error}") from error
+
+
+def _who(text: str) -> Who:
+    """Return who is led, from a number, the name of a material or a file with a sketch."""
+    if text.isdecimal():
+        return int(text)
+    return _sketch(Path(text)) if Path(text).suffix and Path(text).is_file() else text
 
 
 def _write(target: Path, run: ControlRun, style: export.Style) -> None:

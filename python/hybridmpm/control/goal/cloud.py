@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.control.goal.who import Who, chosen
 from hybridmpm.errors import ConfigError
 from hybridmpm.scene.particle_types import GOOP
 from hybridmpm.simulator import Simulator
@@ -38,26 +39,36 @@ class Cloud:
     """Frame of the simulator."""
     frame_dt: float
     """Length of a frame [s]."""
+    partial: bool
+    """Whether there are other particles, too, on which no force acts."""
 
     @classmethod
-    def of(cls, simulator: Simulator) -> Self:
-        """Return the present particles of a simulator; raises a `ConfigError` where there are none."""
+    def of(cls, simulator: Simulator, who: Who | None = None) -> Self:
+        """Return the present particles of a simulator, or those of them that `who` chooses.
+
+        Raises
+        ------
+        ConfigError
+            There are none.
+        """
         if simulator.particle_count == 0:
             raise ConfigError(
                 "the scene holds no particles at present: draw the sketch when there are some to move"
             )
         scene = simulator.scene
-        mass = simulator.mass.astype(np.float64)
+        rows = slice(None) if who is None else chosen(simulator, who)
+        mass = simulator.mass[rows].astype(np.float64)
         return cls(
-            ids=simulator.ids,
-            x=simulator.positions.astype(np.float64),
-            v=simulator.velocities.astype(np.float64),
+            ids=simulator.ids[rows],
+            x=simulator.positions[rows].astype(np.float64),
+            v=simulator.velocities[rows].astype(np.float64),
             weight=mass / mass.sum(),
-            types=simulator.materials,
-            volume=simulator.particle_count * simulator.particle_spacing**scene.dim,
+            types=simulator.materials[rows],
+            volume=len(mass) * simulator.particle_spacing**scene.dim,
             gravity=np.array(scene.gravity),
             frame=simulator.frame,
             frame_dt=scene.frame_dt,
+            partial=len(mass) < simulator.particle_count,
         )
 
     @property

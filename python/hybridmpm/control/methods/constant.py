@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridmpm.control.goal.cloud import Floats
-from hybridmpm.control.laws import Floats32, Uniform
+from hybridmpm.control.laws import Floats32, Uniform, is_whole
 from hybridmpm.control.methods.method import Task
 from hybridmpm.errors import SimulationError
 from hybridmpm.simulator import Simulator
@@ -143,7 +143,7 @@ class _Shooting:
 
     def _centroid(self, twin: Simulator) -> Floats:
         cloud = self._task.goal.cloud
-        if not twin.scene.is_open:
+        if is_whole(twin, len(cloud.ids)):
             return np.asarray(cloud.weight @ twin.positions)
         there = np.isin(twin.ids, cloud.ids)
         mass = twin.mass[there].astype(np.float64)

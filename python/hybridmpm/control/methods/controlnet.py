@@ -67,6 +67,8 @@ class ControlNet:
         FallBack
             There is no network for the scene or for the horizon, or it fails.
         """
+        if task.goal.cloud.partial:
+            raise FallBack("the network has seen whole fluids only")
         network = serving(ControlNetwork, self._network, simulator.scene)
         name = str(network.name)
         ratio = task.frames / network.frames

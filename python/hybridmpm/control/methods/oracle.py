@@ -35,6 +35,8 @@ class Oracle:
             case.
         """
         case = self._case
+        if task.goal.cloud.partial:
+            raise ConfigError("the oracle leads all particles: follow without `who`")
         if task.frames != case.frames:
             raise ConfigError(
                 f"the oracle has the way of its case, for frames = {case.frames}, got {task.frames}"

@@ -61,6 +61,8 @@ class Learned:
         FallBack
             The plan cannot be trusted, or there is none.
         """
+        if task.goal.cloud.partial:
+            raise FallBack("the network has seen whole fluids only")
         goal = task.goal
         network = serving(TransportNetwork, self._network, simulator.scene)
         aim = Aim(*goal.end(), network.spec.clipped(task.frames * goal.cloud.frame_dt))
@@ -99,7 +101,7 @@ def _state(simulator: Simulator, cloud: Cloud) -> State:
     return State(
         x=cloud.x,
         v=cloud.v,
-        sand=simulator.materials == SAND,
+        sand=cloud.types == SAND,
         weight=cloud.weight,
         particle_volume=cloud.volume / len(cloud.x),
         lower=np.array(walls.lower),
