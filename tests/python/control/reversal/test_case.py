@@ -75,7 +75,7 @@ def test_a_lower_cap_leaves_more_of_the_error() -> None:
 
 def test_the_oracle_refuses_what_is_not_its_case() -> None:
     case = reversed_case(scene(), control_frame=20, frames=10)
-    with pytest.raises(ConfigError, match=r"frames = 10, those of its case, got 12"):
+    with pytest.raises(ConfigError, match=r"for frames = 10, got 12"):
         follow(case.simulator(), case.sketch, Oracle(case), frames=12)
     ahead = case.simulator()
     ahead.advance(1)
