@@ -22,8 +22,8 @@ from hybridmpm_service.http import problems
 from hybridmpm_service.http.connection import (
     AccessMiddleware,
     AnswerMiddleware,
-    BodyLimitMiddleware,
 )
+from hybridmpm_service.http.door import Door
 from hybridmpm_service.http.requests import SketchRequest
 from hybridmpm_service.jobs import JobTable
 from hybridmpm_service.routes import catalogue, estimates, jobs, sessions, sketches, stream
@@ -79,7 +79,12 @@ def create_app(settings: Settings | None = None, *, clock: Clock = time.perf_cou
     app.add_route("/", _front, methods=["GET", "HEAD"], include_in_schema=False)
     app.frontend("/", directory=PAGE, fallback=None)
     # The last one added is the outermost.
-    app.add_middleware(BodyLimitMiddleware, max_bytes=settings.max_body_bytes)
+    app.add_middleware(
+        Door,
+        max_bytes=settings.max_body_bytes,
+        operations=app.state.operations,
+        draining=app.state.sessions.draining,
+    )
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,

@@ -205,7 +205,8 @@ def _methods(request: Request) -> list[str]:
     """Return the methods of all operations at an address; Starlette lists those of the first one alone."""
     operations = request.app.state.operations
     here = [operation for operation in operations if operation.path_regex.match(request.url.path)]
-    return sorted({method for operation in here for method in operation.methods or ()}) or ["GET", "HEAD"]
+    methods = {method for operation in here for method in operation.methods or ()} or {"GET"}
+    return sorted(methods | ({"HEAD"} if "GET" in methods else set()))
 
 
 async def _on_invalid_request(request: Request, error: Exception) -> Response:

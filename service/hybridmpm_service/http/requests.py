@@ -3,15 +3,16 @@
 The text below a field describes it in the OpenAPI document.
 """
 
+import json
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import from_json
 
 from hybridmpm.control import Stroke
 from hybridmpm_service.errors import FieldError
-from hybridmpm_service.sessions.inputs import FrameCount, Hand, SketchSettings, Strict
+from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
 
 MAX_VALUES = 1 << 15
@@ -26,13 +27,50 @@ MAX_LOG_VALUES = 1 << 18
 All but its inputs have to be at most `MAX_VALUES`.
 """
 _LOG = re.compile(rb'\s*\{\s*"log"\s*:')
+_INPUTS = re.compile(rb'"inputs"\s*:\s*\[')
+_START_BYTES = 256
+"""Number of bytes within which a log says that it is one."""
+
+
+class Values:
+    """Count of the values of a JSON text, part by part, without parsing.
+
+    Commas and opening brackets bound the number of values. Those within strings are counted too, so a text
+    of strings with thousands of commas is refused.
+
+    Parameters
+    ----------
+    field : str
+        Name of the text in errors: "body" or "message".
+    """
+
+    def __init__(self, field: str) -> None:
+        self._field, self._count, self._start = field, 1, b""
+
+    @property
+    def is_log(self) -> bool:
+        """Whether the text is the log of a session."""
+        return _LOG.match(self._start) is not None
+
+    def add(self, part: bytes) -> None:
+        """Count the values of the next part.
+
+        Raises
+        ------
+        FieldError
+            There are too many.
+        """
+        if len(self._start) < _START_BYTES:
+            self._start += part[:_START_BYTES]
+        self._count += sum(map(part.count, (b",", b"[", b"{")))
+        if self._count > MAX_VALUES and self._count > (most := MAX_LOG_VALUES if self.is_log else MAX_VALUES):
+            raise FieldError(self._field, f"has {self._count} values or more, and may have at most {most}")
 
 
 def read_json(text: bytes | str, field: str) -> Any:
-    """Return the value of a JSON text.
+    """Return the value of a JSON text; the inputs of a log are read one by one, and models already.
 
-    Commas and opening brackets bound the number of values. Those within strings are counted too, so a text
-    of strings with thousands of commas is refused. The parser refuses a depth of more than 200.
+    The parser refuses a depth of more than 200.
 
     Parameters
     ----------
@@ -47,18 +85,59 @@ def read_json(text: bytes | str, field: str) -> Any:
         The text is not JSON, has too many values, or is nested too deeply.
     """
     data = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
-    is_log = _LOG.match(data) is not None
-    most = MAX_LOG_VALUES if is_log else MAX_VALUES
-    values = 1 + sum(map(data.count, (b",", b"[", b"{")))
-    if values > most:
-        raise FieldError(field, f"has about {values} values, and may have at most {most}")
+    values = Values(field)
+    values.add(data)
     try:
-        value = from_json(data)
-    except ValueError as err:
+        value = _read_log(data) if values.is_log else from_json(data)
+    except (ValueError, RecursionError) as err:
         raise FieldError(field, f"is not JSON: {err}") from None
-    if is_log:
+    if values.is_log:
         _check_beside_inputs(value, field)
     return value
+
+
+def is_log(data: bytes) -> bool:
+    """Return whether a body is the log of a session, which takes long to read."""
+    return _LOG.match(data) is not None
+
+
+def _read_log(data: bytes) -> Any:
+    """Return the value of a log's text, with the inputs as models as far as they are valid.
+
+    Each input is read by itself: one call for all of them would keep Python's global lock for long.
+    """
+    found = _INPUTS.search(data)
+    if found is None:
+        return from_json(data)
+    text, place = data.decode(), len(data[: found.end()].decode())
+    inputs: list[Any] = []
+    decoder, valid = json.JSONDecoder(), True
+    while (place := _after(text, place)) < len(text) and text[place] != "]":
+        if inputs:
+            if text[place] != ",":
+                raise ValueError(f"expected , or ] at character {place}")
+            place = _after(text, place + 1)
+        one, place = decoder.raw_decode(text, place)
+        if valid:
+            try:
+                one = INPUT.validate_python(one)
+            except ValidationError:
+                valid = False  # reported with its place, when the whole body is read
+        inputs.append(one)
+    body = from_json(data[: found.end()] + text[place:].encode())
+    log = body["log"] if isinstance(body, dict) else None
+    if isinstance(log, dict) and log.get("inputs") == []:
+        log["inputs"] = inputs
+    elif inputs:
+        raise ValueError("the inputs of a log are to stand in it once")
+    return body
+
+
+def _after(text: str, place: int) -> int:
+    """Return the place of the next character that is no white space."""
+    while place < len(text) and text[place] in " \t\r\n":
+        place += 1
+    return place
 
 
 def _check_beside_inputs(body: dict[str, Any], field: str) -> None:

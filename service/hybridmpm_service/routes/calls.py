@@ -1,29 +1,32 @@
-"""Request handling shared by all routes: limits on JSON, cancellation, and `Idempotency-Key`."""
+"""Request handling of the routes of sessions and jobs: JSON, a stop of the server, `Idempotency-Key`."""
 
 import asyncio
 import hashlib
-from collections import OrderedDict
+from collections import Counter
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any
 
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
-from starlette.requests import ClientDisconnect
 
 from hybridmpm_service.errors import FieldError, IdempotencyKeyError, UnavailableError
-from hybridmpm_service.http.requests import read_json
+from hybridmpm_service.http.door import is_json
+from hybridmpm_service.http.requests import is_log, read_json
+from hybridmpm_service.sessions.turns import CLIENT, Client, Turns
 
 HEADER = "Idempotency-Key"
 _LONGEST_KEY = 200
 _MOST = 1000
-"""Largest number of keys that are kept; the oldest is forgotten first."""
+"""Largest number of keys that are kept. The oldest is forgotten first: of the address that has most, and of
+its connection that has most."""
 _LARGEST = 1 << 16
 """Largest answer that is kept [bytes]. Calls with larger ones change nothing: they are done again."""
 
 
 @dataclass
 class _Entry:
+    client: Client
     digest: bytes
     answer: "asyncio.Future[Response | None]"
     """The answer; None if none is kept, so that the call is done again."""
@@ -33,7 +36,7 @@ class Idempotency:
     """The answers of requests that carried a key. Belongs to the event loop."""
 
     def __init__(self) -> None:
-        self._entries: OrderedDict[tuple[str, str], _Entry] = OrderedDict()
+        self._entries: dict[tuple[str, str], _Entry] = {}
 
     async def once(self, request: Request, work: Callable[[], Awaitable[Response]]) -> Response:
         """Return the answer of a request with a key; do its work if it has not been done.
@@ -58,10 +61,10 @@ class Idempotency:
             answer = await asyncio.shield(entry.answer)
             if answer is not None:
                 return _copied(answer)
-        entry = _Entry(digest, asyncio.get_running_loop().create_future())
+        entry = _Entry(CLIENT.get(), digest, asyncio.get_running_loop().create_future())
         self._entries[place] = entry
         if len(self._entries) > _MOST:
-            self._entries.popitem(last=False)
+            self._forget()
         kept = None
         try:
             answer = await work()
@@ -74,6 +77,13 @@ class Idempotency:
             if kept is None:
                 self._entries.pop(place, None)
             entry.answer.set_result(kept)
+
+    def _forget(self) -> None:
+        """Forget the oldest key of the client that has most."""
+        clients = [entry.client for entry in self._entries.values()]
+        address = Counter(one.address for one in clients).most_common(1)[0][0]
+        ((client, _),) = Counter(one for one in clients if one.address == address).most_common(1)
+        del self._entries[next(place for place, entry in self._entries.items() if entry.client == client)]
 
 
 async def _digest(request: Request) -> bytes:
@@ -92,10 +102,10 @@ Handler = Callable[[Request], Coroutine[Any, Any, Response]]
 
 
 class SessionRoute(APIRoute):
-    """A route whose calls are cancelled when their client has gone, and refused when the server stops.
+    """A route whose calls are refused when the server stops; a body of JSON is read within limits.
 
-    A POST with an `Idempotency-Key` that came before gets the same answer again. A DELETE is done in any
-    case: a closing page sends one, and waits for no answer.
+    A POST with an `Idempotency-Key` that came before gets the same answer again. Everything else that guards
+    a call is at the `Door`, which all routes have.
     """
 
     def get_route_handler(self) -> Handler:
@@ -105,13 +115,17 @@ class SessionRoute(APIRoute):
         takes_model = self.body_field is not None
 
         async def call(request: Request) -> Response:
-            if request.method == "DELETE":
-                return await handle(request)
             body = await request.body()
-            if takes_model and body and _is_json(request):
-                # FastAPI parses the body once more, within these limits.
-                await asyncio.to_thread(read_json, body, "body")
-            return await _unless(_left(request), handle(request)) or _no_answer()
+            if takes_model and body and is_json(request.headers):
+                turns: Turns = request.app.state.sessions.turns
+                # A log may have a thousand times more values than any other body.
+                value = (
+                    await turns.run(lambda: read_json(body, "body"))
+                    if is_log(body)
+                    else read_json(body, "body")
+                )
+                request = _ReadRequest(request, body, value)
+            return await handle(request)
 
         async def once(request: Request) -> Response:
             if request.method != "POST" or HEADER not in request.headers:
@@ -120,16 +134,31 @@ class SessionRoute(APIRoute):
             return await kept.once(request, lambda: call(request))
 
         async def answer(request: Request) -> Response:
+            if request.method == "DELETE":
+                return await handle(request)
             draining: asyncio.Event = request.app.state.sessions.draining
-            try:
-                response = await _unless(draining.wait(), once(request))
-            except ClientDisconnect:
-                return _no_answer()
+            response = await _unless(draining.wait(), once(request))
             if response is None:
                 raise UnavailableError("the server is shutting down")
             return response
 
         return answer
+
+
+class _ReadRequest(Request):
+    """A request whose body has been read and parsed."""
+
+    def __init__(self, request: Request, body: bytes, value: Any) -> None:
+        super().__init__(request.scope, request.receive)
+        self._read, self._value = body, value
+
+    async def body(self) -> bytes:
+        """Return the body."""
+        return self._read
+
+    async def json(self) -> Any:
+        """Return the value of the body."""
+        return self._value
 
 
 async def _unless(end: Awaitable[object], work: Coroutine[Any, Any, Response]) -> Response | None:
@@ -142,20 +171,3 @@ async def _unless(end: Awaitable[object], work: Coroutine[Any, Any, Response]) -
         for task in (working, ending):
             task.cancel()
         await asyncio.gather(working, ending, return_exceptions=True)
-
-
-async def _left(request: Request) -> None:
-    """Wait until the client of a request that has been read has gone."""
-    while (await request.receive())["type"] != "http.disconnect":
-        pass
-
-
-def _no_answer() -> Response:
-    """Return an answer for a client that has gone."""
-    return Response(status_code=204)
-
-
-def _is_json(request: Request) -> bool:
-    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    kind, _, subtype = media_type.partition("/")
-    return kind == "application" and (subtype == "json" or subtype.endswith("+json"))

@@ -162,11 +162,11 @@ def test_wrong_addresses_and_methods_are_problems(
 @pytest.mark.parametrize(
     ("method", "address", "allowed"),
     [
-        ("PUT", "/v1/sessions", "GET, POST"),
-        ("PATCH", "/v1/sessions/x", "DELETE, GET"),
+        ("PUT", "/v1/sessions", "GET, HEAD, POST"),
+        ("PATCH", "/v1/sessions/x", "DELETE, GET, HEAD"),
         ("GET", "/v1/sessions/x/sketches", "DELETE, POST"),
         ("GET", "/v1/sessions/x/advance", "POST"),
-        ("POST", "/v1/models", "GET"),
+        ("POST", "/v1/models", "GET, HEAD"),
         ("POST", "/", "GET, HEAD"),
     ],
 )
