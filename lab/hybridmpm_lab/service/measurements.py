@@ -15,18 +15,19 @@ import httpx
 import numpy as np
 
 from hybridmpm._support.machine import usable_cores
-from hybridmpm.client import AsyncClient, AsyncSession, ServiceError
+from hybridmpm.client import AsyncClient, AsyncSession
 from hybridmpm.errors import SimulationError
 from hybridmpm.stream_frames import Frame
 from hybridmpm_lab.harness.rows import Progress, Row, significant
 from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.service.hostile import uploads
+from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.slow_client import slowly_watching
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 
 PARTS = ("slow-client", "intervals", "real-time", "sketch", "push", "hostile", "restart")
-"""The measurements, in their order."""
+"""The measurements, in their order; "kills" has to be chosen, since it takes half an hour."""
 _SPEED = 0.25  # Simulated seconds per second at which frames are watched
 _REAL_TIME: Row = {"coarse": "1/16"}
 _REAL_TIME_SESSIONS, _SLOW_SESSIONS = 8, 4
@@ -46,7 +47,7 @@ _RESTING: Row = {
 class ServiceSettings:
     """Size and length of the measurements."""
 
-    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", PARTS)
+    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", (*PARTS, "kills"))
     sessions: tuple[int, ...] = setting(
         (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
     )
@@ -54,6 +55,8 @@ class ServiceSettings:
     kept: int = setting(8, "Number of sessions that are restored after a restart.", low=1, high=16)
     seconds: float = setting(20.0, "Length of each measurement of frames [s].", click.FloatRange(0.2, 3600))
     repeats: int = setting(20, "Number of sketches and of pushes.", low=1, high=1000)
+    kills: int = setting(200, "Number of kills at random moments.", low=1, high=100_000)
+    seed: int = setting(0, "Seed of the clients and the moments of kills.", low=0)
 
 
 def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
@@ -88,6 +91,9 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
                 on_progress(1)
     if "restart" in settings.part:
         yield from restart(settings.kept, seconds)
+        on_progress(1)
+    if "kills" in settings.part:
+        yield from killed(settings.kills, settings.seed)
         on_progress(1)
 
 
@@ -230,9 +236,26 @@ def restart(sessions: int, seconds: float) -> list[Row]:
             ids = asyncio.run(_played(server, sessions, seconds))
         start = time.perf_counter()
         with running(*flags) as server:
-            asyncio.run(_all_answer(server.address, ids))
+            asyncio.run(all_answer(server.address, ids))
             took = time.perf_counter() - start
     return [_row("restart after kill -9, until all sessions answer", took, "s", 3.0, (sessions, 0))]
+
+
+def killed(count: int, seed: int) -> list[Row]:
+    """Kill the service at random moments under load, and compare each session with an uninterrupted run."""
+    outcome = kills(count, seed)
+    values = {
+        "kills under load": (outcome.kills, None),
+        "logs compared with uninterrupted runs": (outcome.logs, None),
+        "frames of these logs": (outcome.frames, None),
+        "inputs of these logs": (outcome.inputs, None),
+        "logs whose digests differ": (outcome.differing, 0.0),
+        "sessions, frames, inputs and deletions lost": (outcome.lost, 0.0),
+    }
+    rows = [_row(measure, value, "-", aim, (0, 0)) for measure, (value, aim) in values.items()]
+    restarts = {"p50": np.median(outcome.restarts), "worst": max(outcome.restarts)}
+    name = "restart after a kill under load, until all sessions answer"
+    return [*rows, *(_row(f"{name}, {which}", one, "s", 3.0, (0, 0)) for which, one in restarts.items())]
 
 
 async def _reactions(
@@ -273,22 +296,6 @@ async def _played(server: Server, sessions: int, seconds: float) -> list[str]:
         await asyncio.sleep(seconds)
         server.process.kill()
     return [session.id for session in made]
-
-
-async def _all_answer(address: str, ids: Sequence[str]) -> None:
-    """Wait until every session answers; raises a `ServiceError` where one is lost, or late by a minute."""
-    end = time.perf_counter() + WAIT
-    async with AsyncClient(address, timeout=WAIT) as client:
-        for session_id in ids:
-            while True:
-                try:
-                    await client.session(session_id)
-                except ServiceError as error:
-                    if error.status != httpx.codes.SERVICE_UNAVAILABLE or time.perf_counter() > end:
-                        raise
-                    await asyncio.sleep(0.005)
-                else:
-                    break
 
 
 async def _warm_up(watchers: Sequence[Viewer], seconds: float) -> None:

@@ -20,7 +20,7 @@ from hybridmpm.simulator import Kind
 from hybridmpm_service.http.creation import Measure
 from hybridmpm_service.sessions.journal import Kept
 from hybridmpm_service.sessions.session import Session
-from hybridmpm_service.sessions.view import CellMeans, Control, LastFrame, finite
+from hybridmpm_service.sessions.view import CellMeans, Control, LastFrame, View, finite
 
 LATEST_DECISIONS = 16
 """Number of decisions in a status message; `DecisionList` has all of them."""
@@ -168,9 +168,9 @@ class SessionBody(Answer):
     )
 
     @classmethod
-    def of(cls, session: Session) -> Self:
-        """Describe a session by its newest view."""
-        view, origin = session.view, session.origin
+    def of(cls, session: Session, view: View | None = None) -> Self:
+        """Describe a session by a view, its newest one if absent."""
+        view, origin = view or session.view, session.origin
         link = f"/v1/sessions/{session.id}"
         return cls(
             id=session.id,

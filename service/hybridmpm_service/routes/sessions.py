@@ -107,10 +107,10 @@ async def advance_session(
     if body.frames > limits.max_advance_frames:
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"
         raise FieldError("body.frames", text)
-    await session.advance(body.frames)
+    view = await session.advance(body.frames)
     if accepts(request, NPZ):
         return await _particles(sessions.turns, session, as_npz=True)
-    return SessionBody.of(session)
+    return SessionBody.of(session, view)
 
 
 @router.get(

@@ -167,10 +167,11 @@ class Session:
         """Note a use of the session by a client."""
         self.last_used = self._clock()
 
-    async def advance(self, frames: int) -> None:
-        """Compute frames. If one fails, the player pauses and the viewers get the problem.
+    async def advance(self, frames: int) -> View:
+        """Compute frames, and return the view after them, which survives a crash.
 
-        A cancelled call ends the computation after the current frame.
+        If a frame fails, the player pauses and the viewers get the problem. A cancelled call ends the
+        computation after the current frame.
 
         Raises
         ------
@@ -182,9 +183,14 @@ class Session:
             Too many calls wait for the session.
         """
         abandoned = False
+
+        def compute() -> View:
+            self.simulation.advance(frames, lambda: not abandoned)
+            return self._reported(self.simulation.view())
+
         with self._in_use():
             try:
-                await self._compute(frames, lambda: not abandoned, answered=True)
+                return await self._computed(compute)
             except asyncio.CancelledError:
                 abandoned = True
                 raise
@@ -254,7 +260,7 @@ class Session:
 
     async def particles(self) -> Particles:
         """Return the state of all particles; errors as in `advance`."""
-        return await self._call(self.simulation.particles)
+        return await self._call(lambda: self._reported(self.simulation.particles()))
 
     async def force(self) -> CellMeans:
         """Return the force of sketch and hand in the next frame; errors as in `advance`."""
@@ -266,7 +272,7 @@ class Session:
 
     async def log(self) -> SessionLog:
         """Return the log of the session; errors as in `advance` and `log_of`."""
-        return await self._call(lambda: log_of(self.origin, self.simulation))
+        return await self._call(lambda: self._reported(log_of(self.origin, self.simulation)))
 
     async def fork(self) -> Simulation:
         """Return an independent simulation in the present state; errors as in `advance`."""
@@ -363,23 +369,22 @@ class Session:
             self._calls -= 1
             self.touch()
 
-    async def _compute(self, frames: int, go_on: Callable[[], bool], *, answered: bool = False) -> int:
-        """Compute frames as long as `go_on()` is true before each; return their number.
+    async def _compute(self, frames: int, go_on: Callable[[], bool]) -> int:
+        """Compute frames as long as `go_on()` is true before each; return their number."""
+        return await self._computed(lambda: self.simulation.advance(frames, go_on))
 
-        The last frame of an `answered` call survives a crash.
-        """
-
-        def compute() -> int:
-            done = self.simulation.advance(frames, go_on)
-            if answered:
-                self.simulation.journal.mark(self.simulation.frame)
-            return done
-
+    async def _computed(self, job: Callable[[], T]) -> T:
+        """Run a job that computes frames; if one fails, the player stops."""
         try:
-            return await self._on_worker(compute)
+            return await self._on_worker(job)
         except SimulationError as err:
             self._stop_with(err)
             raise
+
+    def _reported(self, answer: T) -> T:
+        """Return an answer, and note its frame: what a client has seen survives a crash."""
+        self.simulation.journal.mark(self.simulation.frame)
+        return answer
 
     def _on_player_fault(self) -> None:
         _log.exception("the player of session %s failed", self.id)

@@ -55,6 +55,17 @@ def test_a_small_twin_of_the_measurement(tmp_path: Path) -> None:
     assert not [measure for measure, *_ in figures if "restart" in measure or "1 KB/s" in measure]
 
 
+@pytest.mark.parametrize("kills", [5, pytest.param(200, marks=[pytest.mark.long, pytest.mark.timeout(3600)])])
+def test_kills_cost_nothing_that_was_acknowledged(tmp_path: Path, kills: int) -> None:
+    figures: Any = run(tmp_path / "service.json", "--part", "kills", "--kills", str(kills), "--seed", "1")
+    values = {measure: value for (measure, *_), value in figures.items()}
+    assert values["kills under load"] == kills
+    assert values["logs compared with uninterrupted runs"] >= 4 * kills
+    assert values["frames of these logs"] > 0
+    assert values["logs whose digests differ"] == 0
+    assert values["sessions, frames, inputs and deletions lost"] == 0
+
+
 @pytest.mark.long
 def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
     parts = [word for name in ("slow-client", "real-time", "sketch", "restart") for word in ("--part", name)]

@@ -1,0 +1,213 @@
+"""Kills of the service at random moments under load, each compared with uninterrupted runs to the bit."""
+
+import asyncio
+import contextlib
+import json
+import random
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import httpx
+from websockets.exceptions import WebSocketException
+
+from hybridmpm import CancelFlag
+from hybridmpm.client import AsyncClient, AsyncSession, AsyncStream, ServiceError
+from hybridmpm.errors import SimulationError
+from hybridmpm_lab.service.server import Server, running
+from hybridmpm_lab.service.viewers import WAIT
+from hybridmpm_service.http.logs import LogBody
+from hybridmpm_service.sessions.revival import revived_from_log
+from hybridmpm_service.sessions.solvers import SolverFactory
+
+_WATER = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.5, 0.5], "material": "water"}
+_SCENE = {"dim": 2, "resolution": 32, "bodies": [_WATER | {"upper": [0.6, 0.6]}]}
+_EMITTER = {"shape": "rectangle", "lower": [0.1, 0.6], "upper": [0.1, 0.7], "material": "sand"}
+_SINK = {"shape": "box", "lower": [0.4, 0.0], "upper": [0.6, 0.1]}
+_BODIES: tuple[dict[str, Any], ...] = (
+    {"scene": _SCENE},
+    {"scene": _SCENE | {"emitters": [_EMITTER | {"velocity": [2.0, 0.0]}], "sinks": [_SINK]}},
+    {"scene": _SCENE, "coarse": "1/4"},
+    {"scene": _SCENE | {"resolution": 128, "bodies": [_WATER]}, "solver": "hybrid", "model": "fluids_2d"},
+)
+"""Sessions of a run: MPM, emitters and a sink, the coarse mode, and the hybrid."""
+_ARROW = [[0.5, 0.5], [0.6, 0.55]]
+_MOST_SESSIONS = 8
+_KILLS_OF_A_RUN = 5
+
+
+@dataclass
+class Outcome:
+    """Count of what was compared, and of what differed."""
+
+    kills: int = 0
+    logs: int = 0
+    """Logs that were computed again without an interruption."""
+    frames: int = 0
+    """Their frames."""
+    inputs: int = 0
+    """Their inputs."""
+    differing: int = 0
+    """Logs whose digest is not that of the uninterrupted run."""
+    lost: int = 0
+    """Sessions, frames, inputs and deletions that were acknowledged, and gone after a restart."""
+    restarts: list[float] = field(default_factory=list)
+    """Times from the start of a process until all sessions answered [s]."""
+
+
+@dataclass
+class _Known:
+    """Acknowledged part of a session."""
+
+    frame: int = 0
+    sketches: set[int] = field(default_factory=set)
+    log: dict[str, Any] | None = None
+
+
+@dataclass
+class _Record:
+    """Everything that the service has acknowledged in a run."""
+
+    known: dict[str, _Known] = field(default_factory=dict)
+    """Sessions by their ids."""
+    gone: set[str] = field(default_factory=set)
+    """Ids of deleted sessions."""
+
+
+def kills(count: int, seed: int = 0, *, longest: float = 1.0) -> Outcome:
+    """Kill the service some times at random moments, up to `longest` [s] after its clients began.
+
+    Raises
+    ------
+    SimulationError
+        The service does not start, or a session does not answer for a minute.
+    """
+    outcome, rng, solvers = Outcome(), random.Random(seed), SolverFactory(threads=1)
+    while outcome.kills < count:
+        with TemporaryDirectory() as folder:
+            record = _Record()
+            for left in range(min(_KILLS_OF_A_RUN, count - outcome.kills), -1, -1):
+                start = time.perf_counter()
+                with running("--state-folder", str(Path(folder) / "state")) as server:
+                    asyncio.run(all_answer(server.address, list(record.known)))
+                    outcome.restarts += [time.perf_counter() - start] if record.known else []
+                    logs = asyncio.run(_compare(server.address, record, outcome))
+                    if left:
+                        asyncio.run(_load(server, record, rng, rng.uniform(0.02, longest)))
+                        outcome.kills += 1
+                logs += [one.log for one in record.known.values() if one.log and one.log not in logs]
+                for log in logs:
+                    _compute_again(log, solvers, outcome)
+    return outcome
+
+
+async def all_answer(address: str, ids: Sequence[str]) -> None:
+    """Wait until every session answers; raises a `ServiceError` where one is lost, or late by a minute."""
+    end = time.perf_counter() + WAIT
+    async with AsyncClient(address, timeout=WAIT) as client:
+        for session_id in ids:
+            while True:
+                try:
+                    await client.session(session_id)
+                except ServiceError as error:
+                    if error.status != httpx.codes.SERVICE_UNAVAILABLE or time.perf_counter() > end:
+                        raise
+                    await asyncio.sleep(0.005)
+                else:
+                    break
+
+
+async def _compare(address: str, record: _Record, outcome: Outcome) -> list[dict[str, Any]]:
+    """Count what was acknowledged and is gone; return the logs of all sessions."""
+    logs = []
+    async with AsyncClient(address, timeout=WAIT) as client:
+        sessions = await client.sessions()
+        outcome.lost += len(record.gone & {session.id for session in sessions})
+        for session in sessions:
+            log, before = await session.log(), record.known.setdefault(session.id, _Known())
+            numbers = {one["number"] for one in log["inputs"] if one["kind"] == "sketch"}
+            old = before.log["inputs"] if before.log else []
+            kept = (
+                log["frame"] >= before.frame,
+                before.sketches <= numbers,
+                log["inputs"][: len(old)] == old,
+            )
+            outcome.lost += kept.count(False)
+            record.known[session.id] = _Known(log["frame"], numbers, log)
+            logs.append(log)
+    return logs
+
+
+async def _load(server: Server, record: _Record, rng: random.Random, seconds: float) -> None:
+    """Use sessions at random, and kill the server meanwhile."""
+    async with AsyncClient(server.address, timeout=WAIT) as client:
+        sessions = {session.id: session for session in await client.sessions()}
+        for body in _BODIES if not sessions else ():
+            session = await client.create(**body)
+            sessions[session.id], record.known[session.id] = session, _Known()
+        uses = [
+            asyncio.create_task(_use(client, session, record, random.Random(rng.random())))
+            for session in sessions.values()
+        ]
+        await asyncio.sleep(seconds)
+        server.process.kill()
+        await asyncio.gather(*uses)
+
+
+async def _use(client: AsyncClient, session: AsyncSession, record: _Record, rng: random.Random) -> None:
+    """Do what clients can do to a session, at random, until the server or the session is gone."""
+    with contextlib.suppress(SimulationError, WebSocketException, OSError):
+        async with session.stream() as stream:
+            await stream.play()
+            while session.id in record.known:
+                with contextlib.suppress(ServiceError):  # A sketch may replace another that is being planned.
+                    await _act(client, session, stream, record, rng)
+                await asyncio.sleep(rng.uniform(0.0, 0.03))
+
+
+async def _act(
+    client: AsyncClient,
+    session: AsyncSession,
+    stream: AsyncStream,
+    record: _Record,
+    rng: random.Random,
+) -> None:
+    """Do one thing to a session, and note what is acknowledged."""
+    kind, own = rng.random(), record.known[session.id]
+    if kind < 0.4:
+        await stream.push([rng.uniform(0.35, 0.65), 0.45], [rng.uniform(-2, 2), 1.0], 0.15)
+    elif kind < 0.5:
+        await stream.let_go()
+    elif kind < 0.7:
+        own.frame = max(own.frame, (await session.advance(rng.randint(1, 9)))["frame"])
+    elif kind < 0.82:
+        own.sketches.add((await session.steer(_ARROW, kind="arrow", frames=30))["number"])
+    elif kind < 0.87:
+        await session.release()
+    elif kind < 0.93:
+        own.log = await session.log()
+        own.frame = max(own.frame, own.log["frame"])
+    elif len(record.known) < _MOST_SESSIONS:
+        made = await (session.fork() if kind < 0.97 else client.create(**rng.choice(_BODIES)))
+        record.known[made.id] = _Known()
+    else:
+        # Whether a deletion without an answer took place is open.
+        name = rng.choice(list(record.known))
+        del record.known[name]
+        await (await client.session(name)).delete()
+        record.gone.add(name)
+
+
+def _compute_again(log: dict[str, Any], solvers: SolverFactory, outcome: Outcome) -> None:
+    """Compute a log again without an interruption, and compare the digests."""
+    stored = LogBody.model_validate_json(json.dumps(log)).log(10**9, 10**9)
+    origin = stored.origin
+    chosen = solvers.make(origin.choice, origin.scene, origin.scenario)
+    again = revived_from_log(stored, chosen, time.perf_counter, CancelFlag())
+    outcome.logs += 1
+    outcome.frames += stored.frame
+    outcome.inputs += len(stored.inputs)
+    outcome.differing += again.notice is not None
