@@ -239,3 +239,24 @@ def test_refused_sketch_says_what_to_do_and_leaves_the_session_alone(open_page: 
     assert "Draw the stroke again" in toast
     visit.wait_for("body.control === 'idle' && body.state === 'live'")
     visit.errors.clear()  # the browser itself reports the status 422
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_tap_on_a_body_chooses_who_follows(open_page: Open, service: LiveService, width: int) -> None:
+    visit = open_page("scenario=water_sand_2d&seed=1&renderer=canvas2d")
+    visit.page.set_viewport_size({"width": width, "height": 844})
+    visit.pause_at(5)
+    visit.press_until("a", "body.tool === 'arrow'")
+    particles = service.get(f"/v1/sessions/{visit.session}/particles")
+    sand = [row for row, kind in zip(particles["positions"], particles["types"], strict=True) if kind == 6]
+    point = sand[len(sand) // 2]
+    visit.drag([(point[0], point[1])])
+    button = visit.page.get_by_role("button", name="Move all again")
+    expect(button).to_be_visible()
+    expect(visit.page.locator("#steer-text")).to_contain_text("only the tapped sand")
+    with visit.page.expect_request(lambda request: "/sketches" in request.url) as asked:
+        visit.drag([(point[0], point[1]), (point[0], point[1] + 0.2)])
+    assert "particle" in json.loads(asked.value.post_data or "")["who"]
+    visit.wait_for("body.control === 'following'")
+    button.click()
+    expect(button).to_be_hidden()

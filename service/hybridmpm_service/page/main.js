@@ -2,7 +2,7 @@
 
 import { request } from "./net/api.js";
 import { Polled } from "./net/polled.js";
-import { decodeFrame, decodeTypes, ProtocolError } from "./net/protocol.js";
+import { decodeFrame, decodeTypes, ProtocolError, SAND, WATER } from "./net/protocol.js";
 import { SessionClient } from "./net/session.js";
 import { bindAppearance, bindColours, offerPressure, showHighest } from "./panels/appearance.js";
 import * as controls from "./panels/controls.js";
@@ -43,6 +43,7 @@ const shown = {
   replays: false, // whether the session that is being created is a run computed again
   message: null, // the newest binary frame, until it is shown
   frames: 0, // number of frames that were shown
+  who: null, // the body that the next sketches lead, {particle, name}; null where they lead everything
   drawnAt: [], // times of the pictures of the last second [ms]
   speedTimer: 0,
 };
@@ -50,7 +51,7 @@ const shown = {
 const session = new SessionClient({ onState, onHello, onStatus, onProblem, onFrame });
 const steering = new Steering({
   plan: (stroke, settings, signal) => session.steer(stroke, settings, signal),
-  settings: sketchSettings,
+  settings: () => (shown.who === null ? sketchSettings() : { ...sketchSettings(), who: { particle: shown.who.particle } }),
   release: () => session.release().catch(messages.toast),
   dim: () => shown.scene.dim,
   widths: controls.depthWidths,
@@ -61,6 +62,7 @@ const steering = new Steering({
     const detail = needs.obstructions.map(({ message }) => capitalised(message)).join(". ");
     messages.toast({ title: "Out of reach", detail: `${detail}.`, advice: "The fluid moves as near as possible.", hint: true });
   },
+  tapped,
   tooSmall: () => messages.toast({ title: "The stroke is too short", advice: "Press, drag a few centimetres, release.", hint: true }),
 });
 const hand = new Hand({
@@ -89,11 +91,22 @@ const tools = new Tools(document.getElementById("overlay"), {
   changed: refreshSteering,
 });
 
+/** Choose the body under a point, or everything where there is none; return whether that is a choice. */
+function tapped(point) {
+  const hit = stage.particleAt(point);
+  if (hit === null && shown.who === null) return false;
+  const name = { [WATER]: "water", [SAND]: "sand" }[hit?.type] ?? "jelly";
+  shown.who = hit === null ? null : { particle: hit.particle, name };
+  refreshSteering();
+  return true;
+}
+
 function refreshSteering() {
   const ghost = presenter.ghost !== null;
+  const centroid = shown.who === null ? shown.centroid : null; // that of all is not that of the body
   controls.showTool(ghost ? "oval" : tools.name);
-  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid: shown.centroid, ghost });
-  stage.showCentroid(shown.centroid);
+  showSteering(steering, { live: session.state === "live", playing: shown.playing, tool: tools.name, centroid, ghost, who: shown.who?.name ?? null });
+  stage.showCentroid(centroid);
   stage.invalidate();
 }
 
@@ -162,6 +175,7 @@ function showSession(hello) {
   shown.scene = hello.scene;
   stage.setScene(shown.scene, decodeTypes(hello.types), hello.spacing);
   showFrameLength(shown.scene.frame_dt);
+  shown.who = null;
   steering.clear();
   tools.setScene(shown.scene);
   showFindings(hello.session.findings);
@@ -322,6 +336,10 @@ controls.bindControls({
   },
   tool: (name) => tools.choose(name),
   undo: () => steering.takeBack(),
+  everyone: () => {
+    shown.who = null;
+    refreshSteering();
+  },
   switchKind: () => steering.switchKind(),
   escape: () => tools.escape(),
   forces: toggleForces,

@@ -58,6 +58,7 @@ export function bindControls(actions) {
   byId("reset").addEventListener("click", actions.reset);
   byId("undo").addEventListener("click", actions.undo);
   byId("switch-kind").addEventListener("click", actions.switchKind);
+  byId("everyone").addEventListener("click", actions.everyone);
   byId("help-open").addEventListener("click", () => byId("help").showModal());
   byId("speed").addEventListener("input", () => actions.speed(10 ** Number(byId("speed").value)));
   for (const id of ["depth-start", "depth-end"]) byId(id).addEventListener("input", describeDepths);

@@ -26,8 +26,14 @@ const HINTS = {
   free: "Draw an arrow or an oval: the fluid follows",
 };
 
+/** The hint for a tool; `who` is the material of the body that was tapped, null where everything moves. */
+function hint(tool, who) {
+  const text = HINTS[tool];
+  return who === null || tool === "push" || tool === "orbit" ? text : text.replace("the fluid", `only the tapped ${who}`);
+}
+
 /** The line under the picture, for each phase of steering. */
-function steerText(steering, { live, playing, tool, ghost }) {
+function steerText(steering, { live, playing, tool, ghost, who }) {
   const kind = steering.sketch?.kind === "ellipse" ? "oval" : "arrow";
   switch (steering.phase) {
     case "drawing":
@@ -46,7 +52,7 @@ function steerText(steering, { live, playing, tool, ghost }) {
     default:
       if (!live) return "Waiting for the simulation";
       if (ghost) return "Draw an oval like this, and the fluid follows";
-      return `${playing ? "" : "Paused. "}${HINTS[tool]}`;
+      return `${playing ? "" : "Paused. "}${hint(tool, who)}`;
   }
 }
 
@@ -58,6 +64,7 @@ export function showSteering(steering, context) {
   setText("steer-count", steers ? `${framesDone} / ${plan.frames + plan.hold}` : "");
   byId("switch-kind").hidden = phase !== "staged";
   setText("switch-kind", steering.sketch?.kind === "arrow" ? "Make it an oval" : "Make it an arrow");
+  byId("everyone").hidden = context.who === null || phase === "staged";
   byId("undo").hidden = ["idle", "drawing"].includes(phase);
   setText("undo", phase === "staged" ? "Undo" : phase === "done" ? "Clear" : "Let go");
   const progress = byId("steer-progress");
@@ -73,5 +80,7 @@ export function showSteering(steering, context) {
   setText("need", `${plan.needs.acceleration.toFixed(1)} g of ${plan.needs.cap} g`);
   setText("reached-name", `After ${plan.frames} frames`);
   setText("reached", reachedText(steering) || "–");
-  setText("needs-text", plan.needs.obstructions.map(({ message }) => `Out of reach: ${message}.`).join(" "));
+  const remarks = plan.needs.notes.map((note) => `${note.charAt(0).toUpperCase()}${note.slice(1)}.`);
+  const obstructions = plan.needs.obstructions.map(({ message }) => `Out of reach: ${message}.`);
+  setText("needs-text", [...obstructions, ...remarks].join(" "));
 }

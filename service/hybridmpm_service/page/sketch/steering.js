@@ -24,7 +24,7 @@ export class Steering {
   #handlers;
 
   /** @param handlers {plan(stroke, settings, signal) -> promise, settings() -> those of the next sketch, release(), dim(), widths(),
-   *   changed(), refused(problem), planned(plan), tooSmall()} */
+   *   changed(), refused(problem), planned(plan), tapped(point) -> whether that chose who is to move, tooSmall()} */
   constructor(handlers) {
     this.#handlers = handlers;
   }
@@ -64,8 +64,9 @@ export class Steering {
   finish() {
     if (this.phase !== "drawing") return;
     if (!isDrawable(this.sketch)) {
+      const [{ point }] = this.#samples;
       this.clear();
-      this.#handlers.tooSmall();
+      if (!this.#handlers.tapped(point)) this.#handlers.tooSmall();
     } else if (this.#tool === "free") {
       this.#stage();
     } else {

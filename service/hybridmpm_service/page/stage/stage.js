@@ -22,6 +22,7 @@ import { backdropMoves, drawBackdrop, drawForeground } from "./scenery.js";
 
 const MAX_PIXEL_RATIO = 2; // beyond this the eye gains nothing and phones get warm
 const GROUND = "#0a0f16"; // behind the picture
+const TAP_REACH = 0.02; // distance from a tap within which a particle is hit [m]
 const DOT_SPEED = 0.03; // px/ms at which the dots of a prediction walk
 
 export class Stage {
@@ -133,6 +134,22 @@ export class Stage {
   /** Volume of the matter that is shown [m^dim]; null where nothing is. */
   get volume() {
     return this.#frame === null ? null : densityOf(this.#frame, this.#spacing).volume;
+  }
+
+  /** Number and type of the particle under a point of the front view, the foremost of those; null where there is none. */
+  particleAt([x, y]) {
+    if (this.#frame === null) return null;
+    const { positions, count, dim, ids } = this.#frame;
+    const reach = Math.max(TAP_REACH, this.#spacing) ** 2;
+    let [found, best] = [-1, Infinity];
+    for (let i = 0; i < count; i += 1) {
+      const [dx, dy] = [positions[i * dim] / 65535 - x, positions[i * dim + 1] / 65535 - y];
+      const away = dx * dx + dy * dy;
+      const rank = dim === 3 ? -positions[i * dim + 2] : away;
+      if (away <= reach && rank < best) [found, best] = [i, rank];
+    }
+    if (found < 0) return null;
+    return { particle: ids === null ? found : ids[found], type: (this.#frame.types ?? this.#types)[found] };
   }
 
   /** Begin predictions at this centre of mass from now on; null where there is no particle. */
