@@ -16,6 +16,9 @@ _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM", "SIGBREAK")
 _SIGNALS = tuple(int(getattr(signal, name)) for name in _NAMES if hasattr(signal, name))
 """Signals whose handlers raise exceptions in practice, as far as the system has them."""
 
+_ENDS = tuple(number for number in _SIGNALS if signal.Signals(number).name in {"SIGTERM", "SIGHUP"})
+"""Signals by which schedulers, containers and closed terminals end a program."""
+
 _Handler = Callable[[int, FrameType | None], object]
 
 _postponed: list[tuple[_Handler, int, FrameType | None]] = []
@@ -32,6 +35,31 @@ def run_postponed() -> None:
 
 # A call into the core undoes what it has begun where a handler raises, so that handlers may run within.
 _core.after_signals(run_postponed)
+
+
+class TerminatedError(BaseException):
+    """The program is to end, by a signal that is not Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = number
+
+
+@contextlib.contextmanager
+def raising_at_end() -> Iterator[None]:
+    """Raise `TerminatedError` in a block, where signals would end the program at once."""
+    ours = [number for number in _ENDS if signal.getsignal(number) is signal.SIG_DFL]
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        raise TerminatedError(number)
+
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @contextlib.contextmanager

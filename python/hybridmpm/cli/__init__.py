@@ -1,7 +1,7 @@
 """The `hybridmpm` command. Each module has related subcommands; this one finds them.
 
 An error ends the command with one line on stderr, without a traceback. The exit status is 2 for bad input,
-1 for a run that failed and 130 after Ctrl-C.
+1 for a run that failed, 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP.
 """
 
 import importlib
@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from hybridmpm._core import __version__
+from hybridmpm._support.signals import TerminatedError
 from hybridmpm.errors import ConfigError, DataError, SimulationError, SnapshotError
 
 __all__ = ["cli", "main"]
@@ -79,6 +80,9 @@ class _Commands(click.Group):
         except KeyboardInterrupt:
             click.echo("\nInterrupted; no unfinished file is left.", err=True)
             ctx.exit(130)
+        except TerminatedError as signal:
+            click.echo(f"\n{signal}: ended; no unfinished file is left.", err=True)
+            ctx.exit(128 + signal.number)
 
 
 def _one_line(error: Exception) -> str:

@@ -1,12 +1,12 @@
 """`hybridmpm export`: turn a checkpoint into a model that needs no torch."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
 from hybridmpm._support.files import replacing
+from hybridmpm._support.plain import from_json
 from hybridmpm.errors import ConfigError, DataError
 
 
@@ -68,7 +68,7 @@ def export(checkpoint: Path, out: Path | None, error_file: Path | None, name: st
 
 def _rows(path: Path) -> list[dict[str, Any]]:
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
+        rows = from_json(path.read_bytes())
     except (OSError, ValueError) as error:
         raise DataError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from hybridmpm import export, scenarios, simulators
+from hybridmpm.data.template import SceneTemplate
 from hybridmpm.errors import ConfigError, ExportError
 from hybridmpm.mpm import Substeps
 from hybridmpm.physics import models
@@ -58,7 +59,13 @@ def substeps_option(default: str | None, more: str = "") -> Callable[..., Any]:
     )
 
 
-seed_option = click.option("--seed", type=int, default=0, show_default=True, help="Seed of the scenario.")
+seed_option = click.option(
+    "--seed",
+    type=int,
+    default=0,
+    show_default=True,
+    help="Seed of the scenario, or of a scene file with ranges.",
+)
 """Seed that a scene is drawn from."""
 
 
@@ -140,7 +147,7 @@ speed_option = click.option(
 
 
 def scene_of(name: str, seed: int) -> Scene:
-    """Return the scene of a scenario and a seed, or of a scene file.
+    """Return the scene of a scenario and a seed, or of a scene file, where that has ranges the seed's.
 
     Raises
     ------
@@ -154,7 +161,15 @@ def scene_of(name: str, seed: int) -> Scene:
         raise ConfigError(
             f"{name} is neither a file nor a scenario: give a .json or .yaml file, or one of {known}"
         )
-    return Scene.load(Path(name))
+    return scene_in(Path(name), seed)
+
+
+def scene_in(path: Path, seed: int) -> Scene:
+    """Return the scene of a file; that of a seed, with a note, where the file has ranges."""
+    if not SceneTemplate.is_in(path):
+        return Scene.load(path)
+    click.echo(f"{path} has ranges; this is its scene of seed {seed}, and --seed draws others.", err=True)
+    return SceneTemplate.load(path).draw(seed)
 
 
 def check_targets(targets: Sequence[Path]) -> None:

@@ -7,11 +7,13 @@ import click
 import numpy as np
 
 from hybridmpm import export, scenarios, simulators
+from hybridmpm._support import signals
 from hybridmpm.cli.options import (
     check_targets,
     completing,
     model_option,
     r_c_option,
+    scene_in,
     seed_option,
     solver_option,
     speed_option,
@@ -81,7 +83,8 @@ from hybridmpm.simulator import Kind, Simulator
     "save_file",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="File for a snapshot of the last state, for --resume; written also after Ctrl-C or a failed frame.",
+    help="File for a snapshot of the last state, for --resume; written also after Ctrl-C, SIGTERM, SIGHUP or "
+    "a failed frame.",
 )
 @width_option(640)
 @speed_option
@@ -155,14 +158,16 @@ def simulate(
         click.echo(_what_is_discarded(frames, scenario or "fluid"), err=True)
 
     began = time.perf_counter()
-    try:
-        with progress(f"Simulating {frames} frames", frames) as bar:
-            recording = record(solver, frames, every=every, on_progress=bar.update)
-    finally:
-        # Ctrl-C takes effect between frames, and a failed frame leaves the state before it.
-        if save_file is not None:
-            solver.save(save_file)
-            click.echo(f"saved frame {solver.frame} to {save_file}")
+    with signals.raising_at_end():
+        try:
+            with progress(f"Simulating {frames} frames", frames) as bar:
+                recording = record(solver, frames, every=every, on_progress=bar.update)
+        finally:
+            # A signal leaves the state after the last whole frame, and a failed frame that before it.
+            if save_file is not None:
+                with signals.whole():
+                    solver.save(save_file)
+                click.echo(f"saved frame {solver.frame} to {save_file}")
     seconds = time.perf_counter() - began
     click.echo(_summary(solver, frames, seconds))
     for target in targets:
@@ -230,7 +235,7 @@ def _scene(scenario: str | None, scene_file: Path | None, seed: int) -> Scene:
     if scenario is not None and scene_file is None:
         return scenarios.get(scenario, seed)
     if scene_file is not None and scenario is None:
-        return Scene.load(scene_file)
+        return scene_in(scene_file, seed)
     raise click.UsageError(f"Give a scenario ({', '.join(scenarios.NAMES)}), --scene FILE or --resume FILE.")
 
 

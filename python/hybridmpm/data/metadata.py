@@ -8,6 +8,7 @@ from typing import Any
 
 from hybridmpm._core import __version__
 from hybridmpm._support.files import replacing
+from hybridmpm._support.plain import from_json
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
@@ -42,7 +43,7 @@ def read(folder: Path) -> dict[str, Any]:
     """
     path = folder / FILE
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = from_json(path.read_bytes())
     except FileNotFoundError:
         raise DataError(
             f"{path} is missing; it must hold {', '.join(REQUIRED)}, which do not follow from positions"

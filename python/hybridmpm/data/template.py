@@ -16,17 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from hybridmpm._support.plain import from_yaml
 from hybridmpm.errors import SceneError
 from hybridmpm.scene import Scene
-from hybridmpm.scene.scene import YAML_ERRORS
+from hybridmpm.scene.fields import RANGES
 
 _SALT = 2**20
 """Number that the random generator gets besides the seed; those of the scenarios are small."""
 _DRAWS = 100
 """Number of draws tried for a seed."""
-_KINDS = ("uniform", "integer", "choice")
 _PLACES = ("lower", "upper", "center", "start", "end", "point")
 _RANGED = ("bodies", "obstacles")
 
@@ -52,16 +51,20 @@ class SceneTemplate:
                 raise SceneError.of([(key, "must have no range: it is the same in all scenes of a data set")])
         self.draw(0)
 
+    @staticmethod
+    def is_in(path: str | Path) -> bool:
+        """Whether a scene file has ranges, or a `shift`, so that it is no scene; OSError for the file."""
+        try:
+            data = _read(Path(path))
+        except SceneError:
+            return False
+        parts = [part for key in _RANGED for part in _items(data, key) if isinstance(part, dict)]
+        return _contains_range(data) or any("shift" in part for part in parts)
+
     @classmethod
     def load(cls, path: str | Path) -> "SceneTemplate":
         """Read a .yaml, .yml or .json file; raises `SceneError` for its content, OSError for the file."""
-        path = Path(path)
-        try:
-            # A JSON file is a YAML file, too.
-            data = yaml.safe_load(path.read_bytes())
-        except YAML_ERRORS as error:
-            raise SceneError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
-        return cls(data)
+        return cls(_read(Path(path)))
 
     def draw(self, seed: int) -> Scene:
         """Draw the scene of a seed. With one version of numpy, the same seed always gives the same scene.
@@ -86,6 +89,19 @@ class SceneTemplate:
         raise AssertionError("unreachable")
 
 
+def _read(path: Path) -> Any:
+    try:
+        # A JSON file is a YAML file, too.
+        return from_yaml(path.read_bytes())
+    except ValueError as error:
+        raise SceneError(f"{path} is not YAML: {error}") from None
+
+
+def _items(data: Any, key: str) -> list[Any]:
+    items = data.get(key) if isinstance(data, dict) else None
+    return items if isinstance(items, list) else []
+
+
 def _listed(drawn: dict[str, Any], key: str) -> list[Any]:
     parts = drawn.get(key, [])
     if not isinstance(parts, list):
@@ -94,7 +110,7 @@ def _listed(drawn: dict[str, Any], key: str) -> list[Any]:
 
 
 def _is_range(value: Any) -> bool:
-    return isinstance(value, dict) and len(value) == 1 and next(iter(value)) in _KINDS
+    return isinstance(value, dict) and len(value) == 1 and next(iter(value)) in RANGES
 
 
 def _contains_range(value: Any) -> bool:

@@ -244,8 +244,13 @@ class HybridLoop:
         if shortcut is not None:
             self._begin(*shortcut, self._network.history.push(shortcut[0]))
             return True
-        x = self._evaluate()
-        return x is not None and self._is_accepted(x)
+        before = self._network.copy()
+        try:
+            x = self._evaluate()
+            return x is not None and self._is_accepted(x)
+        except BaseException:
+            self.state.network = before  # guards change where they are evaluated
+            raise
 
     def _evaluate(self) -> _Floats | None:
         """Return where the network's step leads (n, D) [m]; None where MPM has made the frame instead."""
@@ -287,11 +292,7 @@ class HybridLoop:
             for guard in network.guards:
                 guard.begin(report)
         signal = network.history.push(x)
-        try:
-            alarm = self._alarm(Stage.MOTION, x, signal=signal)
-        except BaseException:
-            network.history.undo()
-            raise
+        alarm = self._alarm(Stage.MOTION, x, signal=signal)
         if alarm is not None:
             network.history.undo()
             self._refuse(*alarm)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from hybridmpm import _core
 from hybridmpm._support.machine import cpu_model
+from hybridmpm._support.plain import from_json
 from hybridmpm.errors import DataError
 from hybridmpm.planner.calibration import VERSION, Calibration, MachineTimes
 
@@ -116,7 +117,7 @@ def present(path: Path | None = None) -> tuple[Calibration, str]:
 
 def _read(path: Path, kind: type[_Read], remedy: str) -> _Read:
     try:
-        return kind.model_validate_json(path.read_text(encoding="utf-8"))
+        return kind.model_validate(from_json(path.read_bytes()))
     except (OSError, ValueError, ValidationError) as error:
         text = " ".join(str(error).split())
         raise DataError(f"{path} is missing or damaged: {text[:300]}; {remedy}") from None

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from datetime import date
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -115,6 +116,10 @@ def raise_faults(title: str, faults: list[Fault]) -> None:
         )
 
 
+RANGES = {"uniform", "integer", "choice"}
+"""Names of ranges, which scene files of data sets have in place of values."""
+
+
 def scene_error(error: ValidationError) -> SceneError:
     """Translate pydantic's error into a `SceneError` with paths such as `bodies[0].lower[1]`."""
     return SceneError.of(problems_of(error))
@@ -137,9 +142,16 @@ def _is_consequence(fault: ErrorDetails, faulty: set[tuple[str | int, ...]]) -> 
     return fault["type"] == "default_factory_not_called"
 
 
-def _message(fault: ErrorDetails) -> str:  # noqa: PLR0911 - one return a kind of fault
-    context = fault.get("ctx", {})
+def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a kind of fault
+    context, given = fault.get("ctx", {}), fault.get("input")
+    if isinstance(given, dict) and len(given) == 1 and given.keys() <= RANGES:
+        return f"is a range, {given}: data.SceneTemplate.load(file).draw(seed) draws a scene of it"
     match fault["type"]:
+        case "string_type" | "literal_error" if isinstance(given, bool | int | float | date):
+            # YAML takes an unquoted no for false, and an unquoted day for a date.
+            shown = str(given).lower() if isinstance(given, bool) else given
+            expected = f"one of {context['expected']}" if "expected" in context else "text"
+            return f"must be {expected}, got {shown}: text that looks so must stand in quotes"
         case "extra_forbidden":
             return "unknown field"
         case "missing":
@@ -151,6 +163,8 @@ def _message(fault: ErrorDetails) -> str:  # noqa: PLR0911 - one return a kind o
         case "union_tag_invalid":
             expected, got = context["expected_tags"], context["tag"]
             return f"{context['discriminator']} must be one of {expected}, got '{got}'"
+        case "invalid_key":
+            return "keys must be text: keys such as on and no must stand in quotes"
         case "too_short":
             return f"must have {context['min_length']} or more items, got {context['actual_length']}"
         case "too_long":

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 import yaml
 from pydantic import Field, ValidationError, model_validator
-from pydantic_core import from_json
 
+from hybridmpm._support import plain
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
 from hybridmpm.scene.bodies import Body
@@ -43,8 +43,6 @@ _SHAPES_OF_ONE_DIMENSION = {
     ("obstacles", "cylinder"): (3, "segment, box, ball and half_space"),
 }
 """The dimension of shapes that have only one, and the shapes of the other dimension."""
-YAML_ERRORS = (yaml.YAMLError, ValueError, KeyError, AttributeError, RecursionError)
-"""Errors of the YAML loader: its own and those of conversions, e.g. a date in month 13."""
 
 
 def _by_dim(two: Any, three: Any) -> Any:
@@ -295,20 +293,35 @@ class Scene(Record):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """Read a scene from JSON; raises `SceneError` where the text is no JSON or no valid scene."""
+        """Read a scene from JSON, in which no key stands twice in one object.
+
+        Raises
+        ------
+        SceneError
+            The text is no such JSON or no valid scene.
+        """
         try:
-            data = from_json(text)
+            data = plain.from_json(text)
         except ValueError as error:
             raise SceneError(f"the scene is not JSON: {error}") from None
         return cls.parse(data)
 
     @classmethod
     def from_yaml(cls, text: str | bytes) -> Self:
-        """Read a scene from YAML; raises `SceneError` where the text is no YAML or no valid scene."""
+        """Read a scene from YAML.
+
+        No key stands twice in one mapping, and numbers have no leading zeros and no colons, which YAML would
+        read as octal and as base 60.
+
+        Raises
+        ------
+        SceneError
+            The text is no such YAML or no valid scene.
+        """
         try:
-            data = yaml.safe_load(text)
-        except YAML_ERRORS as error:
-            raise SceneError(f"the scene is not YAML: {' '.join(str(error).split())}") from None
+            data = plain.from_yaml(text)
+        except ValueError as error:
+            raise SceneError(f"the scene is not YAML: {error}") from None
         return cls.parse(data)
 
     @classmethod

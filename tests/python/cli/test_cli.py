@@ -160,7 +160,8 @@ def test_interrupt_of_the_real_command(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_interrupted_run_is_saved_and_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_an_interrupted_run_is_saved_and_goes_on(number: str, status: int, tmp_path: Path) -> None:
     state = tmp_path / "state"
     command = [sys.executable, "-m", "hybridmpm", "simulate", "water_2d", "--frames", "100000"]
     with subprocess.Popen(
@@ -168,9 +169,9 @@ def test_an_interrupted_run_is_saved_and_goes_on(tmp_path: Path) -> None:
     ) as process:
         assert process.stderr is not None
         assert process.stderr.readline().startswith("Simulating")
-        process.send_signal(signal.SIGINT)
+        process.send_signal(getattr(signal, number))
         output, errors = process.communicate(timeout=120)
-    assert process.returncode == 130
+    assert process.returncode == status
     assert "Traceback" not in errors
     assert [file.name for file in tmp_path.iterdir()] == ["state"]
     solver = MpmSolver.load(state)

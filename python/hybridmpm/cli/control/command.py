@@ -1,6 +1,5 @@
 """`hybridmpm control`: let a scene follow a sketch, and write the result to files."""
 
-import json
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from hybridmpm import export, scenarios, simulators
 from hybridmpm._support.files import replacing
+from hybridmpm._support.plain import from_json
 from hybridmpm.cli.control.film import ControlFilm
 from hybridmpm.cli.control.run import ControlRun, run_control
 from hybridmpm.cli.options import (
@@ -171,8 +171,8 @@ def _sketch(file: Path) -> Sketch:
         if file.suffix.lower() != ".json":
             return parse_png(data)
         try:
-            content = json.loads(data)
-        except (ValueError, RecursionError) as error:
+            content = from_json(data)
+        except ValueError as error:
             raise SketchError(f"is not JSON: {error}") from None
         if not isinstance(content, dict) or set(content) != {"strokes"}:
             raise SketchError('must be an object {"strokes": [one stroke]}')

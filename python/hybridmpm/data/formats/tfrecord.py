@@ -88,11 +88,19 @@ def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Tra
                 f"{where}: the key {key} is missing; the record holds {', '.join(there) or 'nothing'}"
             )
     try:
-        types = np.frombuffer(_strings(context["particle_type"])[0], "<i8").astype(np.int64)
+        given = _strings(context["particle_type"])[0]
         frames = [_strings(feature)[0] for number, feature in messages(lists["position"]) if number == 1]
     except (ValueError, KeyError, IndexError) as error:
         raise DataError(f"{where} is damaged: {error}") from None
     sizes = {len(frame) for frame in frames}
+    if given and sizes == {dim * len(given)}:
+        raise DataError(
+            f"{where}: particle_type must be int64, but its 4 bytes for each of {len(given) // 4} particles are "
+            "int32: write it anew by .astype('int64')"
+        )
+    if len(given) % 8:
+        raise DataError(f"{where} is damaged: particle_type has {len(given)} bytes, no whole number of int64")
+    types = np.frombuffer(given, "<i8").astype(np.int64)
     if len(sizes) != 1 or sizes != {4 * dim * len(types)}:
         counts = ", ".join(f"{size / (4 * dim):g}" for size in sorted(sizes)[:4]) or "none"
         raise DataError(f"{where}: position must hold {len(types)} particles in every frame, got {counts}")

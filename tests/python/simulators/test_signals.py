@@ -1,0 +1,150 @@
+"""Ctrl-C ends any call that takes long, and leaves the state after the last whole frame.
+
+How soon it does is not timed: each call here would take minutes.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from types import FrameType
+
+import numpy as np
+import pytest
+
+from hybridmpm import HybridSimulator, MpmBatch, MpmSolver, NeuralPhysics, Simulator, radius_graph, scenarios
+from hybridmpm._native import match_to_region
+from hybridmpm._support import signals
+from hybridmpm.force import Force
+
+SCENE = scenarios.water_2d(seed=3)
+FRAMES = 1_000_000
+
+
+def _nothing(_: object) -> None:
+    return None
+
+
+SIMULATORS: dict[str, tuple[Callable[[], Simulator], Force]] = {
+    "mpm": (lambda: MpmSolver(SCENE), None),
+    "mpm on threads": (lambda: MpmSolver(SCENE, threads=2), None),
+    "by frames": (lambda: MpmSolver(SCENE), _nothing),
+    "coarse": (lambda: MpmSolver(SCENE, coarse="1/4"), None),
+    "neural": (lambda: NeuralPhysics(SCENE, "zero"), None),
+    "hybrid": (lambda: HybridSimulator(SCENE, "zero"), None),
+}
+RNG = np.random.default_rng(0)
+
+
+def _neighbours(threads: int) -> None:
+    x = RNG.random((400_000, 3)).astype(np.float32)
+    while True:
+        radius_graph(x, 0.03, threads=threads)
+
+
+def _places() -> None:
+    while True:
+        match_to_region(RNG.random((60_000, 2)), RNG.random((500_000, 2)))
+
+
+def _batch() -> None:
+    MpmBatch([scenarios.water_2d(seed=seed) for seed in range(3)], threads=2).advance(FRAMES)
+
+
+CALLS: dict[str, Callable[[], None]] = {
+    "batch": _batch,
+    "neighbours": lambda: _neighbours(1),
+    "neighbours on threads": lambda: _neighbours(2),
+    "places": _places,
+}
+
+
+class Pressed(AbstractContextManager[None]):
+    """Sends a signal to this process, some time after a block begins."""
+
+    def __init__(self, number: int = signal.SIGINT, after: float = 0.3) -> None:
+        self._over = threading.Event()
+        self._number, self._after = number, after
+
+    def __enter__(self) -> None:
+        threading.Thread(target=self._press, daemon=True).start()
+
+    def _press(self) -> None:
+        if not self._over.wait(self._after):
+            os.kill(os.getpid(), self._number)
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+
+
+@pytest.mark.parametrize("kind", SIMULATORS)
+def test_ctrl_c_ends_a_call_after_a_whole_frame(kind: str) -> None:
+    make, force = SIMULATORS[kind]
+    simulator, reference = make(), make()
+    with pytest.raises(KeyboardInterrupt), Pressed():
+        simulator.advance(FRAMES, force)
+    assert 0 < simulator.frame < FRAMES
+    for one in range(reference.frame, simulator.frame):
+        del one
+        reference.advance(1, force)
+    assert np.array_equal(simulator.positions, reference.positions)
+    assert simulator.snapshot() == reference.snapshot()
+    simulator.advance(5, force)
+    reference.advance(5, force)
+    assert simulator.snapshot() == reference.snapshot()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_ctrl_c_ends_calls_without_a_state(name: str) -> None:
+    with pytest.raises(KeyboardInterrupt), Pressed():
+        CALLS[name]()
+
+
+def test_a_rollout_ends_too_and_other_threads_hear_nothing() -> None:
+    solver, other = MpmSolver(SCENE), MpmSolver(SCENE)
+    thread = threading.Thread(target=other.advance, args=(60,))
+    thread.start()
+    with pytest.raises(KeyboardInterrupt), Pressed():
+        solver.rollout(10_000)
+    thread.join()
+    assert other.frame == 60
+
+
+def test_a_handler_that_raises_nothing_runs_within_the_call_and_may_not_use_the_simulator() -> None:
+    solver = MpmSolver(SCENE)
+    heard: list[object] = []
+
+    def handler(number: int, _frame: FrameType | None) -> None:
+        heard.append(number)
+        try:
+            heard.append(solver.frame)
+        except RuntimeError as error:
+            heard.append(str(error))
+
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        with Pressed(after=0.05):
+            while not heard:
+                solver.advance(200)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert solver.frame % 200 == 0
+    assert heard[0] == signal.SIGINT
+    assert isinstance(heard[1], int) or "after the call" in str(heard[1])
+
+
+def test_a_whole_block_ends_before_its_signal_and_a_second_one_ends_it() -> None:
+    done: list[int] = []
+
+    def press(times: int) -> None:
+        with signals.whole():
+            for _ in range(times):
+                signal.raise_signal(signal.SIGINT)
+            done.append(times)
+
+    for times in (1, 2):
+        with pytest.raises(KeyboardInterrupt):
+            press(times)
+    assert done == [1]
