@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from hybridmpm._support.files import replacing
-from hybridmpm._support.plain import from_json
 from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.scene.plain_data import from_json
 
 
 @click.command()

@@ -8,7 +8,6 @@ from typing import Any
 
 from hybridmpm._core import __version__
 from hybridmpm._support.files import replacing
-from hybridmpm._support.plain import from_json
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.data.recipe import Recipe
 from hybridmpm.data.statistics import Statistics
@@ -16,6 +15,7 @@ from hybridmpm.errors import DataError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.materials import REFERENCE_BULK_MODULUS
 from hybridmpm.scene.particle_types import NAMES
+from hybridmpm.scene.plain_data import from_json
 
 FILE = "metadata.json"
 FORMAT_VERSION = 1

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from hybridmpm._support.plain import from_yaml
 from hybridmpm.errors import SceneError
 from hybridmpm.scene import Scene
 from hybridmpm.scene.fields import RANGES
+from hybridmpm.scene.plain_data import from_yaml
 
 _SALT = 2**20
 """Number that the random generator gets besides the seed; those of the scenarios are small."""

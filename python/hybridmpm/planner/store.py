@@ -10,9 +10,9 @@ from pydantic import BaseModel, ValidationError
 
 from hybridmpm import _core
 from hybridmpm._support.machine import cpu_model
-from hybridmpm._support.plain import from_json
 from hybridmpm.errors import DataError
 from hybridmpm.planner.calibration import VERSION, Calibration, MachineTimes
+from hybridmpm.scene.plain_data import from_json
 
 SHIPPED = Path(__file__).with_name("calibration.json")
 _VARIABLE = "HYBRIDMPM_CALIBRATION"

@@ -1,5 +1,6 @@
 """Scenes: bodies, obstacles, openings and materials in a box, and the particles that fill them."""
 
+from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Ball, Body, Box, Cylinder, Polygon
 from hybridmpm.scene.materials import Elastic, Material, Sand, Water
 from hybridmpm.scene.motion import Motion
@@ -53,4 +54,5 @@ __all__ = [
     "WallFaces",
     "Walls",
     "Water",
+    "plain_data",
 ]

@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
-from hybridmpm._support import plain
 from hybridmpm._support.files import replacing
 from hybridmpm.errors import SceneError
+from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.drawing import svg
 from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
@@ -301,7 +301,7 @@ class Scene(Record):
             The text is no such JSON or no valid scene.
         """
         try:
-            data = plain.from_json(text)
+            data = plain_data.from_json(text)
         except ValueError as error:
             raise SceneError(f"the scene is not JSON: {error}") from None
         return cls.parse(data)
@@ -319,7 +319,7 @@ class Scene(Record):
             The text is no such YAML or no valid scene.
         """
         try:
-            data = plain.from_yaml(text)
+            data = plain_data.from_yaml(text)
         except ValueError as error:
             raise SceneError(f"the scene is not YAML: {error}") from None
         return cls.parse(data)

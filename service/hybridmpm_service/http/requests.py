@@ -8,9 +8,9 @@ import re
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic_core import from_json
 
 from hybridmpm.control import Stroke
+from hybridmpm.scene import plain_data
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
@@ -82,13 +82,13 @@ def read_json(text: bytes | str, field: str) -> Any:
     Raises
     ------
     FieldError
-        The text is not JSON, has too many values, or is nested too deeply.
+        The text is not JSON, has a key twice in one object, too many values, or is nested too deeply.
     """
     data = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
     values = Values(field)
     values.add(data)
     try:
-        value = _read_log(data) if values.is_log else from_json(data)
+        value = _read_log(data) if values.is_log else plain_data.from_json(data)
     except (ValueError, RecursionError) as err:
         raise FieldError(field, f"is not JSON: {err}") from None
     if values.is_log:

@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from hybridmpm import ConfigError, Scene, SceneError
-from hybridmpm._support.plain import from_json, from_yaml
 from hybridmpm.cli import cli
 from hybridmpm.data import SceneTemplate
+from hybridmpm.scene.plain_data import from_json, from_yaml
 
 BODY = "{shape: ball, material: water, center: [0.5, 0.5], radius: 0.1}"
 GOOD = f"dim: 2\nresolution: 64\nbodies:\n  - {BODY}\n"
@@ -91,7 +91,7 @@ def test_text_without_quotes_gets_a_hint(line: str, message: str) -> None:
 def test_a_file_of_ranges_says_so_and_takes_a_seed(tmp_path: Path) -> None:
     path = tmp_path / "ranges.yaml"
     path.write_text(GOOD.replace("radius: 0.1", "radius: {uniform: [0.05, 0.1]}"), encoding="utf-8")
-    with pytest.raises(SceneError, match="is a range.*SceneTemplate"):
+    with pytest.raises(SceneError, match=r"is a range.*SceneTemplate"):
         Scene.load(path)
     saved = tmp_path / "state"
     for seed in (0, 3):

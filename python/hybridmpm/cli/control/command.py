@@ -8,7 +8,6 @@ import numpy as np
 
 from hybridmpm import export, scenarios, simulators
 from hybridmpm._support.files import replacing
-from hybridmpm._support.plain import from_json
 from hybridmpm.cli.control.film import ControlFilm
 from hybridmpm.cli.control.run import ControlRun, run_control
 from hybridmpm.cli.options import (
@@ -28,6 +27,7 @@ from hybridmpm.control.goal.region import Fill
 from hybridmpm.control.guidance import DEFAULT_CAP
 from hybridmpm.errors import ConfigError, SketchError
 from hybridmpm.physics.load import ZERO, model_for
+from hybridmpm.scene.plain_data import from_json
 from hybridmpm.simulator import Kind, Simulator
 
 

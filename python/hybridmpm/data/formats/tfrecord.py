@@ -95,8 +95,8 @@ def _example(data: bytes, path: Path, number: int, dim: int, states: int) -> Tra
     sizes = {len(frame) for frame in frames}
     if given and sizes == {dim * len(given)}:
         raise DataError(
-            f"{where}: particle_type must be int64, but its 4 bytes for each of {len(given) // 4} particles are "
-            "int32: write it anew by .astype('int64')"
+            f"{where}: particle_type must be int64, but its 4 bytes for each of {len(given) // 4} particles "
+            "are int32: write it anew by .astype('int64')"
         )
     if len(given) % 8:
         raise DataError(f"{where} is damaged: particle_type has {len(given)} bytes, no whole number of int64")
