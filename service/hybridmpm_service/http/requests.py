@@ -108,7 +108,7 @@ def _read_log(data: bytes) -> Any:
     """
     found = _INPUTS.search(data)
     if found is None:
-        return from_json(data)
+        return plain_data.from_json(data)
     text, place = data.decode(), len(data[: found.end()].decode())
     inputs: list[Any] = []
     decoder, valid = json.JSONDecoder(), True
@@ -124,7 +124,7 @@ def _read_log(data: bytes) -> Any:
             except ValidationError:
                 valid = False  # reported with its place, when the whole body is read
         inputs.append(one)
-    body = from_json(data[: found.end()] + text[place:].encode())
+    body = plain_data.from_json(data[: found.end()] + text[place:].encode())
     log = body["log"] if isinstance(body, dict) else None
     if isinstance(log, dict) and log.get("inputs") == []:
         log["inputs"] = inputs
