@@ -47,6 +47,23 @@ def test_a_bent_way_keeps_the_body_clear_and_is_said() -> None:
     assert free.needs().notes == ()
 
 
+def test_a_fluid_is_drawn_out_through_a_gap_narrower_than_itself() -> None:
+    """In groups that all pass by the corner, a fifth of the water stayed behind, at 10 g."""
+    post = BoxObstacle(lower=(0.5, 0.1), upper=(0.54, 0.7))
+    body = Box(lower=(0.15, 0.1), upper=(0.4, 0.35), material="water")
+    solver = MpmSolver(Scene(dim=2, resolution=64, bodies=[body], obstacles=[post]))
+    solver.advance(60)
+    following = follow(solver, Arrow(np.array([[0.27, 0.2], [0.7, 0.4]])))
+    paths = following.guidance.goal.paths
+    assert paths.together
+    assert paths.pace is not None
+    resting = following.guidance.snapshot()
+    assert Guidance.restored(resting, solver.scene).snapshot() == resting
+    reached = following.run().reached
+    assert reached.goal
+    assert reached.rms < 3.5
+
+
 def test_a_way_through_the_floor_is_bent_into_the_room() -> None:
     ball = Ball(center=(0.3, 0.3), radius=0.06, material="water")
     solver = MpmSolver(Scene(dim=2, resolution=64, gravity=(0, 0), bodies=[ball]))

@@ -13,6 +13,7 @@ from hybridmpm.control.goal.cloud import Cloud, Floats
 from hybridmpm.control.goal.paths import Paths, arrow_path, cornered
 from hybridmpm.control.goal.region import NEAR, Fill, Oval, Region, gathered, region_of
 from hybridmpm.control.goal.room import Room, RoomGrid
+from hybridmpm.control.goal.threads import threaded
 from hybridmpm.control.sketch.sketch import Arrow, Sketch
 from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND
@@ -338,6 +339,9 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
         path = cornered(around)
         paths = disc.paths(path, cloud, room, early=True)
         return Goal(sketch, cloud, room, paths, path, None, disc.region, tuple(bent))
+    if (thread := threaded(way, cloud, disc.region, body, grid)) is not None:
+        paths, line = thread
+        return Goal(sketch, cloud, room, paths, cornered(line), None, disc.region, tuple(bent))
     region = None if keeps else disc.region
     paths = _in_groups(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
     middle = body.centre().around(way, grid)

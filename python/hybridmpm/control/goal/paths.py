@@ -113,6 +113,8 @@ class Paths:
     together: bool
     """Whether all groups pass their corners at the same times, as parts of one body do along an arrow; all
     paths then have equally many corners."""
+    pace: Floats | None = None
+    """Path (K, D) [m] that times those who go together; None for that of their centre of mass."""
 
     @classmethod
     def of_groups(
@@ -239,8 +241,12 @@ class Paths:
     def _timed_together(self, seconds: float) -> "Motion":
         count, dim = len(self.weight), self.corners.shape[1]
         corners = self.corners.reshape(count, -1, dim)
-        mean = np.tensordot(self.weight, corners, axes=1)
-        timing = _core.least_acceleration(mean, self.velocity[0].tolist(), [0.0] * dim, seconds)
+        rest = [0.0] * dim
+        if self.pace is not None:
+            timing = _core.least_acceleration(self.pace, rest, rest, seconds)
+        else:
+            mean = np.tensordot(self.weight, corners, axes=1)
+            timing = _core.least_acceleration(mean, self.velocity[0].tolist(), rest, seconds)
         v = _spline_velocities(timing.times, corners, self.velocity)
         return Motion(self, np.tile(timing.times, count), v.reshape(-1, dim))
 
@@ -295,7 +301,11 @@ class Motion:
 
     def _peaks(self, pieces: "_Pieces", factors: Floats, gravity: Floats) -> Floats:
         """Return the largest acceleration of each group (S, G) [m/s^2] for times times factors (S,)."""
-        squares = [(pieces.accelerations(end, factors, gravity) ** 2).sum(axis=1) for end in (0, 1)]  # (S, P)
+        ends = [pieces.accelerations(end, factors, gravity) for end in (0, 1)]
+        if self.paths.pace is not None:
+            # Pieces are shorter than the law looks ahead, so it levels them out.
+            ends = [(ends[0] + ends[1]) / 2] * 2
+        squares = [(one**2).sum(axis=1) for one in ends]  # (S, P)
         return np.sqrt(np.maximum.reduceat(np.maximum(*squares), pieces.firsts, axis=1))
 
     def _pieces(self) -> "_Pieces":
