@@ -13,6 +13,10 @@ class JobNotFoundError(ServiceError):
     """The job does not exist: it never did, or has been deleted, or ended long ago."""
 
 
+class JobLostError(ServiceError):
+    """The job is not of this run of the service, so it was lost when an earlier one ended."""
+
+
 class JobUnfinishedError(ServiceError):
     """The job has no result yet."""
 

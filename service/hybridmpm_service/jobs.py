@@ -3,7 +3,10 @@
 import asyncio
 import contextlib
 import logging
+import os
+import re
 import shutil
+import sqlite3
 import tempfile
 import threading
 import uuid
@@ -15,11 +18,17 @@ from typing import Literal, TypeAlias
 
 from hybridmpm.data import Outcome, Recipe, Seeds, generate, plan, produce
 from hybridmpm.errors import SimulationError
-from hybridmpm_service.errors import JobNotFoundError, ServiceError, TooManyJobsError
+from hybridmpm_service.errors import JobLostError, JobNotFoundError, ServiceError, TooManyJobsError
+from hybridmpm_service.sessions.journal import locked
 from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.turns import Turn, Turns
 
 _log = logging.getLogger(__name__)
+
+RUN = uuid.uuid4().hex[:8]
+"""Start of the ids of all jobs of this process: it tells them from those that an earlier one lost."""
+_FOLDERS = "hybridmpm-jobs-"
+"""Start of the names of temporary folders with the files of jobs."""
 
 Kind = Literal["trajectory", "recording", "dataset"]
 Phase = Literal["running", "done", "failed"]
@@ -70,7 +79,7 @@ class Job:
     def __init__(
         self, kind: Kind, session: str | None, work: Work, folder: Path, clock: Callable[[], float]
     ) -> None:
-        self.id = uuid.uuid4().hex
+        self.id = RUN + uuid.uuid4().hex[len(RUN) :]
         self.kind = kind
         self.session = session
         self.progress = Progress()
@@ -111,7 +120,8 @@ class Job:
 class JobTable:
     """The running jobs, and those whose results are kept. Belongs to the event loop.
 
-    Results are stored in a temporary folder, which is deleted with the service.
+    Results are stored in a temporary folder, which is deleted with the service. Folders that killed processes
+    left behind are deleted at the start.
 
     Parameters
     ----------
@@ -126,6 +136,10 @@ class JobTable:
         self._most, self._keep_seconds, self._clock = most, keep_seconds, clock
         self._jobs: dict[str, Job] = {}
         self._folder: Path | None = None
+        self._lock: sqlite3.Connection | None = None
+        for folder in Path(tempfile.gettempdir()).glob(f"{_FOLDERS}*"):
+            if _is_left_behind(folder):
+                shutil.rmtree(folder, ignore_errors=True)
 
     def begin(self, kind: Kind, session: str | None, work: Work) -> Job:
         """Begin a job; where the table is full, the job that ended first is forgotten.
@@ -143,7 +157,10 @@ class JobTable:
                 )
             self._forget(min(ended, key=lambda job: job.ended_at or 0.0))
         if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="hybridmpm-jobs-"))
+            new = Path(tempfile.mkdtemp(prefix="hybridmpm-new-"))
+            self._lock = locked(new)
+            # Under its name it is locked from the first moment, so that no other process deletes it.
+            self._folder = new.rename(new.with_name(new.name.replace("hybridmpm-new-", _FOLDERS)))
         job = Job(kind, session, work, self._folder, self._clock)
         self._jobs[job.id] = job
         return job
@@ -153,14 +170,21 @@ class JobTable:
 
         Raises
         ------
+        JobLostError
+            It is not of this run of the service.
         JobNotFoundError
             There is none of this name.
         """
         job = self._jobs.get(name)
+        if job is None and re.fullmatch("[0-9a-f]{32}", name) and not name.startswith(RUN):
+            raise JobLostError(
+                f"job {name!r} is not of the present run of the service: it and its result were lost when an "
+                "earlier run ended. Begin it again"
+            )
         if job is None:
             raise JobNotFoundError(
-                f"there is no job {name!r}; it may have been deleted, have ended more than "
-                f"{self._keep_seconds:g} s ago, or have been lost when the service was started anew"
+                f"there is no job {name[:64]!r}; it may have been deleted, or have ended more than "
+                f"{self._keep_seconds:g} s ago"
             )
         return job
 
@@ -185,13 +209,25 @@ class JobTable:
         """End all jobs, and delete their files."""
         await asyncio.gather(*(job.cancel() for job in self.all()))
         self._jobs.clear()
-        if self._folder is not None:
+        if self._folder is not None and self._lock is not None:
             await asyncio.to_thread(shutil.rmtree, self._folder, ignore_errors=True)
+            self._lock.close()
 
     def _forget(self, job: Job) -> None:
         with contextlib.suppress(KeyError):
             del self._jobs[job.id]
         shutil.rmtree(job.folder, ignore_errors=True)
+
+
+def _is_left_behind(folder: Path) -> bool:
+    """Whether a folder of jobs is of this user, and of a process that has ended."""
+    try:
+        if folder.is_symlink() or folder.stat().st_uid != (os.getuid() if hasattr(os, "getuid") else 0):
+            return False
+        locked(folder).close()
+    except (OSError, sqlite3.Error):
+        return False
+    return True
 
 
 MEDIA_TYPE = "application/zip"

@@ -16,6 +16,7 @@ from hybridmpm.errors import SceneError, SimulationError, SketchError
 from hybridmpm_service.errors import (
     FieldError,
     IdempotencyKeyError,
+    JobLostError,
     JobNotFoundError,
     JobUnfinishedError,
     MachineFullError,
@@ -81,6 +82,7 @@ class Row(NamedTuple):
 
 TABLE: dict[type[Exception], Row] = {
     SessionNotFoundError: Row(404, "session-not-found", "Unknown session"),
+    JobLostError: Row(410, "job-lost", "Job of an earlier run of the service"),
     JobNotFoundError: Row(404, "job-not-found", "Unknown job"),
     JobUnfinishedError: Row(409, "job-unfinished", "The job has not ended"),
     ScenarioNotFoundError: Row(404, "scenario-not-found", "Unknown scenario"),

@@ -42,7 +42,7 @@ async def list_jobs(jobs: Jobs) -> JobList:
     return JobList(jobs=[JobBody.of(job) for job in jobs.all()])
 
 
-@router.get("/jobs/{job_id}", responses=problems(404))
+@router.get("/jobs/{job_id}", responses=problems(404, 410))
 async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
     """Describe a job."""
     return JobBody.of(jobs.get(job_id))
@@ -51,7 +51,7 @@ async def get_job(job_id: _JobId, jobs: Jobs) -> JobBody:
 @router.get(
     "/jobs/{job_id}/events",
     response_class=StreamingResponse,
-    responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404)},
+    responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **problems(404, 410)},
 )
 async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> StreamingResponse:
     """Send each change of a job as a server-sent event, until it ends."""
@@ -64,7 +64,7 @@ async def follow_job(job_id: _JobId, jobs: Jobs, sessions: Sessions) -> Streamin
     response_class=FileResponse,
     responses={
         200: {"content": dict.fromkeys((*_RECORDED.values(), "application/json", MEDIA_TYPE), _FILE)},
-        **problems(404, 409, 422, 503),
+        **problems(404, 409, 410, 422, 503),
     },
 )
 async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
@@ -77,7 +77,7 @@ async def get_result(job_id: _JobId, jobs: Jobs) -> Response:
     return FileResponse(job.result.file, media_type=job.result.media_type, filename=job.result.file.name)
 
 
-@router.delete("/jobs/{job_id}", status_code=204, responses=problems(404))
+@router.delete("/jobs/{job_id}", status_code=204, responses=problems(404, 410))
 async def delete_job(job_id: _JobId, jobs: Jobs) -> None:
     """End a job, and delete its file."""
     await jobs.delete(job_id)

@@ -18,6 +18,23 @@ _SUFFIX = ".session"
 _NAME = re.compile(r"[0-9a-f]{32}")
 
 
+def locked(folder: Path) -> sqlite3.Connection:
+    """Return a lock on a folder, which the system releases when the process ends, in any way.
+
+    Raises
+    ------
+    sqlite3.Error
+        Another process has it, or the folder cannot be written.
+    """
+    lock = sqlite3.connect(folder / "lock", timeout=0, isolation_level=None)
+    try:
+        lock.execute("BEGIN EXCLUSIVE")
+    except BaseException:
+        lock.close()
+        raise
+    return lock
+
+
 class Folder:
     """A folder with a file for each session, which one service at a time may use.
 
@@ -36,9 +53,7 @@ class Folder:
         self._path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
-            # The system releases the lock when the process ends, in any way.
-            self._lock = sqlite3.connect(path / "lock", timeout=0, isolation_level=None)
-            self._lock.execute("BEGIN EXCLUSIVE")
+            self._lock = locked(path)
         except (sqlite3.Error, OSError) as err:
             raise ConfigError(
                 f"state_folder: {path} cannot be used: {err}. It must be a folder that the service may "

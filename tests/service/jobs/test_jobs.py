@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 
 from hybridmpm import MpmSolver, Scene
 from hybridmpm.stream_frames import decode
+from hybridmpm_service import jobs
 from hybridmpm_service.errors import JobNotFoundError
 from hybridmpm_service.jobs import JobTable, Progress, Result
+from hybridmpm_service.sessions.journal import locked
 
 ARROW = {"strokes": [{"points": [[0.4, 0.4], [0.5, 0.5]], "kind": "arrow"}], "frames": 12, "hold": 3}
 
@@ -212,6 +215,35 @@ def test_results_lie_on_disk_as_long_as_the_service_runs(start: Callable[..., An
     folder = table.get(running["id"]).folder.parent
     service.stop()
     assert not folder.exists()
+
+
+def test_a_job_of_an_earlier_run_is_told_lost(
+    start: Callable[..., Any], problem: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = start()
+    job = service.ended(_record(service, service.create(), frames=2).json())
+    # The same process stands in for a later one.
+    service.app.state.jobs._jobs.clear()
+    monkeypatch.setattr(jobs, "RUN", "0badcafe")
+    for name in ("self", "events", "result"):
+        body = problem(service.http.get(job["links"][name]), 410)
+        assert body["type"] == "urn:hybridmpm:problem:job-lost"
+        assert "lost when an earlier run ended. Begin it again" in body["detail"]
+    problem(service.http.get("/v1/jobs/nonsense"), 404)
+
+
+def test_folders_of_killed_processes_are_deleted_and_no_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jobs.tempfile, "gettempdir", lambda: str(tmp_path))
+    killed, alive, foreign = (tmp_path / name for name in ("hybridmpm-jobs-k", "hybridmpm-jobs-a", "other"))
+    for folder in (killed, alive, foreign):
+        folder.mkdir()
+        (folder / "result").write_bytes(b"!")
+    # Locks are of processes: within one, SQLite lets a second connection in only where the first is closed.
+    with closing(locked(alive)):
+        JobTable(4, 10.0, time.monotonic)
+    assert [folder.exists() for folder in (killed, alive, foreign)] == [False, True, True]
 
 
 def test_jobs_are_forgotten_in_time(tmp_path: Path) -> None:
