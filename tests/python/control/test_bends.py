@@ -102,6 +102,9 @@ def test_what_is_out_of_reach_is_not_flung(frames: int | None) -> None:
     solver = _pool(obstacles=[lid])
     following = follow(solver, Ellipse(np.array([0.5, 0.7]), np.array([0.2, 0.1]), 0.0), frames=frames)
     assert "out of reach and approached with at most 5 g" in following.guidance.reason
+    up = prepare(solver, Arrow(np.array([[0.5, 0.16], [0.5, 0.7]]))).needs()
+    assert [one.reason for one in up.obstructions] == ["obstacle"]
+    assert up.notes == ()
     result = following.run()
     assert not result.reached.goal
     assert result.reached.peak < 5.01

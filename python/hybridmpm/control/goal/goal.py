@@ -344,6 +344,8 @@ def _carried(sketch: Arrow, cloud: Cloud, room: Room, scene: Scene) -> Goal:
         return Goal(sketch, cloud, room, paths, cornered(line), None, disc.region, tuple(bent))
     region = None if keeps else disc.region
     paths = _in_groups(cloud, _quartered(kept, cloud) if region is None else region.cells, grid)
+    if paths.cut_off.all():
+        bent.pop()
     middle = body.centre().around(way, grid)
     path = path if middle is None else cornered(middle)
     return Goal(sketch, cloud, room, paths.held_back(cloud.x, room), path, None, region, tuple(bent))
