@@ -6,12 +6,18 @@ BIN := $(VENV)/bin
 RUST_SOURCES := Cargo.toml Cargo.lock $(shell find rust -name '*.rs' -o -name Cargo.toml)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup dev run test test-rust test-python test-all lint format bench validate clean
+.PHONY: help setup lock dev run test test-rust test-python test-all lint format bench validate clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
 
 setup: $(VENV)/.library $(VENV)/.service ## the environment in .venv, with the release build of the extension
+
+# The hashes are of the files of all platforms and Pythons; --upgrade takes the newest versions that are allowed.
+lock: $(VENV)/.venv ## choose anew the versions that serve, with their hashes, in service/requirements.txt
+	$(BIN)/pip install --quiet 'uv>=0.9,<1'
+	$(BIN)/python -c "$$NEEDED" | $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 \
+	--generate-hashes --no-annotate --custom-compile-command 'make lock' --output-file service/requirements.txt -
 
 dev: setup $(VENV)/.dev ## what tests, linters and the laboratory need besides
 

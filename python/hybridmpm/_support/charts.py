@@ -51,8 +51,8 @@ def panels(
     """
     try:
         import matplotlib as mpl  # noqa: PLC0415 - an extra
-        from cycler import cycler  # noqa: PLC0415
         from matplotlib.figure import Figure  # noqa: PLC0415
+        from matplotlib.rcsetup import cycler  # noqa: PLC0415
     except ImportError:
         raise ConfigError("charts need matplotlib: pip install 'matplotlib>=3.10'") from None
     with mpl.rc_context(_STYLE | {"axes.prop_cycle": cycler(color=COLOURS)}):

@@ -1,0 +1,71 @@
+"""What library and service import is declared, and what serves is locked with hashes."""
+
+import ast
+import re
+import sys
+import tomllib
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+ROOMS = {"python/hybridmpm": "pyproject.toml", "service/hybridmpm_service": "service/pyproject.toml"}
+"""Folders of Python, and the files that declare what they import."""
+DISTRIBUTIONS = {"PIL": "pillow", "ot": "pot", "yaml": "pyyaml"}
+"""Names of distributions, by those of their packages where they differ."""
+PIN = re.compile(
+    r"^(?P<name>[\w.-]+)==(?P<version>\S+)( ; [^\\]+)? \\\n(    --hash=sha256:[0-9a-f]{64}( \\)?\n)+",
+    re.MULTILINE,
+)
+
+
+def _project(file: str) -> dict[str, Any]:
+    project: dict[str, Any] = tomllib.loads((ROOT / file).read_text(encoding="utf-8"))["project"]
+    return project
+
+
+def _imported(folder: Path) -> dict[str, str]:
+    """Return the packages that the files of a folder import from elsewhere, each with one of these files."""
+    found: dict[str, str] = {}
+    for file in sorted(folder.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+                names = [node.module]
+            else:
+                continue
+            found.update(dict.fromkeys((name.partition(".")[0] for name in names), str(file)))
+    return {name: file for name, file in found.items() if name not in sys.stdlib_module_names}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_are_declared_with_a_lower_bound(room: str) -> None:
+    project = _project(ROOMS[room])
+    extras = chain.from_iterable(project.get("optional-dependencies", {}).values())
+    declared = [Requirement(text) for text in (*project["dependencies"], *extras)]
+    for one in declared:
+        bounded = any(part.operator in (">=", "==", "~=") for part in one.specifier)
+        assert bounded or one.name == "hybridmpm", one
+    names = {canonicalize_name(one.name) for one in declared} | {canonicalize_name(Path(room).name)}
+    for package, file in _imported(ROOT / room).items():
+        name = canonicalize_name(DISTRIBUTIONS.get(package, package))
+        assert name in names, f"{file} imports {package}, which {ROOMS[room]} does not declare"
+
+
+def test_the_lock_has_hashes_and_what_serves() -> None:
+    text = (ROOT / "service/requirements.txt").read_text(encoding="utf-8")
+    assert "://" not in text
+    pins = {canonicalize_name(found["name"]): found["version"] for found in PIN.finditer(text)}
+    # Whatever is not a comment belongs to a pin with hashes.
+    assert not [line for line in PIN.sub("", text).splitlines() if line.strip() and not line.startswith("#")]
+    for file in ROOMS.values():
+        for one in map(Requirement, _project(file)["dependencies"]):
+            if one.name != "hybridmpm":
+                version = pins.get(canonicalize_name(one.name))
+                assert version is not None, f"{one.name} of {file} is not locked: make lock"
+                assert version in one.specifier, f"{one} of {file} excludes the lock's {version}: make lock"
