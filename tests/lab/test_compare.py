@@ -17,7 +17,7 @@ from hybridmpm.planner import store as calibrations
 from hybridmpm.planner.calibration import MEASURES as PLANNED
 from hybridmpm.planner.calibration import Calibration
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.compare import comparison, crossing, hybrid, lists, methods, plan_errors, times, truth
+from hybridmpm_lab.compare import comparison, hybrid, lists, methods, plan_errors, times, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.harness.provenance import provenance, shipped
@@ -112,7 +112,6 @@ def test_wrong_options_are_named(tmp_path: Path) -> None:
         (("tradeoff", "--only", "table"), "--runs"),
         (("tradeoff", "--method", "mpm 1/3", "--only", "errors"), "coarse 1/16"),
         (("tradeoff", "--chart", str(tmp_path / "absent" / "chart.svg")), "does not exist"),
-        (("crossing", "--scenario", "water_3d", "--resolution", "512"), "no scenario of water_3d has scenes"),
         (
             ("models", "--model", "fluids_2d", "--scenario", "sand_3d"),
             "no model serves sand_3d",
@@ -298,61 +297,6 @@ def test_bounds_hold_in_nine_scenes_of_ten() -> None:
     assert (found["calibrated_on"], found["tested_on"]) == (99, 99)
     # Eight scenes are too few for nine of ten.
     assert hybrid.bound([1.0] * 8, [1.0] * 8)["bound"] is None
-
-
-def test_cases_of_the_crossing_change_one_thing_each() -> None:
-    found = crossing.cases(crossing.CrossingSettings(scenario=("water_2d", "sand_3d")))
-    assert len(found) == (4 + 3) + (3 + 3)
-    plain = scenarios.get("water_2d", FIRST_SEED)
-    fine, stiff = (
-        crossing.Variation(scenario="water_2d", **one)
-        for one in ({"resolution": 256}, {"resolution": 128, "compression": 0.001})
-    )
-    assert len(fine.scene(FIRST_SEED).sample().x) == pytest.approx(4 * len(plain.sample().x), rel=0.02)
-    assert fine.scene(FIRST_SEED).bodies == plain.bodies
-    scene = stiff.scene(FIRST_SEED)
-    material = scene.bodies[0].material
-    compressed = material.density * scene.potential_drop / material.stiffness(scene.potential_drop)
-    assert compressed == pytest.approx(0.001)
-    assert stiff.stiffer() == pytest.approx(13.34, abs=0.01)
-    sand = crossing.Variation(scenario="sand_3d", resolution=64, compression=0.001)
-    assert sand.stiffer() == pytest.approx(14)
-    assert [one.substeps for one in found if one.head["resolution"] == 128][:4] == [17, 17, 28, 63]
-    finest = crossing.Variation(scenario="water_2d", resolution=512)
-    many = {one.name: one for one in crossing._methods(finest, 170_000)}
-    # Of so many only plain MPM simulates all, and coarse modes have as few as at the scenario's resolution.
-    assert {name for name, one in many.items() if one.r_p > 0.5} == {"mpm 1"}
-    assert {"coarse unfitted 1/1024", "coarse unfitted 1/2048"} < set(many)
-    assert many["neural fluids_2d"].r_p == pytest.approx(1 / 8 / 16)
-
-
-def test_networks_of_a_crossing_are_compared_with_equal_errors(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
-    words = ["--scenario", "water_2d", "--resolution", "64", "--resolution", "128", "--compression", "0.005"]
-    words += ["--scenes", "1", "--span", "40", "--passes", "1", "--jobs", "1"]
-    words += [
-        word for name in ("mpm 1", "coarse 1/16", "coarse 1/32", "neural *") for word in ("--method", name)
-    ]
-    result = invoke("crossing", *words, "--json", str(file), "--chart", str(chart))
-    assert result.exit_code == 0, result.output
-    assert chart.stat().st_size > 5_000
-    rows = json.loads(file.read_text())
-    assert len(rows) == 3 * 4
-    learned = [row for row in rows if row["method"] == "neural"]
-    keys = ("resolution", "compression", "refused")
-    assert [tuple(row[key] for key in keys) for row in learned] == [
-        (64, None, True),
-        (128, None, False),
-        (128, 0.005, True),
-    ]
-    for row in learned:
-        others = [one for one in rows if all(one[key] == row[key] for key in ("resolution", "compression"))]
-        equal = next(one for one in others if f"{one['method']} {one['label']}" == row["equal_mpm"])
-        assert row["equal_mpm_ms"] == equal["ms_per_frame"]
-        assert row["times_slower"] == pytest.approx(row["ms_per_frame"] / row["equal_mpm_ms"], rel=1e-3)
-        assert equal["error"] <= row["error"]
-    assert all(row["times_slower"] is None for row in rows if row["method"] != "neural")
 
 
 def test_a_calibration_of_rows(tmp_path: Path) -> None:

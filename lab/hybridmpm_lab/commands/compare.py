@@ -1,4 +1,4 @@
-"""The comparisons: `tradeoff`, `coarse`, `models`, `hybrid` and `crossing`, and `plan-errors`."""
+"""The comparisons `tradeoff`, `coarse`, `models` and `hybrid`, and `plan-errors`."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -13,7 +13,6 @@ from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
 from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option, save
 from hybridmpm_lab.compare import comparison, lists
-from hybridmpm_lab.compare import crossing as crossings
 from hybridmpm_lab.compare import hybrid as hybrids
 from hybridmpm_lab.compare import plan_errors as errors_of_plans
 from hybridmpm_lab.compare.comparison import Case
@@ -32,10 +31,6 @@ _COLUMNS = (
 _HYBRID_COLUMNS = (
     "part", "scenario", "method", "label", "scenes", "mpm_share", "network", "free_fall", "rest", "contact",
     "ratio", "ratio_se", "worst",
-)  # fmt: skip
-_CROSSING_COLUMNS = (
-    "scenario", "resolution", "compression", "particles", "method", "label", "variant", "refused",
-    "ms_per_frame", "error", "error_se", "sliced", "equal_mpm", "equal_mpm_ms", "times_slower",
 )  # fmt: skip
 
 
@@ -165,19 +160,6 @@ hybrid = _Comparison(
     table=hybrids.table,
     draw=hybrids.chart,
     is_timed=False,
-).command()
-crossing = _Comparison(
-    name="crossing",
-    settings=crossings.CrossingSettings,
-    cases=crossings.cases,
-    summary="""Compare networks with the quickest MPM of equal error, over resolution and stiffness.
-
-    Networks simulate particles as far apart as in their training, at any resolution, and show all others.
-    times_slower is their time over that of the quickest MPM that errs no more: below one they pay.
-    """,
-    columns=_CROSSING_COLUMNS,
-    table=crossings.table,
-    draw=crossings.chart,
 ).command()
 
 

@@ -1,4 +1,4 @@
-"""`python -m hybridmpm_lab` on speed: speed, scaling, batch, neighbors."""
+"""`python -m hybridmpm_lab` on speed: speed and batch."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,19 +11,15 @@ from hybridmpm_lab.commands.options import chart_option, json_option, measured, 
 from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.speed import batch as batch_speed
 from hybridmpm_lab.speed import chart, solver
-from hybridmpm_lab.speed import graph as graph_speed
 from hybridmpm_lab.speed.baselines import require_installed
 
 _SOLVER_COLUMNS = (
-    "series", "dim", "material", "frame", "particles", "resolution", "threads", "instructions", "substeps",
+    "dim", "material", "frame", "particles", "resolution", "threads", "instructions", "substeps",
     "ns_per_particle_substep", "spread", "ms_per_frame", "slowdown", "loaded", "peer", "peer_way", "peer_ns",
     "ratio",
 )  # fmt: skip
 _BATCH_COLUMNS = (
     "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
-)  # fmt: skip
-_GRAPH_COLUMNS = (
-    "dim", "particles", "radius", "edges", "threads", "ms", "ms_reused", "peer", "peer_ms", "ratio",
 )  # fmt: skip
 
 
@@ -54,26 +50,15 @@ def _command(
 
 speed = _command(
     "speed",
-    solver.SplashSettings,
+    solver.SolverSettings,
     solver.measure,
     _SOLVER_COLUMNS,
-    chart.draw_solver,
+    chart.draw,
     summary="""Time the solver on splashing blocks.
 
     The blocks are of water and sand, in 2D and 3D; the solver takes the ground truth's substeps. All that is
     timed takes turns, in pieces of up to 20 frames, whose lower quartile counts. A row is marked as loaded
     where the machine was busy before or after.
-    """,
-)
-scaling = _command(
-    "scaling",
-    solver.GrowingSettings,
-    solver.measure,
-    _SOLVER_COLUMNS,
-    chart.draw_growing,
-    summary="""Time the solver on scenes that grow.
-
-    Blocks of water grow together with their grids; then the same blob of water is put into growing grids.
     """,
 )
 batch = _command(
@@ -83,15 +68,4 @@ batch = _command(
     _BATCH_COLUMNS,
     None,
     summary="""Time many scenes on one thread and on several, in the middle of their splash.""",
-)
-neighbors = _command(
-    "neighbors",
-    graph_speed.GraphSettings,
-    graph_speed.measure,
-    _GRAPH_COLUMNS,
-    chart.draw_graph,
-    summary="""Time the radius graph of clouds of points in 2D and 3D.
-
-    Timed are a fresh graph (ms), and one into the memory of the last (ms_reused).
-    """,
 )

@@ -71,8 +71,6 @@ class Case:
     """Number of frames that errors count over, and that are timed."""
     until: int | None = None
     """Last frame; errors count up to it, and shares from the first frame on, where given."""
-    substeps: int | None = None
-    """Substeps of the truth; None for the ground truth's."""
     is_full: bool = True
     """Whether all errors are measured, or the grid error alone."""
     base: str | None = None
@@ -159,7 +157,6 @@ def scene_errors(case: Case, seed: int, names: Sequence[str]) -> list[tuple[str,
         warm_up=case.warm_up,
         span=case.span,
         until=case.until,
-        substeps=case.substeps,
         threads=case.threads,
     )
     head = {"impact": truth.impact, "start": truth.start}

@@ -13,7 +13,6 @@ from hybridmpm.hybrid import HybridSimulator
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.manifest import models
-from hybridmpm.physics.model import NeuralModel
 from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
@@ -132,59 +131,6 @@ def free_fall(r_p: float, r_t: int, *, is_guarded: bool = False) -> Method:
     )
 
 
-def rescaled(method: str, name: str, r_p: float) -> Method:
-    """Return a network, alone or in a hybrid, on scenes that the library refuses; all particles are shown.
-
-    Parameters
-    ----------
-    method : {"neural", "hybrid"}
-    name : str
-        Name of a network of the library.
-    r_p : float in (0, 1]
-        Share of the particles, at which they lie as far apart as in the training.
-    """
-    return Method(
-        method=method,
-        label=name,
-        r_p=r_p,
-        r_t=models()[name].r_t,
-        make=partial(
-            _make_learned,
-            NeuralPhysics if method == "neural" else HybridSimulator,
-            partial(_unchecked, name, r_p),
-            {"show_all": True},
-        ),
-        ingredients=(name,),
-    )
-
-
-class UncheckedModel:
-    """A network of the library on any scene, at a chosen share of the particles.
-
-    Parameters
-    ----------
-    model : NeuralModel
-    r_p : float in (0, 1]
-        Share of the particles of the scene.
-    """
-
-    def __init__(self, model: NeuralModel, r_p: float) -> None:
-        self._model, self._r_p, self.step = model, r_p, model.step
-
-    @property
-    def r_p(self) -> float:
-        """Share of the particles of the scene, in (0, 1]."""
-        return self._r_p
-
-    @property
-    def r_t(self) -> int:
-        """Frames that one step spans."""
-        return self._model.r_t
-
-    def check(self, _scene: Scene) -> None:
-        """Refuse nothing."""
-
-
 def serving(scenario: str) -> list[str]:
     """Return the names of the networks of the library that serve a scenario, those to be preferred first."""
     return [name for name, entry in models().items() if scenario in entry.scenarios]
@@ -240,10 +186,6 @@ def _shipped(model: str, _scene: Scene, threads: int) -> Stepper:
 
 def _falling(r_p: float, r_t: int, scene: Scene, _threads: int) -> Stepper:
     return FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t)
-
-
-def _unchecked(model: str, r_p: float, _scene: Scene, threads: int) -> Stepper:
-    return UncheckedModel(loaded(model, threads), r_p)
 
 
 def _jittered(r_p: float, scene: Scene, threads: int) -> CoarseSimulator:

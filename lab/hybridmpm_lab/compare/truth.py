@@ -67,11 +67,10 @@ class Truth:
         warm_up: int = 0,
         span: int = 200,
         until: int | None = None,
-        substeps: int | None = None,
         threads: int = 1,
     ) -> "Truth":
         """Simulate a scene for `span` frames from the start, or up to the frame `until` where given."""
-        solver = MpmSolver(scene, substeps="reference" if substeps is None else substeps, threads=threads)
+        solver = MpmSolver(scene, substeps="reference", threads=threads)
         impact = first_impact(solver, LONGEST_FALL)
         start = max(impact, warm_up)
         solver.advance(start - impact)

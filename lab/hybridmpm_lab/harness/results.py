@@ -58,8 +58,6 @@ _BASELINES = "--baseline taichi --baseline quadrants --baseline warp"
 RESULTS = (
     Result(name="mpm", command=f"speed {_BASELINES}", minutes=25),
     Result(name="batch", command="batch", minutes=5, has_chart=False),
-    Result(name="scaling", command="scaling", minutes=15),
-    Result(name="neighbors", command="neighbors --baseline scipy", minutes=5),
     Result(name="coarse", command="coarse", minutes=25, has_runs=True),
     Result(
         name="tradeoff",
@@ -70,7 +68,6 @@ RESULTS = (
     ),
     Result(name="models", command="models", minutes=25, has_runs=True),
     Result(name="hybrid", command="hybrid --bounded 200", minutes=240, has_runs=True),
-    Result(name="crossing", command="crossing", minutes=120, has_runs=True),
     Result(name="stability-map", command="stability", minutes=20, has_runs=True),
     Result(name="control", command="control", minutes=180, has_runs=True),
     Result(name="service", command="service", minutes=10, has_chart=False),
@@ -79,9 +76,7 @@ RESULTS = (
 STALE = {
     "mpm": "of solver version 4; half an hour of an idle machine",
     "batch": "of solver version 4; wants an idle machine",
-    "scaling": "of solver version 4; wants an idle machine",
     "tradeoff": "MPM without networks is of solver version 4; an hour, times on an idle machine",
-    "crossing": "its networks were trained anew; two hours of an idle machine",
     "stability-map": "its networks were trained anew",
     "control": "ovals behind posts are of solver version 4; three hours of an idle machine",
 }

@@ -8,14 +8,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hybridmpm import _core
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
-from hybridmpm.scene import Ball, Box, Scene
+from hybridmpm.scene import Box, Scene
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.timing import QUIET, Calibration, FrameTime, TimedSimulation, time_per_frame
@@ -28,8 +28,6 @@ MAX_PARTICLES = 1_000_000
 """Largest number of particles of a block."""
 INSTRUCTIONS = ("portable", "avx2", "avx512")
 """Sets of vector instructions, the narrowest first."""
-GROWING_SUBSTEPS = 16
-"""Substeps of a frame of `growing` scenes, each of 0.02 dx: counted in cells, all scenes move alike."""
 _PIECE = 200_000  # particle-frames of one timing; one of few frames would measure how memory is fetched
 _LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
 
@@ -40,16 +38,20 @@ class Subject(NamedTuple):
     labels: Row
     """Fields that name it in its rows."""
     scene: Scene
-    substeps: Literal["reference"] | int
-    """Substeps of a frame, as of `MpmSolver`."""
     run_up: int
     """Frames before the measurement."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolverSettings:
-    """Settings of our solver and of the measurement."""
+    """Blocks of water and sand in 2D and 3D that fall aslant, and the settings of the measurement."""
 
+    particles: tuple[int, ...] = setting(
+        (4000, 100_000), "Number of particles of a block.", low=64, high=MAX_PARTICLES
+    )
+    frame: tuple[int, ...] = setting(
+        (120,), "Frames before: at 0 the block flies, at 120 it splashes.", low=0, high=10_000
+    )
     threads: tuple[int, ...] = setting((1, 2), "Number of threads of our solver.", low=1, high=1024)
     instructions: tuple[str, ...] = setting(
         INSTRUCTIONS[-1:], "Widest vector instructions of our solver.", INSTRUCTIONS
@@ -60,8 +62,13 @@ class SolverSettings:
     repeats: int = setting(25, "Number of timings of each.", low=1, high=1000)
 
     def subjects(self) -> list[Subject]:
-        """Return the scenes to be timed."""
-        raise NotImplementedError
+        """Return a block for each number of particles, number of frames, dimension and material."""
+        return [
+            Subject({"dim": dim, "material": of}, falling_block(dim, of, count), frames)
+            for count in self.particles
+            for frames in self.frame
+            for dim, of in CASES
+        ]
 
     def instructions_in_use(self) -> list[str]:
         """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
@@ -73,61 +80,6 @@ class SolverSettings:
     def steps(self) -> int:
         """Number of rows."""
         return len(self.subjects()) * len(self.threads) * len(self.instructions_in_use())
-
-
-@dataclass(frozen=True, kw_only=True)
-class SplashSettings(SolverSettings):
-    """Blocks of water and sand in 2D and 3D that fall aslant, at the ground truth's substeps."""
-
-    particles: tuple[int, ...] = setting(
-        (4000, 100_000), "Number of particles of a block.", low=64, high=MAX_PARTICLES
-    )
-    frame: tuple[int, ...] = setting(
-        (120,), "Frames before: at 0 the block flies, at 120 it splashes.", low=0, high=10_000
-    )
-
-    def subjects(self) -> list[Subject]:
-        """Return a block for each number of particles, number of frames, dimension and material."""
-        return [
-            Subject({"dim": dim, "material": of}, falling_block(dim, of, count), "reference", frames)
-            for count in self.particles
-            for frames in self.frame
-            for dim, of in CASES
-        ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class GrowingSettings(SolverSettings):
-    """Blocks of water whose grids grow with them, and a blob of 17 000 particles in growing grids."""
-
-    particles: tuple[int, ...] = setting(
-        (1000, 4000, 16_000, 64_000, 250_000, 1_000_000),
-        "Number of particles of a block, whose grid grows with it.",
-        low=512,
-        high=MAX_PARTICLES,
-    )
-    resolution: tuple[int, ...] = setting(
-        (64, 128, 256, 512), "Cells along each axis of a grid around a blob.", low=32, high=512
-    )
-
-    def subjects(self) -> list[Subject]:
-        """Return a block for each dimension and number of particles, and a blob for each grid."""
-        scenes = []
-        for dim, share in ((2, 0.4), (3, 0.2)):
-            side = (_HIGH - _LOW) * share ** (1 / dim)
-            low, high = (0.5 - side / 2,) * dim, (0.5 + side / 2,) * dim
-            body = Box(material="water", lower=low, upper=high, velocity=(1.0, -2.0, 0.5)[:dim])
-            scenes += [
-                ("particles", _growing(dim, max(8, round(count ** (1 / dim) / (2 * side))), body))
-                for count in self.particles
-            ]
-        for resolution in self.resolution:
-            ball = Ball(material="water", center=(0.5,) * 3, radius=8 / resolution, velocity=(0.0, -2.0, 0.0))
-            scenes.append(("grid", _growing(3, resolution, ball)))
-        return [
-            Subject({"series": series, "dim": scene.dim}, scene, GROWING_SUBSTEPS, 5)
-            for series, scene in scenes
-        ]
 
 
 def falling_block(dim: int, material: str, particles: int) -> Scene:
@@ -154,11 +106,6 @@ def _counts(particles: int, dim: int) -> list[int]:
     even = max(1, math.floor(particles ** (1.0 / dim) + 1e-9))
     count = next((count for count in range(even, even // 2, -1) if particles % count == 0), even)
     return [count, *_counts(particles // count, dim - 1)]
-
-
-def _growing(dim: int, resolution: int, body: Box | Ball) -> Scene:
-    frame_dt, most = GROWING_SUBSTEPS * 0.02 / resolution, 2 * MAX_PARTICLES
-    return Scene(dim=dim, resolution=resolution, frame_dt=frame_dt, bodies=(body,), max_particles=most)
 
 
 def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
@@ -188,9 +135,7 @@ def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
 
 def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Baseline]) -> list[Row]:
     scene = subject.scene
-    solvers = {
-        count: MpmSolver(scene, substeps=subject.substeps, threads=count) for count in settings.threads
-    }
+    solvers = {count: MpmSolver(scene, substeps="reference", threads=count) for count in settings.threads}
     first = next(iter(solvers.values()))
     first.advance(subject.run_up)
     require_sane(first)

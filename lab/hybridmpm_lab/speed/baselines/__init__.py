@@ -1,4 +1,4 @@
-"""Other solvers and searches that ours are measured beside: Taichi, its fork quadrants, Warp, and SciPy."""
+"""Other solvers that ours is measured beside: Taichi, its fork quadrants, and Warp."""
 
 import importlib.util
 
@@ -6,8 +6,6 @@ from hybridmpm.errors import ConfigError
 
 SOLVERS = ("taichi", "quadrants", "warp")
 """Packages in which a plain MLS-MPM solver is written; quadrants is Taichi's maintained fork."""
-SEARCHES = ("scipy",)
-"""Packages with a search for near points."""
 
 
 def require_installed(package: str) -> None:
