@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
-from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.provenance import Provenance, write_rows
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.table import print_table

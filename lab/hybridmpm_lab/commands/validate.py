@@ -4,9 +4,9 @@ from pathlib import Path
 
 import click
 
-from hybridmpm._support import charts
 from hybridmpm.cli.progress import progress
 from hybridmpm_lab import validation
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.validation import page
 
 

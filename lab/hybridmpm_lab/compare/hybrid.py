@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from hybridmpm import scenarios
-from hybridmpm._support import charts
 from hybridmpm.physics.manifest import default_model, models
 from hybridmpm_lab.compare import comparison, methods
 from hybridmpm_lab.compare.comparison import ORIGIN, Case, ComparisonSettings, ratios, samples, seeds
 from hybridmpm_lab.compare.truth import SHARES, reference_scene
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.rows import AT, FIRST_SEED, Row, significant
 from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.store import RowStore

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hybridmpm._support import charts
 from hybridmpm_lab.control.methods import FILLED, NAMES
 from hybridmpm_lab.control.table import ALL, judged_by
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.chart import legend
 from hybridmpm_lab.harness.rows import Row
 

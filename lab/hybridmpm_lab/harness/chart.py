@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from hybridmpm._support import charts
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.rows import Row
 
 _COLUMNS = 4

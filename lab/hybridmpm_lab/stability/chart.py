@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hybridmpm._support import charts
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.stability.outcome import Outcome
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hybridmpm._support import charts
 from hybridmpm._support.files import replacing
+from hybridmpm_lab.harness import charts
 from hybridmpm_lab.validation.case import Case, Check, Curve, Result
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"

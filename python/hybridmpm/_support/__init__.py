@@ -1,1 +1,1 @@
-"""Helpers of all rooms: argument checks, safe files, packed snapshots, charts, facts about the machine."""
+"""Helpers of all rooms: argument checks, safe files, packed snapshots, facts about the machine."""
