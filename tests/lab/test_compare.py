@@ -52,7 +52,6 @@ def few_scenes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.needs("ot", "metrics")
 def test_runs_gather_and_become_a_table(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     runs, file, chart = tmp_path / "runs.jsonl", tmp_path / "rows.json", tmp_path / "chart.svg"
     options = ["--scenario", "water_2d", "--scenes", "2", "--span", "40"]
     options += [word for name in NAMES for word in ("--method", name)]
@@ -265,7 +264,6 @@ def test_models_of_the_library_and_of_files(tmp_path: Path) -> None:
 def test_hybrids_are_compared_with_mpm_of_as_few_particles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("matplotlib")
     monkeypatch.setattr(hybrid, "FRAMES", 130)
     file, chart = tmp_path / "rows.json", tmp_path / "chart.svg"
     words = ["--scenario", "water_2d", "--scenes", "1", "--bounded", "2", "--jobs", "1"]

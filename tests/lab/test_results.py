@@ -32,6 +32,25 @@ def test_published_rows_are_of_what_ships(one: results.Result) -> None:
     assert bool(one.reasons()) == (one.name in results.STALE), one.reasons()
 
 
+@pytest.mark.parametrize(
+    "one",
+    [
+        # A chart of eight panels takes seconds.
+        pytest.param(
+            one, id=one.name, marks=() if one.name in ("mpm", "hybrid", "service") else pytest.mark.long
+        )
+        for one in results.RESULTS
+    ],
+)
+def test_published_rows_are_drawn_again(one: results.Result, tmp_path: Path) -> None:
+    picture = tmp_path / "chart.svg"
+    words = [one.command.split()[0], "--rows", str(one.file)]
+    done = CliRunner().invoke(cli, [*words, *(["--chart", str(picture)] if one.has_chart else [])])
+    assert done.exit_code == 0, done.output
+    assert f", commit {one.rows()[0]['commit']}" in done.stdout
+    assert not one.has_chart or "</svg>" in picture.read_text()
+
+
 def test_plans_know_the_published_errors() -> None:
     shipped = store.shipped()
     rows = plan_errors.read_rows(results.FOLDER / "tradeoff.json")

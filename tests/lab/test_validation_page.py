@@ -85,7 +85,7 @@ def test_a_failed_figure_shows_and_gives_exit_status_1(monkeypatch: pytest.Monke
     ("arguments", "message"),
     [
         (("no_case",), "'no_case' is not one of 'dam_break'"),
-        (("free_fall", "--out", "absent"), "--out: the folder absent does not exist."),
+        (("free_fall", "--out", "absent"), "Directory 'absent' does not exist"),
     ],
 )
 def test_wrong_arguments_give_one_line(arguments: tuple[str, ...], message: str) -> None:

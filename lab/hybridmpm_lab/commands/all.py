@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from hybridmpm.errors import ConfigError
-from hybridmpm_lab.commands.options import print_table
 from hybridmpm_lab.harness import results
+from hybridmpm_lab.harness.table import print_table
 
 
 @click.command("all")

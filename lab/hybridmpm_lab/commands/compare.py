@@ -1,8 +1,6 @@
 """The comparisons `tradeoff`, `coarse`, `models` and `hybrid`, and `plan-errors`."""
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +9,14 @@ import click
 from hybridmpm._support.machine import usable_cores
 from hybridmpm.cli.progress import progress
 from hybridmpm.errors import ConfigError
-from hybridmpm_lab.commands.options import chart_option, json_option, number_option, report, runs_option, save
-from hybridmpm_lab.compare import comparison, lists
+from hybridmpm_lab.commands.options import Measurement, number_option, runs_option
+from hybridmpm_lab.compare import chart, comparison, lists
 from hybridmpm_lab.compare import hybrid as hybrids
 from hybridmpm_lab.compare import plan_errors as errors_of_plans
 from hybridmpm_lab.compare.comparison import Case
-from hybridmpm_lab.harness import chart
+from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Row
-from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.harness.store import RowStore
-from hybridmpm_lab.harness.table import print_table
 from hybridmpm_lab.harness.timing import QUIET
 from hybridmpm_lab.speed.baselines import require_installed
 
@@ -34,89 +30,63 @@ _HYBRID_COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Comparison:
-    """A comparison of methods on scenes, as a command."""
+_OPTIONS = (
+    runs_option,
+    number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one."),
+    number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts."),
+    click.option(
+        "--only",
+        type=click.Choice(["errors", "times", "table"]),
+        help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
+        "table is made of the rows in the file of --runs.",
+    ),
+)
 
-    name: str
-    settings: type[comparison.ComparisonSettings]
-    cases: Callable[[Any], list[Case]]
-    summary: str
-    """Help of the command."""
-    columns: tuple[str, ...] = _COLUMNS
-    table: Callable[[Sequence[Case], RowStore], list[Row]] = comparison.table
-    draw: Callable[[Sequence[Row], Path], object] = chart.chart
-    is_timed: bool = True
 
-    def command(self) -> click.Command:
-        """Return the command."""
+def _command(
+    *,
+    cases: Callable[[Any], list[Case]],
+    columns: Sequence[str] = _COLUMNS,
+    table: Callable[[Sequence[Case], RowStore], list[Row]] = comparison.table,
+    draw: Callable[[Sequence[Row], Path], object] = chart.chart,
+    is_timed: bool = True,
+    **named: Any,
+) -> click.Command:
+    """Return the command of a comparison of methods on the scenes of cases."""
 
-        @settings_options(self.settings)
-        @click.option(
-            "--only",
-            type=click.Choice(["errors", "times", "table"]),
-            help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
-            "table is made of the rows in the file of --runs.",
-        )
-        @number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts.")
-        @number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one.")
-        @runs_option
-        @click.option(
-            "--rows",
-            "rows_file",
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            metavar="FILE",
-            help="Print and draw the rows of this file of --json, and measure nothing.",
-        )
-        @json_option
-        @chart_option
-        def run(**given: Any) -> None:
-            self._run(**given)
-
-        run.__doc__ = self.summary
-        return click.command(self.name)(run)
-
-    def _run(
-        self,
-        *,
+    def measure(
         settings: comparison.ComparisonSettings,
+        origin: Provenance,
+        *,
         only: str | None,
         passes: int,
         jobs: int,
         runs_file: Path | None,
-        rows_file: Path | None,
-        json_file: Path | None,
-        chart_file: Path | None,
-    ) -> None:
-        if rows_file is not None:
-            rows = json.loads(rows_file.read_text(encoding="utf-8"))
-            print_table(rows, [name for name in self.columns if name in rows[0]])
-            save(rows, json_file, chart_file, self.draw)
-            return
+    ) -> list[Row]:
         if only == "table" and runs_file is None:
             raise ConfigError(
                 "--only table makes the table of runs that are there: name their file by --runs"
             )
         for peer in getattr(settings, "peer", ()):
             require_installed(peer)
-        cases, store = self.cases(settings), RowStore(settings.shared(), runs_file)
-        origin = origin_of(self.name, settings)
+        found, store = cases(settings), RowStore(settings.shared(), runs_file)
         if only in (None, "errors"):
-            with progress("Errors", sum(len(case.seeds) for case in cases)) as bar:
-                comparison.measure_errors(cases, store, origin, jobs, bar.update)
-        if only in (None, "times") and self.is_timed:
-            with progress("Times", len(cases)) as bar:
-                comparison.measure_times(cases, store, origin, passes, bar.update)
-        rows = self.table(cases, store)
+            with progress("Errors", sum(len(case.seeds) for case in found)) as bar:
+                comparison.measure_errors(found, store, origin, jobs, bar.update)
+        if only in (None, "times") and is_timed:
+            with progress("Times", len(found)) as bar:
+                comparison.measure_times(found, store, origin, passes, bar.update)
+        rows = table(found, store)
         if not rows:
             raise ConfigError(f"{runs_file} has no runs of these cases; measure them first")
-        columns = [name for name in self.columns if name in rows[0]]
-        report(rows, columns, origin, json_file, chart_file=chart_file, draw=self.draw)
         if busy := {str(row["scenario"]) for row in rows if (row.get("slowdown") or 0) > QUIET}:
             click.echo(f"The machine was busy while these were timed, so time them again: {', '.join(busy)}")
+        return rows
+
+    return Measurement(measure=measure, columns=columns, draw=draw, options=_OPTIONS, **named).command()
 
 
-tradeoff = _Comparison(
+tradeoff = _command(
     name="tradeoff",
     settings=lists.TradeoffSettings,
     cases=lists.tradeoff,
@@ -127,8 +97,8 @@ tradeoff = _Comparison(
     and no fit contains. Methods that another one beats in both are dominated, all others are the Pareto
     front. equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
     """,
-).command()
-coarse = _Comparison(
+)
+coarse = _command(
     name="coarse",
     settings=lists.CoarseSettings,
     cases=lists.coarse,
@@ -137,8 +107,8 @@ coarse = _Comparison(
     Beside them stand the floors of the error (jitter: the truth with other jitter; merged: the truth shown by
     as few particles) and its ceiling (still: the initial state held).
     """,
-).command()
-models = _Comparison(
+)
+models = _command(
     name="models",
     settings=lists.ModelsSettings,
     cases=lists.models,
@@ -146,8 +116,8 @@ models = _Comparison(
 
     equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
     """,
-).command()
-hybrid = _Comparison(
+)
+hybrid = _command(
     name="hybrid",
     settings=hybrids.HybridSettings,
     cases=hybrids.cases,
@@ -160,7 +130,7 @@ hybrid = _Comparison(
     table=hybrids.table,
     draw=hybrids.chart,
     is_timed=False,
-).command()
+)
 
 
 @click.command("plan-errors")

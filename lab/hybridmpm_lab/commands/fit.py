@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from hybridmpm.cli.progress import progress
-from hybridmpm_lab.commands.options import print_table
 from hybridmpm_lab.fitting.levels import FitSettings, fit_levels
 from hybridmpm_lab.harness.settings import settings_options
+from hybridmpm_lab.harness.table import print_table
 
 _COLUMNS = (
     "material", "dim", "coarse", "particles_per_cell", "modulus", "cfl", "affine_share", "relaxation",

@@ -1,23 +1,20 @@
-"""Options that all commands share, and the output of rows."""
+"""A measurement as a command: its options, the progress, and the output of its rows."""
 
+import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
 from hybridmpm.cli.progress import progress
-from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.provenance import Provenance, write_rows
 from hybridmpm_lab.harness.rows import Progress, Row
+from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.harness.table import print_table
 
-__all__ = ["print_table"]
-
-
-def _file_option(name: str, target: str, check: Callable[..., Path | None], text: str) -> Callable[..., Any]:
-    kind = click.Path(dir_okay=False, path_type=Path)
-    return click.option(name, target, type=kind, metavar="FILE", callback=check, help=text)
+Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 def _in_a_folder(_context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
@@ -26,25 +23,22 @@ def _in_a_folder(_context: click.Context, option: click.Parameter, file: Path | 
     return file
 
 
-def _drawable(context: click.Context, option: click.Parameter, file: Path | None) -> Path | None:
-    if file is not None:
-        charts.panels()  # Without matplotlib the error comes here, not after the measurement.
-    return _in_a_folder(context, option, file)
+def file_option(name: str, text: str, *, exists: bool = False) -> Option:
+    """Return an option for a file, as the argument `..._file`."""
+    kind = click.Path(exists=exists, dir_okay=False, path_type=Path)
+    return click.option(
+        f"--{name}", f"{name}_file", type=kind, metavar="FILE", callback=_in_a_folder, help=text
+    )
 
 
-json_option = _file_option("--json", "json_file", _in_a_folder, "Write the rows to this JSON file, too.")
-chart_option = _file_option("--chart", "chart_file", _drawable, "Draw the rows into this file.")
-runs_option = _file_option(
-    "--runs",
-    "runs_file",
-    _in_a_folder,
-    "File to which runs are appended; the same command resumes with it after an interruption.",
-)
-
-
-def number_option(name: str, low: int, high: int, default: int, text: str) -> Callable[..., Any]:
+def number_option(name: str, low: int, high: int, default: int, text: str) -> Option:
     """Return an option for one whole number."""
     return click.option(name, type=click.IntRange(low, high), default=default, show_default=True, help=text)
+
+
+runs_option = file_option(
+    "runs", "File to which runs are appended; the same command resumes with it after an interruption."
+)
 
 
 def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: Provenance) -> list[Row]:
@@ -53,34 +47,60 @@ def measured(measure: Callable[[Progress], Iterable[Row]], steps: int, origin: P
         return [origin.stamped(row) for row in measure(bar.update)]
 
 
-def save(
-    rows: Sequence[Row],
-    json_file: Path | None,
-    chart_file: Path | None = None,
-    draw: Callable[[Sequence[Row], Path], object] | None = None,
-) -> None:
-    """Write and draw the rows where files are given."""
-    if json_file is not None:
-        write_rows(json_file, rows)
-    if chart_file is not None and draw is not None:
-        draw(rows, chart_file)
+@dataclass(frozen=True, kw_only=True)
+class Measurement:
+    """A measurement whose rows are printed, written and drawn."""
 
+    name: str
+    summary: str
+    """Help of the command."""
+    settings: type[Any]
+    measure: Callable[..., list[Row]]
+    """Function of the settings, the origin and the further options that returns the rows."""
+    columns: Sequence[str] = ()
+    """Fields of the rows that are printed."""
+    draw: Callable[[Sequence[Row], Path], object] | None = None
+    show: Callable[[Sequence[Row]], object] | None = None
+    """Prints the rows in place of a table of `columns`."""
+    options: Sequence[Option] = ()
+    """Further options."""
 
-def report(
-    rows: Sequence[Row],
-    columns: Sequence[str],
-    origin: Provenance,
-    json_file: Path | None,
-    *,
-    chart_file: Path | None = None,
-    draw: Callable[[Sequence[Row], Path], object] | None = None,
-) -> None:
-    """Save the rows, and print some of their columns and their origin."""
-    save(rows, json_file, chart_file, draw)
-    print_table(rows, columns)
-    print_origin(origin)
+    def command(self) -> click.Command:
+        """Return the command."""
 
+        @settings_options(self.settings)
+        @file_option(
+            "rows", "Print and draw the rows of this file of --json, and measure nothing.", exists=True
+        )
+        @file_option("json", "Write the rows to this JSON file, too.")
+        def run(
+            *,
+            settings: Any,
+            rows_file: Path | None,
+            json_file: Path | None,
+            chart_file: Path | None = None,
+            **more: Any,
+        ) -> None:
+            if rows_file is None:
+                rows = self.measure(settings, origin_of(self.name, settings), **more)
+            else:
+                rows = json.loads(rows_file.read_text(encoding="utf-8"))
+            if json_file is not None:
+                write_rows(json_file, rows)
+            if chart_file is not None and self.draw is not None:
+                self.draw(rows, chart_file)
+            if self.show is None:
+                known = [name for name in self.columns if any(row.get(name) is not None for row in rows)]
+                print_table(rows, known)
+            else:
+                self.show(rows)
+            origin = rows[0]
+            click.echo(f"{origin['machine']}, {origin['date']}, commit {origin['commit'] or 'unknown'}")
 
-def print_origin(origin: Provenance) -> None:
-    """Print machine, date and commit of the rows."""
-    click.echo(f"{origin.machine}, {origin.date}, commit {origin.commit or 'unknown'}")
+        run.__doc__ = self.summary
+        called: Callable[..., Any] = run
+        if self.draw is not None:
+            called = file_option("chart", "Draw the rows into this file.")(called)
+        for option in self.options:
+            called = option(called)
+        return click.command(self.name)(called)

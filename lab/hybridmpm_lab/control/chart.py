@@ -7,7 +7,6 @@ from typing import Any
 from hybridmpm_lab.control.methods import FILLED, NAMES
 from hybridmpm_lab.control.table import ALL, judged_by
 from hybridmpm_lab.harness import charts
-from hybridmpm_lab.harness.chart import legend
 from hybridmpm_lab.harness.rows import Row
 
 _COLUMNS = 3
@@ -48,7 +47,7 @@ def chart(rows: Sequence[Row], file: Path) -> None:
         else:
             panel.set(yscale="log")
             charts.plain_log_ticks(panel.yaxis)
-    legend(figure, axes)
+    _legend(figure, axes)
     charts.save(figure, file)
 
 
@@ -64,3 +63,14 @@ def _draw(panel: Any, rows: Sequence[Row], measure: str, index: int) -> None:
             look = {"markersize": 9, "zorder": 3, "label": row["method"]}
         at = [row["plan_ms"]], [row[measure]], [row[f"{measure}_se"] or 0.0]
         panel.errorbar(*at, color=colour, marker=marker, linestyle="", **look)
+
+
+def _legend(figure: Any, axes: Any) -> None:
+    """Add one legend of the entries of all panels above them."""
+    entries = {
+        label: handle
+        for panel in axes.flat
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(3, axes.shape[1])
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, fontsize=8)

@@ -133,10 +133,10 @@ def ratio_of_means(pairs: _Floats) -> tuple[float, float | None]:
     return ratio, float(apart.std(ddof=1) / np.sqrt(len(pairs)) / others.mean())
 
 
-def tables(rows: Sequence[Row], aims: Sequence[Row]) -> str:
-    """Return tables in Markdown, of rows of `means` and of `compared_with_aims`.
+def tables(rows: Sequence[Row]) -> str:
+    """Return tables in Markdown, of rows of `means`.
 
-    They are results by family, costs, naturalness, aims, and errors beside the paper's.
+    They are results by family, costs, naturalness, and errors beside the paper's.
     """
     groups: dict[str, list[Row]] = {}
     for row in rows:
@@ -162,13 +162,14 @@ def tables(rows: Sequence[Row], aims: Sequence[Row]) -> str:
     judged = [(f"{row['scenario']}, {row['sketch']}s", row) for row in rows if row["naturalness"] is not None]
     natural = {(title, row["method"]): f"{row['naturalness']:.2f}" for title, row in judged}
     natural |= {(title, "real against real"): f"{row['naturalness_of_reals']:.2f}" for title, row in judged}
-    parts += [_table("all scenarios", costs), _table("naturalness", natural), _table("aims", _aims(aims))]
+    parts += [_table("all scenarios", costs), _table("naturalness", natural)]
     return "\n".join(
         part for part in [*parts, _table("reversed: nrmse (ratio)", _beside_paper(rows))] if part
     )
 
 
-def _aims(aims: Sequence[Row]) -> Cells:
+def aims_table(aims: Sequence[Row]) -> str:
+    """Return rows of `compared_with_aims` as a table in Markdown."""
     cells: Cells = {}
     for row in aims:
         bodies = ", one body" if row["bodies"] == "1" else ""
@@ -177,7 +178,7 @@ def _aims(aims: Sequence[Row]) -> Cells:
         cells[line, "largest ratio"] = f"{row['aim']:.2f}"
         cells[line, "measured"] = f"{row['measured']}" + ("" if row["se"] is None else f" ± {row['se']}")
         cells[line, ""] = "met" if row["met"] else "missed"
-    return cells
+    return _table("aims", cells)
 
 
 def _beside_paper(rows: Sequence[Row]) -> Cells:

@@ -1,14 +1,15 @@
-"""The common look of all charts; only this module imports matplotlib, and only when a chart is drawn."""
+"""The common look of all charts."""
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from hybridmpm._support.files import replacing
-from hybridmpm.errors import ConfigError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOURS = (
     *("#1f6f9f", "#c8553d", "#3a7d44", "#8d6a9f", "#b8860b", "#5c6b73"),
@@ -34,27 +35,14 @@ _STYLE: Any = {
 }
 
 
-def panels(
-    columns: int = 1, rows: int = 1, *, width: float = 4.5, height: float = 3.4
-) -> "tuple[Figure, Any]":
+def panels(columns: int = 1, rows: int = 1, *, width: float = 4.5, height: float = 3.4) -> tuple[Figure, Any]:
     """Make a figure of panels of equal size, each `width` by `height` inches.
 
     Returns
     -------
     Figure, array of Axes
         The figure, and its axes as an array (rows, columns).
-
-    Raises
-    ------
-    ConfigError
-        matplotlib is not installed.
     """
-    try:
-        import matplotlib as mpl  # noqa: PLC0415 - an extra
-        from matplotlib.figure import Figure  # noqa: PLC0415
-        from matplotlib.rcsetup import cycler  # noqa: PLC0415
-    except ImportError:
-        raise ConfigError("charts need matplotlib: pip install 'matplotlib>=3.10'") from None
     with mpl.rc_context(_STYLE | {"axes.prop_cycle": cycler(color=COLOURS)}):
         figure = Figure(figsize=(width * columns, height * rows))
         axes = figure.subplots(rows, columns, squeeze=False)
@@ -63,14 +51,12 @@ def panels(
 
 def plain_log_ticks(axis: Any) -> None:
     """Label a logarithmic axis with plain numbers, at 1, 2 and 5 of each decade, so that none overlap."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: PLC0415 - an extra
-
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
-def save(figure: "Figure", path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write the figure in the format that the suffix of `path` names, such as .svg or .png.
 
     Raises
@@ -78,8 +64,6 @@ def save(figure: "Figure", path: Path) -> None:
     ExportError
         A file could not be written.
     """
-    import matplotlib as mpl  # noqa: PLC0415 - an extra
-
     legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
     for legend in filter(None, legends):
         legend.set_frame_on(False)

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.stability.outcome import Outcome
@@ -47,9 +50,6 @@ def draw(rows: Sequence[Row], file: Path) -> None:
 
 
 def _keys() -> list[Any]:
-    from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
-    from matplotlib.patches import Patch  # noqa: PLC0415
-
     signal = Line2D([], [], color="black", marker=".", linestyle="", label="a signal to the user")
     return [
         *(Patch(color=colour, label=f"{name} ({SIGNS[name]})") for name, colour in COLOURS.items()),

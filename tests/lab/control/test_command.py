@@ -23,7 +23,7 @@ from hybridmpm_lab.control.runner import (
 )
 from hybridmpm_lab.control.sheets import sheets
 from hybridmpm_lab.control.suite import Case, cases
-from hybridmpm_lab.control.table import compared_with_aims, means, tables
+from hybridmpm_lab.control.table import aims_table, compared_with_aims, means, tables
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.harness.store import RowStore
@@ -179,7 +179,6 @@ def test_a_broken_method_is_named_with_its_case_and_its_error(name: str, message
 
 @pytest.mark.usefixtures("mine")
 def test_the_command_compares_ones_own_method_with_the_others(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     rows_file, picture = tmp_path / "rows.json", tmp_path / "control.svg"
     own = ("--method", "my_control:Idle", "--method", "my_control:Failing")
     words = [
@@ -248,7 +247,8 @@ def test_tables_have_figures_costs_aims_and_the_papers_ratios() -> None:
         add(store, case, "constant", error=1.0, nrmse=0.2, rms_g=1.0, plan_ms=800.0, slowdown=1.1)
         add(store, case, "analytic", error=better, nrmse=0.1, rms_g=2.0, plan_ms=20.0, slowdown=1.2)
     methods = methods_of(("constant", "analytic"))
-    text = tables(means(store, some, methods), compared_with_aims(rows_of(some, methods, store)))
+    text = tables(means(store, some, methods))
+    text += aims_table(compared_with_aims(rows_of(some, methods, store)))
     assert "Measured on a part of the sketches, 2 a row or more; m, 2026-01-01, commit 0123456." in text
     assert "| water_2d | 1.000 ± 0.000 | 0.600 ± 0.100 |" in text
     assert "| reversed, ovals, analytic |  |  |  | 20 |  |  | 1.2 |" in text
@@ -261,4 +261,4 @@ def test_the_page_has_the_tables_of_the_committed_results() -> None:
     page = PAGE.read_text(encoding="utf-8")
     rows = json.loads((DOCS / "results" / "control.json").read_text())
     # Aims need single runs, which are not committed; all other tables follow from the rows.
-    assert [part for part in tables(rows, []).split("\n\n") if part.strip() not in page] == []
+    assert [part for part in tables(rows).split("\n\n") if part.strip() not in page] == []

@@ -5,6 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.lines import Line2D
+
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.rows import Row
 
@@ -53,23 +58,8 @@ def chart(rows: Sequence[Row], file: Path) -> None:
     charts.save(figure, file)
 
 
-def legend(figure: Any, axes: Any) -> None:
-    """Add one legend of the entries of all panels above them."""
-    entries = {
-        label: handle
-        for panel in axes.flat
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-    }
-    columns = min(3, axes.shape[1])
-    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, fontsize=8)
-
-
 def _shades() -> Any:
     """Return the colours of shares of frames, from none (violet) to all (yellow-green) by MPM."""
-    from matplotlib import colormaps  # noqa: PLC0415 - an extra
-    from matplotlib.cm import ScalarMappable  # noqa: PLC0415
-    from matplotlib.colors import LinearSegmentedColormap, Normalize  # noqa: PLC0415
-
     part = LinearSegmentedColormap.from_list("share", colormaps["plasma"]([0.05, 0.3, 0.55, 0.8]))
     return ScalarMappable(Normalize(0.0, 1.0), part)
 
@@ -132,8 +122,6 @@ def _point(panel: Any, row: Row, *, is_front: bool, colour: Any) -> None:
 
 def _explain(panel: Any, others: Sequence[Any], marks: dict[str, str], shades: Any) -> None:
     """Fill the last panel with the meaning of lines, markers and colours."""
-    from matplotlib.lines import Line2D  # noqa: PLC0415 - an extra
-
     lines = {
         label: handle
         for other in others
