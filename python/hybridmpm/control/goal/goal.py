@@ -251,8 +251,10 @@ class Goal:
         if cut_off > 0:
             text = f"obstacles leave no way there for {100 * cut_off:.0f} % of the fluid"
             found.append(Obstruction("obstacle", f"{text}: draw the goal on its side of them"))
-        if self.squeezes and float(self.cloud.weight @ (self.cloud.types == SAND)) > _SOLID:
-            text = "the gap is too narrow for the sand to pass whole"
+        sand = float(self.cloud.weight @ (self.cloud.types == SAND))
+        # Some of the groups stay behind; water that need fill no region makes up for them.
+        if self.squeezes and (sand > _SOLID or self.region is not None):
+            text = "the gap is too narrow for the fluid to pass whole"
             found.append(Obstruction("obstacle", f"{text}: draw the arrow through a wider one"))
         if self.drawn is None and not self.room.is_free(self.path[-1:]).all():
             found.append(

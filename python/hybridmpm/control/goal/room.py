@@ -87,7 +87,7 @@ class RoomGrid:
     distance: Floats
     """Signed distance of the nearest obstacle in each node, D axes [m]."""
 
-    @property
+    @cached_property
     def nodes(self) -> Floats:
         """Nodes, D axes and the coordinates [m]."""
         index = np.stack(np.meshgrid(*map(np.arange, self.distance.shape), indexing="ij"), axis=-1)

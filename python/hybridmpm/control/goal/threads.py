@@ -45,13 +45,20 @@ def threaded(
         The region's particles about the centre of mass.
     grid : RoomGrid
     """
-    for width in _WIDTHS:
+
+    def around(width: float) -> Floats | None:
         thin = Bends(body.room, width * body.offset, 0 * body.offset)
         inward = thin.within(way)
-        if (found := thin.around(way if inward is None else inward, grid)) is not None:
-            break
-    else:
+        return thin.around(way if inward is None else inward, grid)
+
+    # Most of those that cannot pass at all are found out by the thinnest.
+    if (found := around(_WIDTHS[-1])) is None:
         return None
+    width = _WIDTHS[-1]
+    for wider in _WIDTHS[:-1]:
+        if (way_round := around(wider)) is not None:
+            width, found = wider, way_round
+            break
     half = width * float(np.linalg.norm(body.offset, axis=1).max())
     line = _even(_rounded(_even(found), _SMOOTHED * half))
     frames = _frames(_rounded(line, 4 * half))
