@@ -29,7 +29,7 @@ from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans
 
 _PICTURE = "sketch"
-"""Form field of the PNG."""
+"""Form field of the picture."""
 _OUTLINE_POINTS = 96
 _DIGITS = 4
 """Decimals of needs and of points on outlines."""
@@ -70,7 +70,7 @@ async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> 
     RequestValidationError, FieldError
         A field is not allowed, or the sketch cannot be read.
     UploadTooLargeError
-        The PNG has more bytes than the limit.
+        The picture has more bytes than the limit.
     UnsupportedFormatError
         The body is neither JSON nor a multipart form.
     """
@@ -80,7 +80,7 @@ async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> 
     if media_type == "multipart/form-data":
         return await _read_form(request, turns, max_upload_bytes)
     raise UnsupportedFormatError(
-        "send application/json with strokes or multipart/form-data with a PNG, "
+        "send application/json with strokes or multipart/form-data with a picture, "
         f"got {media_type or 'no Content-Type'}"
     )
 
@@ -104,7 +104,9 @@ async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sk
             fields = ", ".join([_PICTURE, *known])
             raise FieldError(f"body.{unknown[0]}", f"unknown field; there are {fields}")
         if not isinstance(upload, UploadFile):
-            raise FieldError("body.sketch", "is required, as a file: a PNG of a red arrow or a green outline")
+            raise FieldError(
+                "body.sketch", "is required, as a file: a PNG, JPEG or WebP of a red arrow or a green outline"
+            )
         settings = _checked(lambda: SketchSettings.model_validate_strings(texts))
         # The whole form is limited, too, while it arrives.
         data = await upload.read(max_bytes + 1)

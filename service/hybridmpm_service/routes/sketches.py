@@ -47,7 +47,7 @@ _STRIDE = (
 _PICTURE = {
     "type": "string",
     "format": "binary",
-    "description": "PNG of a red arrow or a green outline on white.",
+    "description": "PNG, JPEG or WebP of a red arrow or a green outline on paper.",
 }
 _BODY: dict[str, Any] = {
     "requestBody": {

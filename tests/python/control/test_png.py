@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hybridmpm.control import Arrow, parse_png, render_png
-from hybridmpm.control.sketch.raster import MAX_BYTES
+from hybridmpm.control.sketch.picture import MAX_BYTES
 from hybridmpm.errors import SketchError
 
 GOOD = render_png(Arrow([[0.2, 0.3], [0.6, 0.7]]))  # type: ignore[arg-type]
@@ -33,10 +33,21 @@ def _one_pixel_mark() -> bytes:
     return _png(image)
 
 
-def _jpeg() -> bytes:
+def _saved(image: Image.Image, kind: str, **options: object) -> bytes:
     data = io.BytesIO()
-    _blank().save(data, "JPEG")
+    image.save(data, kind, **options)
     return data.getvalue()
+
+
+RED = Image.new("RGB", (512, 512), "red")
+
+
+def _jpeg_bomb() -> bytes:
+    """Return a JPEG whose header says that it is 60000 x 60000."""
+    data = bytearray(_saved(_blank(16, 16), "JPEG"))
+    place = data.index(b"\xff\xc0") + 5
+    data[place : place + 4] = struct.pack(">HH", 60000, 60000)
+    return bytes(data)
 
 
 def _bomb_header() -> bytes:
@@ -56,25 +67,31 @@ def _text_bomb() -> bytes:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: b"", "not a PNG"),
-        (lambda: b"GIF89a" + bytes(100), "not a PNG"),
-        (_jpeg, "not a PNG"),
+        (lambda: b"", "no PNG, JPEG or WebP"),
+        (lambda: b"GIF89a" + bytes(100), "no PNG, JPEG or WebP"),
+        (lambda: b"RIFF\x10\0\0\0WEBPVP8 " + bytes(8), "truncated or damaged"),
+        (lambda: _saved(_blank(), "JPEG")[:300], "truncated or damaged"),
+        (lambda: _saved(_blank(), "JPEG").replace(b"\xff\xd9", b"\xff\xda" * 50), "scans"),
+        (lambda: _saved(_blank(), "JPEG"), "blank"),
+        (lambda: _saved(_blank(), "WEBP"), "blank"),
+        (lambda: _saved(_blank(), "WEBP", save_all=True, append_images=[RED]), "animated"),
         (lambda: GOOD[:20], "truncated"),
         (lambda: GOOD[:400], "truncated or damaged"),
         (lambda: GOOD[:100] + bytes(200) + GOOD[300:], "truncated or damaged"),
         (lambda: GOOD + bytes(MAX_BYTES), f"at most {MAX_BYTES}"),
-        (_bomb_header, "16 to 2048"),
+        (_bomb_header, "16 to 4096"),
+        (_jpeg_bomb, "16 to 4096"),
         (_text_bomb, "truncated or damaged"),
-        (lambda: _png(_blank(1, 1)), "16 to 2048"),
-        (lambda: _png(_blank(4000, 100)), "16 to 2048"),
-        (lambda: _png(_blank(4096, 4096)), "16 to 2048"),
-        (lambda: _png(_blank(512, 256)), "square"),
+        (lambda: _png(_blank(1, 1)), "16 to 4096"),
+        (lambda: _png(_blank(5000, 100)), "16 to 4096"),
+        (lambda: _png(_blank(4097, 4097)), "16 to 4096"),
+        (lambda: _png(_blank(512, 256)), "blank"),
         (lambda: _png(_blank()), "blank"),
         (_one_pixel_mark, "1 drawn pixels.*at least 40"),
         (lambda: _png(Image.new("RGB", (512, 512), "red")), "blank"),
         (lambda: _png(Image.new("RGB", (512, 512), "black")), "blank"),
         (
-            lambda: _png(_blank(), save_all=True, append_images=[Image.new("RGB", (512, 512), "red")]),
+            lambda: _png(_blank(), save_all=True, append_images=[RED]),
             "animated",
         ),
     ],

@@ -298,7 +298,7 @@ def _maze() -> bytes:
         (partial(_noise, 0.2, (0, 0, 0)), "separate marks"),
         (partial(_noise, 0.45, (0, 0, 0)), "is ink, at most 30%"),
         (partial(_photograph, 3), "red and green"),
-        (partial(_photograph, 1), "is ink, at most 30%"),
+        (partial(_photograph, 1), "separate marks"),
         (partial(_scribble, "green", 30), "no oval|filled"),
         (partial(_scribble, "red", 30), "head looks like its tail|other lines|too long"),
         (partial(_scribble, "black", 12), "head looks like its tail|other lines|too long"),

@@ -5,6 +5,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 from hybridmpm.control.sketch.sketch import Floats
 from hybridmpm.errors import SketchError
@@ -24,12 +25,26 @@ _FULL = 90.0
 MAX_GAP = 12
 """Widest gap between two pieces of one mark [pixels]; a hand that lifts the pen leaves such gaps."""
 Pieces: TypeAlias = npt.NDArray[np.int64]
+_COARSE = 3
+"""Distance from ink [pixels] up to which colours are blurred where a file keeps half of their pixels."""
+_NOISE = 95.0
+"""Percentile of the weaker contrasts up to which they are noise."""
+_STRAY = 0.1
+"""Least share of one colour's ink to that of the other from which both are sketches."""
 _MAIN_INK = 0.8
 """Smallest fraction of the ink that the main mark must have; the rest is dust."""
 MAX_PIECES = 8
 """Largest number of pieces of one mark."""
 _DUST = 0.01
 """Largest share of the ink of a piece that counts as dust and is not joined to the mark."""
+_BLOCK = 16
+"""Side of the blocks whose medians show how a picture is lit [pixels]."""
+_WINDOW = 7
+"""Number of blocks across over which the median is taken, so that lines and heads do not count."""
+_LIT = 16
+"""Least difference between the lights of two places, of 255, that is evened out."""
+_EDGE = 40
+"""Largest difference between neighbouring blocks; at the edge of a filled shape it is larger."""
 _SAMPLES = 1500
 """Largest number of pixels between which gaps are measured."""
 
@@ -48,10 +63,12 @@ class Ink:
         return self.coverage >= 0.5
 
 
-def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
+def read_ink(picture: npt.NDArray[np.uint8], *, is_lossy: bool = False) -> Ink:
     """Return the ink of a picture, uint8 (512, 512, 3), whose ground is the colour of most pixels.
 
-    Red ink is taken where there is any, else green ink, else all that differs from the ground.
+    Where light falls unevenly on the ground, as on photographed paper, it is evened out. Red ink is taken
+    where there is any, else green ink, else all that differs from the ground. `is_lossy` is for pictures of
+    JPEG and WebP files.
 
     Raises
     ------
@@ -59,7 +76,8 @@ def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
         The picture is blank, has red and green ink, too few drawn pixels or too many.
     """
     # One contiguous array for each colour: numpy is several times as slow along an axis of three.
-    channels = np.ascontiguousarray(np.moveaxis(picture, -1, 0)).astype(np.int16)
+    given = np.ascontiguousarray(np.moveaxis(picture, -1, 0)).astype(np.int16)
+    channels = _evenly_lit(given)
     red, green, blue = (channel - np.int16(_middle(channel)) for channel in channels)
     redness, greenness = red - np.maximum(green, blue), green - np.maximum(red, blue)
     colored = (redness >= MIN_COLOR) | (greenness >= MIN_COLOR)
@@ -72,11 +90,11 @@ def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
     counts = [int(ink.mask.sum()) for ink in inks]
     if not any(counts):
         raise SketchError("the sketch is blank: draw a red arrow or a green outline on white")
-    # A few stray pixels of another colour are no second sketch.
-    if min(counts[:2]) >= MIN_INK:
+    # A few stray pixels of another colour are no second sketch, nor is the edge of a line in a JPEG.
+    if min(counts[:2]) >= max(MIN_INK, _STRAY * max(counts[:2])):
         raise SketchError("the sketch has red and green ink: send one arrow or one outline at a time")
-    drawn = [index for index in (0, 1) if counts[index] >= MIN_INK]
-    chosen = drawn[0] if drawn else int(np.argmax(counts))
+    colored_ink = int(np.argmax(counts[:2]))
+    chosen = colored_ink if counts[colored_ink] >= MIN_INK else int(np.argmax(counts))
     if counts[chosen] < MIN_INK:
         raise SketchError(
             f"the sketch has {counts[chosen]} drawn pixels, it needs at least {MIN_INK} (of 512 x 512)"
@@ -87,7 +105,38 @@ def read_ink(picture: npt.NDArray[np.uint8]) -> Ink:
             f"{fraction:.0%} of the picture is ink, at most {MAX_INK:.0%} may be: "
             "draw a line on an even ground"
         )
-    return inks[chosen]
+    ink = inks[chosen]
+    is_photographed = is_lossy or channels is not given
+    return _sharpened(ink, np.stack([red, green, blue])) if is_photographed and chosen < 2 else ink
+
+
+def _sharpened(ink: Ink, apart: npt.NDArray[np.int16]) -> Ink:
+    """Return ink by all that sets it apart from the ground, (3, 512, 512): files may keep colours coarsely."""
+    near = grown(ink.mask, _COARSE)
+    color = np.median(apart[:, ink.coverage >= 1], axis=1)
+    strength = np.where(near, np.tensordot(color, apart, 1) / np.hypot.reduce(color), 0)
+    return Ink(ink.color, _coverage(np.rint(strength).astype(np.int16)))
+
+
+def _evenly_lit(channels: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
+    """Return channels (3, 512, 512) as they would be if the ground were lit as it is in most places."""
+    side = channels.shape[-1] // _BLOCK
+    blocks = channels.reshape(3, side, _BLOCK, side, _BLOCK).swapaxes(2, 3).reshape(3, side, side, -1)
+    medians = np.median(blocks, axis=-1)
+    if np.ptp(medians, axis=(1, 2)).max() < _LIT:
+        return channels
+    padded = np.pad(medians, ((0, 0), (_WINDOW // 2,) * 2, (_WINDOW // 2,) * 2), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (_WINDOW, _WINDOW), axis=(1, 2))
+    light = np.median(windows, axis=(-2, -1))
+    steps = max(np.abs(np.diff(light, axis=axis)).max() for axis in (1, 2))
+    if np.ptp(light, axis=(1, 2)).max() < _LIT or steps > _EDGE:
+        return channels
+    even = np.empty_like(channels)
+    for channel, lit, out in zip(channels, light, even, strict=True):
+        fine = Image.fromarray(lit.astype(np.float32)).resize(channel.shape, Image.Resampling.BICUBIC)
+        factor = _middle(channel) / np.maximum(np.asarray(fine), 1.0)
+        out[:] = np.minimum(np.rint(channel * factor), 255)
+    return even
 
 
 def _middle(values: npt.NDArray[np.int16]) -> int:
@@ -97,12 +146,15 @@ def _middle(values: npt.NDArray[np.int16]) -> int:
 
 
 def _coverage(strength: npt.NDArray[np.int16]) -> Floats:
-    clear = strength[strength >= MIN_COLOR]
-    if not clear.size:
+    is_clear = strength >= MIN_COLOR
+    if not is_clear.any():
         return np.zeros(strength.shape)
     coverage = np.zeros(strength.shape)
-    drawn = strength > 0
-    coverage[drawn] = np.minimum(strength[drawn] / np.percentile(clear, _FULL), 1.0)
+    # The noise of a camera and the blocks of a JPEG; 0 in a picture that was drawn.
+    noise = max(float(np.percentile(strength[~is_clear], _NOISE)), 0.0) if not is_clear.all() else 0.0
+    drawn = strength > noise
+    full = np.percentile(strength[is_clear], _FULL) - noise
+    coverage[drawn] = np.minimum((strength[drawn] - noise) / full, 1.0)
     return coverage
 
 

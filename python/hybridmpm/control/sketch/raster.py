@@ -1,16 +1,13 @@
-"""Reading a PNG: its pixels, its ink, and the arrow or oval in the ink."""
+"""Reading a picture: the arrow or oval in its ink."""
 
-import io
-import struct
-import zlib
+from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
-from PIL import Image
 
-from hybridmpm.control.sketch.ink import grown, main_mark, pixels_of, read_ink
+from hybridmpm.control.sketch.ink import Ink, grown, main_mark, pixels_of, read_ink
 from hybridmpm.control.sketch.inked_arrow import read_arrow
 from hybridmpm.control.sketch.outline import Outline, fit_outline
+from hybridmpm.control.sketch.picture import decode
 from hybridmpm.control.sketch.sketch import (
     RASTER_SIZE,
     WIDTH_AT_BACK,
@@ -21,16 +18,6 @@ from hybridmpm.control.sketch.sketch import (
 )
 from hybridmpm.errors import SketchError
 
-MAX_BYTES = 1 << 20
-"""Largest size of a PNG [bytes]."""
-MIN_SIDE = 16
-"""Smallest side of a PNG [pixels]."""
-MAX_SIDE = 2048
-"""Largest side of a PNG [pixels]."""
-
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_DECODE_ERRORS = (OSError, SyntaxError, ValueError, EOFError, IndexError, struct.error, zlib.error)
-"""Exceptions that Pillow's PNG plugin raises on damaged files."""
 MAX_OPENING = np.radians(70)
 """Widest gap of a drawn oval, seen from its middle [rad]."""
 _CORE = 0.3
@@ -46,50 +33,6 @@ _SECTORS = 60
 """Number of sectors over which the width of the line is measured."""
 _EDGE = 2
 """Distance from a mark [pixels] within which weaker pixels belong to its smoothed edge."""
-
-
-def decode_png(data: bytes) -> npt.NDArray[np.uint8]:
-    """Return the picture of a PNG on a white ground, uint8 (512, 512, 3), row 0 on top.
-
-    The size is read from the header before anything is decoded, so that a small file cannot claim a large
-    memory.
-
-    Parameters
-    ----------
-    data : bytes
-        A still, square PNG of 16 to 2048 pixels a side and at most 1 MiB.
-
-    Raises
-    ------
-    SketchError
-        The data are no PNG, or it is animated, not square, too large, truncated or damaged.
-    """
-    if len(data) > MAX_BYTES:
-        raise SketchError(f"the PNG has {len(data)} bytes, at most {MAX_BYTES} are allowed")
-    if not data.startswith(_SIGNATURE):
-        raise SketchError("the file is not a PNG; send a 512 x 512 PNG or JSON strokes")
-    if len(data) < 33 or data[12:16] != b"IHDR":
-        raise SketchError("the PNG is truncated: its header is incomplete")
-    width, height = struct.unpack(">II", data[16:24])
-    if not (MIN_SIDE <= width <= MAX_SIDE and MIN_SIDE <= height <= MAX_SIDE):
-        raise SketchError(f"the PNG is {width} x {height} pixels, each side must be {MIN_SIDE} to {MAX_SIDE}")
-    if width != height:
-        raise SketchError(f"the PNG is {width} x {height} pixels, it must be square")
-    try:
-        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
-            if getattr(image, "is_animated", False):
-                raise SketchError("the PNG is animated, it must be a still picture")
-            picture = image.convert("RGBA")
-    except _DECODE_ERRORS as err:
-        raise SketchError(f"the PNG is truncated or damaged: {err}") from err
-    ground = Image.new("RGBA", picture.size, (255, 255, 255, 255))
-    flat = Image.alpha_composite(ground, picture).convert("RGB")
-    if flat.size != (RASTER_SIZE, RASTER_SIZE):
-        smaller = width > RASTER_SIZE
-        flat = flat.resize(
-            (RASTER_SIZE, RASTER_SIZE), Image.Resampling.BOX if smaller else Image.Resampling.BILINEAR
-        )
-    return np.asarray(flat, dtype=np.uint8)
 
 
 def read_oval(coverage: Floats) -> Ellipse:
@@ -146,26 +89,33 @@ def _line_width(outline: Outline, local: Floats, weights: Floats) -> float:
 
 
 def parse_png(data: bytes) -> Sketch:
-    """Return the sketch in a PNG.
+    """Return the sketch in a picture, a PNG, JPEG or WebP.
 
-    The ground is the colour of most pixels. Red ink is an arrow, green ink an oval; ink of any other colour
-    is an oval if it goes round, else an arrow. The head of an arrow is the end with more ink beside the
-    line. Gaps of up to 12 pixels (of 512) are bridged, an oval may be open by up to 70 degrees or be drawn
-    round more than once. The width of the line gives the widths of the sketch, and so the depth in 3D.
+    The ground is the colour of most pixels, near each place where the light is uneven. Red ink is an arrow,
+    green ink an oval; ink of any other colour is an oval if it goes round, else an arrow. The head of an
+    arrow is the end with more ink beside the line. Gaps of up to 12 pixels (of 512) are bridged, an oval may
+    be open by up to 70 degrees or be drawn round more than once. The width of the line gives the widths of
+    the sketch, and so the depth in 3D.
 
     Parameters
     ----------
     data : bytes
-        A still, square PNG of 16 to 2048 pixels a side and at most 1 MiB. Transparent pixels are white.
+        A still picture of 16 to 4096 pixels a side and at most 1 MiB, turned as its EXIF orientation says.
+        Transparent pixels are white, or black where the ink is white. A picture that is not square is fitted
+        into the middle of a square, as `note` of the sketch says.
 
     Raises
     ------
     SketchError
-        The data are no such PNG; or the picture is blank, has too little or too much ink, several marks, or
-        red and green ink together; or an outline is open, filled or no oval; or an arrow is too short, its
-        head looks like its tail, or there are other lines beside it.
+        The data are no such picture; or it is blank, has too little or too much ink, several marks, or red
+        and green ink together; or an outline is open, filled or no oval; or an arrow is too short, its head
+        looks like its tail, or there are other lines beside it.
     """
-    ink = read_ink(decode_png(data))
+    picture, note = decode(data)
+    return replace(_sketch_in(read_ink(picture, is_lossy=not data.startswith(b"\x89PNG"))), note=note)
+
+
+def _sketch_in(ink: Ink) -> Sketch:
     mark, bridged = main_mark(ink.mask)
     coverage = np.where(grown(mark, _EDGE), ink.coverage, 0.0)
     if ink.color == "red":

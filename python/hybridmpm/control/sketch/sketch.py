@@ -38,6 +38,8 @@ class Arrow:
         Polyline from the tail to the tip [m].
     widths : float (K,), in [2, 20], optional
         Stroke width at each point [pixels of the 512-pixel raster], which gives the depth in 3D.
+    note : str, optional
+        How a picture was read, where that is not obvious.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Arrow:
 
     points: Floats
     widths: Floats | None = None
+    note: str | None = None
 
     kind: ClassVar[Literal["arrow"]] = "arrow"
 
@@ -79,6 +82,8 @@ class Ellipse:
         Angle of the major axis to +x, counter-clockwise [rad].
     width : float in [2, 20], optional
         Stroke width [pixels of the 512-pixel raster], which gives the depth in 3D.
+    note : str, optional
+        How a picture was read, where that is not obvious.
 
     Raises
     ------
@@ -90,6 +95,7 @@ class Ellipse:
     axes: Floats
     angle: float
     width: float | None = None
+    note: str | None = None
 
     kind: ClassVar[Literal["ellipse"]] = "ellipse"
 
