@@ -16,7 +16,7 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from hybridmpm_service.errors import ServiceError, UnavailableError
+from hybridmpm_service.errors import ServiceError, UnavailableError, UnsupportedFormatError
 from hybridmpm_service.http.problems import of_status, response_of
 from hybridmpm_service.http.requests import Values
 from hybridmpm_service.sessions.turns import CLIENT, Client
@@ -102,12 +102,19 @@ class Door:
         ------
         HTTPException, FieldError, UnavailableError
             A limit is exceeded.
+        UnsupportedFormatError
+            The body is compressed or encoded otherwise.
         ClientDisconnect
             The client has gone.
         """
         most = self._max_bytes if scope["method"] in _WITH_BODY else _BODILESS_BYTES
         too_large = HTTPException(413, f"the body may have at most {most} bytes")
         headers = Headers(scope=scope)
+        encodings = [one.strip().lower() for one in ",".join(headers.getlist("content-encoding")).split(",")]
+        if set(encodings) - {"", "identity"}:
+            raise UnsupportedFormatError(
+                f"the body has the Content-Encoding {', '.join(encodings)}: send it as it is, without one"
+            )
         declared = headers.get("content-length", "0")
         if not declared.isdecimal() or int(declared[:20]) > most:
             raise too_large

@@ -3,6 +3,7 @@
 import asyncio
 import io
 import json
+import re
 import struct
 from collections.abc import AsyncIterator, Iterator, Mapping
 from typing import Any
@@ -31,9 +32,37 @@ _NUMBERS_AT_ONCE = 4096
 """Largest count of numbers that are encoded as JSON without a pause."""
 
 
-def accepts(request: Request, media_type: str) -> bool:
-    """Return whether a request accepts a media type by its name."""
-    return media_type in _tokens(request, "accept")
+JSON = "application/json"
+
+
+def preferred(request: Request, *others: str) -> str:
+    """Return the media type, JSON or one of `others`, that a request ranks highest (RFC 9110, 12.5.1).
+
+    The quality of a type is that of the most specific range that has it. Among equals the more specific
+    range goes first, then the earlier one. JSON is returned where none is acceptable.
+    """
+    ranges = list(_ranges(",".join(request.headers.getlist("accept"))))
+
+    def rank(media_type: str) -> tuple[float, int, int]:
+        kind = media_type.partition("/")[0]
+        for specificity, name in ((3, media_type), (2, f"{kind}/*"), (1, "*/*")):
+            for place, (given, quality) in enumerate(ranges):
+                if given == name:
+                    return quality, specificity, -place
+        return 0.0, 0, 0
+
+    return max((JSON, *others), key=rank)
+
+
+def _ranges(header: str) -> Iterator[tuple[str, float]]:
+    """Yield the media ranges of a header with their qualities, without those of no valid quality."""
+    for part in header.split(","):
+        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
+        found = [piece[2:].strip() for piece in parameters if piece.startswith("q=")]
+        if not found:
+            yield name, 1.0
+        elif re.fullmatch(r"0(\.\d{0,3})?|1(\.0{0,3})?", found[0]):
+            yield name, float(found[0])
 
 
 def prefers_async(request: Request) -> bool:

@@ -1,6 +1,7 @@
-"""Sketches over HTTP: reading of strokes or a PNG, and the answers about goals, needs and motions."""
+"""Sketches over HTTP: reading of strokes or a picture, and the answers about goals, needs and motions."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import AsyncIterator, Callable
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy.typing as npt
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from pydantic import AfterValidator, ConfigDict, ValidationError
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
+from starlette.exceptions import HTTPException
 
 from hybridmpm import SketchError
 from hybridmpm.control import (
@@ -96,9 +98,10 @@ async def _read_strokes(turns: Turns, data: bytes) -> tuple[Sketch, SketchSettin
 
 async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sketch, SketchSettings]:
     known = [*SketchSettings.model_fields]
-    async with request.form(max_files=1, max_fields=len(known), max_part_size=1024) as form:
+    async with _form(request, fields=len(known)) as form:
         upload = form.get(_PICTURE)
-        texts = {name: value for name, value in form.items() if name != _PICTURE}
+        # Browsers send a field that nothing was entered into as an empty one.
+        texts = {name: value for name, value in form.items() if name != _PICTURE and value != ""}
         unknown = sorted(set(texts) - set(known))
         if unknown:
             fields = ", ".join([_PICTURE, *known])
@@ -113,6 +116,19 @@ async def _read_form(request: Request, turns: Turns, max_bytes: int) -> tuple[Sk
     if len(data) > max_bytes:
         raise UploadTooLargeError(f"sketch: the file has more than the allowed {max_bytes} bytes")
     return await _off_loop(turns, "body.sketch", lambda: parse_png(data)), settings
+
+
+@contextlib.asynccontextmanager
+async def _form(request: Request, fields: int) -> AsyncIterator[FormData]:
+    """Read a form; raises `FieldError` where a part that is no file is too large."""
+    try:
+        async with request.form(max_files=1, max_fields=fields, max_part_size=1024) as form:
+            yield form
+    except HTTPException as error:
+        if "exceeded maximum size" not in error.detail:
+            raise
+        text = "has a field of more than 1 KiB: the picture must be sent as a file, with a filename"
+        raise FieldError("body", text) from None
 
 
 def _checked(validate: Callable[[], T]) -> T:

@@ -11,10 +11,10 @@ from hybridmpm_service.http.replies import (
     NPZ,
     PLY,
     VTP,
-    accepts,
     cloud_response,
     json_response,
     npz_response,
+    preferred,
 )
 from hybridmpm_service.http.requests import AdvanceSession
 from hybridmpm_service.routes.calls import SessionRoute
@@ -108,7 +108,7 @@ async def advance_session(
         text = f"must be in [1, {limits.max_advance_frames}], got {body.frames}"
         raise FieldError("body.frames", text)
     view = await session.advance(body.frames)
-    if accepts(request, NPZ):
+    if preferred(request, NPZ) == NPZ:
         return await _particles(sessions.turns, session, as_npz=True)
     return SessionBody.of(session, view)
 
@@ -120,12 +120,12 @@ async def advance_session(
 )
 async def get_particles(session_id: SessionId, sessions: Sessions, request: Request) -> Response:
     """Return the state of all particles as JSON, npz, or a point cloud (PLY, VTP)."""
-    for media_type in (PLY, VTP):
-        if accepts(request, media_type):
-            state = await sessions.get(session_id).particles()
-            cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
-            return await cloud_response(sessions.turns, cloud, media_type)
-    return await _particles(sessions.turns, sessions.get(session_id), as_npz=accepts(request, NPZ))
+    media_type = preferred(request, NPZ, PLY, VTP)
+    if media_type in {PLY, VTP}:
+        state = await sessions.get(session_id).particles()
+        cloud = Cloud(state.frame, state.time, state.positions, state.velocities, state.types)
+        return await cloud_response(sessions.turns, cloud, media_type)
+    return await _particles(sessions.turns, sessions.get(session_id), as_npz=media_type == NPZ)
 
 
 async def _particles(turns: Turns, session: Session, *, as_npz: bool) -> Response:

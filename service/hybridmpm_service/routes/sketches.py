@@ -12,9 +12,9 @@ from hybridmpm_service.http.jobs import JobBody
 from hybridmpm_service.http.replies import (
     FRAMES,
     NPZ,
-    accepts,
     json_response,
     npz_response,
+    preferred,
     prefers_async,
     streamed,
     with_nulls,
@@ -135,9 +135,10 @@ async def trace_sketch(
     most = max(1, min(limits.max_sketch_frames, MAX_TRAJECTORY_NUMBERS // numbers))
     _check_frames(settings, most)
     chosen = {"most": most, **settings.model_dump()}
-    if accepts(request, FRAMES):
+    media_type = preferred(request, NPZ, FRAMES)
+    if media_type == FRAMES:
         return await streamed(session, sketch, chosen)
-    as_npz = accepts(request, NPZ)
+    as_npz = media_type == NPZ
 
     async def motion(report: Report = lambda _done, _total: None) -> Response:
         found = await session.on_copy(

@@ -105,6 +105,8 @@ class SketchRecord(Strict):
     """Angle of the major axis to +x [rad]."""
     width: float | None = None
     """Width of an ellipse's stroke [pixels of 512]."""
+    note: str | None = Field(default=None, max_length=300)
+    """How a picture was read, where that is not obvious."""
 
     @classmethod
     def of(cls, sketch: Sketch) -> Self:

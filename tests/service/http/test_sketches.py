@@ -290,13 +290,13 @@ def test_text_that_is_no_sketch_is_refused(service: Any, problem: Any, path: str
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: b"GIF89a" + bytes(50), "not a PNG"),
+        (lambda: b"GIF89a" + bytes(50), "no PNG, JPEG or WebP"),
         (lambda: ARROW_PNG[:300], "truncated"),
         (lambda: _png(Image.new("RGB", (512, 512), "white")), "blank"),
-        (lambda: _png(Image.new("RGB", (1, 1), "red")), "16 to 2048"),
-        (lambda: _png(Image.new("RGB", (4096, 4096), "white")), "16 to 2048"),
+        (lambda: _png(Image.new("RGB", (1, 1), "red")), "16 to 4096"),
+        (lambda: _png(Image.new("RGB", (4097, 4097), "white")), "16 to 4096"),
         (_one_pixel, "at least 40"),
-        (lambda: b"", "not a PNG"),
+        (lambda: b"", "no PNG, JPEG or WebP"),
     ],
 )
 def test_a_file_that_is_no_sketch_is_refused_with_what_is_allowed(

@@ -111,7 +111,7 @@ def read_ink(picture: npt.NDArray[np.uint8], *, is_lossy: bool = False) -> Ink:
 
 
 def _sharpened(ink: Ink, apart: npt.NDArray[np.int16]) -> Ink:
-    """Return ink by all that sets it apart from the ground, (3, 512, 512): files may keep colours coarsely."""
+    """Return ink by all that sets it apart from the ground (3, 512, 512): files may keep colours coarsely."""
     near = grown(ink.mask, _COARSE)
     color = np.median(apart[:, ink.coverage >= 1], axis=1)
     strength = np.where(near, np.tensordot(color, apart, 1) / np.hypot.reduce(color), 0)
