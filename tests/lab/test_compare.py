@@ -17,7 +17,7 @@ from hybridmpm.planner import store as calibrations
 from hybridmpm.planner.calibration import MEASURES as PLANNED
 from hybridmpm.planner.calibration import Calibration
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.compare import comparison, hybrid, lists, methods, plan_errors, times, truth
+from hybridmpm_lab.compare import comparison, hybrid, lists, methods, plan_errors, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.harness.provenance import provenance, shipped
@@ -224,17 +224,6 @@ def test_a_failure_is_counted_and_the_others_are_measured() -> None:
     )
     assert (right["failed"], right["on_front"], right["scenes"]) == (0, True, 1)
     assert right["ms_per_frame"] > 0
-
-
-def test_steps_of_untrained_networks_are_timed() -> None:
-    falling = Method(method="neural", label="x", stepper=lambda _: FreeFall(0.0025, r_p=1 / 16, r_t=4))
-    scene = scenarios.get("water_2d", FIRST_SEED)
-    ((name, row),) = times.times({falling.name: falling}, scene, warm_up=20, span=20, passes=1, threads=1)
-    assert name == "neural x"
-    assert 0 < row["ms_per_frame"] <= row["ms_p95"]
-    assert row["slowdown"] >= 1
-    with pytest.raises(ConfigError, match="latency alone"):
-        falling.simulator(scene, 1)
 
 
 def test_the_timed_scene_is_crowded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -86,7 +86,7 @@ class Case:
     @property
     def names(self) -> list[str]:
         """Names of the methods whose errors are measured, and of the bounds."""
-        return [name for name, one in self.methods.items() if one.stepper is None] + list(self.bounds)
+        return [*self.methods, *self.bounds]
 
 
 def seeds(count: int, first: int = FIRST_SEED) -> tuple[int, ...]:

@@ -42,8 +42,6 @@ class Method:
     """Least cosine of a hybrid with the paper's safeguard alone."""
     make: Callable[[Scene, int], CoarseSimulator] | None = None
     """Function of a scene and a number of threads that returns a simulator at frame 0."""
-    stepper: Callable[[int], Stepper] | None = None
-    """Function of a number of threads that returns an untrained network: its latency alone is measured."""
     ingredients: tuple[str, ...] = ()
     """Fitted files of the library that take part; see `harness.provenance.shipped`."""
 
@@ -55,7 +53,7 @@ class Method:
     def simulator(self, scene: Scene, threads: int) -> CoarseSimulator:
         """Return a simulator at frame 0; raises as its class does."""
         if self.make is None:
-            raise ConfigError(f"{self.name} has a latency alone")
+            raise ConfigError(f"{self.name} is no simulator of the library")
         return self.make(scene, threads)
 
 

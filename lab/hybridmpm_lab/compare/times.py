@@ -10,11 +10,7 @@ import numpy as np
 
 from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import SimulationError
-from hybridmpm.mpm import MpmSolver
-from hybridmpm.physics.stepper import Stepper
-from hybridmpm.physics.track import Track, warmup_frames
 from hybridmpm.planner.calibrating.impact import first_frame
-from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm_lab.compare import peers
 from hybridmpm_lab.compare.methods import Method
@@ -28,8 +24,6 @@ PIECE = 8
 """Frames of a piece: two carries, and one or two steps of each shipped network."""
 _APART = 2 * PIECE
 """Frames from the start of a piece to that of the next."""
-_STEPS = 4
-"""Steps of an untrained network that are timed, evenly spread over the span."""
 
 
 def times(
@@ -47,9 +41,7 @@ def times(
         warnings.simplefilter("ignore")  # the rows of errors count them
         for name, method in methods.items():
             try:
-                if method.stepper is not None:
-                    timed.append((name, threads, _steps(method.stepper(threads), scene, start, span)))
-                elif method.make is not None:
+                if method.make is not None:
                     timed.append((name, threads, _pieces(method.make(scene, threads), start, span)))
                 else:
                     baseline = stack.enter_context(baseline_process(method.label))
@@ -98,24 +90,3 @@ def _shown(simulator: CoarseSimulator) -> float:
         simulator.advance(1)
         _ = simulator.positions
     return (time.perf_counter() - began) / PIECE
-
-
-def _steps(stepper: Stepper, scene: Scene, start: int, span: int) -> list[TimedCall]:
-    """Return single steps of a network on states of MPM, whose cost does not depend on the weights."""
-    states = record(MpmSolver(scene, r_p=stepper.r_p), start + span)
-    frames = np.linspace(start, start + span, _STEPS, dtype=int).tolist()
-    return [TimedCall(call=partial(_step, stepper, states, frame)) for frame in frames]
-
-
-def _step(stepper: Stepper, states: Recording, frame: int) -> float:
-    """Return the time of a step by frame [s], the frames within it included."""
-    track = Track(stepper, states.scene, states.types)
-    for positions in states.positions[frame - warmup_frames(stepper.r_t) : frame + 1 : stepper.r_t]:
-        track.observe(positions)
-    began = time.perf_counter()
-    track.begin(track.predict())
-    for _ in range(stepper.r_t):
-        track.tick()
-        _ = track.positions
-    track.arrive()
-    return (time.perf_counter() - began) / stepper.r_t

@@ -61,7 +61,7 @@ RESULTS = (
     Result(name="coarse", command="coarse", minutes=25, has_runs=True),
     Result(
         name="tradeoff",
-        command=f"tradeoff {_PEERS} --paper",
+        command=f"tradeoff {_PEERS}",
         minutes=110,
         has_runs=True,
         after=f"plan-errors {FOLDER / 'tradeoff.json'} {SHIPPED}",
