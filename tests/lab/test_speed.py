@@ -143,25 +143,22 @@ def test_too_large_a_block_is_refused() -> None:
         solver.falling_block(2, "water", 3_000_000)
 
 
-def test_simulations_are_timed_by_turns() -> None:
+def test_calls_are_timed_by_turns() -> None:
     log: list[str] = []
 
-    def simulation(name: str, frames: int) -> timing.TimedSimulation:
-        return timing.TimedSimulation(
-            restore=lambda: log.append(f"restore {name}"),
-            advance=lambda count: log.append(f"{name} {count}"),
-            frames=frames,
+    def named(name: str) -> timing.TimedCall:
+        return timing.TimedCall(
+            prepare=lambda: log.append(f"prepare {name}"), call=lambda: log.append(f"call {name}")
         )
 
-    times = timing.time_per_frame([simulation("a", 3), simulation("b", 1)], repeats=2)
-    assert log == ["restore a", "a 1", "a 3", "restore b", "b 1", "b 1"] * 3
-    assert len(times) == 2
-    assert min(time.seconds for time in times) > 0
+    times = timing.seconds_by_turns([named("a"), named("b")], repeats=2)
+    # One more round comes first, and is not counted.
+    assert log == ["prepare a", "call a", "prepare b", "call b"] * 3
+    assert [len(mine) for mine in times] == [2, 2]
+    assert min(map(min, times)) > 0
 
 
-def test_the_lower_quartile_of_a_clock_of_its_own() -> None:
-    pieces = itertools.cycle([9.0, 0.0, 4.0, 0.0, 2.0, 0.0, 3.0, 0.0, 1.0, 0.0])
-    next(pieces)  # the first round warms up, and each piece follows an untimed frame
-    own = timing.TimedSimulation(restore=lambda: None, advance=lambda _: next(pieces), frames=2)
-    (time,) = timing.time_per_frame([own], repeats=4)
-    assert (time.seconds, time.spread) == (0.875, pytest.approx(4.5 / 1.75 - 1))
+def test_a_clock_of_its_own_counts() -> None:
+    pieces = itertools.count(1.0)
+    own = timing.TimedCall(call=lambda: next(pieces))
+    assert timing.seconds_by_turns([own], repeats=3) == [[2.0, 3.0, 4.0]]

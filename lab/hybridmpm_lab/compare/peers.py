@@ -60,17 +60,12 @@ def pieces(
     for setting, threads in ways.items():
         calls = [
             TimedCall(
-                prepare=partial(_prepare, baseline, setting, frame),
+                prepare=partial(baseline.restore, setting, frame + 1),
                 call=partial(_piece, baseline, setting, frames),
             )
             for frame in range(0, span - frames, max(span // 3, 1))
         ]
         yield threads, calls
-
-
-def _prepare(baseline: Baseline, setting: str, frame: int) -> None:
-    baseline.restore(setting)
-    baseline.advance(setting, frame + 1)
 
 
 def _piece(baseline: Baseline, setting: str, frames: int) -> float:

@@ -1,12 +1,10 @@
 """The timer of all results: many short pieces by turns, so that a busy machine slows down all alike."""
 
 import math
-import statistics
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -68,18 +66,6 @@ class TimedCall:
     """Called before each measurement, and not timed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimedSimulation:
-    """A piece of a simulation, from a state to which it can return."""
-
-    restore: Callable[[], object]
-    """Returns to the state; not timed."""
-    advance: Callable[[int], object]
-    """Advances by a number of frames; timed, unless it returns the time by a clock of its own [s]."""
-    frames: int
-    """Frames of one measurement."""
-
-
 def seconds_by_turns(
     calls: Sequence[TimedCall], repeats: int, on_progress: Progress | None = None
 ) -> list[list[float]]:
@@ -97,39 +83,3 @@ def seconds_by_turns(
         if index and on_progress is not None:
             on_progress(1)
     return [mine[1:] for mine in times]
-
-
-@dataclass(frozen=True)
-class FrameTime:
-    """Time of a frame, from repeated pieces of a simulation."""
-
-    seconds: float
-    """Lower quartile over the pieces [s]: disturbances only ever add time."""
-    spread: float
-    """Distance from the lower to the upper quartile, over the lower [-]."""
-
-
-def time_per_frame(
-    simulations: Sequence[TimedSimulation], repeats: int, on_progress: Progress | None = None
-) -> list[FrameTime]:
-    """Time simulations by turns, `repeats` pieces of each; `on_progress` counts rounds.
-
-    The first frame after the restored state is not timed: it touches the memory that the others use.
-    """
-
-    def prepare(one: TimedSimulation) -> None:
-        one.restore()
-        one.advance(1)
-
-    calls = [
-        TimedCall(prepare=partial(prepare, one), call=partial(one.advance, one.frames)) for one in simulations
-    ]
-    times = seconds_by_turns(calls, repeats, on_progress)
-    return [_frame_time(mine, one.frames) for one, mine in zip(simulations, times, strict=True)]
-
-
-def _frame_time(times: Sequence[float], frames: int) -> FrameTime:
-    if len(times) == 1:
-        return FrameTime(times[0] / frames, 0.0)
-    low, _, high = statistics.quantiles(times, n=4, method="inclusive")
-    return FrameTime(low / frames, high / low - 1)

@@ -56,9 +56,10 @@ class Baseline:
             self.restore(way)
         return self._module.NAME, self._module.WAYS
 
-    def restore(self, way: str) -> None:
-        """Return a solver to the state of `start`."""
+    def restore(self, way: str, frames: int = 0) -> None:
+        """Return a solver to the state some frames after that of `start`."""
         self._solvers[way].load(*self._state)
+        self._solvers[way].advance(frames)
 
     def advance(self, way: str, frames: int) -> float:
         """Advance a solver, and return the time that it took [s]."""
