@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import scenarios
 from hybridmpm._core import RadiusGraph, radius_graph
 from hybridmpm._support.networks import NetworkFolder, ServedNetwork
 from hybridmpm.errors import ConfigError, GraphSizeError
@@ -14,8 +13,8 @@ from hybridmpm.physics.free_fall import free_fall
 from hybridmpm.physics.manifest import WEIGHTS
 from hybridmpm.physics.model_info import FORMAT, ModelInfo
 from hybridmpm.physics.spec import NetworkSpec
-from hybridmpm.scene import Material, Scene, Water
-from hybridmpm.scene.particle_types import KINEMATIC, NAMES
+from hybridmpm.scene import Scene
+from hybridmpm.scene.particle_types import KINEMATIC
 
 _MOST_NEIGHBORS = 256
 """Neighbours that a particle may have: ten times those in water at rest. A larger clump would fill the
@@ -62,32 +61,27 @@ class NeuralModel(ServedNetwork):
             Dimension, frame_dt, particle spacing, a material or one of its constants, or obstacles where
             there were none: the message names both values. Or particles come and go, or obstacles move.
         """
-        trained = [scenarios.get(name, 0) for name in self.spec.scenarios]
-        like = trained[0]
+        trained = self.spec.trained_on
         pairs = {
-            "dim": (scene.dim, like.dim),
-            "frame_dt": (scene.frame_dt, like.frame_dt),
-            "particle spacing": (scene.spacing, like.spacing),
+            "dim": (scene.dim, trained.dim),
+            "frame_dt": (scene.frame_dt, trained.frame_dt),
+            "particle spacing": (scene.spacing, trained.spacing),
         }
         for name, (there, needed) in pairs.items():
             if abs(there - needed) > _NEAR * needed:
                 raise ConfigError(f"{self._for()}, with {name} {needed:g}; the scene has {name} {there:g}")
-        known = {material.type_id for one in trained for material in one.materials}
-        foreign = sorted({material.type_id for material in scene.materials} - known)
+        foreign = sorted({material.kind for material in scene.materials} - trained.materials.keys())
         if foreign:
-            had = ", ".join(NAMES[number] for number in sorted(known))
-            raise ConfigError(f"{self._for()}, with {had}; the scene has {NAMES[foreign[0]]}")
-        constants = {
-            material.type_id: _constants(material, one) for one in trained for material in one.materials
-        }
-        for material in scene.materials:
-            for name, there in _constants(material, scene).items():
-                if there != (needed := constants[material.type_id][name]):
-                    raise ConfigError(
-                        f"{self._for()}, with {material.kind} of {name} {needed:g}; the scene's has "
-                        f"{name} {there:g}"
-                    )
-        if scene.obstacles and not any(one.obstacles for one in trained):
+            raise ConfigError(
+                f"{self._for()}, with {', '.join(trained.materials)}; the scene has {foreign[0]}"
+            )
+        if (beyond := trained.constant_beyond(scene)) is not None:
+            material, name, value, (low, high) = beyond
+            known = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            raise ConfigError(
+                f"{self._for()}, with {material.kind} of {name} {known}; the scene's has {name} {value:g}"
+            )
+        if scene.obstacles and not trained.obstacles:
             raise ConfigError(f"{self._for()}, without obstacles; the scene has {len(scene.obstacles)}")
         if any(obstacle.motion is not None for obstacle in scene.obstacles):
             raise ConfigError(f"{self._for()}, with obstacles at rest; the scene has one that moves")
@@ -132,14 +126,6 @@ class NeuralModel(ServedNetwork):
         feed = dict(zip(("history", "types", "acceleration", "walls"), state, strict=True))
         (moved,) = self._session.run(None, feed | edge_inputs(graph) | {"share": weight})
         return np.asarray(moved, dtype=np.float32)
-
-
-def _constants(material: Material, scene: Scene) -> dict[str, float]:
-    """Return the numbers of a material of a scene by name, its stiffness as it follows from the scene."""
-    numbers = material.model_dump(exclude={"kind", "bulk_modulus", "max_compression"})
-    if isinstance(material, Water):
-        numbers["bulk_modulus"] = material.stiffness(scene.potential_drop)
-    return {name: float(number) for name, number in numbers.items()}
 
 
 def edge_inputs(graph: RadiusGraph) -> dict[str, npt.NDArray[Any]]:

@@ -1,17 +1,14 @@
 """`NetworkSpec` and `Normalization`: the settings of a learned simulator besides its weights."""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
-from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.errors import ConfigError
-from hybridmpm.scene import Scene
+from hybridmpm.scenarios.trained_on import TrainedOn
 
 HISTORY = 6
 """Positions that a network step takes, the present one among them: they give five velocities."""
@@ -44,7 +41,9 @@ class NetworkSpec:
     """
 
     scenarios: tuple[str, ...]
-    """Scenarios in the training data."""
+    """Scenarios in the training data, or names of other scenes."""
+    scenes: TrainedOn | None = None
+    """Properties of the scenes in the training data; if None, those of the scenarios."""
     latent: int = 128
     """Width of node and edge latents, in [1, 1024]."""
     layers: int = 10
@@ -75,22 +74,22 @@ class NetworkSpec:
             raise ConfigError(f"radius must be in (0, 1] m, got {self.radius}")
         if not self.scenarios:
             raise ConfigError("a network needs at least one scenario")
-        kinds = {(scene.dim, scene.frame_dt, scene.walls) for scene in map(_example, self.scenarios)}
-        if len(kinds) > 1:
-            raise ConfigError(
-                "one network serves scenarios of one dimension, one frame_dt and one box only, got "
-                + ", ".join(self.scenarios)
-            )
+        _ = self.trained_on
+
+    @property
+    def trained_on(self) -> TrainedOn:
+        """Properties of the scenes in the training data."""
+        return self.scenes or TrainedOn.of_scenarios(self.scenarios)
 
     @property
     def dim(self) -> int:
         """D, 2 or 3."""
-        return _example(self.scenarios[0]).dim
+        return self.trained_on.dim
 
     @property
     def frame_dt(self) -> float:
         """Length of a frame [s]."""
-        return _example(self.scenarios[0]).frame_dt
+        return self.trained_on.frame_dt
 
     @property
     def step_dt(self) -> float:
@@ -100,13 +99,12 @@ class NetworkSpec:
     @property
     def bounds(self) -> list[list[float]]:
         """Lower and upper wall of each axis [m], as in a data set's metadata."""
-        walls = _example(self.scenarios[0]).walls
-        return [list(pair) for pair in zip(walls.lower, walls.upper, strict=True)]
+        return self.trained_on.bounds
 
     @property
     def spacing(self) -> float:
         """Mean distance of particles at rest [m]: that of the scene's, r_p^(-1/D) wider."""
-        return spacing_at(_example(self.scenarios[0]), self.r_p)
+        return float(self.trained_on.spacing * self.r_p ** (-1 / self.dim))
 
     @property
     def node_features(self) -> int:
@@ -121,6 +119,8 @@ class NetworkSpec:
     def to_dict(self) -> dict[str, Any]:
         """Plain data that `from_dict` reads."""
         fields = dataclasses.asdict(self) | {"scenarios": list(self.scenarios)}
+        if self.scenes is None:
+            del fields["scenes"]
         return {"features": FEATURES_VERSION, **fields, "relaxations": 0}
 
     @classmethod
@@ -142,8 +142,10 @@ class NetworkSpec:
             raise ConfigError(
                 f"{where} has {relaxations} relaxations of density after each step; this library has none"
             )
+        scenes = plain.pop("scenes", None)
+        own = None if scenes is None else TrainedOn.from_dict(scenes, where=where)
         try:
-            return cls(**plain)
+            return cls(**plain, scenes=own)
         except TypeError as error:
             raise ConfigError(f"{where} does not describe a network: {error}") from None
 
@@ -182,8 +184,3 @@ class Normalization:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the constructor."""
         return dataclasses.asdict(self)
-
-
-@functools.cache
-def _example(scenario: str) -> Scene:
-    return scenarios.get(scenario, 0)

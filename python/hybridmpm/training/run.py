@@ -1,8 +1,11 @@
 """A training run in a folder, with checkpoints, logs and validation; it can be interrupted and resumed."""
 
 import json
+import signal
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +37,8 @@ def train(
 ) -> None:
     """Train to the last step, with a checkpoint at the end and on any exception.
 
+    The first Ctrl-C or SIGTERM ends the training after its step, the second one at once.
+
     Parameters
     ----------
     trainer : Trainable
@@ -58,6 +63,8 @@ def train(
     ------
     ConfigError
         The loss is not finite; the last checkpoint, written before, stays.
+    KeyboardInterrupt
+        The training was ended, and its checkpoint is written.
     ExportError
         A file cannot be written.
     """
@@ -66,30 +73,61 @@ def train(
     losses: list[float] = []
     last = min(trainer.last_step, until or trainer.last_step)
     healthy = True
-    try:
-        while trainer.step_count < last:
-            latest = step()
-            losses.append(latest)
-            now = time.monotonic()
-            trainer.seconds = now - began
-            if len(losses) == _LOGGED_STEPS:
-                _log_losses(folder, trainer, losses)
-                losses.clear()
-            if now - saved > checkpoint_seconds:
+    with _interrupts() as interrupted:
+        try:
+            while trainer.step_count < last and not interrupted():
+                latest = step()
+                losses.append(latest)
+                now = time.monotonic()
+                trainer.seconds = now - began
+                if len(losses) == _LOGGED_STEPS:
+                    _log_losses(folder, trainer, losses)
+                    losses.clear()
+                if now - saved > checkpoint_seconds:
+                    checkpoint.save(folder / CHECKPOINT, trainer, about)
+                    saved = now
+                if now - shown > validation_seconds:
+                    validate()
+                    began += time.monotonic() - now
+                    shown = time.monotonic()
+                on_step(latest)
+        except FloatingPointError as error:
+            healthy = False
+            raise ConfigError(str(error)) from None
+        except KeyboardInterrupt:
+            healthy = False  # the second one, which broke off a step
+            raise
+        finally:
+            if healthy:
                 checkpoint.save(folder / CHECKPOINT, trainer, about)
-                saved = now
-            if now - shown > validation_seconds:
-                validate()
-                began += time.monotonic() - now
-                shown = time.monotonic()
-            on_step(latest)
-    except FloatingPointError as error:
-        healthy = False
-        raise ConfigError(str(error)) from None
-    finally:
-        if healthy:
-            checkpoint.save(folder / CHECKPOINT, trainer, about)
+        if interrupted():
+            raise KeyboardInterrupt
     validate()
+
+
+@contextmanager
+def _interrupts() -> Iterator[Callable[[], bool]]:
+    """Within the block, note the first SIGINT or SIGTERM; a second one raises KeyboardInterrupt.
+
+    A step that is broken off would leave some weights changed, and others not.
+    """
+    noted: list[int] = []
+    kinds = (signal.SIGINT, signal.SIGTERM)
+    if threading.current_thread() is not threading.main_thread():  # others cannot have handlers
+        yield lambda: False
+        return
+
+    def note(kind: int, _frame: object) -> None:
+        if noted:
+            raise KeyboardInterrupt
+        noted.append(kind)
+
+    before = {kind: signal.signal(kind, note) for kind in kinds}
+    try:
+        yield lambda: bool(noted)
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
 
 
 def log_row(path: Path, row: Mapping[str, object]) -> None:

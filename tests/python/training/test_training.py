@@ -23,6 +23,7 @@ from hybridmpm.training.physics.scales import normalization
 from hybridmpm.training.physics.trainer import Trainer, huber_loss
 from hybridmpm.training.physics.windows import Windows, edges_of, first_push
 from hybridmpm.training.settings import TrainingSettings
+from hybridmpm.training.sources import Drawn
 
 CPU = torch.device("cpu")
 Trajectories = list[data.Trajectory]
@@ -330,12 +331,13 @@ def test_the_zero_network_is_free_fall(trajectories: Trajectories) -> None:
 
 def test_data_of_another_time_step_are_refused(tmp_path: Path) -> None:
     amount = datasets.Amount(train=1, valid=1, frames=40)
-    datasets.prepare(tmp_path, SPEC, amount)
-    assert len(datasets.trajectories(tmp_path, SPEC, "train")) == 1
-    folder = datasets.folder_of(tmp_path, "water_2d", SPEC)
+    water = Drawn(scenario="water_2d")
+    datasets.prepare(tmp_path, water, SPEC, amount)
+    assert len(list(datasets.trajectories(tmp_path, water, SPEC, "train"))) == 1
+    folder = datasets.folder_of(tmp_path, water, SPEC)
     about = json.loads((folder / metadata.FILE).read_text())
     for key, value, text in (
-        ("dt", 0.005, "dt is 0.005, but the network is for 0.01"),
+        ("dt", 0.004, "dt is 0.004, but the network is for 0.01"),
         (
             "bounds",
             [[0.0, 1.0], [0.1, 0.9]],
@@ -344,7 +346,7 @@ def test_data_of_another_time_step_are_refused(tmp_path: Path) -> None:
     ):
         (folder / metadata.FILE).write_text(json.dumps({**about, key: value}))
         with pytest.raises(DataError, match=text):
-            datasets.trajectories(tmp_path, SPEC, "train")
+            list(datasets.trajectories(tmp_path, water, SPEC, "train"))
 
 
 def test_trajectories_without_a_scene_are_refused(trajectories: Trajectories) -> None:
@@ -396,7 +398,7 @@ def test_a_checkpoint_of_other_features_is_refused(trajectories: Trajectories, t
         ({"radius": float("nan")}, r"radius must be in \(0, 1\] m"),
         ({"scenarios": ()}, "at least one scenario"),
         ({"scenarios": ("lava",)}, "lava"),
-        ({"scenarios": ("water_2d", "water_3d")}, "one dimension.*water_2d, water_3d"),
+        ({"scenarios": ("water_2d", "water_3d")}, "one dimension.*2 in water_2d seed 0 and 3 in water_3d"),
     ],
 )
 def test_networks_that_cannot_be_are_refused(change: dict[str, Any], text: str) -> None:

@@ -4,7 +4,7 @@ import dataclasses
 import math
 import shlex
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -15,12 +15,14 @@ from hybridmpm import scenarios
 from hybridmpm._core import SOLVER_VERSION
 from hybridmpm._support.machine import cpu_model, usable_cores
 from hybridmpm.cli.progress import progress
+from hybridmpm.data import SceneTemplate
 from hybridmpm.data.splits import FIRST_TEST, FIRST_VALID
 from hybridmpm.errors import ConfigError
 from hybridmpm.training.settings import Settings
 
 if TYPE_CHECKING:
     from hybridmpm.training.devices import Device
+    from hybridmpm.training.sources import Drawn, Source
     from hybridmpm.training.trainable import Trainable
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -33,6 +35,8 @@ device_option = click.option(
     show_default=True,
     help="Device of torch: cpu, cuda, or auto, which is cuda where there is one.",
 )
+_SMOOTH = 0.98
+"""Share of the shown loss that a step keeps."""
 _CHECKPOINT = "Checkpoint whose weights, network and scales this training begins with."
 
 
@@ -62,6 +66,15 @@ def training_options(
             type=click.Choice(scenarios.NAMES),
             multiple=True,
             help="Scenario to train on; may be repeated for a network that serves several.",
+        ),
+        click.option(
+            "--scene",
+            "files",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            multiple=True,
+            metavar="FILE",
+            help="Scene file, .yaml or .json, to train on; it may have ranges from which each seed draws "
+            "(docs/guide/datasets.md). May be repeated.",
         ),
         click.option(
             "--out",
@@ -121,6 +134,14 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
     )
 
 
+dataset_option = click.option(
+    "--dataset",
+    "folders",
+    type=click.Path(file_okay=False, path_type=Path),
+    multiple=True,
+    metavar="DIR",
+    help="Data set of `hybridmpm dataset generate` to train on; may be repeated.",
+)
 scenes_option = click.option(
     "--scenes",
     type=click.IntRange(1, FIRST_VALID),
@@ -157,11 +178,34 @@ def torch_device(name: str, threads: int | None = None) -> "Device":
     return devices.usable(name, threads)
 
 
-def required(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the scenarios; raises `UsageError` where there is none."""
-    if not names:
-        raise click.UsageError(f"Give at least one --scenario ({', '.join(scenarios.NAMES)}).")
-    return names
+def sources_of(options: Mapping[str, Any], older: Any = None) -> "list[Source]":
+    """Return the sources of scenes that options name; without any, the scenarios of an older network.
+
+    Raises
+    ------
+    UsageError
+        There is none, or the older network was trained on other scenes than those of scenarios.
+    DataError, SceneError
+        A data set or a scene file is damaged or lacks something.
+    """
+    from hybridmpm.training.sources import DataSet, Drawn  # noqa: PLC0415 - needs torch
+
+    found: list[Source] = [Drawn(scenario=name) for name in options["names"]]
+    found += [Drawn(template=SceneTemplate.load(file)) for file in options["files"]]
+    found += [DataSet(folder) for folder in options.get("folders", ())]
+    if found:
+        return found
+    if older is not None and older.scenes is None:
+        return [Drawn(scenario=name) for name in older.scenarios]
+    if older is not None:
+        raise click.UsageError(
+            f"The network was trained on {', '.join(older.scenarios)}: give their --scene or --dataset "
+            "again, or others."
+        )
+    ways = (
+        "--scenario, --scene FILE or --dataset DIR" if "folders" in options else "--scenario or --scene FILE"
+    )
+    raise click.UsageError(f"Give at least one {ways}. Scenarios are {', '.join(scenarios.NAMES)}.")
 
 
 def splits_of(options: Mapping[str, Any]) -> tuple[range, range]:
@@ -171,18 +215,18 @@ def splits_of(options: Mapping[str, Any]) -> tuple[range, range]:
 
 def make_missing(
     root: Path,
-    names: Collection[str],
+    sources: "Sequence[Drawn]",
     splits: Collection[range],
-    prepare: Callable[[Path, str, range, Callable[[int], object]], object],
+    prepare: "Callable[[Path, Drawn, range, Callable[[int], object]], object]",
 ) -> None:
-    """Make the missing files of scenarios and seeds by `prepare`, with a bar of progress."""
+    """Make the missing files of sources and seeds by `prepare`, with a bar of progress."""
     from hybridmpm.training.control import scene_files  # noqa: PLC0415 - needs torch
 
-    for scenario in names:
+    for source in sources:
         for seeds in splits:
-            if count := scene_files.missing(root, scenario, seeds):
-                with progress(f"Simulating {scenario}", count) as bar:
-                    prepare(root, scenario, seeds, bar.update)
+            if count := scene_files.missing(root, source, seeds):
+                with progress(f"Simulating {source.label}", count) as bar:
+                    prepare(root, source, seeds, bar.update)
 
 
 def continued(ctx: click.Context, load: Callable[[Path], T]) -> T | None:
@@ -202,13 +246,19 @@ def continued(ctx: click.Context, load: Callable[[Path], T]) -> T | None:
         return None
     trainer: Any = load(file)
     there = {**dataclasses.asdict(trainer.spec), **dataclasses.asdict(trainer.settings)}
-    names, known = ctx.params["names"], trainer.spec.scenarios
-    if names and set(names) != set(known):
+    labels, known = [one.label for one in sources_of(ctx.params, trainer.spec)], trainer.spec.scenarios
+    if set(labels) != set(known):
         raise ConfigError(
-            f"{file} was trained on {', '.join(known)}, not on {', '.join(names)}; choose another --out"
+            f"{file} was trained on {', '.join(known)}, not on {', '.join(labels)}; choose another --out"
         )
+    del there["scenes"]  # another option has this name
     refuse_other_options(ctx, there, file, instead="leave it out or choose another --out")
     return cast("T", trainer)
+
+
+def is_given(ctx: click.Context, key: str) -> bool:
+    """Whether an option is on the command line."""
+    return ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
 
 
 def refuse_other_options(ctx: click.Context, there: Mapping[str, Any], file: Path, *, instead: str) -> None:
@@ -231,8 +281,7 @@ def refuse_other_options(ctx: click.Context, there: Mapping[str, Any], file: Pat
         The message names the option and both values.
     """
     for key, value in ctx.params.items():
-        given = ctx.get_parameter_source(key) is ParameterSource.COMMANDLINE
-        if given and key in there and not math.isclose(there[key], value):
+        if is_given(ctx, key) and key in there and not math.isclose(there[key], value):
             flag = "--" + key.replace("_", "-")
             raise ConfigError(f"{file} has {flag} {there[key]}, not {value}; {instead}")
 
@@ -276,23 +325,31 @@ def run_shown(
         about["command"] = command if before is None else f"{before['command']}; {command}"
     about["data"] = data
     click.echo(f"{trainer.parameters} parameters, {data}, on {device}", err=True)
-    with progress("Training", trainer.last_step) as bar:
-        bar.update(trainer.step_count)
+    last = min(trainer.last_step, ctx.params["until"] or trainer.last_step)
+    mean = math.nan
+    with progress("Training", last, done=trainer.step_count) as bar:
 
         def show(loss: float) -> None:
-            if sys.stderr.isatty():
-                bar.label = f"Training, loss {loss:.4f}"
+            nonlocal mean
+            mean = loss if math.isnan(mean) else _SMOOTH * mean + (1 - _SMOOTH) * loss
+            bar.label = f"Training, loss {mean:.4f}"
             bar.update(1)
 
-        run.train(
-            trainer,
-            out,
-            step=step,
-            validate=validate,
-            about=about,
-            on_step=show,
-            until=ctx.params["until"],
-        )
+        try:
+            run.train(
+                trainer,
+                out,
+                step=step,
+                validate=validate,
+                about=about,
+                on_step=show,
+                until=ctx.params["until"],
+            )
+        except KeyboardInterrupt:
+            click.echo(
+                f"\nstopped after step {trainer.step_count}; the same command goes on from there", err=True
+            )
+            raise
     click.echo(f"wrote {file}, and losses and validation beside it")
 
 

@@ -8,24 +8,29 @@ import click
 
 from hybridmpm.cli.train.common import (
     continued,
+    dataset_option,
     device_option,
     make_missing,
     origin_of,
-    required,
     run_shown,
     scenes_option,
     settings_of,
+    sources_of,
     splits_of,
     torch_device,
     training_options,
     valid_option,
 )
 from hybridmpm.control.methods.learned.spec import TransportSpec
+from hybridmpm.errors import ConfigError
 from hybridmpm.training.settings import TransportSettings
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hybridmpm.training.control.transport.trainer import TransportTrainer
     from hybridmpm.training.devices import Device
+    from hybridmpm.training.sources import Source
 
 
 @click.command()
@@ -42,53 +47,81 @@ if TYPE_CHECKING:
         show_default=True,
         help="Channels of the network on its finest cells, a multiple of 4.",
     ),
+    dataset_option,
     device_option,
 )
 @click.pass_context
-def control(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | None, **options: Any) -> None:
+def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> None:
     """Train the network of the control method "learned".
 
     Forward runs show where the particles of a fluid came from; the network learns to predict that from a
-    state and a sketch. Samples are made by a second process. After an interruption the same command continues
-    from the last checkpoint in the folder --out, and gives the weights of an uninterrupted run. The folder
-    also gets the losses, and errors on held-out scenes.
+    state and a sketch. A data set must be one of `hybridmpm dataset generate --control`. Samples are made by
+    a second process. After an interruption the same command continues from the last checkpoint in the folder
+    --out, and gives the weights of an uninterrupted run. The folder also gets the losses, and errors on
+    held-out scenes.
     """
     device = torch_device(options["device"], threads)
     from hybridmpm.training.control import pasts  # noqa: PLC0415 - needs torch
-    from hybridmpm.training.control.transport.supply import Source, Supply  # noqa: PLC0415
+    from hybridmpm.training.control.transport.supply import Stock, Supply, pasts_of  # noqa: PLC0415
     from hybridmpm.training.control.transport.trainer import (  # noqa: PLC0415
         TransportTrainer,
         held_out,
         log_unexplained,
     )
+    from hybridmpm.training.control.transport.windows import check_frame, check_pasts  # noqa: PLC0415
+    from hybridmpm.training.sources import Drawn  # noqa: PLC0415
 
-    trainer = continued(ctx, partial(TransportTrainer.load, device=device)) or _new(names, options, device)
-    spec, (training, validation) = trainer.spec, splits_of(options)
-    make_missing(options["root"], spec.scenarios, (training, validation), pasts.prepare)
-    groups = {name: pasts.read(options["root"], name, validation) for name in spec.scenarios}
-    with Supply(Source(options["root"], training, spec, trainer.settings), trainer.step_count) as supply:
+    root, (training, validation) = options["root"], splits_of(options)
+    trainer = continued(ctx, partial(TransportTrainer.load, device=device))
+    older = (
+        None if trainer or options["finetune"] is None else TransportTrainer.load(options["finetune"], device)
+    )
+    sources = sources_of(options, (trainer or older) and (trainer or older).spec)
+    trainer = trainer or _new(sources, options, older, device)
+    spec = trainer.spec
+    if drawn := [source for source in sources if isinstance(source, Drawn)]:
+        check_frame(spec.trained_on.frame_dt, shortest=spec.shortest, longest=spec.longest)
+    make_missing(root, drawn, (training, validation), pasts.prepare)
+    groups = {source.label: pasts_of(root, source, validation, "valid") for source in sources}
+    for group in groups.values():
+        check_pasts(group, shortest=spec.shortest, longest=spec.longest)
+    stock = Stock(root, sources, training, spec, trainer.settings)
+    with Supply(stock, trainer.step_count) as supply:
         run_shown(
             trainer,
             ctx,
             step=lambda: trainer.step(*supply.take()),
             validate=partial(log_unexplained, trainer, options["out"], held_out(groups, spec)),
             device=device,
-            data=f"{len(training)} scenes of each of {', '.join(spec.scenarios)}, seeds from 0",
+            data=f"{len(training)} scenes of each of {', '.join(spec.scenarios)}, seeds from 0"
+            if len(drawn) == len(sources)
+            else ", ".join(spec.scenarios),
             before=origin_of(options["finetune"]),
         )
 
 
-def _new(names: tuple[str, ...], options: dict[str, Any], device: "Device") -> "TransportTrainer":
-    """Return a new trainer; with a checkpoint to finetune, one with its network and averaged weights."""
+def _new(
+    sources: "Sequence[Source]", options: dict[str, Any], older: "TransportTrainer | None", device: "Device"
+) -> "TransportTrainer":
+    """Return a new trainer; with an older one, one with its network and averaged weights."""
     from hybridmpm.training.control.transport.trainer import TransportTrainer  # noqa: PLC0415 - needs torch
+    from hybridmpm.training.sources import DataSet, described  # noqa: PLC0415
 
     settings = settings_of(TransportSettings, options)
-    if options["finetune"] is None:
-        return TransportTrainer(
-            TransportSpec(scenarios=required(names), width=options["width"]), settings, device
+    scenes = described(sources, options["scenes"])
+    times = [
+        (source.seconds,) if isinstance(source, DataSet) else (TransportSpec.shortest, TransportSpec.longest)
+        for source in sources
+    ]
+    scenes |= {"shortest": min(one[0] for one in times), "longest": max(one[-1] for one in times)}
+    if older is None:
+        return TransportTrainer(TransportSpec(**scenes, width=options["width"]), settings, device)
+    spec = dataclasses.replace(older.spec, **scenes)
+    if spec.dim != older.spec.dim:
+        raise ConfigError(
+            f"{options['finetune']} is for {older.spec.dim}D, and the scenes are in {spec.dim}D: leave out "
+            "--finetune"
         )
-    older = TransportTrainer.load(options["finetune"], device)
-    spec = dataclasses.replace(older.spec, scenarios=names or older.spec.scenarios)
     trainer = TransportTrainer(spec, settings, device)
     trainer.begin_with(older.average.state_dict())
     return trainer

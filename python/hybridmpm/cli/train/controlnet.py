@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hybridmpm import scenarios
 from hybridmpm.cli.train.common import (
     continued,
     make_missing,
     origin_of,
-    required,
     run_shown,
     scenes_option,
     settings_of,
+    sources_of,
     splits_of,
     torch_device,
     training_options,
@@ -45,7 +44,7 @@ _NODE_RADIUS = {2: 0.06, 3: 0.15}
     ),
 )
 @click.pass_context
-def controlnet(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | None, **options: Any) -> None:
+def controlnet(ctx: click.Context, /, *, threads: int | None, **options: Any) -> None:
     """Train the network of the control method "controlnet", on the CPU.
 
     It learns the forces that lead a fluid back to where it was 100 frames before, given a sketch of that
@@ -58,29 +57,31 @@ def controlnet(ctx: click.Context, /, *, names: tuple[str, ...], threads: int | 
         ControlNetTrainer,
         log_unexplained,
     )
+    from hybridmpm.training.sources import Drawn, described  # noqa: PLC0415
 
+    root, (training, validation) = options["root"], splits_of(options)
     trainer = continued(ctx, ControlNetTrainer.load)
-    older = None if options["finetune"] is None else ControlNetTrainer.load(options["finetune"])
-    if (source := trainer or older) is not None:
-        names = source.spec.scenarios if trainer is not None else names or source.spec.scenarios
-    training, validation = splits_of(options)
-    make_missing(options["root"], required(names), (training, validation), cases.prepare)
-    found = [case for name in names for case in cases.read(options["root"], name, training)]
-    held_out = {name: cases.read(options["root"], name, validation) for name in names}
-    trainer = trainer or _new(names, options, found, older)
+    older = None if trainer or options["finetune"] is None else ControlNetTrainer.load(options["finetune"])
+    before = trainer or older
+    sources = [one for one in sources_of(options, before and before.spec) if isinstance(one, Drawn)]
+    scenes = described(sources, options["scenes"])
+    make_missing(root, sources, (training, validation), cases.prepare)
+    found = [case for source in sources for case in cases.read(root, source, training)]
+    held_out = {source.label: cases.read(root, source, validation) for source in sources}
+    trainer = trainer or _new(scenes, options, found, older)
     run_shown(
         trainer,
         ctx,
         step=partial(trainer.step, found),
         validate=partial(log_unexplained, trainer, options["out"], held_out),
         device=device,
-        data=f"{len(found)} reversed cases of {len(training)} scenes of each of {', '.join(names)}",
+        data=f"{len(found)} reversed cases of {len(training)} scenes of each of {', '.join(held_out)}",
         before=origin_of(options["finetune"]),
     )
 
 
 def _new(
-    names: tuple[str, ...], options: dict[str, Any], found: list[Any], older: "ControlNetTrainer | None"
+    scenes: dict[str, Any], options: dict[str, Any], found: list[Any], older: "ControlNetTrainer | None"
 ) -> "ControlNetTrainer":
     """Return a new trainer, with the network and the averaged weights of an older one, if any."""
     from hybridmpm.training.control.controlnet.trainer import ControlNetTrainer  # noqa: PLC0415 - needs torch
@@ -88,15 +89,16 @@ def _new(
 
     settings = settings_of(ControlNetSettings, options)
     if older is not None:
-        spec = dataclasses.replace(older.spec, scenarios=names)
+        spec = dataclasses.replace(older.spec, **scenes)
         trainer = ControlNetTrainer(spec, settings, older.scale)
         trainer.begin_with(older.average.state_dict())
         return trainer
     spec = NetworkSpec(
-        scenarios=names,
+        **scenes,
         latent=options["latent"],
         layers=options["layers"],
         hidden_layers=1,
-        radius=_NODE_RADIUS[scenarios.get(names[0], 0).dim],
+        radius=1.0,
     )
+    spec = dataclasses.replace(spec, radius=_NODE_RADIUS[spec.dim])
     return ControlNetTrainer(spec, settings, scale_of(found))

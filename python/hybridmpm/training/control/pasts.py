@@ -1,19 +1,22 @@
 """Pasts: forward runs, from whose ends control is learned as the way back."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import scenarios
+from hybridmpm import data
+from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.control.methods.learned.features import State
+from hybridmpm.errors import DataError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Scene
-from hybridmpm.scene.particle_types import SAND
+from hybridmpm.scene.particle_types import KINEMATIC, SAND
 from hybridmpm.training.control import scene_files
+from hybridmpm.training.sources import DataSet, Drawn, check_particles, scene_of
 
 STRIDE = 10
 """Frames from one state to the next."""
@@ -26,22 +29,33 @@ _STEPS = 65535
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """A forward run of N particles in D dimensions."""
+    """F states of a forward run of N particles in D dimensions: `STATES`, or two of an example of control."""
 
     x: npt.NDArray[np.uint16]
-    """Positions (`STATES`, N, D) over the side of the world box, times 65535."""
+    """Positions (F, N, D) over the side of the world box, times 65535."""
     v: npt.NDArray[np.float16]
-    """Velocities (`STATES`, N, D) [m/s]."""
+    """Velocities (F, N, D) [m/s]."""
     scene: Scene
     mass: npt.NDArray[np.float32]
     """(N,) [kg]."""
     sand: npt.NDArray[np.bool_]
     """Whether each particle is sand (N,)."""
 
+    stride: int = STRIDE
+    """Frames from one state to the next."""
+    r_p: float = 1.0
+    """Number of particles over that of the scene."""
+
     @property
     def seconds(self) -> float:
         """Time from one state to the next [s]."""
-        return STRIDE * self.scene.frame_dt
+        return self.stride * self.scene.frame_dt
+
+    def ways(self) -> npt.NDArray[np.float64]:
+        """Return the distance of the centre of mass between any two states (F, F) [m]."""
+        share = self.mass.astype(np.float64) / self.mass.sum(dtype=np.float64)
+        middle = np.einsum("n,fnd->fd", share, self.x / _STEPS)
+        return np.asarray(np.linalg.norm(middle[:, None] - middle, axis=2))
 
     @classmethod
     def simulated(cls, scene: Scene) -> Self:
@@ -51,19 +65,49 @@ class Past:
         ------
         SimulationError
             A frame failed.
+        DataError
+            There are too few particles.
         """
         solver = MpmSolver(scene)
+        check_particles(scene, solver.particle_count)
         x, v = [solver.positions], [solver.velocities]
         for _ in range(STATES - 1):
             solver.advance(STRIDE)
             x.append(solver.positions)
             v.append(solver.velocities)
         return cls(
-            x=np.round(np.clip(np.stack(x), 0.0, 1.0) * _STEPS).astype(np.uint16),
+            x=_stored(np.stack(x)),
             v=np.stack(v).astype(np.float16),
             scene=scene,
             mass=solver.mass,
             sand=solver.materials == SAND,
+        )
+
+    @classmethod
+    def of_example(cls, trajectory: data.Trajectory, stride: int, r_p: float) -> Self:
+        """Return the two states of a trajectory that is an example of control, the end of it first.
+
+        Raises
+        ------
+        DataError
+            It is none, or has no scene.
+        """
+        control, moving = trajectory.control, trajectory.types != KINEMATIC
+        if control is None or trajectory.mass is None:
+            raise DataError(
+                f"{trajectory.place.file}: {trajectory.place.position} is no example of control; make a "
+                "data set of such by hybridmpm dataset generate --control"
+            )
+        start, v = trajectory.positions[0, moving], control.velocity[moving]
+        v = v if control.start == "live" else -v
+        return cls(
+            x=_stored(np.stack([control.target[moving], start])),
+            v=np.stack([np.zeros_like(v), v]).astype(np.float16),
+            scene=scene_of(trajectory),
+            mass=trajectory.mass[moving],
+            sand=trajectory.types[moving] == SAND,
+            stride=stride,
+            r_p=r_p,
         )
 
     def positions(self, index: int) -> npt.NDArray[np.float64]:
@@ -79,7 +123,7 @@ class Past:
             v=self.v[index].astype(np.float64),
             sand=self.sand,
             weight=mass / mass.sum(),
-            particle_volume=self.scene.spacing**self.scene.dim,
+            particle_volume=spacing_at(self.scene, self.r_p) ** self.scene.dim,
             lower=np.array(walls.lower),
             upper=np.array(walls.upper),
             gravity=np.array(self.scene.gravity),
@@ -88,15 +132,15 @@ class Past:
 
 def prepare(
     root: Path,
-    scenario: str,
+    source: Drawn,
     seeds: Sequence[int],
     on_progress: Callable[[int], object] = lambda _count: None,
 ) -> None:
-    """Make the missing pasts of a scenario in a folder of it; see `scene_files.prepare`."""
-    scene_files.prepare(root, scenario, seeds, _columns, on_progress)
+    """Make the missing pasts of a source in a folder of it; see `scene_files.prepare`."""
+    scene_files.prepare(root, source, seeds, _columns, on_progress)
 
 
-def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[Past]:
+def read(root: Path, source: Drawn, seeds: Sequence[int]) -> list[Past]:
     """Return the pasts of some seeds, without those that could not be simulated.
 
     Raises
@@ -104,12 +148,22 @@ def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[Past]:
     DataError
         A file is damaged, or there is none at all.
     """
-    return [
-        Past(scene=scenarios.get(scenario, seed), **columns)
-        for seed, columns in scene_files.read(root, scenario, seeds, _COLUMNS)
-    ]
+    found: list[tuple[int, dict[str, Any]]] = scene_files.read(root, source, seeds, _COLUMNS)
+    return [Past(scene=source.scene(seed), **columns) for seed, columns in found]
 
 
-def _columns(scenario: str, seed: int) -> scene_files.Columns:
-    past = Past.simulated(scenarios.get(scenario, seed))
+def read_examples(source: DataSet, split: str) -> Iterator[Past]:
+    """Yield the examples of control in a data set; errors as `DataSet.read` and `Past.of_example`."""
+    about = data.metadata.read(source.folder)
+    r_p = float(about.get("hybridmpm", {}).get("r_p", 1.0))
+    for trajectory in source.read(split):
+        yield Past.of_example(trajectory, len(trajectory.positions) - 1, r_p)
+
+
+def _stored(x: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    return np.asarray(np.round(np.clip(x, 0.0, 1.0) * _STEPS).astype(np.uint16))
+
+
+def _columns(scene: Scene, _seed: int) -> scene_files.Columns:
+    past = Past.simulated(scene)
     return {name: getattr(past, name) for name in _COLUMNS}

@@ -1,4 +1,4 @@
-"""Training data by seed: a file for each scene of a scenario, made where it is missing."""
+"""Training data by seed: a file for each scene that a seed draws, made where it is missing."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -11,27 +11,29 @@ import numpy.typing as npt
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import usable_cores
 from hybridmpm.errors import DataError, SimulationError, SketchError
+from hybridmpm.scene import Scene
+from hybridmpm.training.sources import Drawn
 
 Columns: TypeAlias = Mapping[str, npt.NDArray[Any]]
 
 
 def prepare(
     root: Path,
-    scenario: str,
+    source: Drawn,
     seeds: Sequence[int],
-    make: Callable[[str, int], Columns],
+    make: Callable[[Scene, int], Columns],
     on_progress: Callable[[int], object] = lambda _count: None,
 ) -> None:
-    """Make the missing files of a scenario; an interrupted call can be repeated.
+    """Make the missing files of a source; an interrupted call can be repeated.
 
     Parameters
     ----------
     root : Path
-        Folder with a folder for each scenario.
-    scenario : str
+        Folder with a folder for each source.
+    source : Drawn
     seeds : sequence of int
     make : callable
-        Returns the columns of a scenario and a seed. Where it raises SimulationError or SketchError, the file
+        Returns the columns of a scene and its seed. Where it raises SimulationError or SketchError, the file
         stays empty.
     on_progress : callable
         Called with the number of files done since its last call.
@@ -41,12 +43,12 @@ def prepare(
     ExportError
         A file cannot be written.
     """
-    folder = root / scenario
+    folder = root / source.folder
     folder.mkdir(parents=True, exist_ok=True)
 
     def one(seed: int) -> None:
         try:
-            columns = make(scenario, seed)
+            columns = make(source.scene(seed), seed)
         except (SimulationError, SketchError):
             columns = {}
         with replacing(_file(folder, seed)) as part:
@@ -58,13 +60,13 @@ def prepare(
             on_progress(1)
 
 
-def missing(root: Path, scenario: str, seeds: Sequence[int]) -> int:
+def missing(root: Path, source: Drawn, seeds: Sequence[int]) -> int:
     """Return the number of files that `prepare` would make."""
-    return sum(not _file(root / scenario, seed).exists() for seed in seeds)
+    return sum(not _file(root / source.folder, seed).exists() for seed in seeds)
 
 
 def read(
-    root: Path, scenario: str, seeds: Sequence[int], names: Sequence[str]
+    root: Path, source: Drawn, seeds: Sequence[int], names: Sequence[str]
 ) -> list[tuple[int, dict[str, npt.NDArray[Any]]]]:
     """Return seeds and columns of some files, without the empty ones.
 
@@ -73,10 +75,13 @@ def read(
     DataError
         A file is damaged, or there is none at all.
     """
-    found = [(seed, _read(_file(root / scenario, seed), names)) for seed in seeds]
+    found = [(seed, _read(_file(root / source.folder, seed), names)) for seed in seeds]
     filled = [(seed, columns) for seed, columns in found if columns is not None]
     if not filled:
-        raise DataError(f"{root / scenario} holds nothing of the {len(seeds)} seeds: delete the folder")
+        raise DataError(
+            f"no simulation of the {len(seeds)} scenes in {root / source.folder} succeeded, or fluid "
+            "hardly moves in them: look at one by hybridmpm simulate, and delete the folder"
+        )
     return filled
 
 

@@ -14,6 +14,7 @@ from hybridmpm.errors import DataError
 from hybridmpm.physics.spec import HISTORY
 from hybridmpm.scene.particle_types import KINEMATIC
 from hybridmpm.training.physics.network.edges import EdgeList
+from hybridmpm.training.sources import scene_of
 
 _Floats = npt.NDArray[np.float32]
 _PUSH = 2.0
@@ -98,15 +99,15 @@ class Windows:
 
     def __init__(self, trajectories: Sequence[Trajectory], unroll: int, *, step_dt: float) -> None:
         for trajectory in trajectories:
-            if trajectory.scene is None:
-                raise DataError(
-                    f"{trajectory.place.file}: {trajectory.place.position} comes without its scene, which "
-                    "gives walls and gravity; train on a data set that hybridmpm made"
-                )
+            scene_of(trajectory)
         length = HISTORY + unroll
         self._trajectories = [t for t in trajectories if len(t.positions) >= length]
         if not self._trajectories:
-            raise DataError(f"no trajectory has the {length} states that a training sample needs")
+            most = max((len(t.positions) for t in trajectories), default=0)
+            raise DataError(
+                f"no trajectory has the {length} states that a training sample needs, the longest has "
+                f"{most}: make trajectories of more frames, or lower r_t or unroll"
+            )
         self._starts = [max(0, first_push(one, step_dt) - HISTORY - _AHEAD) for one in self._trajectories]
 
     def draw(self, rng: np.random.Generator, *, size: int, unroll: int, noise_std: float) -> Batch:
@@ -171,9 +172,7 @@ def known_acceleration(trajectory: Trajectory, first: int, count: int) -> tuple[
     DataError
         The trajectory has no scene.
     """
-    scene = trajectory.scene
-    if scene is None:
-        raise DataError(f"{trajectory.place.file}: {trajectory.place.position} comes without its scene")
+    scene = scene_of(trajectory)
     acceleration = np.empty((count, *trajectory.positions.shape[1:]), dtype=np.float32)
     acceleration[:] = np.array(scene.gravity, dtype=np.float32)
     if trajectory.force is not None:

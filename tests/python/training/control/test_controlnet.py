@@ -43,6 +43,7 @@ from hybridmpm.training.control.controlnet.windows import scale_of
 from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.physics.network.edges import SortedEdges
 from hybridmpm.training.settings import ControlNetSettings
+from hybridmpm.training.sources import Drawn
 
 COUNT = 40
 SETTINGS = ("water_2d", "sand_3d")
@@ -382,8 +383,8 @@ def test_the_command_trains_and_the_export_is_published(tmp_path: Path) -> None:
 
 
 def test_cases_lead_back_to_where_the_fluid_was(tmp_path: Path) -> None:
-    cases.prepare(tmp_path, "water_2d", range(1))
-    found = cases.read(tmp_path, "water_2d", range(1))
+    cases.prepare(tmp_path, Drawn(scenario="water_2d"), range(1))
+    found = cases.read(tmp_path, Drawn(scenario="water_2d"), range(1))
     assert 1 <= len(found) <= 4
     past = Past.simulated(scenarios.get("water_2d", 0))
     gone = [past.positions(state).mean(axis=0) for state in range(11)]

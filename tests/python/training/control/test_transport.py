@@ -16,13 +16,15 @@ from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.training import checkpoint
 from hybridmpm.training.control import pasts, scene_files
 from hybridmpm.training.control.transport.export import export_transport
-from hybridmpm.training.control.transport.supply import Source, Supply, batch_at
+from hybridmpm.training.control.transport.supply import Stock, Supply, batch_at
 from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.control.transport.windows import batch_of, drawn
 from hybridmpm.training.publish import Exported
 from hybridmpm.training.settings import TransportSettings
+from hybridmpm.training.sources import Drawn
 
 CPU = torch.device("cpu")
+WATER = {dim: Drawn(scenario=f"water_{dim}d") for dim in (2, 3)}
 SPECS = {dim: TransportSpec(scenarios=(f"water_{dim}d",), width=4) for dim in (2, 3)}
 
 
@@ -30,21 +32,21 @@ SPECS = {dim: TransportSpec(scenarios=(f"water_{dim}d",), width=4) for dim in (2
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the pasts of six scenes in 2D and of four in 3D."""
     folder = tmp_path_factory.mktemp("pasts")
-    pasts.prepare(folder, "water_2d", range(6))
-    pasts.prepare(folder, "water_3d", range(4))
+    pasts.prepare(folder, WATER[2], range(6))
+    pasts.prepare(folder, WATER[3], range(4))
     return folder
 
 
 @pytest.fixture(scope="module")
 def six(root: Path) -> list[pasts.Past]:
     """Return the six pasts."""
-    return pasts.read(root, "water_2d", range(6))
+    return pasts.read(root, WATER[2], range(6))
 
 
 @pytest.fixture(scope="module")
 def four(root: Path) -> list[pasts.Past]:
     """Return the four pasts in 3D."""
-    return pasts.read(root, "water_3d", range(4))
+    return pasts.read(root, WATER[3], range(4))
 
 
 def trainer(dim: int, steps: int = 40, rate: float = 1.5e-3) -> TransportTrainer:
@@ -57,7 +59,7 @@ def take_steps(one: TransportTrainer, found: list[pasts.Past], count: int) -> li
 
 
 def test_pasts_are_kept_and_made_anew_where_missing(root: Path, six: list[pasts.Past]) -> None:
-    assert scene_files.missing(root, "water_2d", range(8)) == 2
+    assert scene_files.missing(root, WATER[2], range(8)) == 2
     again = pasts.Past.simulated(six[2].scene)
     np.testing.assert_array_equal(again.x, six[2].x)
     np.testing.assert_array_equal(again.v, six[2].v)
@@ -68,7 +70,7 @@ def test_a_damaged_past_is_named(tmp_path: Path) -> None:
     (tmp_path / "water_2d").mkdir()
     (tmp_path / "water_2d" / "0000000.npz").write_bytes(b"half")
     with pytest.raises(DataError, match=r"0000000\.npz is damaged"):
-        pasts.read(tmp_path, "water_2d", range(1))
+        pasts.read(tmp_path, WATER[2], range(1))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -152,7 +154,7 @@ def test_an_interrupted_training_gives_the_same_weights(
 
 def test_another_process_makes_the_same_batches(root: Path, four: list[pasts.Past]) -> None:
     settings = TransportSettings(steps=9, batch=2, particles=16, seed=3)
-    with Supply(Source(root, range(4), SPECS[3], settings), 5) as supply:
+    with Supply(Stock(root, [WATER[3]], range(4), SPECS[3], settings), 5) as supply:
         for step in (5, 6):
             wanted, got = batch_at(step, four, SPECS[3], settings), supply.take()
             assert torch.equal(wanted[1], got[1])
@@ -163,7 +165,7 @@ def test_another_process_makes_the_same_batches(root: Path, four: list[pasts.Pas
 def test_what_another_process_cannot_read_is_told(root: Path) -> None:
     settings = TransportSettings(steps=9, batch=2, particles=16)
     with (
-        Supply(Source(root / "none", range(4), SPECS[2], settings), 0) as supply,
+        Supply(Stock(root / "none", [WATER[2]], range(4), SPECS[2], settings), 0) as supply,
         pytest.raises(DataError, match="damaged"),
     ):
         supply.take()

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-from hybridmpm import scenarios
 from hybridmpm._support.arguments import whole
 from hybridmpm.errors import ConfigError
+from hybridmpm.scenarios.trained_on import TrainedOn
 
 FEATURES_VERSION = 1
 """Raised when the same inputs give other features; checkpoints and models of another version are refused."""
@@ -22,12 +22,14 @@ class TransportSpec:
     Raises
     ------
     ConfigError
-        A number is out of range, a scenario is unknown or has obstacles, or the scenarios differ in their
-        box.
+        A number is out of range, a scenario is unknown, or the scenarios differ in what one network must
+        share.
     """
 
     scenarios: tuple[str, ...]
-    """Scenarios in the training data."""
+    """Scenarios in the training data, or names of other scenes."""
+    scenes: TrainedOn | None = None
+    """Properties of the scenes in the training data; if None, those of the scenarios."""
     width: int = 24
     """Channels on the finest cells, in [4, 256]; a multiple of 4."""
     shortest: float = 0.1
@@ -47,18 +49,17 @@ class TransportSpec:
             )
         if not self.scenarios:
             raise ConfigError("a transport network needs at least one scenario")
-        scenes = [scenarios.get(name, 0) for name in self.scenarios]
-        if any(scene.obstacles for scene in scenes):
-            raise ConfigError(
-                "transport networks are for scenarios without obstacles, got " + ", ".join(self.scenarios)
-            )
-        if len({scene.walls for scene in scenes}) > 1:
-            raise ConfigError("the scenarios of one network must share their walls, and so their dimension")
+        _ = self.trained_on
+
+    @property
+    def trained_on(self) -> TrainedOn:
+        """Properties of the scenes in the training data."""
+        return self.scenes or TrainedOn.of_scenarios(self.scenarios)
 
     @property
     def dim(self) -> int:
         """Dimension D."""
-        return scenarios.get(self.scenarios[0], 0).dim
+        return self.trained_on.dim
 
     def clipped(self, seconds: float) -> float:
         """Return the time nearest to `seconds` among those that the network is trained on [s]."""
@@ -66,7 +67,10 @@ class TransportSpec:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data that `from_dict` reads."""
-        return {**asdict(self), "features": FEATURES_VERSION}
+        fields = asdict(self)
+        if self.scenes is None:
+            del fields["scenes"]
+        return {**fields, "features": FEATURES_VERSION}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], *, where: str) -> Self:
@@ -84,4 +88,6 @@ class TransportSpec:
                 f"{where} has transport features of version {there}; this library has version "
                 f"{FEATURES_VERSION}: train it anew"
             )
-        return cls(**plain)
+        scenes = plain.pop("scenes", None)
+        own = None if scenes is None else TrainedOn.from_dict(scenes, where=where)
+        return cls(**plain, scenes=own)

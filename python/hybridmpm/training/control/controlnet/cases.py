@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from hybridmpm import scenarios
 from hybridmpm.control.diffusion.network import picture_of
 from hybridmpm.control.diffusion.nodes import Nodes
 from hybridmpm.control.reversal import SHORTEST_ARROW, arrow_of, oval_of
@@ -16,6 +15,7 @@ from hybridmpm.scene import Scene
 from hybridmpm.scene.particle_types import SAND, WATER
 from hybridmpm.training.control import scene_files
 from hybridmpm.training.control.pasts import STATES, STRIDE, Past
+from hybridmpm.training.sources import Drawn
 
 FRAMES = 100
 """Frames of control, as in the paper."""
@@ -59,19 +59,19 @@ class NodeCase:
 
 def prepare(
     root: Path,
-    scenario: str,
+    source: Drawn,
     seeds: Sequence[int],
     on_progress: Callable[[int], object] = lambda _count: None,
 ) -> None:
-    """Make the missing cases of a scenario in a folder of it; see `scene_files.prepare`."""
+    """Make the missing cases of a source in a folder of it; see `scene_files.prepare`."""
 
-    def columns(scenario: str, seed: int) -> scene_files.Columns:
-        return columns_of(Past.simulated(scenarios.get(scenario, seed)), seed)
+    def columns(scene: Scene, seed: int) -> scene_files.Columns:
+        return columns_of(Past.simulated(scene), seed)
 
-    scene_files.prepare(root, scenario, seeds, columns, on_progress)
+    scene_files.prepare(root, source, seeds, columns, on_progress)
 
 
-def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[NodeCase]:
+def read(root: Path, source: Drawn, seeds: Sequence[int]) -> list[NodeCase]:
     """Return the cases of some seeds, up to four of each.
 
     Raises
@@ -80,8 +80,8 @@ def read(root: Path, scenario: str, seeds: Sequence[int]) -> list[NodeCase]:
         A file is damaged, or there is none at all.
     """
     return [
-        NodeCase(scene=scenarios.get(scenario, seed), **dict(zip(_COLUMNS, case, strict=True)))
-        for seed, columns in scene_files.read(root, scenario, seeds, _COLUMNS)
+        NodeCase(scene=source.scene(seed), **dict(zip(_COLUMNS, case, strict=True)))
+        for seed, columns in scene_files.read(root, source, seeds, _COLUMNS)
         for case in zip(*(columns[name] for name in _COLUMNS), strict=True)
     ]
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from hybridmpm import scenarios
 from hybridmpm._support.networks import to_properties
 from hybridmpm.control.diffusion.network import FORMAT, INPUTS, OUTPUT, SIDE, ControlNetwork
 from hybridmpm.training.control.controlnet.cases import FRAMES
@@ -26,11 +25,10 @@ class _Served(nn.Module):
     def __init__(self, conditioned: Conditioned, scale: float) -> None:
         super().__init__()
         self.conditioned, self.scale = conditioned, scale
-        # The scenarios of a network share box, gravity and length of a frame.
-        scene = scenarios.get(conditioned.spec.scenarios[0], 0)
+        trained = conditioned.spec.trained_on
         self.register_buffer("walls", torch.tensor(conditioned.spec.bounds).T.contiguous())
-        self.register_buffer("gravity", torch.tensor(scene.gravity, dtype=torch.float32))
-        self.register_buffer("seconds", torch.tensor(FRAMES * scene.frame_dt))
+        self.register_buffer("gravity", torch.tensor(trained.gravity, dtype=torch.float32))
+        self.register_buffer("seconds", torch.tensor(FRAMES * trained.frame_dt))
 
     def forward(  # noqa: PLR0917 - the exporter names inputs by their place
         self,

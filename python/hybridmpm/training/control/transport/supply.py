@@ -2,6 +2,7 @@
 
 import multiprocessing
 import queue
+import signal
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from hybridmpm.training.control import pasts
 from hybridmpm.training.control.pasts import Past
 from hybridmpm.training.control.transport.windows import Batch, batch_of, drawn
 from hybridmpm.training.settings import TransportSettings
+from hybridmpm.training.sources import DataSet, Source
 
 _AHEAD = 8
 """Largest number of batches that wait."""
@@ -43,23 +45,31 @@ def batch_at(
 
 
 @dataclass(frozen=True)
-class Source:
-    """Forward runs in a folder, from which batches are drawn."""
+class Stock:
+    """Forward runs of sources, those of `Drawn` in a folder, from which batches are drawn."""
 
     root: Path
+    sources: Sequence[Source]
     seeds: range
     spec: TransportSpec
     settings: TransportSettings
 
     def read(self) -> list[Past]:
-        """Return the pasts of all scenarios.
+        """Return the pasts of all sources.
 
         Raises
         ------
         DataError
-            A file is damaged, or a scenario has none.
+            A file is damaged, or a source has none.
         """
-        return [past for name in self.spec.scenarios for past in pasts.read(self.root, name, self.seeds)]
+        return [past for one in self.sources for past in pasts_of(self.root, one, self.seeds, "train")]
+
+
+def pasts_of(root: Path, source: Source, seeds: range, split: str) -> list[Past]:
+    """Return the pasts of a source: of seeds, or of a split of a data set; errors as `Stock.read`."""
+    if isinstance(source, DataSet):
+        return list(pasts.read_examples(source, split))
+    return pasts.read(root, source, seeds)
 
 
 class Supply:
@@ -67,16 +77,16 @@ class Supply:
 
     Parameters
     ----------
-    source : Source
+    stock : Stock
     first : int
         Step of the first batch.
     """
 
-    def __init__(self, source: Source, first: int) -> None:
+    def __init__(self, stock: Stock, first: int) -> None:
         # A forked process would inherit the locks of torch's threads.
         context = multiprocessing.get_context("spawn")
         self._queue: Any = context.Queue(_AHEAD)
-        self._process = context.Process(target=_make, args=(source, first, self._queue), daemon=True)
+        self._process = context.Process(target=_make, args=(stock, first, self._queue), daemon=True)
 
     def __enter__(self) -> Self:
         self._process.start()
@@ -113,19 +123,18 @@ class Supply:
             return Batch(**tensors), time
 
 
-def _make(source: Source, first: int, batches: Any) -> None:
+def _make(stock: Stock, first: int, batches: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the training ends this process after its last step
     try:
-        found = source.read()
+        found = stock.read()
         step = first
         while True:
-            batch, time = batch_at(step, found, source.spec, source.settings)
+            batch, time = batch_at(step, found, stock.spec, stock.settings)
             arrays: Arrays = {name: tensor.numpy() for name, tensor in vars(batch).items()}
             _put(batches, arrays | {"time": time.numpy()})
             step += 1
     except SimulationError as error:
         _put(batches, str(error))
-    except KeyboardInterrupt:
-        pass  # the training is interrupted too
 
 
 def _put(batches: Any, made: Arrays | str) -> None:

@@ -12,11 +12,11 @@ from hybridmpm.control.goal.cloud import Floats
 from hybridmpm.control.goal.moments import moments, root_of
 from hybridmpm.control.methods.learned.features import Aim, State, inputs
 from hybridmpm.control.methods.learned.noise import smooth_noise
-from hybridmpm.errors import DataError
-from hybridmpm.training.control.pasts import STATES, Past
+from hybridmpm.errors import ConfigError, DataError
+from hybridmpm.training.control.pasts import STATES, STRIDE, Past
 
-_USUAL = 10
-"""Strides between start and end of half of the samples: the 100 frames of the paper."""
+_USUAL = 0.25
+"""Time between start and end of half of the samples [s]: the 100 frames of the paper."""
 _NEAREST = 0.03
 """Distance that the centre of mass goes at least [m]; with less a sketch would ask for nothing."""
 _TRIES = 1000
@@ -72,17 +72,65 @@ def drawn(rng: np.random.Generator, pasts: Sequence[Past], *, shortest: float, l
     """
     for _ in range(_TRIES):
         past = pasts[int(rng.integers(len(pasts)))]
-        low, high = (round(seconds / past.seconds) for seconds in (shortest, longest))
-        strides = _USUAL if rng.random() < 0.5 else int(rng.integers(low, high, endpoint=True))
-        start = int(rng.integers(strides, STATES))
+        low, usual, high = _strides(past, shortest, longest)
+        strides = usual if rng.random() < 0.5 else int(rng.integers(low, high, endpoint=True))
+        start = int(rng.integers(strides, len(past.x)))
         state, end = past.state(start), past.positions(start - strides)
-        state, end = _turned(rng, state, end)
+        if not past.scene.obstacles:  # the network does not see them, and so not that they are mirrored
+            state, end = _turned(rng, state, end)
         mean, covariance = moments(end, state.weight)
         arrow = rng.random() < 0.5
         if np.linalg.norm(mean - state.weight @ state.x) >= _NEAREST:
             aim = Aim(mean, None if arrow else root_of(covariance[:2, :2]), strides * past.seconds)
             return Sample(state, aim, end)
-    raise DataError("the fluid's centre of mass hardly moves in these scenes: use others")
+    raise DataError(_HARDLY_MOVES.format(most=_farthest(pasts, shortest, longest)))
+
+
+def check_frame(frame_dt: float, *, shortest: float, longest: float) -> None:
+    """Refuse a length of frames [s] at which no two states of a past are a sketch's time apart [s].
+
+    Raises
+    ------
+    ConfigError
+        The message has the allowed range.
+    """
+    low, high = shortest / STRIDE / (STATES - 1), longest / STRIDE
+    if not low <= frame_dt <= high:
+        raise ConfigError(
+            f"frame_dt must be in [{low:g}, {high:g}] s for sketches of {shortest:g} to {longest:g} s, got "
+            f"{frame_dt:g}"
+        )
+
+
+def check_pasts(pasts: Sequence[Past], *, shortest: float, longest: float) -> None:
+    """Refuse pasts in none of which the centre of mass moves far enough for a sketch; raises `DataError`."""
+    if (most := _farthest(pasts, shortest, longest)) < _NEAREST:
+        raise DataError(_HARDLY_MOVES.format(most=most))
+
+
+_HARDLY_MOVES = (
+    "the fluid's centre of mass moves by {most:.2g} m at most in the time of a sketch in these scenes, and "
+    f"must move by {_NEAREST:g} m: let bodies fall from higher up, or give them a velocity"
+)
+
+
+def _farthest(pasts: Sequence[Past], shortest: float, longest: float) -> float:
+    """Return how far the centre of mass moves between the states of a sample, at most [m]."""
+    most = 0.0
+    for past in pasts:
+        low, usual, high = _strides(past, shortest, longest)
+        ways = past.ways()
+        most = max(most, *(float(np.diag(ways, k).max()) for k in {usual, *range(low, high + 1)}))
+    return most
+
+
+def _strides(past: Past, shortest: float, longest: float) -> tuple[int, int, int]:
+    """Return the smallest, the usual and the largest number of states from the start to the end."""
+    found = (
+        min(max(round(seconds / past.seconds), 1), len(past.x) - 1) for seconds in (shortest, _USUAL, longest)
+    )
+    low, usual, high = found
+    return low, usual, high
 
 
 def batch_of(rng: np.random.Generator, samples: Sequence[Sample], particles: int) -> Batch:
