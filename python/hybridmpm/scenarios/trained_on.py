@@ -12,8 +12,9 @@ from hybridmpm.scene import Material, Scene, Water
 
 _SHARED = ("dim", "frame_dt", "spacing", "lower", "upper", "gravity")
 """Properties that all scenes of a training must share."""
-_MARGIN = 0.1
-"""Distance from a range of constants, over its width, up to which a constant counts as within."""
+_MARGIN, _NEAR = 0.1, 0.01
+"""Distances from a range of constants, over its width and over its end, up to which a constant counts as
+within: a scene drawn from the same ranges may lie somewhat beyond those of the training."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +109,7 @@ class TrainedOn:
         for material in scene.materials:
             for name, value in constants(material, scene).items():
                 low, high = self.materials[material.kind][name]
-                margin = _MARGIN * (high - low)
+                margin = _MARGIN * (high - low) + _NEAR * abs(high)
                 if not low - margin <= value <= high + margin:
                     return material, name, value, (low, high)
         return None

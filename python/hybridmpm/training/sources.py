@@ -51,9 +51,9 @@ class Drawn:
         """Return the recipe of its trajectories with settings; errors as `hybridmpm.data.Recipe`."""
         return data.Recipe(scenario=self.scenario, template=self.template, **settings)
 
-    def examples(self, count: int) -> Iterator[Scene]:
-        """Yield the first scenes of `count` for training."""
-        return map(self.scene, range(min(count, _DRAWN)))
+    def examples(self) -> Iterator[Scene]:
+        """Yield scenes for training, which show what all of them have in common."""
+        return map(self.scene, range(_DRAWN))
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class DataSet:
         about = metadata.read(self.folder)
         return float(about["dt"] * about["sequence_length"])
 
-    def examples(self, _count: int) -> Iterator[Scene]:
+    def examples(self) -> Iterator[Scene]:
         """Yield the scenes of all trajectories for training; errors as `read`."""
         return (scene_of(trajectory) for trajectory in self.read("train"))
 
@@ -110,10 +110,8 @@ class DataSet:
 Source = Drawn | DataSet
 
 
-def described(sources: Sequence[Source], count: int) -> dict[str, Any]:
+def described(sources: Sequence[Source]) -> dict[str, Any]:
     """Return the fields `scenarios` and `scenes` of the description of a network for training on sources.
-
-    `count` is the number of scenes of each source that draws them.
 
     Raises
     ------
@@ -124,7 +122,7 @@ def described(sources: Sequence[Source], count: int) -> dict[str, Any]:
     """
     labels = tuple(source.label for source in sources)
     own = [source for source in sources if not (isinstance(source, Drawn) and source.template is None)]
-    scenes: Iterable[Scene] = chain.from_iterable(source.examples(count) for source in sources)
+    scenes: Iterable[Scene] = chain.from_iterable(source.examples() for source in sources)
     return {"scenarios": labels, "scenes": TrainedOn.of(scenes) if own else None}
 
 

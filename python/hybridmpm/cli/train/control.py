@@ -73,11 +73,11 @@ def control(ctx: click.Context, /, *, threads: int | None, **options: Any) -> No
 
     root, (training, validation) = options["root"], splits_of(options)
     trainer = continued(ctx, partial(TransportTrainer.load, device=device))
-    older = (
-        None if trainer or options["finetune"] is None else TransportTrainer.load(options["finetune"], device)
-    )
-    sources = sources_of(options, (trainer or older) and (trainer or older).spec)
-    trainer = trainer or _new(sources, options, older, device)
+    file = None if trainer else options["finetune"]
+    finetuned = None if file is None else TransportTrainer.load(file, device)
+    older = trainer or finetuned
+    sources = sources_of(options, older and older.spec)
+    trainer = trainer or _new(sources, options, finetuned, device)
     spec = trainer.spec
     if drawn := [source for source in sources if isinstance(source, Drawn)]:
         check_frame(spec.trained_on.frame_dt, shortest=spec.shortest, longest=spec.longest)
@@ -108,7 +108,7 @@ def _new(
     from hybridmpm.training.sources import DataSet, described  # noqa: PLC0415
 
     settings = settings_of(TransportSettings, options)
-    scenes = described(sources, options["scenes"])
+    scenes = described(sources)
     times = [
         (source.seconds,) if isinstance(source, DataSet) else (TransportSpec.shortest, TransportSpec.longest)
         for source in sources

@@ -64,7 +64,7 @@ def controlnet(ctx: click.Context, /, *, threads: int | None, **options: Any) ->
     older = None if trainer or options["finetune"] is None else ControlNetTrainer.load(options["finetune"])
     before = trainer or older
     sources = [one for one in sources_of(options, before and before.spec) if isinstance(one, Drawn)]
-    scenes = described(sources, options["scenes"])
+    scenes = described(sources)
     make_missing(root, sources, (training, validation), cases.prepare)
     found = [case for source in sources for case in cases.read(root, source, training)]
     held_out = {source.label: cases.read(root, source, validation) for source in sources}

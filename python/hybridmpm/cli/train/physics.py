@@ -165,7 +165,7 @@ def _spec(ctx: click.Context, sources: "Sequence[Source]", beginning: "Beginning
     from hybridmpm.training.sources import DataSet, described  # noqa: PLC0415
 
     options = ctx.params
-    scenes = described(sources, options["trajectories"])
+    scenes = described(sources)
     if beginning is not None:
         older = beginning.simulator.spec
         there = {key: getattr(older, key) for key in _SHAPE}

@@ -13,6 +13,10 @@ _OUTSIDE_LENGTH = 0.02
 """Distance from the walls up to which a place outside counts as inside [m]; it is moved to the wall."""
 _OUTSIDE = 0.25
 """Largest share of the mass that may have places outside."""
+_BLOCKED = 0.1
+"""Largest share of the mass on ways through obstacles, which the network does not see."""
+_POINTS = 8
+"""Points of a piece of a way that are held against obstacles."""
 _MISSING = 0.25
 """Largest share of the mass that may miss the goal beyond that of the analytic plan."""
 _CELLS = 32
@@ -41,6 +45,8 @@ def objection(places: Floats, paths: Paths, task: Task) -> str | None:
     outside = float(weight @ (beyond > _OUTSIDE_LENGTH))
     if outside > _OUTSIDE:
         return f"the plan leads {100 * outside:.0f} % of the fluid out of the box"
+    if (blocked := _blocked(paths, task)) > _BLOCKED:
+        return f"the plan leads {100 * blocked:.0f} % of the fluid through obstacles"
     # The disc at the tip of an arrow is a makeshift for a shape that does not fit there.
     if goal.drawn is not None and goal.region is not None:
         inside, analytic = (
@@ -56,6 +62,17 @@ def objection(places: Floats, paths: Paths, task: Task) -> str | None:
     if need > max(task.cap, least):
         return f"the plan takes {need:.1f} g, and {task.cap:g} g are allowed"
     return None
+
+
+def _blocked(paths: Paths, task: Task) -> float:
+    """Return the share of the mass on ways through obstacles; all ways have equally many corners."""
+    dim, groups = task.goal.cloud.dim, len(paths.weight)
+    corners = paths.corners.reshape(groups, -1, dim)
+    at = np.linspace(0, 1, _POINTS, endpoint=False)[1:, None, None, None]
+    points = corners[:, :-1] + at * np.diff(corners, axis=1)
+    points = np.concatenate([points.swapaxes(0, 1).reshape(groups, -1, dim), corners[:, -1:]], axis=1)
+    inside = task.goal.room.distance(points.reshape(-1, dim)).reshape(groups, -1) < 0
+    return float(paths.weight @ inside.any(axis=1))
 
 
 def _in_view(drawn: Oval, region: Region, places: Floats) -> npt.NDArray[np.bool_]:
