@@ -12,8 +12,10 @@ ROOT = Path(__file__).parents[2]
 LIMITS = {
     # 500 lines lead arrows round obstacles, and tell control who is to move.
     # 800 lines make arrays, signals, copies, files and pictures of any kind work, or refuse them plainly.
-    "Python in the wheel": (("python/**.py", "python/**.pyi"), 34_300),
-    "command line": (("python/hybridmpm/cli/**.py",), 2_600),
+    # 650 lines train networks on scene files and data sets, and show how long that takes without a terminal.
+    "Python in the wheel": (("python/**.py", "python/**.pyi"), 34_950),
+    # 100 lines are for networks of one's own, and for lines of progress.
+    "command line": (("python/hybridmpm/cli/**.py",), 2_750),
     # The aim is 7 000; next to go are Warp, the scaling of threads, and what cases of validation repeat.
     # 230 lines kill the service under load, and compare its sessions with uninterrupted runs.
     "laboratory": (("lab/**.py",), 8_950),
