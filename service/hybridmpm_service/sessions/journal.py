@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import math
 import re
 import sqlite3
 import time
@@ -85,6 +86,8 @@ MAX_INPUTS = 50_000
 real time makes as many."""
 CHECKPOINT_SECONDS = 1.0
 """Time of computing between two checkpoints [s]: the most that a restart computes again."""
+_RESTING_SECONDS = 1.0
+"""Shortest time between two checkpoints of a session that rests now and then [s]."""
 _RETRY_SECONDS = 5.0
 """Time from a failed write to the next attempt [s]."""
 
@@ -125,6 +128,7 @@ class Journal:
         self._kept: Kept = "memory"
         self._failed_at = 0.0
         self._checked_at = 0.0
+        self._written_at = -math.inf
 
     @property
     def kept(self) -> Kept:
@@ -217,7 +221,9 @@ class Journal:
             return False
         if self._kept == "failing":
             return time.monotonic() - self._failed_at > _RETRY_SECONDS
-        return computed_seconds - self._checked_at > (0.0 if resting else CHECKPOINT_SECONDS)
+        behind = computed_seconds - self._checked_at
+        rested = resting and time.monotonic() - self._written_at > _RESTING_SECONDS
+        return behind > (0.0 if rested else CHECKPOINT_SECONDS)
 
     def check(self, computed_seconds: float, checkpoint: Callable[[], Checkpoint]) -> None:
         """Write a checkpoint now, and everything else if an earlier write failed."""
@@ -231,7 +237,7 @@ class Journal:
             )
         else:
             self._write(lambda file: file.check(state, self._pending))
-        self._checked_at = computed_seconds
+        self._checked_at, self._written_at = computed_seconds, time.monotonic()
 
     def close(self) -> None:
         """Close the file."""

@@ -428,13 +428,14 @@ class Session:
 
     async def _report(self) -> None:
         """Post the status regularly, and keep a session that rests, until this task is cancelled."""
-        simulation = self.simulation
+        before = 0.0
         while True:
             await asyncio.sleep(_STATUS_SECONDS)
             self.audience.post_status()
-            if not self._worker.busy and simulation.journal.is_behind(
-                simulation.computed_seconds, resting=True
-            ):
+            now = self.simulation.computed_seconds
+            rests = now == before and not self._worker.busy
+            before = now
+            if rests and self.simulation.journal.is_behind(now, resting=True):
                 await self._keep()
 
     async def _keep(self) -> None:
