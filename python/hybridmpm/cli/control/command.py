@@ -55,7 +55,7 @@ from hybridmpm.simulator import Kind, Simulator
     "sketch_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     required=True,
-    help="Sketch, .png or .json; see above.",
+    help="Sketch, a picture (.png, .jpg, .webp) or .json; see above.",
 )
 @click.option(
     "--method",
@@ -169,7 +169,10 @@ def _sketch(file: Path) -> Sketch:
     data = file.read_bytes()
     try:
         if file.suffix.lower() != ".json":
-            return parse_png(data)
+            sketch = parse_png(data)
+            if sketch.note is not None:
+                click.echo(f"{file}: {sketch.note}", err=True)
+            return sketch
         try:
             content = from_json(data)
         except ValueError as error:
