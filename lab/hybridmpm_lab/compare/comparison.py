@@ -202,7 +202,6 @@ def table(cases: Sequence[Case], store: RowStore) -> list[Row]:
     `on_front` is whether no other method is as quick and as accurate by `error`, `on_front_transport` the
     same by `transport`. `dominated_by` is the quickest that is neither slower nor worse, `equal_mpm` the
     quickest MPM that errs no more, and `equal_mpm_ms` its time, below which the method would pay.
-    `error_minus_equal_mpm` is the mean difference of the two errors on the same scenes.
 
     Machine, date, commit, command and ingredients are those of the errors, `timed_...` those of the time.
     """
@@ -251,11 +250,6 @@ def _of_case(case: Case, store: RowStore) -> list[Row]:
         equal = equal_error(row, rivals) if can_run else None
         row["dominated_by"] = better and row_name(better)
         row["equal_mpm"], row["equal_mpm_ms"] = equal and row_name(equal), equal and equal["ms_per_frame"]
-        apart = None
-        if equal is not None and equal is not row:
-            apart = by_scene.difference(row_name(row), row_name(equal), "error")
-        row["error_minus_equal_mpm"] = significant(apart.mean if apart else None)
-        row["error_minus_equal_mpm_se"] = significant(apart.standard_error if apart else None)
     return rows
 
 

@@ -21,7 +21,7 @@ from hybridmpm_lab.speed.baselines.process import baseline_process
 FIELDS = ("ms_per_frame", "ms_p95", "slowdown")
 """Fields of a row about its time."""
 PIECE = 8
-"""Frames of a piece: two carries, and one or two steps of each shipped network."""
+"""Frames of a piece: two updates of the shown particles, and one or two steps of each shipped network."""
 _APART = 2 * PIECE
 """Frames from the start of a piece to that of the next."""
 

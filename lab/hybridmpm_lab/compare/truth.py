@@ -32,7 +32,6 @@ MEASURES = (
     "centroid",
     "max_density",
     "density_error",
-    "sliced",
 )
 """Names of all errors; see `errors`."""
 SHARES = ("mpm_share", "network", "free_fall", "rest", "contact")
@@ -155,7 +154,7 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
         Some of `MEASURES`, those of frames that are there. `error` is the mean of `grid_rmse` over the
         states, `error_40` that of the state 40 frames after the start; `grid_nrmse` and `grid_node_error` are
         means of the other readings. `transport` is the distance of transport [m] by an assignment of 300
-        clusters, a mean over the frames of `AT`, `sliced` the sliced distance of these frames. The relative
+        clusters, a mean over the frames of `AT`. The relative
         error of the 99th percentile of the density at the particles is `density_error`, a mean of these
         frames. All others are means over the states of the errors of `metrics.compare`.
     """
@@ -172,34 +171,23 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
         **{f"error_{frame}": float(measured["grid_rmse"][row]) for frame, row in rows.items()},
         "transport": float(np.mean(moved)),
         "density_error": float(np.mean(np.abs(dense / right - 1))),
-        "sliced": _sliced(run, true),
     }
 
 
 def grid_errors(run: Recording, truth: Truth) -> dict[str, float]:
-    """Return `error`, `grid_nrmse` and `sliced` of `errors`, which are quick with many particles too."""
+    """Return `error`, its readings at the frames of `AT`, and `grid_nrmse` of `errors`, which are quick."""
     true = truth.states
     grids = TrueGrids(true.positions, true.mass, true.scene.resolution)
     inside = np.clip(run.positions, 0, 1)
     rmse = np.array([grids.rmse(row, x, run.mass) for row, x in enumerate(inside)])
     scales = np.array([grids.nrmse_over_rmse(row) for row in range(len(rmse))])
     at = {f"error_{frame}": float(rmse[row]) for frame, row in _rows(true).items()}
-    means = {"error": float(rmse.mean()), "grid_nrmse": float((rmse * scales).mean())}
-    if not at:
-        return means
-    return means | at | {"sliced": _sliced(dataclasses.replace(run, positions=inside), true)}
+    return {"error": float(rmse.mean()), "grid_nrmse": float((rmse * scales).mean())} | at
 
 
 def _rows(true: Recording) -> dict[int, int]:
     """Return the rows of the frames of `AT` that are there."""
     return {frame: frame // EVERY - 1 for frame in AT if frame // EVERY <= len(true.frames)}
-
-
-def _sliced(run: Recording, true: Recording) -> float:
-    rows = list(_rows(true).values())
-    return float(
-        metrics.sliced_distance(run.positions[rows], run.mass, true.positions[rows], true.mass).mean()
-    )
 
 
 def _later(run: Recording) -> Recording:

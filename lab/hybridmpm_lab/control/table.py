@@ -1,4 +1,4 @@
-"""Means over the sketches of each family, scenario and kind, and the tables of docs/control-bench.md."""
+"""Means over the sketches of each family, scenario and kind, and the tables of docs/results/control.md."""
 
 from collections.abc import Sequence
 

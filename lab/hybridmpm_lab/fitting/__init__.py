@@ -1,1 +1,1 @@
-"""Fitting of levels: constants of coarse MPM that carries all particles, learned from the truth of scenes."""
+"""Fitting of coarse levels: constants of coarse MPM, found on the truth of scenes."""

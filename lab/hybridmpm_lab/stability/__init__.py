@@ -1,1 +1,1 @@
-"""Benchmarks of stability: at which CFL numbers the solver fails."""
+"""The stability map: the scenes that each method survives."""
