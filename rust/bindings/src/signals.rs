@@ -16,6 +16,11 @@ const EVERY: Duration = Duration::from_millis(10);
 /// Most time between two looks, where other threads keep the GIL for long.
 const AT_MOST: Duration = Duration::from_millis(40);
 
+/// Time in which a reading of the clock, which takes as long as some of a substep's work, is spread over several polls.
+const READ_EVERY: Duration = Duration::from_micros(500);
+/// Most polls in a row that do not read the clock.
+const MOST_SKIPS: u128 = 15;
+
 thread_local! {
     /// Whether this thread runs handlers of signals within a call.
     static IN_HANDLER: Cell<bool> = const { Cell::new(false) };
@@ -38,6 +43,10 @@ pub fn in_handler() -> bool {
 
 /// Looks for signals, at times.
 struct Signals {
+    /// When the clock was read last, how many polls leave it alone until it is read again, and how many did so far.
+    read: Cell<Instant>,
+    skipped: Cell<u32>,
+    skips: Cell<u32>,
     raised: Rc<RefCell<Option<PyErr>>>,
 }
 
@@ -47,7 +56,17 @@ impl Signals {
         if self.raised.borrow().is_some() {
             return true;
         }
+        let skipped = self.skipped.get();
+        if skipped < self.skips.get() {
+            self.skipped.set(skipped + 1);
+            return false;
+        }
         let began = Instant::now();
+        let each = (began - self.read.get()) / (skipped + 1);
+        self.read.set(began);
+        self.skipped.set(0);
+        self.skips
+            .set((READ_EVERY.as_nanos() / each.as_nanos().max(1)).min(MOST_SKIPS) as u32);
         if began < NEXT.get() || in_handler() {
             return false;
         }
@@ -77,6 +96,9 @@ pub fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -
     let (done, raised) = py.detach(|| {
         let raised = Rc::new(RefCell::new(None));
         let signals = Signals {
+            read: Cell::new(Instant::now()),
+            skipped: Cell::new(0),
+            skips: Cell::new(0),
             raised: Rc::clone(&raised),
         };
         let done = watched(move || signals.poll(), work);
