@@ -60,13 +60,14 @@ class _Lines:
 
     def update(self, n_steps: int) -> None:
         self.pos += n_steps
-        spent = time.monotonic() - self._written
+        now = time.monotonic()
+        spent = now - self._written
         if spent < _SECONDS or self.pos == self._since:
             return
         # The latest pace: steps of a training grow longer.
         left = spent / (self.pos - self._since) * (self.length - self.pos)
         click.echo(f"{self.label}: {self.pos} of {self.length}, {_span(left)} left", err=True)
-        self._written, self._since = time.monotonic(), self.pos
+        self._written, self._since = now, self.pos
 
     def finish(self) -> None:
         self.pos = self.length

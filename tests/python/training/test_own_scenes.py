@@ -1,16 +1,19 @@
 """Networks of one's own: trained on a scene file or a data set, exported, and used on that very scene."""
 
 import json
+import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 import yaml
 from click.testing import CliRunner, Result
 
 from hybridmpm import HybridSimulator, NeuralPhysics, Scene, data, scenarios
 from hybridmpm.cli import cli
+from hybridmpm.cli.progress import progress
 from hybridmpm.cli.train.common import sources_of
 from hybridmpm.control.methods.learned.network import TransportNetwork
 from hybridmpm.control.methods.learned.serving import why_foreign
@@ -18,8 +21,11 @@ from hybridmpm.control.methods.learned.spec import TransportSpec
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics import NetworkSpec
 from hybridmpm.scenarios.trained_on import TrainedOn
+from hybridmpm.training import run
 from hybridmpm.training.control.pasts import Past, read_examples
+from hybridmpm.training.control.transport.trainer import TransportTrainer
 from hybridmpm.training.control.transport.windows import check_frame, check_pasts, drawn
+from hybridmpm.training.settings import TransportSettings
 from hybridmpm.training.sources import DataSet, Drawn, check_particles, described
 
 OWN: dict[str, Any] = {
@@ -167,3 +173,35 @@ def test_a_network_of_own_scenes_needs_them_to_go_on() -> None:
     older = NetworkSpec(**described([Drawn(template=data.SceneTemplate(OWN))]), radius=0.1)
     with pytest.raises(Exception, match="give their --scene or --dataset again"):
         sources_of({"names": (), "files": (), "folders": ()}, older)
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_training_after_its_step(tmp_path: Path, kind: signal.Signals) -> None:
+    """The second step is sent a signal, and done nevertheless; the checkpoint goes on after it."""
+    spec = TransportSpec(scenarios=("water_2d",), width=4)
+    trainer = TransportTrainer(spec, TransportSettings(steps=9), torch.device("cpu"))
+    before = signal.getsignal(kind)
+
+    def step() -> float:
+        trainer.step_count += 1
+        if trainer.step_count == 2:
+            signal.raise_signal(kind)
+        return 0.5
+
+    with pytest.raises(KeyboardInterrupt):
+        run.train(trainer, tmp_path, step=step, validate=lambda: None, about={}, on_step=lambda _loss: None)
+    assert TransportTrainer.load(tmp_path / run.CHECKPOINT, torch.device("cpu")).step_count == 2
+    assert signal.getsignal(kind) is before
+
+
+def test_without_a_terminal_a_line_says_how_long_it_takes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = iter([0.0, 10.0, 40.0, 50.0])
+    monkeypatch.setattr("hybridmpm.cli.progress.time.monotonic", lambda: next(now))
+    with progress("Training", 100, done=20) as bar:
+        bar.label = "Training, loss 0.5"
+        for _ in range(3):
+            bar.update(10)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["Training", "Training, loss 0.5: 40 of 100, 2 min left"]
