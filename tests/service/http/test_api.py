@@ -166,27 +166,6 @@ def test_files_outside_the_page_are_not_served(service: Any, problem: Any) -> No
         problem(service.http.get(address), 404)
 
 
-def test_two_sessions_do_not_disturb_each_other(service: Any, path: str) -> None:
-    other = service.create()
-    service.http.post(f"{path}/advance", json={"frames": 5})
-    service.http.post(f"{other}/advance", json={"frames": 9})
-    assert service.http.get(path).json()["frame"] == 5
-    assert service.http.get(other).json()["frame"] == 9
-    service.http.delete(other)
-    assert service.http.get(path).json()["frame"] == 5
-
-
-@pytest.mark.filterwarnings("ignore::hybridmpm.ThinObstacleWarning")
-def test_a_thin_obstacle_is_no_failure(service: Any) -> None:
-    """The library warns of it, which ends on the server's standard error."""
-    body = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}
-    thin = {"shape": "ball", "center": [0.5, 0.3], "radius": 0.01}
-    scene = {"dim": 2, "resolution": 32, "bodies": [body], "obstacles": [thin]}
-    answer = service.http.post("/v1/sessions", json={"scene": scene})
-    assert answer.status_code == 201, answer.text
-    service.http.delete(answer.json()["links"]["self"])
-
-
 JET = {"shape": "rectangle", "material": "sand", "lower": [0.1, 0.6], "upper": [0.1, 0.7], "velocity": [2, 0]}
 OPEN_SCENE: dict[str, Any] = {
     "dim": 2,

@@ -191,14 +191,6 @@ def test_an_oval_is_read_from_a_png(service: Any, path: str) -> None:
     np.testing.assert_allclose(body["sketch"]["center"], [0.55, 0.45], atol=0.003)
 
 
-def test_a_newer_sketch_replaces_an_older_one(service: Any, path: str) -> None:
-    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
-    service.http.post(f"{path}/advance", json={"frames": 5})
-    service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 60})
-    control = service.http.get(path).json()["control"]
-    assert (control["number"], control["first_frame"], control["frames_done"]) == (2, 5, 0)
-
-
 def test_a_sketch_can_be_deleted(service: Any, path: str) -> None:
     service.http.post(f"{path}/sketches", json={"strokes": [ARROW], "frames": 30})
     assert service.http.delete(f"{path}/sketches").status_code == 204

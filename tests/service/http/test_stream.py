@@ -305,15 +305,3 @@ def test_a_client_that_does_not_read_delays_no_other_and_ends_with_the_newest_fr
             numbers.append(decode(slow.frame()).number)
         assert numbers == sorted(numbers)
     service.http.delete(path)
-
-
-def test_a_session_counts_its_viewers_out(service: Any, path: str) -> None:
-    session = service.session(path)
-    with service.stream(path) as stream:
-        stream.receive()
-        assert session.watched
-    for _ in range(1000):
-        if not session.watched:
-            break
-        service.http.get("/livez")
-    assert not session.watched

@@ -43,17 +43,6 @@ def _simulation() -> Simulation:
     return Simulation(ChosenSolver(MpmSolver(SCENE)), clock=_Clock())
 
 
-def test_it_computes_what_the_library_computes() -> None:
-    simulation, solver = _simulation(), MpmSolver(SCENE)
-    assert simulation.advance(20) == 20
-    solver.advance(20)
-    particles = simulation.particles()
-    assert (particles.frame, particles.time) == (20, solver.time)
-    assert np.array_equal(particles.positions, solver.positions)
-    assert np.array_equal(particles.velocities, solver.velocities)
-    assert np.array_equal(particles.types, solver.materials)
-
-
 def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
     simulation, solver = _simulation(), MpmSolver(SCENE)
     simulation.advance(3)

@@ -11,7 +11,7 @@ import pytest
 from tests.service.sessions.test_manager import SCENE, _Clock, _run
 
 from hybridmpm import DomainError, MpmSolver, SketchError
-from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, follow, prepare, push
+from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, prepare, push
 from hybridmpm.simulator import Simulator
 from hybridmpm_service.errors import SessionNotFoundError, SketchDroppedError
 from hybridmpm_service.sessions.manager import SessionManager
@@ -194,24 +194,6 @@ def test_frames_that_are_not_given_stay_within_the_limit() -> None:
         assert free.guidance.frames == free.guidance.needs().suggested_frames > 17
         limited = await session.steer(far, most=20, hold=3)
         assert (limited.guidance.frames, limited.guidance.hold) == (17, 3)
-
-    _run(scene)
-
-
-def test_a_trajectory_leaves_the_session_as_it_is() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        await session.advance(4)
-        before = await session.particles()
-        guidance, motion = await _trace(session, ARROW, most=400, frames=20)
-        after = await session.particles()
-        assert np.array_equal(before.positions, after.positions)
-        assert (after.frame, session.control, motion.first_frame) == (4, None, 4)
-        solver = MpmSolver(SCENE)
-        solver.advance(4)
-        expected = follow(solver, ARROW, frames=20).run()
-        assert guidance.method == "analytic"
-        assert np.array_equal(motion.positions, expected.positions)
 
     _run(scene)
 
