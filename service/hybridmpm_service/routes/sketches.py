@@ -41,6 +41,7 @@ MAX_TRAJECTORY_NUMBERS = 1 << 24
 
 They take 64 MiB. The forces take as much, and both exist twice while they are put together.
 """
+_REF = "#/components/schemas/{model}"
 _STRIDE = (
     "Distance in frames between two rows of positions; the first frame and the last are always included."
 )
@@ -58,7 +59,8 @@ _BODY: dict[str, Any] = {
                 "schema": {
                     "type": "object",
                     "required": ["sketch"],
-                    "properties": {"sketch": _PICTURE} | SketchSettings.model_json_schema()["properties"],
+                    "properties": {"sketch": _PICTURE}
+                    | SketchSettings.model_json_schema(ref_template=_REF)["properties"],
                 }
             },
         },

@@ -24,6 +24,10 @@ SIZE = struct.Struct("<Q")
 """Length of a message between this process and a fork, before the message."""
 
 
+CPU_SECONDS = 10
+"""Longest time that a process computes before the system ends it [s]."""
+
+
 class ApartError(Exception):
     """A process has ended without a result."""
 
@@ -98,7 +102,8 @@ async def run_apart(
     Raises
     ------
     ApartError
-        The process has ended without a result, e.g. for lack of memory; else the exception of the function.
+        The process has ended without a result: it has computed for `CPU_SECONDS`, or lacked memory. Otherwise
+        the exception of the function.
     """
     ours, theirs = socket.socketpair()
     try:

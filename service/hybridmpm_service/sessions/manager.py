@@ -34,15 +34,13 @@ from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver, SolverChoice, SolverFactory
-from hybridmpm_service.sessions.turns import Turn, Turns
+from hybridmpm_service.sessions.turns import HEAVY, Turn, Turns
 from hybridmpm_service.settings import Settings
 
 CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
 _ENDING_SECONDS = 0.5
 """Longest time that a call waits for the threads of an ended session; they need some milliseconds."""
-_SCENE_SECONDS = 10.0
-"""Longest time for which a check, a plan or the trial of a new scene runs."""
 _SMALL = 5_000_000
 """Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 
@@ -141,7 +139,8 @@ class SessionManager:
 
             return await turn.in_thread(build)
 
-        return await self._create(make)
+        # Scenarios are small.
+        return await self._create(make, memory=HEAVY if scenario is None else 0)
 
     async def check(
         self, make_scene: Callable[[], Scene], scenario: str | None, choice: SolverChoice
@@ -160,7 +159,7 @@ class SessionManager:
             The coarse level or the model is refused.
         """
         solvers = self._solvers
-        async with self.turns.turn(seconds=_SCENE_SECONDS) as turn:
+        async with self.turns.turn(memory=HEAVY) as turn:
             scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
             return await turn.apart(
                 scene_work.checked, scene, scenario, choice, solvers.threads, solvers.folder
@@ -181,7 +180,7 @@ class SessionManager:
         UnavailableError, WorkTooLongError, SceneError
             As `check`.
         """
-        async with self.turns.turn(seconds=_SCENE_SECONDS) as turn:
+        async with self.turns.turn(memory=HEAVY) as turn:
             scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
             return await turn.apart(scene_work.planned, scene, demand)
 
@@ -208,7 +207,7 @@ class SessionManager:
 
             return replace(await turn.in_thread(compute), findings=found)
 
-        return await self._create(make)
+        return await self._create(make, memory=HEAVY)
 
     async def fork(self, name: str) -> Session:
         """Start an independent session in the present state of another.
@@ -359,11 +358,11 @@ class SessionManager:
         self._machine.check(load, "a new session of this scene")
         return chosen
 
-    async def _create(self, make: Callable[[Turn], Awaitable[Revived]]) -> Session:
+    async def _create(self, make: Callable[[Turn], Awaitable[Revived]], *, memory: int) -> Session:
         await self._check_room()
 
         async def made() -> Revived:
-            async with self.turns.turn() as turn:
+            async with self.turns.turn(memory=memory) as turn:
                 return await make(turn)
 
         return await self._begun(asyncio.create_task(made()))
@@ -486,11 +485,7 @@ async def _examined(turn: Turn, scene: Scene) -> tuple[Finding, ...]:
     """Return the static findings of a scene; one that may take long is built in a process apart first."""
     if building_cost(scene) <= _SMALL:
         return await turn.in_thread(lambda: checking.findings(scene))
-    turn.seconds = turn.spent + _SCENE_SECONDS
-    try:
-        return await turn.apart(scene_work.examined, scene)
-    finally:
-        turn.seconds = None
+    return await turn.apart(scene_work.examined, scene)
 
 
 def _estimate(origin: Origin, r_p: float) -> float:

@@ -14,7 +14,7 @@ import warnings
 from typing import NoReturn
 
 from hybridmpm_service.sessions import scene_work
-from hybridmpm_service.sessions.apart import SIZE
+from hybridmpm_service.sessions.apart import CPU_SECONDS, SIZE
 
 _NICENESS = 3
 """Niceness of forks: what viewers wait for comes first."""
@@ -30,6 +30,7 @@ def _work(connection: socket.socket) -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
     connection.sendall(SIZE.pack(os.getpid()))
     with connection.makefile("rb") as orders:
         head = orders.read(SIZE.size)

@@ -8,6 +8,7 @@ So a short piece of work does not wait for a long one, and a client that asks fo
 
 import asyncio
 import contextlib
+import copy
 import itertools
 import os
 import signal
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from hybridmpm import CancelFlag, FrameCancelledError
 from hybridmpm_service.errors import UnavailableError, WorkTooLongError
-from hybridmpm_service.sessions.apart import ApartError, run_apart
+from hybridmpm_service.sessions.apart import CPU_SECONDS, ApartError, run_apart
 
 T = TypeVar("T")
 _TICK_SECONDS = 0.05
@@ -31,9 +32,9 @@ _HALF_LIFE_SECONDS = 10.0
 MAX_TURNS = 256
 """Largest number of turns, those that wait among them."""
 MAX_MEMORY = 1 << 30
-"""Largest memory of all turns that have started, as they estimate it [bytes]."""
-_MEMORY = 1 << 26
-"""Memory of a turn that gives no estimate: there are at most 16 of them at once [bytes]."""
+"""Largest memory of all turns that have started, as they estimate it; an address may have half [bytes]."""
+HEAVY = 24 << 20
+"""Memory of a scene that is built, or of a process that checks one [bytes]; other work counts as nothing."""
 STUCK_SECONDS = 5.0
 """Waiting for a first start for longer means that work is stuck: the server is not ready."""
 
@@ -58,12 +59,11 @@ class Turn:
         number: int,
         pool: ThreadPoolExecutor,
         *,
-        seconds: float | None,
         memory: int,
         background: bool,
     ) -> None:
         self.client, self.number = client, number
-        self.seconds, self.memory, self.background = seconds, memory, background
+        self.memory, self.background = memory, background
         self.flag = CancelFlag()
         """Set at the end: it ends a frame that is being computed."""
         self.spent = 0.0
@@ -133,11 +133,13 @@ class Turn:
         try:
             return await asyncio.shield(self._apart)
         except ApartError as error:
-            raise WorkTooLongError(f"the work was ended: {error}, perhaps for lack of memory") from error
+            text = (
+                f"the work took more than {CPU_SECONDS} s of a core, or too much memory: send a smaller scene"
+            )
+            raise WorkTooLongError(text) from error
         except asyncio.CancelledError:
             self._apart.cancel()
-            if self._error is not None:
-                raise self._error from None
+            self.raise_if_ended()
             raise
         finally:
             self._pid = 0
@@ -164,7 +166,8 @@ class Turn:
     def raise_if_ended(self) -> None:
         """Raise the error of `end`, if it was called."""
         if self._error is not None:
-            raise self._error
+            # A copy: several threads and tasks raise it, and each adds to its traceback.
+            raise copy.copy(self._error)
 
     def _signal(self) -> None:
         if self._pid:
@@ -186,7 +189,7 @@ class Turns:
         self._turns: list[Turn] = []
         self._numbers = itertools.count()
         self._spent: defaultdict[str | Client, float] = defaultdict(float)
-        self._pool = ThreadPoolExecutor(4 * MAX_MEMORY // _MEMORY, "work")
+        self._pool = ThreadPoolExecutor(MAX_TURNS, "work")
         self._latest = time.monotonic()
         self._waiting: dict[Turn, float] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -196,8 +199,7 @@ class Turns:
     async def turn(
         self,
         *,
-        seconds: float | None = None,
-        memory: int | None = None,
+        memory: int = 0,
         background: bool = False,
         on_join: Callable[[Turn], object] = lambda _turn: None,
     ) -> AsyncIterator[Turn]:
@@ -205,10 +207,8 @@ class Turns:
 
         Parameters
         ----------
-        seconds : float, optional
-            Longest time for which it may run [s], pauses not counted.
-        memory : int, optional
-            Estimate of the memory that it takes [bytes]; 64 MiB if absent.
+        memory : int
+            Estimate of the memory that it takes, if that is much [bytes].
         background : bool
             Nobody waits for an answer: other work of the same connection goes first, older work next.
         on_join : callable
@@ -218,10 +218,8 @@ class Turns:
         ------
         UnavailableError
             Too much work waits, or the server stops.
-        WorkTooLongError
-            It has run for longer than that.
         """
-        turn = self._join(seconds=seconds, memory=memory or _MEMORY, background=background)
+        turn = self._join(memory=memory, background=background)
         try:
             on_join(turn)
             await turn.started.wait()
@@ -261,7 +259,7 @@ class Turns:
         client = CLIENT.get()
         if self._closed:
             raise UnavailableError("the server is shutting down")
-        if len(self._turns) >= MAX_TURNS:
+        if sum(not one.flag.is_set for one in self._turns) >= MAX_TURNS:
             self._make_room(client)
         turn = Turn(client, next(self._numbers), self._pool, **settings)
         self._turns.append(turn)
@@ -270,30 +268,35 @@ class Turns:
         return turn
 
     def _make_room(self, client: Client) -> None:
-        """End the newest waiting turn of the client that has most, unless that is the one who asks."""
-        full = UnavailableError(f"{len(self._turns)} pieces of work wait already: try again later")
-        counts = Counter(one.client.address for one in self._turns)
+        """End the newest turn of the address that has most, unless that is the one that wants another."""
+        full = UnavailableError(f"{MAX_TURNS} pieces of work wait already: try again later")
+        active = [one for one in self._turns if not one.flag.is_set]
+        counts = Counter(one.client.address for one in active)
         address, most = counts.most_common(1)[0]
-        waiting = [one for one in self._waiting if one.client.address == address]
-        if counts[client.address] + 1 >= most or not waiting:
+        if counts[client.address] + 1 >= most:
             raise full
-        waiting[-1].end(full)
-        self._turns.remove(waiting[-1])
+        next(one for one in reversed(active) if one.client.address == address).end(full)
 
     def _decide(self) -> None:
         """Count the time of those that run, and choose those that run next."""
         self._count()
         self._turns = [one for one in self._turns if not one.flag.is_set or one.threads]
         active = [one for one in self._turns if not one.flag.is_set]
-        taken = sum(one.memory for one in self._turns if one.started.is_set())
+        taken = Counter[str]()
+        for turn in self._turns:
+            if turn.started.is_set():
+                taken[turn.client.address] += turn.memory
         chosen = set[Turn]()
         for turn in sorted(active, key=self._precedence):
             if len(chosen) == self._slots:
                 break
             if not turn.started.is_set():
-                if taken and taken + turn.memory > MAX_MEMORY:
+                own, others = taken[turn.client.address], taken.total()
+                full = own + turn.memory > MAX_MEMORY / 2 or others + turn.memory > MAX_MEMORY
+                # One that takes more than there is has to be alone.
+                if turn.memory and others and full:
                     continue
-                taken += turn.memory
+                taken[turn.client.address] += turn.memory
             chosen.add(turn)
         for turn in active:
             turn.allow(running=turn in chosen)
@@ -304,7 +307,7 @@ class Turns:
             self._timer = asyncio.get_running_loop().call_later(_TICK_SECONDS, self._decide)
 
     def _count(self) -> None:
-        """Count the time since the last decision, and end the turns that have had all of theirs."""
+        """Count the time since the last decision."""
         now = time.monotonic()
         passed, self._latest = now - self._latest, now
         kept = 0.5 ** (passed / _HALF_LIFE_SECONDS)
@@ -316,9 +319,6 @@ class Turns:
             turn.spent += passed
             for key in (turn.client.address, turn.client):
                 self._spent[key] += passed
-            if turn.seconds is not None and turn.spent > turn.seconds:
-                text = f"the work was ended after {turn.seconds:g} s: send a smaller scene"
-                turn.end(WorkTooLongError(text))
 
     def _precedence(self, turn: Turn) -> tuple[float, float, bool, float, int]:
         client, age = turn.client, 0.0 if turn.background else turn.spent

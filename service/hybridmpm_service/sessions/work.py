@@ -261,7 +261,7 @@ class Planner:
         self._errands[errand] = ended = asyncio.Event()
         try:
             async with self._turns.turn(
-                memory=memory, background=memory is not None, on_join=errand.join
+                memory=memory or 0, background=memory is not None, on_join=errand.join
             ) as turn:
                 twin.cancel_by(turn.flag)
 

@@ -151,7 +151,8 @@ def test_the_examples_of_requests_work(service: Any) -> None:
             assert service.http.post(f"{path}/advance", json=advance).status_code == 200
         service.http.delete(path)
     for plan in creation.PlanRequest.model_json_schema()["examples"]:
-        assert service.http.post("/v1/plans", json=plan).status_code == 200
+        answer = service.http.post("/v1/plans", json=plan)
+        assert answer.status_code == 200, answer.text
 
 
 @pytest.mark.parametrize(
