@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import contextlib
 import socket
 import sys
 import time
@@ -13,7 +14,8 @@ from fastapi import FastAPI
 
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm_service.app import create_app
-from hybridmpm_service.http.connection import StreamProtocol, request_protocol
+from hybridmpm_service.http.connection import SURPLUS, StreamProtocol, request_protocol, stream_protocol
+from hybridmpm_service.sessions.apart import prepare
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.settings import Settings
 
@@ -30,6 +32,16 @@ _SEND_BUFFER_BYTES = 512 * 1024
 
 By default it grows to megabytes, and a sleeping client would fill it for minutes.
 """
+
+
+_BACKLOG = 128
+"""Number of connections that wait for the server, or that it takes at once."""
+_FILES = 100
+"""Files of the process itself, of libraries, models, jobs and answers."""
+_FEWEST_CONNECTIONS = 16
+"""Fewest connections that a server is worth starting for."""
+_FILES_OF_SESSION = 4
+"""Files of a session on disk: its database, which has a log and an index, and one that replaces it."""
 
 
 class ServeError(SimulationError):
@@ -53,7 +65,7 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     ServeError
         The service cannot listen on the address.
     """
-    settings = Settings.load(host=host, port=port, **flags)
+    settings = with_files(Settings.load(host=host, port=port, **flags))
     listener = listen(settings)
     host_in_url = f"[{settings.host}]" if ":" in settings.host else settings.host
     url = f"http://{host_in_url}:{listener.getsockname()[1]}"
@@ -65,7 +77,52 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
-        make_server(create_app(settings)).run(sockets=[listener])
+        app = create_app(settings)
+        # What the first check would have to wait for.
+        prepare()
+        make_server(app).run(sockets=[listener])
+
+
+def with_files(settings: Settings) -> Settings:
+    """Return the settings with a number of connections that the process may open beside all else.
+
+    The limit on open files is raised as far as the system allows.
+
+    Raises
+    ------
+    ServeError
+        The number of connections was chosen, and is too large; or there are files for hardly any.
+    """
+    try:
+        import resource  # noqa: PLC0415 - absent on some systems
+    except ImportError:
+        return settings
+    beside = _FILES + SURPLUS + _BACKLOG + 2 * settings.max_jobs
+    if settings.state_folder:
+        beside += _FILES_OF_SESSION * settings.max_sessions
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = settings.max_connections + beside
+    if soft == resource.RLIM_INFINITY or soft >= wanted:
+        return settings
+    files = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, files), hard))
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if files >= wanted:
+        return settings
+    most = files - beside
+    is_chosen = "max_connections" in settings.model_fields_set
+    if is_chosen or most < _FEWEST_CONNECTIONS:
+        raise ServeError(
+            f"{settings.max_connections} connections and {settings.max_sessions} sessions need {wanted} open "
+            f"files, and this process may open {files}: raise the limit (ulimit -n {wanted}), or lower "
+            "--max-connections or --max-sessions"
+        )
+    sys.stderr.write(
+        f"Warning: this process may open {files} files, so it takes {most} connections in place of "
+        f"{settings.max_connections}; raise the limit (ulimit -n {wanted}) for more.\n"
+    )
+    return settings.model_copy(update={"max_connections": most})
 
 
 def listen(settings: Settings) -> socket.socket:
@@ -87,7 +144,7 @@ def listen(settings: Settings) -> socket.socket:
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * _UNACKNOWLEDGED_SECONDS)
     try:
         listener.bind((settings.host, settings.port))
-        listener.listen(1024)
+        listener.listen(_BACKLOG)
     except OSError as err:
         listener.close()
         raise ServeError(
@@ -107,8 +164,10 @@ def make_server(app: FastAPI) -> uvicorn.Server:
         # Frames do not compress, and commands are short.
         ws_per_message_deflate=False,
         ws_max_size=WS_MAX_BYTES,
-        ws=StreamProtocol,
-        http=request_protocol(app.state.settings.request_seconds, app.state.settings.max_connections),
+        ws=stream_protocol(app.state.settings),
+        http=request_protocol(app.state.settings),
+        # So many connections are taken before any of them is counted.
+        backlog=_BACKLOG,
         # Sessions belong to this process, so there is only one.
         workers=1,
         timeout_graceful_shutdown=_GRACE_SECONDS,

@@ -13,7 +13,8 @@ from typing import Any
 import httpx
 import pytest
 
-from hybridmpm_service import ServeError, serve, server
+from hybridmpm_service import ServeError, Settings, serve, server
+from hybridmpm_service.server import with_files
 
 WAIT_SECONDS = 60
 
@@ -123,3 +124,31 @@ def test_importing_the_package_starts_nothing_and_reads_no_environment() -> None
         env=os.environ | {"HYBRIDMPM_PORT": "nonsense"},
     )
     assert done.stdout.strip() == "1"
+
+
+@pytest.mark.parametrize(
+    ("soft", "hard", "connections"), [(256, 4096, 1000), (1024, 1024, 700), (4096, 4096, 1000)]
+)
+def test_connections_fit_the_files_of_the_process(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    soft: int,
+    hard: int,
+    connections: int,
+) -> None:
+    resource = pytest.importorskip("resource")
+    limits = [soft, hard]
+    monkeypatch.setattr(resource, "getrlimit", lambda _: tuple(limits))
+    monkeypatch.setattr(resource, "setrlimit", lambda _, new: limits.__setitem__(slice(None), new))
+    found = with_files(Settings(state_folder="sessions")).max_connections
+    assert found <= connections
+    assert found > connections - 100
+    assert limits[0] >= found + 64
+    warned = capsys.readouterr().err
+    assert ("ulimit -n" in warned) == (found < 1000)
+    limits[:] = [256, 256]
+    with pytest.raises(ServeError, match=r"this process may open 256: raise the limit \(ulimit -n"):
+        with_files(Settings(max_connections=500))
+    limits[:] = [64, 64]
+    with pytest.raises(ServeError, match="may open 64"):
+        with_files(Settings())

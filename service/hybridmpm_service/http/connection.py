@@ -7,6 +7,7 @@ proxy in front would close these holes only for those who run one. Tests of slow
 
 import asyncio
 import logging
+import time
 from collections.abc import Collection, Mapping
 from http import HTTPStatus
 from typing import Any
@@ -17,8 +18,11 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 
 from hybridmpm_service.http.problems import MEDIA_TYPE, RETRY_AFTER_SECONDS, of_status
+from hybridmpm_service.sessions.player import Clock
+from hybridmpm_service.settings import Settings
 
 _log = logging.getLogger(__name__)
 
@@ -160,23 +164,48 @@ _SURPLUS_SECONDS = 1.0
 """Longest time for a connection beyond the limit to send a request, which is refused."""
 _CLOSE_SECONDS = 1.0
 """Longest time for a client to confirm the end of its stream."""
+SURPLUS = 32
+"""Number of connections beyond the limit that get an answer."""
+_PARTS, _PART_BYTES = 64, 256
+"""Parts of a request of any length, and mean length of further ones [bytes]."""
+_READ_BYTES = 1024
+"""Bytes of a stream that are read at once; 500 frames need at least as many."""
+_READ_COST = 0.25
+"""Tokens of a read that completes no frame."""
 
 
 class RequestProtocol(H11Protocol):
     """HTTP with a deadline of `seconds` for a whole request, its head and its body.
 
-    Connections beyond `most`, streams included, are refused at their first request.
+    Parts of a body and reads have to be `_PART_BYTES` long in the mean. A client may take `send_seconds` for
+    the next `_PIECE_BYTES` of an answer. Connections beyond `most`, streams included, are refused at their
+    first request, and some more are closed at once.
     """
 
     seconds: float
+    send_seconds: float
     most: int
     _surplus = False
     _deadline: asyncio.TimerHandle | None = None
+    _unread: asyncio.TimerHandle | None = None
+    _parts = _bytes = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the deadline of a new connection."""
         super().connection_made(transport)
         self._surplus = len(self.connections) > self.most
+        if len(self.connections) > self.most + SURPLUS:
+            transport.abort()
+            return
+        next_event = self.conn.next_event
+
+        def counted() -> Any:
+            event = next_event()
+            if type(event) is h11.Data:
+                self._count(len(event.data))
+            return event
+
+        self.conn.next_event = counted  # type: ignore[method-assign]
         self._expect()
 
     def data_received(self, data: bytes) -> None:
@@ -184,6 +213,13 @@ class RequestProtocol(H11Protocol):
         if self._surplus:
             text = f"all {self.most} connections of this server are in use: close one, or try again later"
             self._refuse(503, text)
+            return
+        if self.conn.their_state is not h11.SEND_BODY:
+            self._parts = self._bytes = 0
+        try:
+            self._count(len(data))
+        except h11.RemoteProtocolError as error:
+            self._refuse(400, str(error))
             return
         super().data_received(data)
         if self.transport.get_protocol() is not self:
@@ -195,9 +231,32 @@ class RequestProtocol(H11Protocol):
         else:
             self._relax()
 
+    def _count(self, size: int) -> None:
+        """Count a read, or a chunk of a body; each takes the time of some hundred bytes."""
+        self._parts, self._bytes = self._parts + 1, self._bytes + size
+        if self._parts > _PARTS + self._bytes / _PART_BYTES:
+            raise h11.RemoteProtocolError("the request comes in too small parts")
+
+    def pause_writing(self) -> None:
+        """Start the deadline of a client that does not read its answer."""
+        self.flow.pause_writing()
+        if self._unread is None:
+            self._unread = self.loop.call_later(self.send_seconds, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """End the deadline of a client that has read."""
+        self.flow.resume_writing()
+        self._read()
+
+    def _read(self) -> None:
+        if self._unread is not None:
+            self._unread.cancel()
+            self._unread = None
+
     def connection_lost(self, exc: Exception | None) -> None:
-        """End the deadline."""
+        """End the deadlines."""
         self._relax()
+        self._read()
         super().connection_lost(exc)
 
     def send_400_response(self, msg: str) -> None:
@@ -207,6 +266,7 @@ class RequestProtocol(H11Protocol):
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Switch the connection to the protocol of streams."""
         self._relax()
+        self._read()
         super().handle_websocket_upgrade(event)
 
     def _expect(self) -> None:
@@ -248,12 +308,78 @@ class RequestProtocol(H11Protocol):
         self.transport.close()
 
 
+class Throttle:
+    """Token bucket that fills with `rate` tokens a second up to `burst`; a frame takes one for each KiB.
+
+    Parameters
+    ----------
+    rate : float > 0
+        Small messages a second [1/s].
+    burst : int >= 1
+        Small messages at once after a pause.
+    clock : Clock
+    """
+
+    def __init__(self, rate: float, burst: int, clock: Clock) -> None:
+        self._rate, self._burst, self._clock = rate, burst, clock
+        self._tokens = float(burst)
+        self._latest = clock()
+
+    def admits(self, tokens: float) -> bool:
+        """Take some tokens; return False where too few are left."""
+        now = self._clock()
+        self._tokens = min(self._burst, self._tokens + (now - self._latest) * self._rate)
+        self._latest = now
+        if self._tokens < tokens:
+            return False
+        self._tokens -= tokens
+        return True
+
+
 class StreamProtocol(WebSocketsSansIOProtocol):
-    """WebSockets whose connection ends soon after their stream, even if the client does not read."""
+    """WebSockets whose clients are metered, and whose connection ends soon after their stream.
+
+    Whatever a client sends is metered here, before anything else sees it: messages and their fragments,
+    control frames, and reads that complete no frame.
+    """
+
+    rate: float
+    burst: int
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.close_timeout = _CLOSE_SECONDS
+        self._throttle = Throttle(self.rate, self.burst, time.monotonic)
+        self._flooded = False
+
+    def data_received(self, data: bytes) -> None:
+        """Read some bytes, in pieces, so that none has frames for long; none after a flood."""
+        for start in range(0, len(data), _READ_BYTES):
+            if self._flooded:
+                return
+            super().data_received(data[start : start + _READ_BYTES])
+
+    def handle_events(self) -> None:
+        """Meter what was read, then handle it."""
+        if self.handshake_complete and not self.close_sent:
+            frames = [event for event in self.conn.events if isinstance(event, Frame)]
+            cost = sum(1 + len(frame.data) // 1024 for frame in frames) or _READ_COST
+            if not self._throttle.admits(cost):
+                self._end_flood()
+                return
+        super().handle_events()
+
+    def _end_flood(self) -> None:
+        """Close the stream of a client that sends too much; what it still sends is not looked at."""
+        self._flooded = True
+        reason = f"at most {self.rate:g} messages a second, {self.burst} at once"
+        self.conn.fail(1008, reason)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": 1008, "reason": reason})
+        # Closed at once, unread bytes would make the system drop the last message.
+        self.transport.resume_reading()
+        self.loop.call_later(_CLOSE_SECONDS, self.transport.abort)
 
     def handle_ping(self) -> None:
         """Answer a ping, unless the client has not read earlier messages."""
@@ -269,6 +395,17 @@ class StreamProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
-def request_protocol(seconds: float, most: int) -> type[RequestProtocol]:
-    """Return the protocol with a deadline and a limit of connections, for uvicorn's configuration."""
-    return type("RequestProtocol", (RequestProtocol,), {"seconds": seconds, "most": most})
+def request_protocol(settings: Settings) -> type[RequestProtocol]:
+    """Return the protocol of requests with the limits of some settings, for uvicorn's configuration."""
+    limits = {
+        "seconds": settings.request_seconds,
+        "send_seconds": settings.send_seconds,
+        "most": settings.max_connections,
+    }
+    return type("RequestProtocol", (RequestProtocol,), limits)
+
+
+def stream_protocol(settings: Settings) -> type[StreamProtocol]:
+    """Return the protocol of streams with the limits of some settings, for uvicorn's configuration."""
+    limits = {"rate": settings.max_messages_per_second, "burst": settings.max_messages_at_once}
+    return type("StreamProtocol", (StreamProtocol,), limits)

@@ -29,40 +29,9 @@ from hybridmpm_service.http.requests import (
 )
 from hybridmpm_service.routes.dependencies import Limits, SessionId, Sessions
 from hybridmpm_service.sessions.manager import CLOSE_GOING_AWAY
-from hybridmpm_service.sessions.player import Clock
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.viewers import Mailbox, MailboxClosed, Message, Signal
 from hybridmpm_service.settings import Settings
-
-
-class Throttle:
-    """Token bucket that fills with `rate` tokens a second up to `burst`; a message takes one for each KiB.
-
-    Parameters
-    ----------
-    rate : float > 0
-        Small messages a second [1/s].
-    burst : int >= 1
-        Small messages at once after a pause.
-    clock : Clock
-    """
-
-    def __init__(self, rate: float, burst: int, clock: Clock) -> None:
-        self._rate, self._burst, self._clock = rate, burst, clock
-        self._tokens = float(burst)
-        self._latest = clock()
-
-    def admits(self, size: int) -> bool:
-        """Take the tokens of a message of `size` bytes; return False where too few are left."""
-        tokens = 1 + size // 1024
-        now = self._clock()
-        self._tokens = min(self._burst, self._tokens + (now - self._latest) * self._rate)
-        self._latest = now
-        if self._tokens < tokens:
-            return False
-        self._tokens -= tokens
-        return True
-
 
 router = APIRouter()
 
@@ -72,8 +41,6 @@ _SHOWN = {"name", "dim", "frame_dt", "gravity", "walls", "obstacles", "emitters"
 """Fields of a scene for viewers."""
 _CLOSE_VERSION = 4406
 """WebSocket close code of a stream that is not available in the requested version."""
-_CLOSE_FLOODED = 1008
-"""WebSocket close code of a client that sends too many messages."""
 
 
 @router.websocket("/v1/sessions/{session_id}/stream")
@@ -99,10 +66,9 @@ async def stream(
     if unreadable is not None:
         await _close(websocket, MailboxClosed(_CLOSE_VERSION, unreadable))
         return
-    throttle = Throttle(limits.max_messages_per_second, limits.max_messages_at_once, sessions.clock)
     # A client that is too slow, or has gone, gets no close code: the connection ends with this function.
     with session.viewer() as mailbox, contextlib.suppress(WebSocketDisconnect, TimeoutError):
-        end = await _serve(websocket, session, mailbox, int(version), limits=limits, throttle=throttle)
+        end = await _serve(websocket, session, mailbox, int(version), limits=limits)
         if end is not None:
             await _close(websocket, end)
 
@@ -129,11 +95,10 @@ async def _serve(
     version: int,
     *,
     limits: Settings,
-    throttle: Throttle,
 ) -> MailboxClosed | None:
     """Send and receive at once; return the close code of the stream, None where the client left."""
     sending = asyncio.create_task(_send(websocket, session, mailbox, version, limits.send_seconds))
-    receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits, throttle))
+    receiving = asyncio.create_task(_receive(websocket, session, mailbox, limits))
     ending = asyncio.create_task(mailbox.closed())
     tasks = (sending, receiving, ending)
     try:
@@ -176,16 +141,13 @@ async def _send(
 
 
 async def _receive(
-    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings, throttle: Throttle
+    websocket: WebSocket, session: Session, mailbox: Mailbox, limits: Settings
 ) -> MailboxClosed | None:
-    """Execute commands until the client leaves, or sends too many; return the close code of its stream."""
+    """Execute commands until the client leaves; `StreamProtocol` meters them."""
     while True:
         message = await websocket.receive()
         if message["type"] == "websocket.disconnect":
             return None
-        if not throttle.admits(len(message.get("text") or message.get("bytes") or "")):
-            rate, burst = limits.max_messages_per_second, limits.max_messages_at_once
-            return MailboxClosed(_CLOSE_FLOODED, f"at most {rate:g} messages a second, {burst} at once")
         session.touch()
         try:
             text = message.get("text")

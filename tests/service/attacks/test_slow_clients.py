@@ -15,7 +15,7 @@ from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS, Hold
 from websockets.sync.client import connect
 
 from hybridmpm.stream_frames import decode
-from hybridmpm_service.routes.stream import Throttle
+from hybridmpm_service.http.connection import Throttle
 
 DENSE_SCENE: dict[str, Any] = {
     "dim": 2,
@@ -201,15 +201,15 @@ class _Clock:
         return self.now
 
 
-def test_a_throttle_admits_a_rate_with_bursts_and_counts_kilobytes() -> None:
+def test_a_throttle_admits_a_rate_with_bursts() -> None:
     clock = _Clock()
     throttle = Throttle(rate=10, burst=4, clock=clock)
-    assert [throttle.admits(100) for _ in range(5)] == [True] * 4 + [False]
+    assert [throttle.admits(1) for _ in range(5)] == [True] * 4 + [False]
     clock.now = 0.25
-    assert [throttle.admits(100) for _ in range(3)] == [True, True, False]
+    assert [throttle.admits(1) for _ in range(3)] == [True, True, False]
     clock.now = 60
-    assert throttle.admits(3 * 1024)
-    assert not throttle.admits(0)
+    assert throttle.admits(4)
+    assert not throttle.admits(0.25)
 
 
 def test_a_flood_of_messages_ends_its_own_stream_alone(start: Callable[..., Any]) -> None:
@@ -226,9 +226,18 @@ def test_a_flood_of_messages_ends_its_own_stream_alone(start: Callable[..., Any]
             pass
 
 
-def test_pings_of_a_client_that_does_not_read_fill_no_memory(start: Callable[..., Any]) -> None:
-    service = start()
-    path = service.create()
+_MASK = bytes(4)
+_PING = b"\x89" + bytes([0x80 | 125]) + _MASK + bytes(125)
+_FLOODS = {
+    "pings": 1000 * _PING,
+    "empty pongs": 1000 * (b"\x8a\x80" + _MASK),
+    "empty parts": b"\x01\x80" + _MASK + 1000 * (b"\x00\x80" + _MASK),
+    "large messages": 20 * (b"\x82\xfe\xff\x00" + _MASK + bytes(0xFF00)),
+}
+"""Bytes of a stream: few messages, or none."""
+
+
+def _upgraded(service: Any, path: str, **options: Any) -> socket.socket:
     upgrade = (
         f"GET {path}/stream HTTP/1.1",
         "Host: 127.0.0.1",
@@ -237,20 +246,76 @@ def test_pings_of_a_client_that_does_not_read_fill_no_memory(start: Callable[...
         "Sec-WebSocket-Version: 13",
         "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
     )
-    ping = b"\x89" + bytes([0x80 | 125]) + bytes(4) + bytes(125)
+    client_socket = socket.socket()
+    client_socket.settimeout(WAIT_SECONDS)
+    client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    client_socket.connect(_address(service))
+    client_socket.sendall("\r\n".join((*upgrade, "", "")).encode())
+    _until(lambda: service.session(path).watched)
+    return client_socket
+
+
+@pytest.mark.parametrize("kind", [*_FLOODS, "single bytes"])
+def test_whatever_a_stream_sends_is_metered(start_module: Callable[..., Any], kind: str) -> None:
+    """The client reads nothing, and would fill memory if it were answered."""
+    service = _metered(start_module)
+    path = service.create()
+    with _upgraded(service, path) as client_socket:
+        with contextlib.suppress(ConnectionError):
+            if kind in _FLOODS:
+                client_socket.sendall(_FLOODS[kind])
+            else:
+                client_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                for _ in range(1000):
+                    client_socket.sendall(b"\x8a\xfd")
+                    time.sleep(0.001)
+        _until(lambda: not service.session(path).watched)
+    assert service.http.get("/livez").status_code == 200
+    service.http.delete(path)
+
+
+_metered_servers: list[Any] = []
+
+
+def _metered(start_module: Callable[..., Any]) -> Any:
+    """Return a server whose streams may send little, the same one for all tests."""
+    if not _metered_servers:
+        _metered_servers.append(start_module(max_messages_per_second=0.001, max_messages_at_once=40))
+    return _metered_servers[0]
+
+
+def test_a_body_of_tiny_chunks_is_refused(start_module: Callable[..., Any]) -> None:
+    head = b"POST /v1/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+    with _raw(_metered(start_module), head) as connection:
+        with contextlib.suppress(ConnectionError):
+            connection.sendall(5000 * b"1\r\n \r\n")
+        answer = _all_of(connection)
+    assert answer.startswith(b"HTTP/1.1 400 ")
+
+
+def test_a_body_of_usual_chunks_is_read(start_module: Callable[..., Any]) -> None:
+    head = b"POST /v1/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+    head += b"Connection: close\r\nTransfer-Encoding: chunked\r\n\r\n"
+    text = json.dumps({"scenario": "x" * 60_000}).encode()
+    parts = [text[start : start + 512] for start in range(0, len(text), 512)]
+    with _raw(_metered(start_module), head) as connection:
+        for part in parts:
+            connection.sendall(b"%x\r\n%b\r\n" % (len(part), part))
+        connection.sendall(b"0\r\n\r\n")
+        assert _all_of(connection).startswith(b"HTTP/1.1 422 ")
+
+
+def test_whoever_does_not_read_a_large_answer_is_dropped(start: Callable[..., Any]) -> None:
+    service = start(send_seconds=0.2)
+    path = service.create(DENSE_SCENE | {"resolution": 88})
     with socket.socket() as client_socket:
-        client_socket.settimeout(WAIT_SECONDS)
         client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         client_socket.connect(_address(service))
-        client_socket.sendall("\r\n".join((*upgrade, "", "")).encode())
-        _until(lambda: service.session(path).watched)
-        (connection,) = [c for c in service._server.server_state.connections if hasattr(c, "writable")]
-        client_socket.sendall(20_000 * ping)
-        _until(connection.transport.get_write_buffer_size)
-        # The server goes on reading, and answers no more.
-        client_socket.sendall(20_000 * ping)
-        assert 0 < connection.transport.get_write_buffer_size() < 1 << 20
-        assert service.http.get("/livez").status_code == 200
+        client_socket.sendall(f"GET {path}/particles HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        connections = service._server.server_state.connections
+        _until(lambda: any(getattr(one, "_unread", None) for one in list(connections)))
+        _until(lambda: not any(getattr(one, "_unread", None) for one in list(connections)))
+    assert service.http.get(path).status_code == 200
 
 
 def test_calls_whose_clients_have_gone_are_cancelled(start: Callable[..., Any]) -> None:
