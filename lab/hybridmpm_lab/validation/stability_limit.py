@@ -3,10 +3,10 @@
 The CFL number is dt times the signal speed sqrt((D lambda + 2 mu) / density) over dx. The cases are a splash
 (a column slides over the floor, collapses and hits a wall), single particles, free and at walls, with J in
 [0.9, 1.1], and the same with J in [0.5, 2]. A run survives without an error, an energy 5 % above that of the
-start, and a speed twice that of free fall. Numbers rise from 0.2 in steps of 0.025. Judged is the largest
-number up to which a splash and single particles survive, over the default: at least 1.5. Particles alone
-oscillate; the first island of failures of elastic ones lies where symplectic Euler takes four steps a period,
-CFL 0.71.
+start, and a speed three times that of free fall; jets of a splash reach 2.3 times at all steps. Numbers rise
+from 0.2 in steps of 0.025. Judged is the largest number up to which a splash and single particles survive,
+over the default: at least 1.5. Particles alone oscillate; the first island of failures of elastic ones lies
+where symplectic Euler takes four steps a period, CFL 0.71.
 """
 
 import math
@@ -90,7 +90,7 @@ def outcome(name: str, dim: int, stress: str, level: float) -> str:
         energies.append(_energy(solver))
         # The energy of an oscillation swings under symplectic Euler: the first swings are the measure.
         grown = look >= _FIRST_LOOKS and energies[-1] > 1.05 * max(energies[:_FIRST_LOOKS])
-        if grown or solver.diagnostics().max_speed > 2 * fastest:
+        if grown or solver.diagnostics().max_speed > 3 * fastest:
             found = "degraded"
     return found
 

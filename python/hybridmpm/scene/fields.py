@@ -147,7 +147,9 @@ def _message(fault: ErrorDetails) -> str:  # noqa: C901, PLR0911 - one return a 
     if isinstance(given, dict) and len(given) == 1 and given.keys() <= RANGES:
         return f"is a range, {given}: data.SceneTemplate.load(file).draw(seed) draws a scene of it"
     match fault["type"]:
-        case "string_type" | "literal_error" if isinstance(given, bool | int | float | date):
+        case "string_type" | "literal_error" if isinstance(
+            given, bool | int | float | date
+        ) and "'" in context.get("expected", "'"):
             # YAML takes an unquoted no for false, and an unquoted day for a date.
             shown = str(given).lower() if isinstance(given, bool) else given
             expected = f"one of {context['expected']}" if "expected" in context else "text"
