@@ -10,7 +10,8 @@ from hybridmpm.checking.matter import of_matter
 from hybridmpm.checking.openings import of_openings
 from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
-from hybridmpm.errors import CoarseWarning, ConfigError, SimulationError
+from hybridmpm.coarse import coarse_warnings
+from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.mpm.cost import frame_cost
 from hybridmpm.scene import Scene
@@ -25,7 +26,7 @@ _BASE_BYTES = 60 * 2**20
 """Memory of a process that has imported the library [bytes]."""
 
 
-def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
+def check(scene: Scene | Simulator, solver: Simulator | None = None) -> SceneCheck:
     """Check stability, cost and likely faults of a scene before its first frame.
 
     Some frames are simulated on a copy, for about half a second. Of a longer frame some substeps are
@@ -33,9 +34,11 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Simulator
+        A scene, or a simulator, which stands for its scene and itself.
     solver : Simulator, optional
-        A simulator of this scene, which does not change; `MpmSolver(scene)` if absent.
+        A simulator of this scene, which does not change; `MpmSolver(scene)` if absent. The findings contain
+        what its coarse level does not suit.
 
     Returns
     -------
@@ -45,11 +48,17 @@ def check(scene: Scene, solver: Simulator | None = None) -> SceneCheck:
     Raises
     ------
     ConfigError
-        `solver` is no simulator, or one of another scene.
+        `scene` is neither a scene nor a simulator, or `solver` is none, or one of another scene.
     """
+    if not isinstance(scene, Scene):
+        subject = checked_simulator(scene)
+        scene, solver = subject.scene, subject if solver is None else solver
     if solver is not None and checked_simulator(solver).scene != scene:
         raise ConfigError("solver simulates another scene: make one of this scene, or leave it out")
-    found = list(findings(scene, resolution_of(solver, scene)))
+    level = getattr(solver, "coarse", None)
+    unsuited = [] if level is None else coarse_warnings(scene, level)
+    found = [Finding(severity="warning", field="", problem=text, advice="") for text in unsuited]
+    found += findings(scene, resolution_of(solver, scene))
     tried: Probe | None = None
     simulator: Simulator | None = solver
     try:
@@ -89,22 +98,16 @@ def check_with(scene: Scene, make: Callable[[], Simulator]) -> SceneCheck:
     scene : Scene
     make : callable
         Makes the simulator of this scene. A `SimulationError` that it raises becomes an error among the
-        findings, and a `CoarseWarning` a warning.
+        findings.
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # The findings contain the same.
         try:
             simulator = make()
         except SimulationError as error:
             refused = Finding(severity="error", field="", problem=str(error), advice="")
             return replace(check(scene), stable=False, findings=(refused, *findings(scene)))
-    warned = [
-        Finding(severity="warning", field="", problem=str(one.message), advice="")
-        for one in caught
-        if issubclass(one.category, CoarseWarning)
-    ]
-    found = check(scene, simulator)
-    return replace(found, findings=_most_severe_first([*warned, *found.findings]))
+    return check(scene, simulator)
 
 
 def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]:

@@ -8,7 +8,15 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import ConfigError, MpmSolver, NeuralPhysics, Scene, SoftMaterialWarning, scenarios
+from hybridmpm import (
+    CoarseWarning,
+    ConfigError,
+    MpmSolver,
+    NeuralPhysics,
+    Scene,
+    SoftMaterialWarning,
+    scenarios,
+)
 from hybridmpm.checking import Finding, check, findings
 from hybridmpm.cli import cli
 
@@ -211,3 +219,15 @@ def test_the_command_lists_all_faults_of_a_scene_that_is_none(tmp_path: Path) ->
     missing = CliRunner().invoke(cli, ["check", "nothing"])
     assert missing.exit_code == 2
     assert "neither a file nor a scenario" in missing.output
+
+
+def test_a_simulator_stands_for_its_scene_and_brings_what_its_level_does_not_suit() -> None:
+    made = scene(obstacles=[{"shape": "box", "lower": [0.5, 0.1], "upper": [0.6, 0.14]}])
+    with pytest.warns(CoarseWarning) as warned:
+        coarse = MpmSolver(made, coarse="1/64")
+    found = check(coarse)
+    told = {one.problem for one in found.findings}
+    assert {str(one.message) for one in warned} <= told
+    assert found.findings == check(made, coarse).findings
+    with pytest.raises(ConfigError, match="a simulator is required"):
+        check("water_2d")  # type: ignore[arg-type]
