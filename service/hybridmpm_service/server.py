@@ -34,6 +34,8 @@ By default it grows to megabytes, and a sleeping client would fill it for minute
 """
 
 
+_SILENT_SECONDS = 60.0
+"""Time between two messages in the log that connections cannot be taken."""
 _BACKLOG = 128
 """Number of connections that wait for the server, or that it takes at once."""
 _FILES = 100
@@ -189,6 +191,19 @@ class _Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, sessions: SessionManager) -> None:
         super().__init__(config)
         self._sessions = sessions
+        self._silent_until = 0.0
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        asyncio.get_running_loop().set_exception_handler(self._on_fault)
+        await super().startup(sockets)
+
+    def _on_fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Log a fault of the event loop; one that it meets thousands of times a second, once a minute."""
+        if "socket.accept()" in context["message"]:
+            if time.monotonic() < self._silent_until:
+                return
+            self._silent_until = time.monotonic() + _SILENT_SECONDS
+        loop.default_exception_handler(context)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._sessions.drain()

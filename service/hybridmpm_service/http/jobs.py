@@ -2,7 +2,9 @@
 
 import asyncio
 from collections.abc import AsyncIterator
+from functools import lru_cache
 from typing import Literal, Self
+from weakref import WeakKeyDictionary
 
 from pydantic import ConfigDict, Field
 
@@ -20,6 +22,9 @@ _LOOK_SECONDS = 0.1
 """Time between two looks at the progress of a job."""
 _SILENT_SECONDS = 15.0
 """Longest time without an event; proxies close silent connections."""
+_SECONDS_PER_LISTENER = 0.0025
+"""Time between two looks for each listener of a job: a thousand listeners cost no more than forty."""
+_listeners: WeakKeyDictionary[Job, int] = WeakKeyDictionary()
 MOST_TRAJECTORIES = 1000
 MOST_NUMBERS = 1 << 27
 """Largest number of coordinates in a data set, all states of all trajectories together: 512 MiB."""
@@ -141,17 +146,28 @@ async def events(job: Job, draining: asyncio.Event) -> AsyncIterator[bytes]:
 
     A stopping server, for which `draining` is set, ends it as well.
     """
-    before, silent = "", 0.0
-    while True:
-        phase = job.phase
-        text = JobBody.of(job).model_dump_json()
-        if text != before:
-            before, silent = text, 0.0
-            yield f"event: {phase}\ndata: {text}\n\n".encode()
-        elif silent >= _SILENT_SECONDS:
-            silent = 0.0
-            yield b": still there\n\n"
-        if phase != "running" or draining.is_set():
-            return
-        await asyncio.sleep(_LOOK_SECONDS)
-        silent += _LOOK_SECONDS
+    before, silent = b"", 0.0
+    _listeners[job] = _listeners.get(job, 0) + 1
+    try:
+        while True:
+            phase = job.phase
+            event = _event(job, phase, job.progress.done, job.progress.total)
+            if event != before:
+                before, silent = event, 0.0
+                yield event
+            elif silent >= _SILENT_SECONDS:
+                silent = 0.0
+                yield b": still there\n\n"
+            if phase != "running" or draining.is_set():
+                return
+            pause = max(_LOOK_SECONDS, _SECONDS_PER_LISTENER * _listeners[job])
+            await asyncio.sleep(pause)
+            silent += pause
+    finally:
+        _listeners[job] -= 1
+
+
+@lru_cache(maxsize=32)
+def _event(job: Job, phase: Phase, *_progress: int | None) -> bytes:
+    """Return the event of a job in a state, made once for all its listeners."""
+    return f"event: {phase}\ndata: {JobBody.of(job).model_dump_json()}\n\n".encode()

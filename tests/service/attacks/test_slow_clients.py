@@ -307,7 +307,7 @@ def test_a_body_of_usual_chunks_is_read(start_module: Callable[..., Any]) -> Non
 
 def test_whoever_does_not_read_a_large_answer_is_dropped(start: Callable[..., Any]) -> None:
     service = start(send_seconds=0.2)
-    path = service.create(DENSE_SCENE | {"resolution": 88})
+    path = service.create(DENSE_SCENE)
     with socket.socket() as client_socket:
         client_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         client_socket.connect(_address(service))
