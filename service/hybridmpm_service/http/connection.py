@@ -377,9 +377,10 @@ class StreamProtocol(WebSocketsSansIOProtocol):
         self.transport.write(b"".join(self.conn.data_to_send()))
         self.close_sent = True
         self.queue.put_nowait({"type": "websocket.disconnect", "code": 1008, "reason": reason})
-        # Closed at once, unread bytes would make the system drop the last message.
+        # Closed at once, unread bytes would make the system drop the last message; while the timer runs,
+        # the end of the application does not close the connection.
         self.transport.resume_reading()
-        self.loop.call_later(_CLOSE_SECONDS, self.transport.abort)
+        self.close_timer = self.loop.call_later(_CLOSE_SECONDS, self.transport.abort)
 
     def handle_ping(self) -> None:
         """Answer a ping, unless the client has not read earlier messages."""
