@@ -15,6 +15,7 @@ import httpx
 import pytest
 from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 from websockets.sync.client import connect
 
 from hybridmpm_lab.service.hostile import uploads
@@ -221,7 +222,8 @@ def flooding(crowd: Crowd) -> None:
                     stream.send('{"type": "push_end"}')
                 while True:
                     stream.recv(timeout=WAIT_SECONDS)
-            assert stream.protocol.close_code == CLOSE_FLOODED
+            # A client that sends on after the end may meet a reset connection before it reads the reason.
+            assert stream.protocol.close_code in (CLOSE_FLOODED, CloseCode.ABNORMAL_CLOSURE)
         client.delete(links["self"])
 
 
