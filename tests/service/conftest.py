@@ -1,5 +1,6 @@
 """A real server on a free port, in a thread of the test process, and the means to talk to it."""
 
+import asyncio
 import contextlib
 import io
 import json
@@ -17,6 +18,8 @@ from fastapi import FastAPI
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from hybridmpm import BoxSink, RectangularEmitter, Scene
+from hybridmpm.control import Arrow, Ellipse
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.server import listen, make_server
 from hybridmpm_service.sessions.session import Session
@@ -30,6 +33,25 @@ SMALL_SCENE: dict[str, Any] = {
     "resolution": 32,
     "bodies": [{"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}],
 }
+SCENE = Scene.parse(SMALL_SCENE)
+JET = RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0))
+DRAIN = BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.5))
+OPEN_SCENE = SCENE.model_copy(update={"emitters": (JET,), "sinks": (DRAIN,)})
+ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
+OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
+
+
+async def until(happened: Callable[[], object]) -> None:
+    """Wait for what has no event."""
+    async with asyncio.timeout(WAIT_SECONDS):
+        while not happened():  # noqa: ASYNC110
+            await asyncio.sleep(0.001)
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    """Return what runs asynchronous tests and fixtures."""
+    return "asyncio"
 
 
 class Stream:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.journal.test_revival import ARROW, OPEN_SCENE, OVAL
+from tests.service.conftest import ARROW, OPEN_SCENE, OVAL
 
 from hybridmpm.control import push
 from hybridmpm_service import Settings

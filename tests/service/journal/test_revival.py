@@ -1,20 +1,22 @@
 """A session that is left in the middle goes on with the same bits: after a crash, a stop, or from its log."""
 
 import asyncio
+import contextlib
 import dataclasses
 import shutil
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.service.conftest import ARROW, OPEN_SCENE, OVAL, SCENE, until
 
-from hybridmpm import Box, BoxSink, RectangularEmitter, Scene, SimulationError
-from hybridmpm.control import Arrow, Ellipse, push
+from hybridmpm import Box, Scene, SimulationError
+from hybridmpm.control import push
 from hybridmpm.errors import ConfigError
 from hybridmpm_service import Settings
-from hybridmpm_service.errors import FieldError, SessionNotFoundError, StorageError, UnavailableError
+from hybridmpm_service.errors import SessionNotFoundError, StorageError, UnavailableError
 from hybridmpm_service.sessions import journal, session_file
 from hybridmpm_service.sessions.inputs import Hand, PushInput
 from hybridmpm_service.sessions.manager import SessionManager
@@ -23,18 +25,8 @@ from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import SolverChoice
 from hybridmpm_service.sessions.viewers import Mailbox
 
-SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
-OPEN_SCENE = SCENE.model_copy(
-    update={
-        "emitters": (
-            RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0)),
-        ),
-        "sinks": (BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.1)),),
-    }
-)
+pytestmark = pytest.mark.anyio
 FINE_SCENE = Scene(dim=2, resolution=128, bodies=(Box(lower=(0.4, 0.4), upper=(0.5, 0.5), material="water"),))
-ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
-OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 CASES = {
     "mpm": (SCENE, None),
     "open": (OPEN_SCENE, None),
@@ -43,18 +35,25 @@ CASES = {
 }
 
 
-def _play(folder: Path | None, scene: Callable[[SessionManager], Awaitable[None]], **settings: Any) -> None:
-    async def play() -> None:
-        manager = SessionManager(
-            Settings(max_load=64.0, state_folder="" if folder is None else str(folder), **settings)
-        )
-        try:
-            await manager.revive()
-            await scene(manager)
-        finally:
-            await manager.close()
+@contextlib.asynccontextmanager
+async def _service(folder: Path | None, **settings: Any) -> AsyncIterator[SessionManager]:
+    """Begin a service's life with what lies in a folder, and end it in order."""
+    state = "" if folder is None else str(folder)
+    manager = SessionManager(Settings(max_load=64.0, state_folder=state, **settings))
+    try:
+        await manager.revive()
+        yield manager
+    finally:
+        await manager.close()
 
-    asyncio.run(play())
+
+def _killed(live: Path, left: Path) -> None:
+    """Copy what a process would leave behind that is killed now."""
+    shutil.copytree(live, left, ignore=shutil.ignore_patterns("lock*"))
+
+
+def _files(folder: Path) -> list[str]:
+    return [path.name for path in folder.glob("*.session")]
 
 
 async def _story(session: Session) -> None:
@@ -74,12 +73,6 @@ async def _story(session: Session) -> None:
     await session.advance(30)
 
 
-async def _until(happens: Callable[[], bool]) -> None:
-    async with asyncio.timeout(60):
-        while not happens():  # noqa: ASYNC110 - what it waits for has no event
-            await asyncio.sleep(0.005)
-
-
 async def _digest(session: Session, frames: int = 0) -> str:
     if frames:
         await session.advance(frames)
@@ -88,101 +81,74 @@ async def _digest(session: Session, frames: int = 0) -> str:
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("interval", [0.0, 1e9], ids=["checkpoints", "inputs alone"])
-def test_a_crash_costs_nothing(
+async def test_a_crash_costs_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str, interval: float
 ) -> None:
     """What lies on the disk while a session lives is what a killed process leaves."""
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", interval)
-    expected: dict[str, str] = {}
     left = tmp_path / "left"
-
-    async def before(manager: SessionManager) -> None:
+    async with _service(tmp_path / "live") as manager:
         session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
         assert session.kept == "disk"
         await _story(session)
-        shutil.copytree(tmp_path / "live", left, ignore=shutil.ignore_patterns("lock*"))
-        expected[session.id] = await _digest(session)
-        expected["later"] = await _digest(session, 25)
-
-    async def after(manager: SessionManager) -> None:
+        _killed(tmp_path / "live", left)
+        digests = [await _digest(session), await _digest(session, 25)]
+    async with _service(left) as manager:
         (session,) = manager.all()
         assert (session.view.frame, session.notice, session.kept) == (60, None, "disk")
         assert session.control is not None
         assert (session.control.number, session.control.phase) == (2, "steering")
-        assert await _digest(session) == expected[session.id]
-        assert await _digest(session, 25) == expected["later"]
+        assert [await _digest(session), await _digest(session, 25)] == digests
         # Nor is a number given to two sketches.
         assert (await session.steer(ARROW, most=400, frames=20)).number == 3
 
-    _play(tmp_path / "live", before)
-    _play(left, after)
 
-
-def test_a_stop_keeps_what_the_player_has_computed(tmp_path: Path) -> None:
-    frames: list[int] = []
-
-    async def before(manager: SessionManager) -> None:
+async def test_a_stop_keeps_what_the_player_has_computed(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
         session = await manager.create(lambda: SCENE)
         with session.viewer():
             session.play()
-            await _until(lambda: session.view.frame >= 12)
-        await _until(lambda: not session.playing)
+            await until(lambda: session.view.frame >= 12)
+        await until(lambda: not session.playing)
         await session.particles()
-        frames.append(session.view.frame)
-
-    async def after(manager: SessionManager) -> None:
-        assert [session.view.frame for session in manager.all()] == frames
-
-    _play(tmp_path, before)
-    _play(tmp_path, after)
+        frame = session.view.frame
+    async with _service(tmp_path) as manager:
+        assert [session.view.frame for session in manager.all()] == [frame]
 
 
-def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> None:
-    names: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
+async def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
         deleted, reset = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
         await _story(reset)
         await reset.reset()
         await manager.delete(deleted.id)
         assert _files(tmp_path) == [f"{reset.id}.session"]
-        names.append(reset.id)
-
-    async def after(manager: SessionManager) -> None:
-        assert [(session.id, session.view.frame) for session in manager.all()] == [(names[0], 0)]
+    async with _service(tmp_path) as manager:
+        assert [(session.id, session.view.frame) for session in manager.all()] == [(reset.id, 0)]
         log = await manager.all()[0].log()
         assert log.inputs == ()
         with pytest.raises(SessionNotFoundError):
             manager.get("0" * 32)
 
-    _play(tmp_path, before)
-    _play(tmp_path, after)
 
-
-def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
-    digests: dict[str, str] = {}
-
-    async def before(manager: SessionManager) -> None:
+async def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
         session = await manager.create(lambda: SCENE)
         await _story(session)
         fork = await manager.fork(session.id)
         await fork.advance(11)
-        digests.update({one.id: await _digest(one) for one in (session, fork)})
-
-    async def after(manager: SessionManager) -> None:
+        digests = {one.id: await _digest(one) for one in (session, fork)}
+    async with _service(tmp_path) as manager:
         assert {one.id: await _digest(one) for one in manager.all()} == digests
         fork = max(manager.all(), key=lambda one: one.view.frame)
         # The log of a fork tells what acted on its origin, too.
         again = await manager.replay(await fork.log())
         assert (again.notice, await _digest(again)) == (None, digests[fork.id])
 
-    _play(tmp_path, before)
-    _play(tmp_path, after)
-
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
-    async def scene(manager: SessionManager) -> None:
+async def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
+    async with _service(None) as manager:
         session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
         await _story(session)
         log = await session.log()
@@ -192,11 +158,9 @@ def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
         assert (await again.log()).inputs == log.inputs
         assert await _digest(again, 25) == await _digest(session, 25)
 
-    _play(None, scene)
 
-
-def test_a_log_of_another_version_is_played_and_says_what_is_not_promised() -> None:
-    async def scene(manager: SessionManager) -> None:
+async def test_a_log_of_another_version_is_played_and_says_what_is_not_promised() -> None:
+    async with _service(None) as manager:
         session = await manager.create(lambda: SCENE)
         await session.advance(10)
         log = await session.log()
@@ -212,16 +176,15 @@ def test_a_log_of_another_version_is_played_and_says_what_is_not_promised() -> N
         assert changed.notice is not None
         assert "the log was changed" in changed.notice
 
-    _play(None, scene)
 
-
-def test_a_session_of_another_version_is_computed_again_from_frame_0(
+async def test_a_session_of_another_version_is_computed_again_from_frame_0(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def before(manager: SessionManager) -> None:
-        await _story(await manager.create(lambda: SCENE))
-
-    async def after(manager: SessionManager) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
+        async with _service(tmp_path) as manager:
+            await _story(await manager.create(lambda: SCENE))
+    async with _service(tmp_path) as manager:
         (session,) = manager.all()
         assert session.view.frame == 60
         assert session.notice is not None
@@ -229,13 +192,10 @@ def test_a_session_of_another_version_is_computed_again_from_frame_0(
             "may differ from its former state: it was computed by version 3 of the solver" in session.notice
         )
 
-    with monkeypatch.context() as patch:
-        patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
-        _play(tmp_path, before)
-    _play(tmp_path, after)
 
-
-def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_disk_that_cannot_be_written_stops_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(journal, "_RETRY_SECONDS", 0.0)
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
     full = [False]
@@ -247,9 +207,7 @@ def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch
         insert(*arguments)
 
     monkeypatch.setattr(session_file, "_insert", failing)
-    expected: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         session = await manager.create(lambda: SCENE)
         full[0] = True
         await _story(session)
@@ -257,21 +215,17 @@ def test_a_disk_that_cannot_be_written_stops_nothing(tmp_path: Path, monkeypatch
         full[0] = False
         await session.advance(1)
         assert session.kept == "disk"
-        expected.append(await _digest(session))
-
-    async def after(manager: SessionManager) -> None:
+        expected = await _digest(session)
+    async with _service(tmp_path) as manager:
         (session,) = manager.all()
-        assert await _digest(session) == expected[0]
+        assert await _digest(session) == expected
         assert (await manager.replay(await session.log())).notice is None
 
-    _play(tmp_path, before)
-    _play(tmp_path, after)
 
-
-def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
+async def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def scene(manager: SessionManager) -> None:
+    async with _service(tmp_path, max_sessions=1) as manager:
         monkeypatch.setattr(session_file, "_TABLES", ["CREATE nonsense"])
         with pytest.raises(StorageError, match="cannot be read or written"):
             await manager.create(lambda: SCENE)
@@ -279,70 +233,51 @@ def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
         assert manager.why_full() is None
         assert _files(tmp_path) == []
 
-    _play(tmp_path, scene, max_sessions=1)
 
-
-def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> None:
+async def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> None:
     """Its end acts, so it is an input: the next crash must not bring the push back."""
-    digests: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
+    async with _service(tmp_path / "live") as manager:
         session = await manager.create(lambda: SCENE)
         await session.advance(5)
         made = PushInput(frame=5, push=Hand.of(push((0.5, 0.4), (1.0, 0.0), 0.1)))
         # The process is killed after the input was written, and before its frame.
         session.simulation.journal.add(made)
-        shutil.copytree(tmp_path / "live", tmp_path / "killed", ignore=shutil.ignore_patterns("lock*"))
-
-    async def between(manager: SessionManager) -> None:
+        _killed(tmp_path / "live", tmp_path / "killed")
+    async with _service(tmp_path / "killed") as manager:
         (session,) = manager.all()
         await session.advance(20)
         log = await session.log()
         assert [(one.frame, one.push is None) for one in log.inputs] == [(5, False), (5, True)]  # type: ignore[union-attr]
-        digests.append(log.digest)
-        shutil.copytree(tmp_path / "killed", tmp_path / "again", ignore=shutil.ignore_patterns("lock*"))
-
-    async def after(manager: SessionManager) -> None:
+        _killed(tmp_path / "killed", tmp_path / "again")
+    async with _service(tmp_path / "again") as manager:
         (session,) = manager.all()
-        assert (session.notice, await _digest(session)) == (None, digests[0])
-
-    _play(tmp_path / "live", before)
-    _play(tmp_path / "killed", between)
-    _play(tmp_path / "again", after)
+        assert (session.notice, await _digest(session)) == (None, log.digest)
 
 
-def test_a_fork_that_has_computed_nothing_keeps_its_sketch(tmp_path: Path) -> None:
-    digests: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
+async def test_a_fork_that_has_computed_nothing_keeps_its_sketch(tmp_path: Path) -> None:
+    async with _service(tmp_path / "live") as manager:
         session = await manager.create(lambda: SCENE)
         await session.steer(ARROW, most=400, frames=20)
         fork = await manager.fork(session.id)
-        shutil.copytree(tmp_path / "live", tmp_path / "left", ignore=shutil.ignore_patterns("lock*"))
-        digests.append(await _digest(fork, 9))
-
-    async def after(manager: SessionManager) -> None:
-        assert [await _digest(session, 9) for session in manager.all()] == digests * 2
-
-    _play(tmp_path / "live", before)
-    _play(tmp_path / "left", after)
+        _killed(tmp_path / "live", tmp_path / "left")
+        digest = await _digest(fork, 9)
+    async with _service(tmp_path / "left") as manager:
+        assert [await _digest(session, 9) for session in manager.all()] == [digest] * 2
 
 
-def test_a_number_is_never_given_to_two_sketches(tmp_path: Path) -> None:
-    async def before(manager: SessionManager) -> None:
+async def test_a_number_is_never_given_to_two_sketches(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
         session = await manager.create(lambda: SCENE)
         assert (await session.steer(ARROW, most=400, frames=20)).number == 1
         await session.release()
-
-    async def after(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         (session,) = manager.all()
         assert (await session.steer(ARROW, most=400, frames=20)).number == 2
 
-    _play(tmp_path, before)
-    _play(tmp_path, after)
 
-
-def test_frames_of_one_call_are_kept_while_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_frames_of_one_call_are_kept_while_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A restart computes again at most what was computed since the latest checkpoint."""
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 0.0)
     checked: list[int] = []
@@ -353,45 +288,31 @@ def test_frames_of_one_call_are_kept_while_it_runs(tmp_path: Path, monkeypatch: 
         check(self, checkpoint, pending)
 
     monkeypatch.setattr(session_file.SessionFile, "check", noted)
-
-    async def scene(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         await (await manager.create(lambda: SCENE)).advance(20)
         assert checked == list(range(1, 21))
 
-    _play(tmp_path, scene)
 
-
-def test_a_session_that_rests_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_session_that_rests_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
-
-    async def before(manager: SessionManager) -> None:
+    async with _service(tmp_path / "live") as manager:
         session = await manager.create(lambda: SCENE)
         await session.advance(5)
         simulation = session.simulation
-        await _until(lambda: not simulation.journal.is_behind(simulation.computed_seconds, resting=True))
-        shutil.copytree(tmp_path / "live", tmp_path / "left", ignore=shutil.ignore_patterns("lock*"))
-
-    async def after(manager: SessionManager) -> None:
+        await until(lambda: not simulation.journal.is_behind(simulation.computed_seconds, resting=True))
+        _killed(tmp_path / "live", tmp_path / "left")
+    async with _service(tmp_path / "left") as manager:
         (session,) = manager.all()
         assert (session.view.frame, session.simulation.computed_seconds) == (5, 0.0)
 
-    _play(tmp_path / "live", before)
-    _play(tmp_path / "left", after)
 
-
-def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
+async def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each attempt ends at the next input, and begins at the last one: there are checkpoints."""
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 0.0)
     attempts: list[tuple[int, str]] = []
     act = Simulation.act
-
-    async def before(manager: SessionManager) -> None:
-        session = await manager.create(lambda: SCENE)
-        await _story(session)
-        # Other sessions are there without waiting for this one.
-        await manager.create(lambda: SCENE)
 
     def interrupted(self: Simulation, one: Any, guidance: Any = None) -> None:
         met = (one.frame, one.kind) in attempts
@@ -400,141 +321,101 @@ def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
             raise SimulationError("interrupted")
         act(self, one, guidance)
 
-    async def attempt(manager: SessionManager) -> None:
-        assert len(manager.all()) in (1, 2)
-
-    async def after(manager: SessionManager) -> None:
-        session = manager.all()[0]
-        assert session.view.frame == 60
-        assert session.notice is not None
-        assert "may differ from its former state" in session.notice
-        log = await session.log()
-        assert (await manager.replay(log)).notice is None
-
     with monkeypatch.context() as patch:
         patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
-        _play(tmp_path, before)
+        async with _service(tmp_path) as manager:
+            session = await manager.create(lambda: SCENE)
+            await _story(session)
+            # Other sessions are there without waiting for this one.
+            await manager.create(lambda: SCENE)
     with monkeypatch.context() as patch:
         patch.setattr(Simulation, "act", interrupted)
         for _ in range(7):
-            _play(tmp_path, attempt)
+            async with _service(tmp_path) as manager:
+                assert len(manager.all()) in (1, 2)
     assert [frame for frame, _ in attempts] == [5, 5, 12, 12, 18, 18, 21, 21, 21, 21, 21, 30, 30]
     # Nothing is computed again after that, and the remark stays.
-    _play(tmp_path, after)
-    _play(tmp_path, after)
+    for _ in range(2):
+        async with _service(tmp_path) as manager:
+            session = manager.all()[0]
+            assert session.view.frame == 60
+            assert "may differ from its former state" in str(session.notice)
+            assert (await manager.replay(await session.log())).notice is None
 
 
-def test_a_damaged_file_costs_its_session_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    names: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
-        for _ in range(2):
-            session = await manager.create(lambda: SCENE)
-            await session.advance(3)
-            names.append(session.id)
-
-    async def after(manager: SessionManager) -> None:
-        assert [session.id for session in manager.all()] == [names[1]]
-
-    _play(tmp_path, before)
+async def test_a_damaged_file_costs_its_session_alone(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with _service(tmp_path) as manager:
+        names = [(await manager.create(lambda: SCENE)).id for _ in range(2)]
     damaged = tmp_path / f"{names[0]}.session"
     damaged.write_bytes(b"?" * 4096)
-    _play(tmp_path, after)
+    async with _service(tmp_path) as manager:
+        assert [session.id for session in manager.all()] == [names[1]]
     assert f"session {names[0]} cannot be started again" in caplog.text
     assert damaged.read_bytes() == b"?" * 4096
 
 
-def test_a_creation_that_was_killed_leaves_nothing(tmp_path: Path) -> None:
+async def test_a_creation_that_was_killed_leaves_nothing(tmp_path: Path) -> None:
     part = tmp_path / f"{1:032x}.new"
     part.write_bytes(b"begun")
-    _play(tmp_path, _nothing)
+    async with _service(tmp_path):
+        pass
     assert not part.exists()
 
 
-def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> None:
-    names: list[str] = []
+async def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
+        name = (await manager.create(lambda: SCENE)).id
 
-    async def before(manager: SessionManager) -> None:
-        names.append((await manager.create(lambda: SCENE)).id)
-
-    _play(tmp_path, before)
-
-    async def after() -> None:
-        manager = SessionManager(Settings(state_folder=str(tmp_path), max_load=64.0))
-        with pytest.raises(UnavailableError, match="computed again after a restart"):
-            manager.get(names[0])
-        await manager.revive()
-        assert manager.get(names[0]).view.frame == 0
-        await manager.close()
-
-    asyncio.run(after())
+    manager = SessionManager(Settings(state_folder=str(tmp_path), max_load=64.0))
+    with pytest.raises(UnavailableError, match="computed again after a restart"):
+        manager.get(name)
+    await manager.revive()
+    assert manager.get(name).view.frame == 0
+    await manager.close()
 
 
-def test_sessions_stay_in_their_order(tmp_path: Path) -> None:
-    names: list[str] = []
-
-    async def make(manager: SessionManager) -> None:
-        names.extend([(await manager.create(lambda: SCENE)).id for _ in range(4)])
+async def test_sessions_stay_in_their_order(tmp_path: Path) -> None:
+    async with _service(tmp_path) as manager:
+        names = [(await manager.create(lambda: SCENE)).id for _ in range(4)]
         # A file that changes last is not the newest session.
         await manager.get(names[0]).advance(3)
-
-    async def look(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         names.append((await manager.create(lambda: SCENE)).id)
         assert [session.id for session in manager.all()] == names
 
-    _play(tmp_path, make)
-    _play(tmp_path, look)
 
-
-def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
-    async def scene(_manager: SessionManager) -> None:
+async def test_two_services_do_not_share_a_folder(tmp_path: Path) -> None:
+    async with _service(tmp_path):
         with pytest.raises(ConfigError, match=r"state_folder: .* no other service uses"):
             SessionManager(Settings(state_folder=str(tmp_path)))
-
-    _play(tmp_path, scene)
     # It is free again.
-    _play(tmp_path, _nothing)
+    async with _service(tmp_path):
+        pass
 
 
-def _files(folder: Path) -> list[str]:
-    return [path.name for path in folder.glob("*.session")]
-
-
-async def _nothing(_manager: SessionManager) -> None:
-    pass
-
-
-def test_more_inputs_than_are_kept_cost_the_log_alone(
+async def test_more_inputs_than_are_kept_cost_the_log_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(journal, "MAX_INPUTS", 4)
-    expected: list[str] = []
-
-    async def before(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         session = await manager.create(lambda: SCENE)
         await _story(session)
-        expected.append(await _particles_digest(session))
+        positions = (await session.particles()).positions
         with pytest.raises(Exception, match="no longer has a log; a reset begins a new one"):
             await session.log()
-
-    async def after(manager: SessionManager) -> None:
+    async with _service(tmp_path) as manager:
         (session,) = manager.all()
-        assert await _particles_digest(session) == expected[0]
+        assert np.array_equal((await session.particles()).positions, positions)
         with pytest.raises(Exception, match="no longer has a log"):
             await session.log()
         await session.reset()
         assert (await session.log()).frame == 0
 
-    _play(tmp_path, before)
-    _play(tmp_path, after)
 
-
-async def _particles_digest(session: Session) -> str:
-    return (await session.particles()).positions.tobytes().hex()
-
-
-def test_the_replay_of_a_cancelled_call_ends() -> None:
-    async def scene(manager: SessionManager) -> None:
+async def test_the_replay_of_a_cancelled_call_ends() -> None:
+    async with _service(None, max_sessions=2) as manager:
         session = await manager.create(lambda: SCENE)
         log = dataclasses.replace(await session.log(), frame=100_000)
         replaying = asyncio.create_task(manager.replay(log))
@@ -542,19 +423,5 @@ def test_the_replay_of_a_cancelled_call_ends() -> None:
         replaying.cancel()
         with pytest.raises(asyncio.CancelledError):
             await replaying
-        async with asyncio.timeout(60):
-            while manager._being_made:  # noqa: ASYNC110 - nothing tells when it has ended
-                await asyncio.sleep(0.01)
+        await until(lambda: not manager._being_made)
         assert manager.all() == [session]
-
-    _play(None, scene, max_sessions=2)
-
-
-def test_an_input_after_the_end_of_a_log_is_refused() -> None:
-    async def scene(manager: SessionManager) -> None:
-        session = await manager.create(lambda: SCENE)
-        await _story(session)
-        with pytest.raises(FieldError, match="acts in frame"):
-            await manager.replay(dataclasses.replace(await session.log(), frame=3))
-
-    _play(None, scene)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.service.conftest import SCENE
 
-from hybridmpm import Box, MpmSolver, Scene
+from hybridmpm import MpmSolver
 from hybridmpm.control import Arrow, Ellipse, Push
 from hybridmpm_service.errors import StorageError
 from hybridmpm_service.sessions.inputs import (
@@ -22,7 +23,6 @@ from hybridmpm_service.sessions.inputs import (
 from hybridmpm_service.sessions.session_file import Checkpoint, SessionFile
 from hybridmpm_service.sessions.solvers import ChosenSolver
 
-SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 ORIGIN = Origin.of(SCENE, ChosenSolver(MpmSolver(SCENE)), None, None)
 HAND = Push(np.array([0.5, 0.1]), np.array([1.0, 1e-17]), 0.1, 15.0)
 SKETCHES = (
@@ -109,14 +109,6 @@ def test_a_file_of_another_format_is_refused_with_both(path: Path) -> None:
         database.execute("PRAGMA user_version = 9")
     with pytest.raises(StorageError, match="has the format 9, this service reads 2"):
         SessionFile(path).read()
-
-
-def test_a_file_with_a_foreign_record_is_refused(path: Path) -> None:
-    file = SessionFile.create(path, ORIGIN)
-    with sqlite3.connect(path) as database:
-        database.execute("""INSERT INTO inputs (record) VALUES ('{"kind": "wish", "frame": 3}')""")
-    with pytest.raises(StorageError, match="is damaged: inputs has 1 rows instead of 0"):
-        file.read()
 
 
 def test_a_write_that_fails_leaves_the_file_as_it_was(path: Path) -> None:

@@ -1,23 +1,21 @@
 """Who may play beside others, decided by costs that the test makes up."""
 
-import asyncio
-from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from tests.service.conftest import SCENE
+from tests.service.sessions.conftest import Manage
 
-from hybridmpm import Box, Scene
-from hybridmpm_service import Settings
 from hybridmpm_service.errors import MachineFullError
 from hybridmpm_service.sessions.admission import estimated_frame_seconds
-from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.player import Machine
 from hybridmpm_service.sessions.simulation import Simulation
 
 if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
     from hybridmpm_service.sessions.session import Session
 
-SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
 QUARTER = 0.25 / SCENE.frame_dt
 """Frames a second at the speed of a new session."""
 
@@ -50,105 +48,91 @@ def test_there_is_room_up_to_the_cores_and_always_for_one_who_plays_alone() -> N
     machine.check(0.6, "a session")
 
 
-def _run(
-    scene: Callable[[SessionManager], Awaitable[None]], costs: dict[Any, float], **settings: Any
+@pytest.fixture
+def costs(monkeypatch: pytest.MonkeyPatch) -> dict[Any, float]:
+    """Return what frames of simulations cost [s]; nothing is computed."""
+    made: dict[Any, float] = {}
+    monkeypatch.setattr(Simulation, "frame_seconds", property(made.get))
+    monkeypatch.setattr(Simulation, "advance", lambda *_: 0)
+    return made
+
+
+@pytest.mark.anyio
+async def test_a_full_machine_refuses_new_sessions_and_forks_and_lets_those_that_play_play_on(
+    manage: Manage, costs: dict[Any, float]
 ) -> None:
-    """Play a scene with a manager of sessions whose frames cost what `costs` says [s]."""
-
-    async def play() -> None:
-        manager = SessionManager(Settings(**settings))
-        try:
-            await scene(manager)
-        finally:
-            await manager.close()
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Simulation, "frame_seconds", property(costs.get))
-        # Nobody computes: the costs alone decide.
-        patch.setattr(Simulation, "advance", lambda *_: 0)
-        asyncio.run(play())
-
-
-def test_a_full_machine_refuses_new_sessions_and_forks_and_lets_those_that_play_play_on() -> None:
-    costs: dict[Any, float] = {}
-
-    async def scene(manager: SessionManager) -> None:
-        first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
-        for session in (first, second):
-            session.play()
-            costs[session.simulation] = 0.9 / QUARTER
-        assert first.load == pytest.approx(0.9)
-        assert 0.0 < estimated_frame_seconds(SCENE) * QUARTER < 0.1
-        await manager.delete((await manager.create(lambda: SCENE)).id)
-        costs[first.simulation] = 1.2 / QUARTER
-        costs[second.simulation] = 1.0 / QUARTER
-        refused: list[Callable[[], Awaitable[Session]]] = [
-            lambda: manager.create(lambda: SCENE),
-            lambda: manager.fork(first.id),
-        ]
-        for attempt in refused:
-            with pytest.raises(MachineFullError, match=r"take 2\.00 of 2 cores"):
-                await attempt()
-        assert isinstance(manager.why_full(), MachineFullError)
-        assert [session.playing for session in manager.all()] == [True, True]
-
-    _run(scene, costs, max_load=2.0)
+    manager = manage(max_load=2.0)
+    first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    for session in (first, second):
+        session.play()
+        costs[session.simulation] = 0.9 / QUARTER
+    assert first.load == pytest.approx(0.9)
+    assert 0.0 < estimated_frame_seconds(SCENE) * QUARTER < 0.1
+    await manager.delete((await manager.create(lambda: SCENE)).id)
+    costs[first.simulation] = 1.2 / QUARTER
+    costs[second.simulation] = 1.0 / QUARTER
+    refused: list[Callable[[], Awaitable[Session]]] = [
+        lambda: manager.create(lambda: SCENE),
+        lambda: manager.fork(first.id),
+    ]
+    for attempt in refused:
+        with pytest.raises(MachineFullError, match=r"take 2\.00 of 2 cores"):
+            await attempt()
+    assert isinstance(manager.why_full(), MachineFullError)
+    assert [session.playing for session in manager.all()] == [True, True]
 
 
-def test_a_paused_session_costs_nothing_and_is_asked_again_when_it_plays() -> None:
-    costs: dict[Any, float] = {}
+@pytest.mark.anyio
+async def test_a_paused_session_costs_nothing_and_is_asked_again_when_it_plays(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    sessions = [await manager.create(lambda: SCENE) for _ in range(4)]
+    for session in sessions:
+        costs[session.simulation] = 0.6 / QUARTER
+    first, second, *others = sessions
+    first.play()
+    for waiting in (second, *others):
+        with pytest.raises(MachineFullError, match=r"this session would take about 0\.60"):
+            waiting.play()
+        assert not waiting.playing
+    first.pause()
+    second.play()
+    assert second.playing
 
-    async def scene(manager: SessionManager) -> None:
-        sessions = [await manager.create(lambda: SCENE) for _ in range(4)]
-        for session in sessions:
-            costs[session.simulation] = 0.6 / QUARTER
-        first, second, *others = sessions
-        first.play()
-        for waiting in (second, *others):
-            with pytest.raises(MachineFullError, match=r"this session would take about 0\.60"):
-                waiting.play()
-            assert not waiting.playing
-        first.pause()
+
+@pytest.mark.anyio
+async def test_whoever_plays_may_go_slower_but_not_faster_than_there_is_time_for(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    for session in (first, second):
+        costs[session.simulation] = 0.3 / QUARTER
+        session.play()
+    with pytest.raises(MachineFullError, match="at that speed"):
+        first.set_speed(1.0)
+    assert first.speed == 0.25
+    second.set_speed(0.1)
+    first.set_speed(0.5)
+    assert first.load == pytest.approx(0.6)
+    # Who is paused chooses freely, and is asked when it plays.
+    second.pause()
+    second.set_speed(1.0)
+    with pytest.raises(MachineFullError):
         second.play()
-        assert second.playing
-
-    _run(scene, costs, max_load=1.0)
 
 
-def test_whoever_plays_may_go_slower_but_not_faster_than_there_is_time_for() -> None:
-    costs: dict[Any, float] = {}
-
-    async def scene(manager: SessionManager) -> None:
-        first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
-        for session in (first, second):
-            costs[session.simulation] = 0.3 / QUARTER
-            session.play()
-        with pytest.raises(MachineFullError, match="at that speed"):
-            first.set_speed(1.0)
-        assert first.speed == 0.25
-        second.set_speed(0.1)
-        first.set_speed(0.5)
-        assert first.load == pytest.approx(0.6)
-        # Who is paused chooses freely, and is asked when it plays.
-        second.pause()
-        second.set_speed(1.0)
-        with pytest.raises(MachineFullError):
-            second.play()
-
-    _run(scene, costs, max_load=1.0)
-
-
-def test_a_session_costs_its_estimate_until_its_first_frame_and_a_fork_what_its_origin_costs() -> None:
-    costs: dict[Any, float] = {}
-
-    async def scene(manager: SessionManager) -> None:
-        session = await manager.create(lambda: SCENE)
-        assert session.frame_seconds == estimated_frame_seconds(SCENE)
-        costs[session.simulation] = 0.002
-        session.set_speed(0.5)
-        fork = await manager.fork(session.id)
-        assert (fork.frame_seconds, fork.speed, fork.playing) == (0.002, 0.5, False)
-        costs[fork.simulation] = 0.003
-        assert fork.frame_seconds == 0.003
-
-    _run(scene, costs, max_load=1.0)
+@pytest.mark.anyio
+async def test_a_session_costs_its_estimate_until_its_first_frame_and_a_fork_what_its_origin_costs(
+    manage: Manage, costs: dict[Any, float]
+) -> None:
+    manager = manage(max_load=1.0)
+    session = await manager.create(lambda: SCENE)
+    assert session.frame_seconds == estimated_frame_seconds(SCENE)
+    costs[session.simulation] = 0.002
+    session.set_speed(0.5)
+    fork = await manager.fork(session.id)
+    assert (fork.frame_seconds, fork.speed, fork.playing) == (0.002, 0.5, False)
+    costs[fork.simulation] = 0.003
+    assert fork.frame_seconds == 0.003

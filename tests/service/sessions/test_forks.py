@@ -3,29 +3,14 @@
 import hashlib
 import time
 
-import numpy as np
 import pytest
+from tests.service.conftest import OPEN_SCENE, OVAL, SCENE
 
-from hybridmpm import Box, BoxSink, HybridSimulator, MpmSolver, RectangularEmitter, Scene
+from hybridmpm import HybridSimulator, MpmSolver
 from hybridmpm.control import Ellipse, prepare
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
-
-SCENE = Scene(
-    dim=2,
-    resolution=32,
-    bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
-)
-OPEN_SCENE = SCENE.model_copy(
-    update={
-        "emitters": (
-            RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0)),
-        ),
-        "sinks": (BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.5)),),
-    }
-)
-OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 
 
 @pytest.mark.parametrize("sketch", [None, OVAL])

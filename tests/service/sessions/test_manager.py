@@ -2,15 +2,15 @@
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from tests.service.conftest import Hold
+from tests.service.conftest import SCENE, Hold, until
+from tests.service.sessions.conftest import Clock, Manage
 
 from hybridmpm import Box, Elastic, Scene, SceneError
 from hybridmpm.control import Arrow
-from hybridmpm_service import Settings
 from hybridmpm_service.errors import (
     SessionBusyError,
     SessionNotFoundError,
@@ -21,165 +21,118 @@ from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.work import MAX_WAITING, traced
 
-SCENE = Scene(dim=2, resolution=32, bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water"),))
+pytestmark = pytest.mark.anyio
 
 
-class _Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-def _run(scene: Callable[[SessionManager, _Clock], Awaitable[None]], **settings: Any) -> None:
-    """Play a scene with a manager, and end it whatever happens."""
-
-    async def play() -> None:
-        clock = _Clock()
-        manager = SessionManager(Settings(**settings), clock)
-        try:
-            await scene(manager, clock)
-        finally:
-            await manager.close()
-
-    before = threading.active_count()
-    asyncio.run(play())
-    assert threading.active_count() <= before
+async def test_a_session_that_nobody_uses_expires(manage: Manage, clock: Clock) -> None:
+    manager = manage(idle_seconds=100)
+    unused, used = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    clock.now = 90
+    manager.get(used.id)
+    clock.now = 101
+    with pytest.raises(SessionNotFoundError, match="expired after 100 s"):
+        manager.get(unused.id)
+    assert [session.id for session in manager.all()] == [used.id]
+    await manager.expire()
+    assert manager.get(used.id) is used
 
 
-def test_a_session_that_nobody_uses_expires() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        unused, used = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
-        clock.now = 90
-        manager.get(used.id)
-        clock.now = 101
-        with pytest.raises(SessionNotFoundError, match="expired after 100 s"):
-            manager.get(unused.id)
-        assert [session.id for session in manager.all()] == [used.id]
-        await manager.expire()
-        assert manager.get(used.id) is used
-
-    _run(scene, idle_seconds=100)
-
-
-def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_left() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        with session.viewer():
-            clock.now = 1000
-            await manager.expire()
-            assert manager.all() == [session]
-        clock.now = 1099
+async def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_left(
+    manage: Manage, clock: Clock
+) -> None:
+    manager = manage(idle_seconds=100)
+    session = await manager.create(lambda: SCENE)
+    with session.viewer():
+        clock.now = 1000
         await manager.expire()
         assert manager.all() == [session]
-        clock.now = 1101
-        await manager.expire()
-        assert manager.all() == []
+    clock.now = 1099
+    await manager.expire()
+    assert manager.all() == [session]
+    clock.now = 1101
+    await manager.expire()
+    assert manager.all() == []
 
-    _run(scene, idle_seconds=100)
 
-
-def test_there_is_room_for_so_many_sessions_and_for_one_more_after_a_delete() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        first = await manager.create(lambda: SCENE)
+async def test_there_is_room_for_so_many_sessions_and_for_one_more_after_a_delete(manage: Manage) -> None:
+    manager = manage(max_sessions=2)
+    first = await manager.create(lambda: SCENE)
+    await manager.create(lambda: SCENE)
+    with pytest.raises(TooManySessionsError, match="all 2 sessions"):
         await manager.create(lambda: SCENE)
-        with pytest.raises(TooManySessionsError, match="all 2 sessions"):
-            await manager.create(lambda: SCENE)
-        await manager.delete(first.id)
-        assert manager.why_full() is None
+    await manager.delete(first.id)
+    assert manager.why_full() is None
+    await manager.create(lambda: SCENE)
+
+
+async def test_many_who_ask_at_once_do_not_get_more_than_the_limit(manage: Manage) -> None:
+    manager = manage(max_sessions=2)
+    tries = [manager.create(lambda: SCENE) for _ in range(6)]
+    results = await asyncio.gather(*tries, return_exceptions=True)
+    assert sum(isinstance(result, TooManySessionsError) for result in results) == 4
+
+
+async def test_a_refused_scene_takes_no_room(manage: Manage) -> None:
+    manager = manage(max_particles=10, max_sessions=1)
+    with pytest.raises(SceneError, match="max_particles"):
+        await manager.create(lambda: SCENE)
+    assert manager.all() == []
+    assert manager.why_full() is None
+
+
+async def test_a_grid_beyond_the_servers_memory_is_refused_with_what_fits(manage: Manage) -> None:
+    manager = manage(max_grid_nodes=31 * 31)
+    with pytest.raises(SceneError, match="resolution: must be at most 30 in 2D"):
         await manager.create(lambda: SCENE)
 
-    _run(scene, max_sessions=2)
+
+async def test_a_draining_manager_takes_nobody_and_sends_viewers_away(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    with session.viewer() as mailbox:
+        manager.drain()
+        assert (await mailbox.closed()).code == 1001
+    assert str(manager.why_full()) == "the server is shutting down"
+    with pytest.raises(UnavailableError):
+        await manager.create(lambda: SCENE)
 
 
-def test_many_who_ask_at_once_do_not_get_more_than_the_limit() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        tries = [manager.create(lambda: SCENE) for _ in range(6)]
-        results = await asyncio.gather(*tries, return_exceptions=True)
-        assert sum(isinstance(result, TooManySessionsError) for result in results) == 4
-
-    _run(scene, max_sessions=2)
+async def test_work_is_done_in_the_order_in_which_it_was_asked_for(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    forward, back, state = session.advance(5), session.reset(), session.particles()
+    _, _, particles = await asyncio.gather(forward, back, state)
+    assert particles.frame == 0
 
 
-def test_a_refused_scene_takes_no_room() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        with pytest.raises(SceneError, match="max_particles"):
-            await manager.create(lambda: SCENE)
-        assert manager.all() == []
-        assert manager.why_full() is None
-
-    _run(scene, max_particles=10, max_sessions=1)
-
-
-def test_a_grid_beyond_the_servers_memory_is_refused_with_what_fits() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        with pytest.raises(SceneError, match="resolution: must be at most 30 in 2D"):
-            await manager.create(lambda: SCENE)
-
-    _run(scene, max_grid_nodes=31 * 31)
+async def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait(
+    manager: SessionManager,
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    gate = threading.Event()
+    session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
+    waiting = [asyncio.create_task(session.advance(1)) for _ in range(MAX_WAITING)]
+    await asyncio.sleep(0)
+    with pytest.raises(SessionBusyError, match=str(MAX_WAITING)):
+        await session.advance(1)
+    await manager.delete(session.id)
+    gate.set()
+    results = await asyncio.gather(*waiting, return_exceptions=True)
+    assert all(isinstance(result, SessionNotFoundError) for result in results)
 
 
-def test_a_draining_manager_takes_nobody_and_sends_viewers_away() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        with session.viewer() as mailbox:
-            manager.drain()
-            assert (await mailbox.closed()).code == 1001
-        assert str(manager.why_full()) == "the server is shutting down"
-        with pytest.raises(UnavailableError):
-            await manager.create(lambda: SCENE)
-
-    _run(scene)
-
-
-def test_work_is_done_in_the_order_in_which_it_was_asked_for() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        forward, back, state = session.advance(5), session.reset(), session.particles()
-        _, _, particles = await asyncio.gather(forward, back, state)
-        assert particles.frame == 0
-
-    _run(scene)
-
-
-def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = threading.Event()
-        session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
-        waiting = [asyncio.create_task(session.advance(1)) for _ in range(MAX_WAITING)]
-        await asyncio.sleep(0)
-        with pytest.raises(SessionBusyError, match=str(MAX_WAITING)):
-            await session.advance(1)
-        await manager.delete(session.id)
-        gate.set()
-        results = await asyncio.gather(*waiting, return_exceptions=True)
-        assert all(isinstance(result, SessionNotFoundError) for result in results)
-
-    _run(scene)
-
-
-async def _until(happened: Callable[[], object]) -> None:
-    """Wait until something has happened of which nobody tells."""
-    while not happened():  # noqa: ASYNC110
-        await asyncio.sleep(0.001)
-
-
-def test_a_cancelled_call_ends_after_its_frame_and_still_reaches_the_viewers() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        hold = Hold(session)
-        calling = asyncio.create_task(session.advance(1000))
-        queued = asyncio.create_task(session.advance(1000))
-        assert await asyncio.to_thread(hold.reached.wait, 60)
-        calling.cancel()
-        queued.cancel()
-        await asyncio.gather(calling, queued, return_exceptions=True)
-        hold.gate.set()
-        await session.particles()
-        assert session.view.frame == 1
-
-    _run(scene)
+async def test_a_cancelled_call_ends_after_its_frame_and_still_reaches_the_viewers(
+    manager: SessionManager,
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    hold = Hold(session)
+    calling = asyncio.create_task(session.advance(1000))
+    queued = asyncio.create_task(session.advance(1000))
+    assert await asyncio.to_thread(hold.reached.wait, 60)
+    calling.cancel()
+    queued.cancel()
+    await asyncio.gather(calling, queued, return_exceptions=True)
+    hold.gate.set()
+    await session.particles()
+    assert session.view.frame == 1
 
 
 async def _trace(session: Session, sketch: Arrow, **settings: Any) -> object:
@@ -187,103 +140,94 @@ async def _trace(session: Session, sketch: Arrow, **settings: Any) -> object:
 
 
 @pytest.mark.parametrize("follow", [Session.steer, _trace])
-def test_the_plan_of_a_cancelled_call_ends(follow: Callable[..., Any]) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        inside, gate = threading.Event(), threading.Event()
-        twin = session.simulation.copy()
-        frames = []
+async def test_the_plan_of_a_cancelled_call_ends(follow: Callable[..., Any], manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    inside, gate = threading.Event(), threading.Event()
+    twin = session.simulation.copy()
+    frames = []
 
-        def hold(count: int = 1, force: Any = None) -> None:
-            frames.append(count)
-            inside.set()
-            assert gate.wait(60)
+    def hold(count: int = 1, force: Any = None) -> None:
+        frames.append(count)
+        inside.set()
+        assert gate.wait(60)
 
-        twin.advance = twin._advance_frame = hold  # type: ignore[method-assign]
-        session.simulation.copy = lambda: twin  # type: ignore[method-assign]
-        twin.copy = lambda: twin  # type: ignore[method-assign]
-        arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
-        planning = asyncio.create_task(follow(session, arrow, most=400, method="constant", frames=100))
-        assert await asyncio.to_thread(inside.wait, 60)
-        planning.cancel()
-        for _ in range(10):  # turns of the loop, in which the call drops its work
-            await asyncio.sleep(0)
-        gate.set()
-        await asyncio.gather(planning, return_exceptions=True)
-        await session._planner.ended()
-        assert frames == [1]
-        assert session.control is None
-
-    _run(scene)
+    twin.advance = twin._advance_frame = hold  # type: ignore[method-assign]
+    session.simulation.copy = lambda: twin  # type: ignore[method-assign]
+    twin.copy = lambda: twin  # type: ignore[method-assign]
+    arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
+    planning = asyncio.create_task(follow(session, arrow, most=400, method="constant", frames=100))
+    assert await asyncio.to_thread(inside.wait, 60)
+    planning.cancel()
+    for _ in range(10):  # turns of the loop, in which the call drops its work
+        await asyncio.sleep(0)
+    gate.set()
+    await asyncio.gather(planning, return_exceptions=True)
+    await session._planner.ended()
+    assert frames == [1]
+    assert session.control is None
 
 
 @pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
-def test_a_delete_ends_the_frame_that_is_being_computed() -> None:
+async def test_a_delete_ends_the_frame_that_is_being_computed(manage: Manage) -> None:
     """Uncancelled, the frame takes many seconds, and many follow."""
     stiff = Elastic(density=1000.0, youngs_modulus=2.5e9, poisson_ratio=0.2)
     block = Box(material=stiff, lower=(0.3, 0.3), upper=(0.6, 0.6))
     slow = Scene(dim=2, resolution=190, frame_dt=0.015, bodies=(block,))
 
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: slow)
-        arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
-        calls = [
-            asyncio.create_task(call)
-            for call in (
-                session.advance(1000),
-                _trace(session, arrow, most=400, method="constant", frames=300),
-            )
-        ]
-        await _until(lambda: session._worker._unfinished)
-        await asyncio.sleep(0.05)
-        await manager.delete(session.id)
-        async with asyncio.timeout(60):
-            await asyncio.gather(*manager._ending)
-        assert session.view.frame == 0
-        results = await asyncio.gather(*calls, return_exceptions=True)
-        assert all(isinstance(result, SessionNotFoundError) for result in results), results
-
-    _run(scene, max_frame_cost=10**9)
-
-
-def test_sessions_that_still_end_take_room() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        hold = Hold(session)
-        calling = asyncio.create_task(session.advance(1))
-        assert await asyncio.to_thread(hold.reached.wait, 60)
-        await manager.delete(session.id)
-        with pytest.raises(TooManySessionsError):
-            await manager.create(lambda: SCENE)
-        hold.gate.set()
-        with pytest.raises(SessionNotFoundError):
-            await calling
+    manager = manage(max_frame_cost=10**9)
+    session = await manager.create(lambda: slow)
+    arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
+    calls = [
+        asyncio.create_task(call)
+        for call in (
+            session.advance(1000),
+            _trace(session, arrow, most=400, method="constant", frames=300),
+        )
+    ]
+    await until(lambda: session._worker._unfinished)
+    await asyncio.sleep(0.05)
+    await manager.delete(session.id)
+    async with asyncio.timeout(60):
         await asyncio.gather(*manager._ending)
+    assert session.view.frame == 0
+    results = await asyncio.gather(*calls, return_exceptions=True)
+    assert all(isinstance(result, SessionNotFoundError) for result in results), results
+
+
+async def test_sessions_that_still_end_take_room(manage: Manage) -> None:
+    manager = manage(max_sessions=1)
+    session = await manager.create(lambda: SCENE)
+    hold = Hold(session)
+    calling = asyncio.create_task(session.advance(1))
+    assert await asyncio.to_thread(hold.reached.wait, 60)
+    await manager.delete(session.id)
+    with pytest.raises(TooManySessionsError):
         await manager.create(lambda: SCENE)
+    hold.gate.set()
+    with pytest.raises(SessionNotFoundError):
+        await calling
+    await asyncio.gather(*manager._ending)
+    await manager.create(lambda: SCENE)
 
-    _run(scene, max_sessions=1)
 
+async def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_session(manage: Manage) -> None:
+    manager = manage(max_sessions=1)
+    inside, gate = threading.Event(), threading.Event()
 
-def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_session() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        inside, gate = threading.Event(), threading.Event()
+    def make() -> Scene:
+        inside.set()
+        assert gate.wait(60)
+        return SCENE
 
-        def make() -> Scene:
-            inside.set()
-            assert gate.wait(60)
-            return SCENE
-
-        making = asyncio.create_task(manager.create(make))
-        assert await asyncio.to_thread(inside.wait, 60)
-        making.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await making
-        assert manager.why_full() is not None
-        gate.set()
-        await _until(lambda: manager.why_full() is None)
-        assert manager.all() == []
-
-    _run(scene, max_sessions=1)
+    making = asyncio.create_task(manager.create(make))
+    assert await asyncio.to_thread(inside.wait, 60)
+    making.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await making
+    assert manager.why_full() is not None
+    gate.set()
+    await until(lambda: manager.why_full() is None)
+    assert manager.all() == []
 
 
 @pytest.mark.parametrize(
@@ -297,82 +241,69 @@ def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_session()
     ],
 )
 @pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")
-def test_a_scene_whose_frames_are_too_dear_is_refused_with_the_figure_and_the_limit(
-    change: dict[str, Any], message: str
+async def test_a_scene_whose_frames_are_too_dear_is_refused_with_the_figure_and_the_limit(
+    change: dict[str, Any], message: str, manage: Manage
 ) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        dear = SCENE.model_copy(update=change)
-        with pytest.raises(SceneError, match=message):
-            await manager.create(lambda: dear)
-        await manager.create(lambda: SCENE)
-
-    _run(scene, max_frame_cost=200_000)
+    manager = manage(max_frame_cost=200_000)
+    dear = SCENE.model_copy(update=change)
+    with pytest.raises(SceneError, match=message):
+        await manager.create(lambda: dear)
+    await manager.create(lambda: SCENE)
 
 
-def test_a_session_pauses_when_its_last_viewer_leaves() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
+async def test_a_session_pauses_when_its_last_viewer_leaves(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    with session.viewer():
         with session.viewer():
-            with session.viewer():
-                session.play()
-            assert session.playing
-        assert not session.playing
-
-    _run(scene)
+            session.play()
+        assert session.playing
+    assert not session.playing
 
 
-def test_a_session_does_not_expire_while_a_call_is_worked_on() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = threading.Event()
-        session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
-        calling = asyncio.create_task(session.advance(1))
-        await asyncio.sleep(0)
-        clock.now = 1000
-        await manager.expire()
-        assert manager.all() == [session]
-        gate.set()
-        await calling
-        clock.now = 1099
-        assert manager.get(session.id) is session
-        clock.now = 1200
-        await manager.expire()
-        assert manager.all() == []
-
-    _run(scene, idle_seconds=100)
+async def test_a_session_does_not_expire_while_a_call_is_worked_on(manage: Manage, clock: Clock) -> None:
+    manager = manage(idle_seconds=100)
+    session = await manager.create(lambda: SCENE)
+    gate = threading.Event()
+    session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
+    calling = asyncio.create_task(session.advance(1))
+    await asyncio.sleep(0)
+    clock.now = 1000
+    await manager.expire()
+    assert manager.all() == [session]
+    gate.set()
+    await calling
+    clock.now = 1099
+    assert manager.get(session.id) is session
+    clock.now = 1200
+    await manager.expire()
+    assert manager.all() == []
 
 
-def test_a_player_that_had_to_queue_still_gets_its_turn() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = threading.Event()
-        holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
-        # Its own turns would queue too, and a player gives way to whoever waits.
-        session._tasks[0].cancel()
-        session._player.start()
-        turn = asyncio.create_task(session._player.take_turn(3))
-        await asyncio.sleep(0)
-        clock.now = 10
-        gate.set()
-        await holding
-        assert await turn == 3
-
-    _run(scene)
+async def test_a_player_that_had_to_queue_still_gets_its_turn(manager: SessionManager, clock: Clock) -> None:
+    session = await manager.create(lambda: SCENE)
+    gate = threading.Event()
+    holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
+    # Its own turns would queue too, and a player gives way to whoever waits.
+    session._tasks[0].cancel()
+    session._player.start()
+    turn = asyncio.create_task(session._player.take_turn(3))
+    await asyncio.sleep(0)
+    clock.now = 10
+    gate.set()
+    await holding
+    assert await turn == 3
 
 
-def test_a_player_gives_way_to_commands_after_a_frame() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = threading.Event()
-        holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
-        session._player.start()
-        turn = asyncio.create_task(session._player.take_turn(100))
-        await asyncio.sleep(0)
-        looking = asyncio.create_task(session.particles())
-        await asyncio.sleep(0)
-        gate.set()
-        await holding
-        assert await turn == 1
-        assert (await looking).frame == 1
-
-    _run(scene)
+async def test_a_player_gives_way_to_commands_after_a_frame(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    gate = threading.Event()
+    holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
+    session._player.start()
+    turn = asyncio.create_task(session._player.take_turn(100))
+    await asyncio.sleep(0)
+    looking = asyncio.create_task(session.particles())
+    await asyncio.sleep(0)
+    gate.set()
+    await holding
+    assert await turn == 1
+    assert (await looking).frame == 1

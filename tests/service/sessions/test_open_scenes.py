@@ -3,22 +3,13 @@
 import time
 
 import numpy as np
+from tests.service.conftest import ARROW, JET, OPEN_SCENE, SCENE
 
-from hybridmpm import Box, BoxSink, MpmSolver, RectangularEmitter, Scene
-from hybridmpm.control import Arrow, follow, prepare
+from hybridmpm import BoxSink, MpmSolver
+from hybridmpm.control import follow, prepare
 from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
-
-SCENE = Scene(
-    dim=2,
-    resolution=32,
-    bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
-)
-ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
-JET = RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0))
-DRAIN = BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.5))
-OPEN_SCENE = SCENE.model_copy(update={"emitters": (JET,), "sinks": (DRAIN,)})
 
 
 def test_frames_tell_who_comes_and_goes() -> None:

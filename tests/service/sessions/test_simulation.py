@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.service.conftest import ARROW, OVAL, SCENE
 
 from hybridmpm import (
     Box,
@@ -12,21 +13,13 @@ from hybridmpm import (
     NeuralPhysics,
     Scene,
 )
-from hybridmpm.control import Arrow, Ellipse, follow, prepare, push
+from hybridmpm.control import Arrow, follow, prepare, push
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.simulator import Simulator
 from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
-
-SCENE = Scene(
-    dim=2,
-    resolution=32,
-    bodies=(Box(lower=(0.4, 0.4), upper=(0.6, 0.6), material="water", velocity=(0.3, 0.0)),),
-)
-ARROW = Arrow(np.array([[0.5, 0.5], [0.6, 0.55]]))
-OVAL = Ellipse(np.array([0.55, 0.6]), np.array([0.15, 0.1]), 0.3)
 
 
 class _Clock:

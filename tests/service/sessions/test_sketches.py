@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.sessions.test_manager import SCENE, _Clock, _run
+from tests.service.conftest import SCENE
 
 from hybridmpm import DomainError, MpmSolver, SketchError
 from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, prepare, push
@@ -18,6 +18,7 @@ from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.work import traced
 
+pytestmark = pytest.mark.anyio
 ARROW = Arrow(np.array([[0.5, 0.5], [0.53, 0.5]]))
 
 
@@ -53,44 +54,42 @@ def _phase(session: Session) -> str | None:
     return None if session.control is None else session.control.phase
 
 
-def test_a_session_goes_on_while_a_sketch_is_prepared(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = _Gate(monkeypatch)
-        steering = asyncio.create_task(session.steer(ARROW, most=400, frames=20))
-        await gate.reached()
-        assert _phase(session) == "preparing"
-        await session.advance(8)
-        assert session.view.frame == 8
-        gate.open()
-        steered = await steering
-        assert (steered.first_frame, steered.guidance.first_frame) == (8, 0)
-        assert _phase(session) == "steering"
-        await session.advance(20)
-        assert _phase(session) == "done"
+async def test_a_session_goes_on_while_a_sketch_is_prepared(
+    monkeypatch: pytest.MonkeyPatch, manager: SessionManager
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    gate = _Gate(monkeypatch)
+    steering = asyncio.create_task(session.steer(ARROW, most=400, frames=20))
+    await gate.reached()
+    assert _phase(session) == "preparing"
+    await session.advance(8)
+    assert session.view.frame == 8
+    gate.open()
+    steered = await steering
+    assert (steered.first_frame, steered.guidance.first_frame) == (8, 0)
+    assert _phase(session) == "steering"
+    await session.advance(20)
+    assert _phase(session) == "done"
 
-    _run(scene)
 
-
-def test_an_older_sketch_steers_until_the_newer_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        first = await session.steer(ARROW, most=400, frames=20)
-        gate = _Gate(monkeypatch)
-        steering = asyncio.create_task(session.steer(ARROW, most=400, frames=30))
-        await gate.reached()
-        await session.advance(5)
-        gate.open()
-        second = await steering
-        await session.advance(30)
-        positions = (await session.particles()).positions
-        solver = MpmSolver(SCENE)
-        solver.advance(5, first.guidance)
-        for index in range(30):
-            solver.advance(1, second.guidance.law.force(solver, index))
-        assert np.array_equal(positions, solver.positions)
-
-    _run(scene)
+async def test_an_older_sketch_steers_until_the_newer_one_does(
+    monkeypatch: pytest.MonkeyPatch, manager: SessionManager
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    first = await session.steer(ARROW, most=400, frames=20)
+    gate = _Gate(monkeypatch)
+    steering = asyncio.create_task(session.steer(ARROW, most=400, frames=30))
+    await gate.reached()
+    await session.advance(5)
+    gate.open()
+    second = await steering
+    await session.advance(30)
+    positions = (await session.particles()).positions
+    solver = MpmSolver(SCENE)
+    solver.advance(5, first.guidance)
+    for index in range(30):
+        solver.advance(1, second.guidance.law.force(solver, index))
+    assert np.array_equal(positions, solver.positions)
 
 
 @pytest.mark.parametrize(
@@ -101,24 +100,24 @@ def test_an_older_sketch_steers_until_the_newer_one_does(monkeypatch: pytest.Mon
         (lambda session: session.reset(), "back to its start"),
     ],
 )
-def test_a_sketch_that_is_being_prepared_is_dropped(
-    monkeypatch: pytest.MonkeyPatch, interfere: Callable[[Session], Any], message: str
+async def test_a_sketch_that_is_being_prepared_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+    interfere: Callable[[Session], Any],
+    message: str,
+    manager: SessionManager,
 ) -> None:
     gate = _Gate(monkeypatch)
 
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        dropped = asyncio.create_task(session.steer(ARROW, most=400, frames=100, method="constant"))
-        await gate.reached()
-        interfering = asyncio.create_task(interfere(session))
-        await asyncio.sleep(0)
-        gate.open()
-        with pytest.raises(SketchDroppedError, match=message):
-            await dropped
-        steered = await interfering
-        assert _phase(session) == (None if steered is None else "steering")
-
-    _run(scene)
+    session = await manager.create(lambda: SCENE)
+    dropped = asyncio.create_task(session.steer(ARROW, most=400, frames=100, method="constant"))
+    await gate.reached()
+    interfering = asyncio.create_task(interfere(session))
+    await asyncio.sleep(0)
+    gate.open()
+    with pytest.raises(SketchDroppedError, match=message):
+        await dropped
+    steered = await interfering
+    assert _phase(session) == (None if steered is None else "steering")
     assert gate.frames == 0
 
 
@@ -128,130 +127,113 @@ async def _trace(session: Session, sketch: Arrow, **settings: Any) -> tuple[Guid
 
 @pytest.mark.parametrize("plan", [Session.steer, _trace])
 @pytest.mark.parametrize("stop", ["delete", "close"])
-def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
-    monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], stop: str
+async def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
+    monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], stop: str, manager: SessionManager
 ) -> None:
     gate = _Gate(monkeypatch)
 
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        planning = asyncio.create_task(plan(session, ARROW, most=400, frames=100, method="constant"))
-        await gate.reached()
-        ending = asyncio.create_task(manager.delete(session.id) if stop == "delete" else manager.close())
-        await asyncio.sleep(0.05)
-        gate.open()
-        await ending
-        with pytest.raises(SessionNotFoundError):
-            await planning
-
-    _run(scene)
+    session = await manager.create(lambda: SCENE)
+    planning = asyncio.create_task(plan(session, ARROW, most=400, frames=100, method="constant"))
+    await gate.reached()
+    ending = asyncio.create_task(manager.delete(session.id) if stop == "delete" else manager.close())
+    await asyncio.sleep(0.05)
+    gate.open()
+    await ending
+    with pytest.raises(SessionNotFoundError):
+        await planning
     assert gate.frames == 0
 
 
-def test_whoever_cancels_work_beside_a_session_finds_it_ended() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        begun, notes = threading.Event(), []
+async def test_whoever_cancels_work_beside_a_session_finds_it_ended(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    begun, notes = threading.Event(), []
 
-        def work(_twin: Simulator, check: Callable[[], None]) -> None:
-            begun.set()
-            try:
-                while True:
-                    time.sleep(0.005)
-                    check()
-            finally:
-                time.sleep(0.05)
-                notes.append("ended")
+    def work(_twin: Simulator, check: Callable[[], None]) -> None:
+        begun.set()
+        try:
+            while True:
+                time.sleep(0.005)
+                check()
+        finally:
+            time.sleep(0.05)
+            notes.append("ended")
 
-        working = asyncio.create_task(session.on_copy(work))
-        assert await asyncio.to_thread(begun.wait, 60)
-        working.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await working
-        assert notes == ["ended"]
-
-    _run(scene)
+    working = asyncio.create_task(session.on_copy(work))
+    assert await asyncio.to_thread(begun.wait, 60)
+    working.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await working
+    assert notes == ["ended"]
 
 
-def test_a_sketch_that_is_refused_leaves_the_older_one() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        await session.steer(ARROW, most=400, frames=20)
-        outside = Ellipse(np.array([0.03, 0.03]), np.array([0.02, 0.02]), 0.0)
-        with pytest.raises(SketchError, match="no part of the oval is free"):
-            await session.steer(outside, most=400)
-        assert session.control is not None
-        assert (session.control.number, session.control.phase) == (1, "steering")
-
-    _run(scene)
+async def test_a_sketch_that_is_refused_leaves_the_older_one(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    await session.steer(ARROW, most=400, frames=20)
+    outside = Ellipse(np.array([0.03, 0.03]), np.array([0.02, 0.02]), 0.0)
+    with pytest.raises(SketchError, match="no part of the oval is free"):
+        await session.steer(outside, most=400)
+    assert session.control is not None
+    assert (session.control.number, session.control.phase) == (1, "steering")
 
 
-def test_frames_that_are_not_given_stay_within_the_limit() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        far = Arrow(np.array([[0.5, 0.3], [0.5, 0.7]]))
-        free = await session.steer(far, most=400)
-        assert free.guidance.frames == free.guidance.needs().suggested_frames > 17
-        limited = await session.steer(far, most=20, hold=3)
-        assert (limited.guidance.frames, limited.guidance.hold) == (17, 3)
-
-    _run(scene)
+async def test_frames_that_are_not_given_stay_within_the_limit(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    far = Arrow(np.array([[0.5, 0.3], [0.5, 0.7]]))
+    free = await session.steer(far, most=400)
+    assert free.guidance.frames == free.guidance.needs().suggested_frames > 17
+    limited = await session.steer(far, most=20, hold=3)
+    assert (limited.guidance.frames, limited.guidance.hold) == (17, 3)
 
 
-def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        gate = _Gate(monkeypatch)
-        tracing = asyncio.create_task(_trace(session, ARROW, most=400, frames=20))
-        await gate.reached()
-        await session.steer(ARROW, most=400, frames=20)
-        assert _phase(session) == "steering"
-        gate.open()
-        _, motion = await tracing
-        await session.advance(20)
-        assert np.array_equal((await session.particles()).positions, motion.positions[-1])
-
-    _run(scene)
-
-
-def test_a_frame_that_fails_under_a_sketch_pauses_and_a_reset_helps(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        await session.steer(ARROW, most=400, frames=20)
-        advance = MpmSolver.advance
-
-        def fail_at_five(solver: MpmSolver, frames: int = 1, force: Any = None) -> None:
-            if solver.frame == 5:
-                raise DomainError("particle 1 left the box in frame 6")
-            advance(solver, frames, force)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(MpmSolver, "advance", fail_at_five)
-            with pytest.raises(DomainError):
-                await session.advance(20)
-        assert session.control is not None
-        assert (session.view.frame, session.control.frames_done) == (5, 5)
-        await session.reset()
-        assert session.control is None
-        await session.advance(10)
-        assert session.view.frame == 10
-
-    _run(scene)
+async def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(
+    monkeypatch: pytest.MonkeyPatch, manager: SessionManager
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    gate = _Gate(monkeypatch)
+    tracing = asyncio.create_task(_trace(session, ARROW, most=400, frames=20))
+    await gate.reached()
+    await session.steer(ARROW, most=400, frames=20)
+    assert _phase(session) == "steering"
+    gate.open()
+    _, motion = await tracing
+    await session.advance(20)
+    assert np.array_equal((await session.particles()).positions, motion.positions[-1])
 
 
-def test_a_hand_lets_go_when_its_viewer_leaves() -> None:
-    async def scene(manager: SessionManager, clock: _Clock) -> None:
-        session = await manager.create(lambda: SCENE)
-        hand = push((0.5, 0.5), (1, 0), 0.1)
-        with session.viewer() as other:
-            with session.viewer() as mailbox:
-                session.push(hand, by=mailbox)
-                assert session.simulation.hand is hand
-            assert session.simulation.hand is None
-            session.push(hand, by=other)
-            with session.viewer():
-                pass
+async def test_a_frame_that_fails_under_a_sketch_pauses_and_a_reset_helps(
+    monkeypatch: pytest.MonkeyPatch, manager: SessionManager
+) -> None:
+    session = await manager.create(lambda: SCENE)
+    await session.steer(ARROW, most=400, frames=20)
+    advance = MpmSolver.advance
+
+    def fail_at_five(solver: MpmSolver, frames: int = 1, force: Any = None) -> None:
+        if solver.frame == 5:
+            raise DomainError("particle 1 left the box in frame 6")
+        advance(solver, frames, force)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MpmSolver, "advance", fail_at_five)
+        with pytest.raises(DomainError):
+            await session.advance(20)
+    assert session.control is not None
+    assert (session.view.frame, session.control.frames_done) == (5, 5)
+    await session.reset()
+    assert session.control is None
+    await session.advance(10)
+    assert session.view.frame == 10
+
+
+async def test_a_hand_lets_go_when_its_viewer_leaves(manager: SessionManager) -> None:
+    session = await manager.create(lambda: SCENE)
+    hand = push((0.5, 0.5), (1, 0), 0.1)
+    with session.viewer() as other:
+        with session.viewer() as mailbox:
+            session.push(hand, by=mailbox)
             assert session.simulation.hand is hand
         assert session.simulation.hand is None
-
-    _run(scene)
+        session.push(hand, by=other)
+        with session.viewer():
+            pass
+        assert session.simulation.hand is hand
+    assert session.simulation.hand is None

@@ -5,11 +5,12 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.service.conftest import until
 
 from hybridmpm import Ball, BallObstacle, Scene, SceneError
 from hybridmpm.scene import Motion
@@ -20,24 +21,16 @@ from hybridmpm_service.sessions.admission import within_limits
 from hybridmpm_service.sessions.apart import run_apart
 from hybridmpm_service.sessions.turns import CLIENT, Client, Turn, Turns
 
-WAIT_SECONDS = 60
+pytestmark = pytest.mark.anyio
 
 
-def _run(play: Callable[[Turns], Awaitable[None]], slots: int = 1) -> None:
-    async def run() -> None:
-        turns = Turns(slots)
-        try:
-            await asyncio.wait_for(play(turns), WAIT_SECONDS)
-        finally:
-            turns.close(UnavailableError("the test ends"))
-            await turns.ended()
-
-    asyncio.run(run())
-
-
-async def _until(happened: Callable[[], object]) -> None:
-    while not happened():  # noqa: ASYNC110 - there is no event
-        await asyncio.sleep(0.005)
+@pytest.fixture
+async def turns(request: pytest.FixtureRequest) -> AsyncIterator[Turns]:
+    """Return turns, of which one at a time runs unless a test gives another number."""
+    made = Turns(getattr(request, "param", 1))
+    yield made
+    made.close(UnavailableError("the test ends"))
+    await made.ended()
 
 
 class _Long:
@@ -64,97 +57,78 @@ class _Long:
         await asyncio.gather(self.task, return_exceptions=True)
 
 
-def test_short_work_of_another_client_does_not_wait_for_the_long_work_of_many() -> None:
-    async def play(turns: Turns) -> None:
-        long = [_Long(turns, Client("a", port)) for port in range(20)]
-        await _until(lambda: long[0].steps > 10)
-        for bystander in (Client("b", 1), Client("a", 100)):
-            CLIENT.set(bystander)
-            assert await turns.run(threading.get_ident) != threading.get_ident()
-        assert not any(one.task.done() for one in long)
-        for one in long:
-            await one.end()
-
-    _run(play)
+async def test_short_work_of_another_client_does_not_wait_for_the_long_work_of_many(turns: Turns) -> None:
+    long = [_Long(turns, Client("a", port)) for port in range(20)]
+    await until(lambda: long[0].steps > 10)
+    for bystander in (Client("b", 1), Client("a", 100)):
+        CLIENT.set(bystander)
+        assert await turns.run(threading.get_ident) != threading.get_ident()
+    assert not any(one.task.done() for one in long)
+    for one in long:
+        await one.end()
 
 
-def test_clients_have_equal_shares_however_much_they_ask_for() -> None:
-    async def play(turns: Turns) -> None:
-        greedy = [_Long(turns, Client("a", port)) for port in range(5)]
-        modest = _Long(turns, Client("b", 1))
-        await _until(lambda: modest.turn is not None and modest.turn.spent > 0.5)
-        spent = sum(one.turn.spent for one in greedy if one.turn is not None)
-        assert modest.turn is not None
-        assert 0.3 < modest.turn.spent / (modest.turn.spent + spent) < 0.7
-        for one in (*greedy, modest):
-            await one.end()
-
-    _run(play)
+async def test_clients_have_equal_shares_however_much_they_ask_for(turns: Turns) -> None:
+    greedy = [_Long(turns, Client("a", port)) for port in range(5)]
+    modest = _Long(turns, Client("b", 1))
+    await until(lambda: modest.turn is not None and modest.turn.spent > 0.5)
+    spent = sum(one.turn.spent for one in greedy if one.turn is not None)
+    assert modest.turn is not None
+    assert 0.3 < modest.turn.spent / (modest.turn.spent + spent) < 0.7
+    for one in (*greedy, modest):
+        await one.end()
 
 
-def test_work_in_the_background_lets_other_work_of_its_connection_pass() -> None:
-    async def play(turns: Turns) -> None:
-        jobs = [_Long(turns, Client("a", 1), background=True) for _ in range(2)]
-        await _until(lambda: jobs[0].steps > 10)
-        await turns.run(lambda: None)
-        assert jobs[1].turn is None, "jobs of a connection follow each other"
-        for one in jobs:
-            await one.end()
-
-    _run(play)
+async def test_work_in_the_background_lets_other_work_of_its_connection_pass(turns: Turns) -> None:
+    jobs = [_Long(turns, Client("a", 1), background=True) for _ in range(2)]
+    await until(lambda: jobs[0].steps > 10)
+    await turns.run(lambda: None)
+    assert jobs[1].turn is None, "jobs of a connection follow each other"
+    for one in jobs:
+        await one.end()
 
 
-def test_the_memory_of_started_work_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("turns", [5], indirect=True)
+async def test_the_memory_of_started_work_is_bounded(monkeypatch: pytest.MonkeyPatch, turns: Turns) -> None:
     monkeypatch.setattr(module, "MAX_MEMORY", 100)
-
-    async def play(turns: Turns) -> None:
-        first = _Long(turns, Client("a", 1), memory=60)
-        await _until(lambda: first.steps)
-        second = _Long(turns, Client("b", 1), memory=50)
-        third = _Long(turns, Client("c", 1), memory=40)
-        other = _Long(turns, Client("c", 2), memory=20)
-        await _until(lambda: third.steps)
-        await turns.run(lambda: None)  # light work has no part in it
-        assert second.turn is None
-        assert other.turn is None, "an address has at most half"
-        await first.end()
-        await _until(lambda: second.steps)
-        for one in (second, third, other):
-            await one.end()
-
-    _run(play, slots=5)
+    first = _Long(turns, Client("a", 1), memory=60)
+    await until(lambda: first.steps)
+    second = _Long(turns, Client("b", 1), memory=50)
+    third = _Long(turns, Client("c", 1), memory=40)
+    other = _Long(turns, Client("c", 2), memory=20)
+    await until(lambda: third.steps)
+    await turns.run(lambda: None)  # light work has no part in it
+    assert second.turn is None
+    assert other.turn is None, "an address has at most half"
+    await first.end()
+    await until(lambda: second.steps)
+    for one in (second, third, other):
+        await one.end()
 
 
-def test_whoever_waits_too_much_is_refused_and_leaves_room_for_others(
-    monkeypatch: pytest.MonkeyPatch,
+async def test_whoever_waits_too_much_is_refused_and_leaves_room_for_others(
+    monkeypatch: pytest.MonkeyPatch, turns: Turns
 ) -> None:
     monkeypatch.setattr(module, "MAX_TURNS", 4)
-
-    async def play(turns: Turns) -> None:
-        greedy = [_Long(turns, Client("a", port)) for port in range(4)]
-        await _until(lambda: greedy[0].steps)
-        with pytest.raises(UnavailableError, match="wait already"):
-            await turns.run(lambda: None)
-        CLIENT.set(Client("b", 1))
+    greedy = [_Long(turns, Client("a", port)) for port in range(4)]
+    await until(lambda: greedy[0].steps)
+    with pytest.raises(UnavailableError, match="wait already"):
         await turns.run(lambda: None)
-        with pytest.raises(UnavailableError, match="wait already"):
-            await greedy[3].task
-        assert turns.why_stuck() is None
-        monkeypatch.setattr(module, "STUCK_SECONDS", -1.0)
-        assert "waiting" in str(turns.why_stuck())
-        for one in greedy:
-            await one.end()
+    CLIENT.set(Client("b", 1))
+    await turns.run(lambda: None)
+    with pytest.raises(UnavailableError, match="wait already"):
+        await greedy[3].task
+    assert turns.why_stuck() is None
+    monkeypatch.setattr(module, "STUCK_SECONDS", -1.0)
+    assert "waiting" in str(turns.why_stuck())
+    for one in greedy:
+        await one.end()
 
-    _run(play)
 
-
-def test_a_process_apart_gives_its_result_or_its_error() -> None:
-    async def play() -> None:
-        assert await run_apart(os.getpid) != os.getpid()
-        with pytest.raises(FileNotFoundError):
-            await run_apart(os.stat, "/nowhere")
-
-    asyncio.run(play())
+async def test_a_process_apart_gives_its_result_or_its_error() -> None:
+    assert await run_apart(os.getpid) != os.getpid()
+    with pytest.raises(FileNotFoundError):
+        await run_apart(os.stat, "/nowhere")
 
 
 def _gone(pid: int) -> bool:
@@ -163,61 +137,55 @@ def _gone(pid: int) -> bool:
 
 
 @pytest.mark.parametrize("end", ["client", "stop", "crash"])
-def test_a_process_apart_ends_with_its_client_and_with_the_server(end: str) -> None:
+async def test_a_process_apart_ends_with_its_client_and_with_the_server(end: str, turns: Turns) -> None:
     """The process sleeps in one call, and would do so for an hour."""
 
-    async def play(turns: Turns) -> None:
-        async def work() -> None:
-            async with turns.turn() as turn:
-                found.append(turn)
-                await turn.apart(time.sleep, 3600)
+    async def work() -> None:
+        async with turns.turn() as turn:
+            found.append(turn)
+            await turn.apart(time.sleep, 3600)
 
-        found: list[Turn] = []
-        working = asyncio.create_task(work())
-        await _until(lambda: found and found[0]._pid)
-        pid = found[0]._pid
-        assert not _gone(pid)
-        if end == "client":
-            working.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await working
-        elif end == "stop":
-            turns.close(UnavailableError("the server stops"))
-            with pytest.raises(UnavailableError, match="stops"):
-                await working
-        else:
-            os.kill(pid, signal.SIGKILL)
-            with pytest.raises(WorkTooLongError):
-                await working
-        await _until(lambda: _gone(pid))
-
-    _run(play)
-
-
-def test_a_process_apart_is_paused_while_others_have_precedence() -> None:
-    async def play(turns: Turns) -> None:
-        async def work() -> None:
-            async with turns.turn() as turn:
-                found.append(turn)
-                await turn.apart(time.sleep, 3600)
-
-        def stopped() -> bool:
-            return Path(f"/proc/{found[0]._pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
-
-        found: list[Turn] = []
-        CLIENT.set(Client("a", 1))
-        working = asyncio.create_task(work())
-        await _until(lambda: found and found[0]._pid and found[0].spent > 0.05)
-        other = _Long(turns, Client("b", 1))
-        await _until(stopped)
-        await other.end()
-        await _until(lambda: not stopped())
+    found: list[Turn] = []
+    working = asyncio.create_task(work())
+    await until(lambda: found and found[0]._pid)
+    pid = found[0]._pid
+    assert not _gone(pid)
+    if end == "client":
         working.cancel()
-        await asyncio.gather(working, return_exceptions=True)
+        with pytest.raises(asyncio.CancelledError):
+            await working
+    elif end == "stop":
+        turns.close(UnavailableError("the server stops"))
+        with pytest.raises(UnavailableError, match="stops"):
+            await working
+    else:
+        os.kill(pid, signal.SIGKILL)
+        with pytest.raises(WorkTooLongError):
+            await working
+    await until(lambda: _gone(pid))
 
-    if not Path("/proc/self/stat").exists():
-        pytest.skip("the system lacks /proc")
-    _run(play)
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+async def test_a_process_apart_is_paused_while_others_have_precedence(turns: Turns) -> None:
+
+    async def work() -> None:
+        async with turns.turn() as turn:
+            found.append(turn)
+            await turn.apart(time.sleep, 3600)
+
+    def stopped() -> bool:
+        return Path(f"/proc/{found[0]._pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+    found: list[Turn] = []
+    CLIENT.set(Client("a", 1))
+    working = asyncio.create_task(work())
+    await until(lambda: found and found[0]._pid and found[0].spent > 0.05)
+    other = _Long(turns, Client("b", 1))
+    await until(stopped)
+    await other.end()
+    await until(lambda: not stopped())
+    working.cancel()
+    await asyncio.gather(working, return_exceptions=True)
 
 
 def _scene(count: int, resolution: int, dim: int = 2, motion: Motion | None = None) -> Scene:
