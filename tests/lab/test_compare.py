@@ -17,10 +17,10 @@ from hybridmpm.planner import store as calibrations
 from hybridmpm.planner.calibration import MEASURES as PLANNED
 from hybridmpm.planner.calibration import Calibration
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.compare import comparison, hybrid, lists, methods, plan_errors, truth
+from hybridmpm_lab.compare import comparison, hybrid, lists, methods, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
-from hybridmpm_lab.harness.provenance import provenance, shipped
+from hybridmpm_lab.harness.provenance import provenance, read_rows, shipped
 from hybridmpm_lab.harness.rows import FIRST_SEED
 from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.harness.table import equal_error, is_on_front
@@ -33,7 +33,7 @@ def invoke(*words: str) -> Any:
 
 
 def named(file: Path) -> dict[str, dict[str, Any]]:
-    rows = json.loads(file.read_text())
+    rows = read_rows(file)
     return {f"{row['method']} {row['label'] or ''}".strip(): row for row in rows}
 
 
@@ -256,7 +256,7 @@ def test_hybrids_are_compared_with_mpm_of_as_few_particles(
     words = ["--scenario", "water_2d", "--scenes", "1", "--bounded", "2", "--jobs", "1"]
     result = invoke("hybrid", *words, "--json", str(file), "--chart", str(chart))
     assert result.exit_code == 0, result.output
-    rows = json.loads(file.read_text())
+    rows = read_rows(file)
     means = {(row["scenario"], row["method"], row["label"]): row for row in rows if row["part"] == "mean"}
     hybrids = means["water_2d", "hybrid", "fluids_2d"]
     shares = [hybrids[name] for name in ("mpm_share", "network", "free_fall", "rest")]
@@ -304,5 +304,5 @@ def test_a_calibration_of_rows(tmp_path: Path) -> None:
     assert made.errors[0].means["grid_rmse"] == 0.5
     assert "grid_rmse" not in made.errors[1].standard_errors
     assert made.times == calibrations.shipped().times
-    with pytest.raises(DataError, match="no rows of the trade-off"):
-        plan_errors.read_rows(file)
+    with pytest.raises(DataError, match="no rows of a result"):
+        read_rows(file)

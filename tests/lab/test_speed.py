@@ -2,7 +2,6 @@
 
 import importlib.util
 import itertools
-import json
 import math
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from click.testing import CliRunner
 from hybridmpm import MpmSolver, SceneError, SimulationError, _core, scenarios
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.harness import timing
+from hybridmpm_lab.harness.provenance import read_rows
 from hybridmpm_lab.harness.timing import Calibration
 from hybridmpm_lab.speed import solver
 from hybridmpm_lab.speed.baselines import SOLVERS
@@ -34,7 +34,7 @@ def measured(folder: Path, *arguments: str, chart: bool = True) -> tuple[str, li
     result = CliRunner().invoke(cli, [*arguments, "--repeats", "1", *files])
     assert result.exit_code == 0, result.output
     assert not chart or picture.stat().st_size > 5_000
-    return result.stdout, json.loads(file.read_text())
+    return result.stdout, read_rows(file)
 
 
 def test_rows_of_the_solver(tmp_path: Path) -> None:

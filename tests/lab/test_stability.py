@@ -1,7 +1,6 @@
 """The stability map: what its measures notice, a few of its cells, and what the command writes."""
 
 import dataclasses
-import json
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.scene import BoxObstacle, Motion
 from hybridmpm_lab.commands import cli
+from hybridmpm_lab.harness.provenance import read_rows
 from hybridmpm_lab.stability.corrupted import CORRUPTIONS, Corrupted
 from hybridmpm_lab.stability.map import Cell, attempt, truth
 from hybridmpm_lab.stability.outcome import Look, Outcome, Run, judged, look
@@ -158,7 +158,7 @@ def test_the_command_resumes_its_file_and_draws_the_map(tmp_path: Path) -> None:
     command = ["stability", "--stress", "one particle", "--runs", str(runs)]
     result = CliRunner().invoke(cli, [*command, "--json", str(rows_file), "--chart", str(picture)])
     assert result.exit_code == 0, result.output
-    rows = json.loads(rows_file.read_text())
+    rows = read_rows(rows_file)
     assert len(rows) == 2 * 3 * len(METHODS)
     assert {"method", "stress", "level", "outcome", "signalled", "machine", "threads"} <= set(rows[0])
     assert rows[2]["ingredients"].startswith("fluids_2d=")

@@ -14,7 +14,7 @@ from hybridmpm_lab.compare import chart, comparison, lists
 from hybridmpm_lab.compare import hybrid as hybrids
 from hybridmpm_lab.compare import plan_errors as errors_of_plans
 from hybridmpm_lab.compare.comparison import Case
-from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.provenance import Provenance, read_rows
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.harness.store import RowStore
 from hybridmpm_lab.harness.timing import QUIET
@@ -138,5 +138,5 @@ hybrid = _command(
 @click.argument("calibration", type=click.Path(dir_okay=False, path_type=Path))
 def plan_errors(*, rows_file: Path, calibration: Path) -> None:
     """Write the errors of ROWS_FILE, made by `tradeoff --json`, with the shipped times into CALIBRATION."""
-    errors_of_plans.refresh(calibration, errors_of_plans.read_rows(rows_file))
+    errors_of_plans.refresh(calibration, read_rows(rows_file))
     click.echo(f"wrote {calibration}")

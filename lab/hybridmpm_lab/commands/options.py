@@ -1,6 +1,5 @@
 """A measurement as a command: its options, the progress, and the output of its rows."""
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import click
 
 from hybridmpm.cli.progress import progress
-from hybridmpm_lab.harness.provenance import Provenance, write_rows
+from hybridmpm_lab.harness.provenance import Provenance, read_rows, write_rows
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.settings import origin_of, settings_options
 from hybridmpm_lab.harness.table import print_table
@@ -84,7 +83,7 @@ class Measurement:
             if rows_file is None:
                 rows = self.measure(settings, origin_of(self.name, settings), **more)
             else:
-                rows = json.loads(rows_file.read_text(encoding="utf-8"))
+                rows = read_rows(rows_file)
             if json_file is not None:
                 write_rows(json_file, rows)
             if chart_file is not None and self.draw is not None:

@@ -1,12 +1,10 @@
 """The errors that plans assume, from the rows of the trade-off."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
-from hybridmpm.errors import DataError
 from hybridmpm.planner import store
 from hybridmpm.planner.calibration import MEASURES, VERSION, Calibration, MachineTimes, MethodErrors
 from hybridmpm.planner.candidates import candidates
@@ -44,19 +42,6 @@ def calibration_of(rows: Sequence[Row], times: MachineTimes) -> Calibration:
         errors=tuple(errors),
         times=times,
     )
-
-
-def read_rows(file: Path) -> list[Row]:
-    """Read the file of `python -m hybridmpm_lab tradeoff --json`; raises `DataError` where it is none."""
-    try:
-        rows: list[Row] = json.loads(file.read_text(encoding="utf-8"))
-        if not rows or not all(
-            {"scenario", "method", "label", "error", "commit"} <= set(row) for row in rows
-        ):
-            raise ValueError("rows without errors")  # noqa: TRY301 - as of a damaged file
-    except (OSError, ValueError, TypeError) as error:
-        raise DataError(f"{file} has no rows of the trade-off: {error}") from None
-    return rows
 
 
 def refresh(file: Path, rows: Sequence[Row]) -> None:

@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import onnx
+
 import hybridmpm
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import cpu_model, usable_cores
-from hybridmpm.errors import ConfigError
+from hybridmpm.errors import ConfigError, DataError
 from hybridmpm_lab.harness.rows import Row
 
 _LIBRARY = Path(hybridmpm.__file__).parent
 _LEVELS = _LIBRARY / "coarse/levels.json"
 _CONSTANTS = ("material", "dim", "name", "particles_per_cell", "modulus", "cfl", "affine_share", "relaxation")
 """Fields of the levels that take part in a simulation."""
-_BYTES, _METADATA = 2, 14
-"""Wire type of a field of bytes, and number of the field of the description, in an ONNX file."""
 _DIGITS = 12
 """Hexadecimal digits of a digest in a row."""
 
@@ -32,35 +32,17 @@ def shipped() -> dict[str, str]:
     """Return the digest of each fitted file of the library: networks by their names, and "levels"."""
     entries = json.loads(_LEVELS.read_text(encoding="utf-8"))["entries"]
     constants = [[entry[name] for name in _CONSTANTS] for entry in entries]
-    contents = {file.stem: graph_of(file.read_bytes()) for file in sorted(_LIBRARY.rglob("*.onnx"))}
+    contents = {file.stem: _without_description(file) for file in sorted(_LIBRARY.rglob("*.onnx"))}
     contents["levels"] = json.dumps(constants).encode()
     return {name: hashlib.sha256(data).hexdigest()[:_DIGITS] for name, data in contents.items()}
 
 
-def graph_of(model: bytes) -> bytes:
-    """Return an ONNX file without its description, which is written after the network has been measured.
-
-    The description is field 14 of the protocol buffer, `metadata_props`; all other fields are kept.
-    """
-    kept, at = bytearray(), 0
-    while at < len(model):
-        start = at
-        key, at = _varint(model, at)
-        length, after = _varint(model, at)
-        at = after + length if key & 7 == _BYTES else after
-        if key >> 3 != _METADATA:
-            kept += model[start:at]
-    return bytes(kept)
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """Return a number of variable length, and the place after it."""
-    value = shift = 0
-    while True:
-        byte = data[at]
-        value, shift, at = value | (byte & 0x7F) << shift, shift + 7, at + 1
-        if byte < 0x80:
-            return value, at
+def _without_description(file: Path) -> bytes:
+    """Return an ONNX file without its description, which is written after the network has been measured."""
+    model = onnx.load(file)
+    model.ClearField("metadata_props")
+    kept: bytes = model.SerializeToString()
+    return kept
 
 
 @dataclass(frozen=True)
@@ -116,10 +98,25 @@ def outdated(row: Row) -> str | None:
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as a JSON list of flat objects, one a line; raises `ExportError`."""
+    """Write rows as a JSON list of flat objects, one a line; raises `ExportError`.
+
+    The first row has all fields. The others lack those that are None, which `read_rows` fills in.
+    """
+    first = dict.fromkeys(name for row in rows for name in row) | rows[0]
+    short = [{name: value for name, value in row.items() if value is not None} for row in rows[1:]]
     with replacing(path) as part:
-        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in rows)
+        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in (first, *short))
         part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Read a file of `write_rows`; raises `DataError` where it is none."""
+    try:
+        rows = json.loads(path.read_text(encoding="utf-8"))
+        empty = dict.fromkeys(name for row in rows for name in row)
+        return [empty | row for row in rows]
+    except (OSError, ValueError, TypeError) as error:
+        raise DataError(f"{path} has no rows of a result: {error}") from None
 
 
 def _commit(file: Path) -> str | None:

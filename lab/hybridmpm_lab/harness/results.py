@@ -1,12 +1,11 @@
 """The published results: their files, commands and order, and which are no longer of what ships."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from hybridmpm.planner.store import SHIPPED
-from hybridmpm_lab.harness.provenance import outdated
+from hybridmpm_lab.harness.provenance import outdated, read_rows
 from hybridmpm_lab.harness.rows import Row
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs/results"
@@ -39,8 +38,7 @@ class Result:
 
     def rows(self) -> list[Row]:
         """Return the rows that are committed."""
-        found: list[Row] = json.loads(self.file.read_text(encoding="utf-8"))
-        return found
+        return read_rows(self.file)
 
     def reasons(self) -> list[str]:
         """Return the ingredients of its rows that are no longer those that ship; none of a fresh result."""

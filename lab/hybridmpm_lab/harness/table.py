@@ -46,10 +46,10 @@ def row_name(row: Row) -> str:
 
 def print_table(rows: Sequence[Row], columns: Sequence[str]) -> None:
     """Print some columns of the rows, each as wide as its widest cell; a row may lack some of them."""
-    widths = {name: max(len(name), *(len(str(row.get(name, ""))) for row in rows)) for name in columns}
-    click.echo("  ".join(name.rjust(widths[name]) for name in columns))
-    for row in rows:
-        click.echo("  ".join(str(row.get(name, "")).rjust(widths[name]) for name in columns))
+    cells = [["" if row.get(name) is None else str(row[name]) for name in columns] for row in rows]
+    widths = [max(map(len, column)) for column in zip(columns, *cells, strict=True)]
+    for line in (columns, *cells):
+        click.echo("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)))
 
 
 def _is_measured(row: Row, measure: str) -> bool:

@@ -1,6 +1,5 @@
 """`python -m hybridmpm_lab control`: it resumes, takes methods of one's own, and fills the page of docs."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from hybridmpm_lab.control.runner import (
 from hybridmpm_lab.control.sheets import sheets
 from hybridmpm_lab.control.suite import Case, cases
 from hybridmpm_lab.control.table import aims_table, compared_with_aims, means, tables
-from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.provenance import Provenance, read_rows
 from hybridmpm_lab.harness.rows import Row
 from hybridmpm_lab.harness.store import RowStore
 
@@ -189,7 +188,7 @@ def test_the_command_compares_ones_own_method_with_the_others(tmp_path: Path) ->
     done = invoke(*words)
     assert done.exit_code == 0, done.output
     assert "| gather, ovals: transport [mm] | constant | analytic | filled | idle |" in done.output
-    rows = {row["method"]: row for row in json.loads(rows_file.read_text())}
+    rows = {row["method"]: row for row in read_rows(rows_file)}
     assert set(rows) == {"constant", "analytic", "filled", "idle"}
     needed = {
         "scenario", "family", "sketch", "method", "error", "error_se", "transport", "inside", "naturalness",
@@ -259,6 +258,6 @@ def test_tables_have_figures_costs_aims_and_the_papers_ratios() -> None:
 
 def test_the_page_has_the_tables_of_the_committed_results() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    rows = json.loads((DOCS / "results" / "control.json").read_text())
+    rows = read_rows(DOCS / "results" / "control.json")
     # Aims need single runs, which are not committed; all other tables follow from the rows.
     assert [part for part in tables(rows).split("\n\n") if part.strip() not in page] == []
