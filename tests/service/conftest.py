@@ -20,6 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from hybridmpm import BoxSink, RectangularEmitter, Scene
 from hybridmpm.control import Arrow, Ellipse
+from hybridmpm.stream_frames import Frame, decode
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.server import listen, make_server
 from hybridmpm_service.sessions.session import Session
@@ -82,6 +83,24 @@ class Stream:
             message = self.receive()
             if isinstance(message, bytes):
                 return message
+
+    def reach(self, number: int) -> Frame:
+        """Return the first frame from a number on."""
+        while (frame := decode(self.frame())).number < number:
+            pass
+        return frame
+
+    def rewind(self) -> None:
+        """Read until frame 0 is there again."""
+        while decode(self.frame()).number != 0:
+            pass
+
+    def status(self, **fields: Any) -> dict[str, Any]:
+        """Return the first status in which fields of the session have some values."""
+        while True:
+            status = self.text("status")
+            if all(status["session"][name] == value for name, value in fields.items()):
+                return status
 
     def end(self) -> int:
         """Read until the server closes the stream, and return the close code."""

@@ -76,8 +76,7 @@ class SessionMachine(RuleBasedStateMachine):
     def _settle(self, stream: Any) -> None:
         marker = next(_SPEEDS)
         stream.send(type="speed", value=marker)
-        while stream.text("status")["session"]["speed"] != marker:
-            pass
+        stream.status(speed=marker)
 
     def _note_rest(self) -> None:
         """Take the frame at which a player has stopped; a turn that runs is ended by then."""

@@ -3,7 +3,6 @@
 import json
 from typing import Any
 
-import httpx
 import pytest
 
 BODY: dict[str, Any] = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}
@@ -14,7 +13,6 @@ JET: dict[str, Any] = {
     "velocity": [0, -1],
     "material": "water",
 }
-DRAIN: dict[str, Any] = {"shape": "ball", "center": [0.5, 0.2], "radius": 0.05}
 JSON = {"Content-Type": "application/json"}
 
 SKETCHES = [("POST", "/sketches"), ("DELETE", "/sketches"), ("POST", "/trajectories")]
@@ -44,33 +42,22 @@ def _nothing_is_lost(service: Any, path: str) -> Any:
     [
         ({"scenario": "lava_2d"}, "body.scenario", "water_2d, water_ramps_2d"),
         ({"scenario": "water_2d", "seed": -1}, "body.seed", "greater than or equal to 0"),
-        ({"scenario": "water_2d", "seed": 2**53}, "body.seed", "less than"),
-        ({"scenario": "water_2d", "seed": 1.5}, "body.seed", "integer"),
         ({"scenario": "water_2d", "seed": "1"}, "body.seed", "integer"),
         ({"scenario": "water_2d", "color": "red"}, "body.color", "not permitted"),
-        ({"scenario": 7}, "body.scenario", "string"),
         ({}, "body", "scenario"),
         ({"scenario": "water_2d", **_scene()}, "body", "give one of"),
         ({"seed": 1, **_scene()}, "body", "seed"),
-        ({"scene": []}, "body.scene", "dictionary"),
         ([], "body", "dictionary"),
-        ("water_2d", "body", "dictionary"),
-        (_body(lower=[0.0, 0.4]), "body.scene.bodies[0]", "inside the walls"),
         (
             _body(material={"kind": "water", "density": -1000}),
             "body.scene.bodies[0].material.density",
             "got -1000",
         ),
-        (_body(material="lava"), "body.scene.bodies[0].material", "water"),
         (_scene(resolution=1024, max_particles=10_000_000), "body.scene.bodies", "[1, 50000]"),
         (_scene(max_particles=10), "body.scene.bodies", "[1, 10]"),
-        (_scene(dim=3), "body.scene.bodies[0].lower", "3"),
-        (_scene(gravity=[0.0]), "body.scene.gravity", "2"),
         (_scene(wind=1), "body.scene.wind", "unknown"),
-        (_scene(bodies=[]), "body.scene.bodies", "1"),
         (_scene(emitters=[JET | {"radius": -1}]), "body.scene.emitters[0].radius", "must be in (0, 1]"),
         (_scene(emitters=[JET], resolution=128, frame_dt=0.1), "body.scene.bodies", "max_frame_cost"),
-        (_scene(sinks=[DRAIN | {"radius": 0}]), "body.scene.sinks[0].radius", "must be in (0, 1]"),
     ],
 )
 def test_a_bad_session_is_refused_with_field_and_range(
@@ -85,12 +72,9 @@ def test_a_bad_session_is_refused_with_field_and_range(
     ("text", "field"),
     [
         (b'{"scenario": "water_2d", "seed": NaN}', "body.seed"),
-        (b'{"scenario": "water_2d", "seed": -Infinity}', "body.seed"),
-        (b'{"scenario": "water_2d", "seed": 1e999}', "body.seed"),
         (json.dumps(_body(lower=[float("nan"), 0.4])).encode(), "body.scene.bodies[0].lower[0]"),
         (json.dumps(_scene(frame_dt=float("inf"))).encode(), "body.scene.frame_dt"),
         (b'{"scenario": "\\ud800"}', "body"),
-        (b'{"scenario"', "body"),
         (b"", "body"),
         (b"\xff\xfe", "body"),
     ],
@@ -112,11 +96,6 @@ def test_json_that_is_nested_too_deeply_is_refused(service: Any, problem: Any) -
 def test_frames_out_of_range_are_refused(service: Any, problem: Any, path: str, frames: Any) -> None:
     found = problem(service.http.post(f"{path}/advance", json={"frames": frames}), 422)
     assert found["errors"][0]["field"] == "body.frames"
-
-
-def test_the_range_of_frames_is_told(service: Any, problem: Any, path: str) -> None:
-    found = problem(service.http.post(f"{path}/advance", json={"frames": 2001}), 422)
-    assert found["errors"] == [{"field": "body.frames", "message": "must be in [1, 2000], got 2001"}]
 
 
 @pytest.mark.parametrize(
@@ -144,12 +123,8 @@ def test_a_bad_seed_in_the_query_is_named(service: Any, problem: Any, seed: str)
     ("method", "address", "status"),
     [
         ("GET", "/nowhere", 404),
-        ("GET", "/v1/nowhere", 404),
         ("GET", "/docs", 404),
         ("PUT", "/v1/sessions", 405),
-        ("PATCH", "/v1/sessions/x", 405),
-        ("GET", "/v1/sessions/x/advance", 405),
-        ("POST", "/", 405),
         ("DELETE", "/livez", 405),
     ],
 )
@@ -165,9 +140,6 @@ def test_wrong_addresses_and_methods_are_problems(
         ("PUT", "/v1/sessions", "GET, HEAD, POST"),
         ("PATCH", "/v1/sessions/x", "DELETE, GET, HEAD"),
         ("GET", "/v1/sessions/x/sketches", "DELETE, POST"),
-        ("GET", "/v1/sessions/x/advance", "POST"),
-        ("POST", "/v1/models", "GET, HEAD"),
-        ("POST", "/", "GET, HEAD"),
     ],
 )
 def test_a_wrong_method_is_answered_with_all_that_are_allowed(
@@ -218,9 +190,3 @@ def test_a_crash_is_a_problem_that_tells_no_secrets(
     assert "secret" not in answer.text
     assert answer.headers["x-content-type-options"] == "nosniff"
     monkeypatch.undo()
-
-
-def test_http_connections_survive_refusals(service: Any) -> None:
-    with httpx.Client(base_url=str(service.http.base_url)) as client:
-        assert client.post("/v1/sessions", json={}).status_code == 422
-        assert client.get("/livez").status_code == 200

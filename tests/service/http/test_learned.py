@@ -142,15 +142,13 @@ def test_the_status_tells_modes_values_and_decisions_as_they_come(
     path = create(solver="hybrid")
     with learned.stream(path) as stream:
         stream.send(type="step", frames=60)
-        while (status := stream.text("status"))["session"]["frame"] < 60:
-            pass
+        status = stream.status(frame=60)
         assert status["session"]["mode"] == "neural"
         assert [row["reason"] for row in status["history"]["decisions"]] == ["warm-up"]
         stream.send(type="speed", value=1)
         stream.send(type="play")
         # Told at once though the player goes on, not only when it rests.
-        while (status := stream.text("status"))["session"]["mode"] != "mpm":
-            pass
+        status = stream.status(mode="mpm")
         assert status["session"]["playing"]
         history = status["history"]
         # Near the floor the network is asked first; the alarm at frame 84 undoes the step before it.
@@ -164,8 +162,7 @@ def test_the_status_tells_modes_values_and_decisions_as_they_come(
         assert all(-1 <= value <= 1 for value in history["values"])
         stream.send(type="pause")
         stream.send(type="reset")
-        while (status := stream.text("status"))["session"]["frame"] != 0:
-            pass
+        status = stream.status(frame=0)
         assert status["history"] == {"frames": [], "values": [], "phases": [[0, "mpm"]], "decisions": []}
 
 
@@ -206,8 +203,7 @@ def test_a_network_that_fails_leaves_its_session_usable(
         assert "became non-finite in frame 21, in a network step" in found["detail"]
         assert "non-finite" in stream.text("problem")["detail"]
         stream.send(type="reset")
-        while stream.text("status")["session"]["frame"] != 0:
-            pass
+        stream.status(frame=0)
     assert _advance(learned, path, 20)["frame"] == 20
 
 

@@ -54,8 +54,7 @@ def test_a_full_machine_says_its_load_and_its_limit(
     first, second = service.create(), service.create()
     with service.stream(first) as stream, service.stream(second) as other:
         stream.send(type="play")
-        while not stream.text("status")["session"]["playing"]:
-            pass
+        stream.status(playing=True)
         for refused in (
             service.http.post("/v1/sessions", json={"scenario": "water_2d"}),
             service.http.post(f"{first}/fork"),

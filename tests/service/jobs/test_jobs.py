@@ -174,14 +174,9 @@ def test_there_are_never_more_jobs_than_allowed(service: Any, session: str) -> N
 @pytest.mark.parametrize(
     ("body", "field"),
     [
-        ({"frames": 0}, "body.frames"),
         ({"frames": 2001}, "body.frames"),
-        ({"frames": 5, "every": 0}, "body.every"),
         ({"frames": 5, "format": "exe"}, "body.format"),
-        ({"frames": 5, "width": 63}, "body.width"),
-        ({"frames": 5, "speed": 0}, "body.speed"),
         ({"frames": 5, "film": True}, "body.film"),
-        ({}, "body.frames"),
     ],
 )
 def test_an_invalid_recording_is_refused(

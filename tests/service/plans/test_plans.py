@@ -47,7 +47,6 @@ def test_a_plan_for_a_scene_of_ones_own_has_fields_of_a_session(service: Any) ->
         ({"scenario": "water_2d"}, "max_error"),
         ({"scenario": "water_2d", "max_error": 0.1, "budget_ms": 1.0}, "max_error"),
         ({"budget_ms": 1.0}, "scenario"),
-        ({"scenario": "water_2d", "budget_ms": -1.0}, "greater than 0"),
         ({"scenario": "water_2d", "max_error": 0.1, "measure": "beauty"}, "grid_rmse"),
         ({"scenario": "water_9d", "budget_ms": 1.0}, "water_2d"),
         ({"scene": {"dim": 4}, "budget_ms": 1.0}, "dim"),

@@ -2,7 +2,6 @@
 
 import asyncio
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -15,7 +14,6 @@ from hybridmpm_service.errors import (
     SessionBusyError,
     SessionNotFoundError,
     TooManySessionsError,
-    UnavailableError,
 )
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.session import Session
@@ -86,16 +84,6 @@ async def test_a_grid_beyond_the_servers_memory_is_refused_with_what_fits(manage
         await manager.create(lambda: SCENE)
 
 
-async def test_a_draining_manager_takes_nobody_and_sends_viewers_away(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
-    with session.viewer() as mailbox:
-        manager.drain()
-        assert (await mailbox.closed()).code == 1001
-    assert str(manager.why_full()) == "the server is shutting down"
-    with pytest.raises(UnavailableError):
-        await manager.create(lambda: SCENE)
-
-
 async def test_work_is_done_in_the_order_in_which_it_was_asked_for(manager: SessionManager) -> None:
     session = await manager.create(lambda: SCENE)
     forward, back, state = session.advance(5), session.reset(), session.particles()
@@ -137,34 +125,6 @@ async def test_a_cancelled_call_ends_after_its_frame_and_still_reaches_the_viewe
 
 async def _trace(session: Session, sketch: Arrow, **settings: Any) -> object:
     return await session.on_copy(lambda twin, check: traced(twin, check, sketch, **settings))
-
-
-@pytest.mark.parametrize("follow", [Session.steer, _trace])
-async def test_the_plan_of_a_cancelled_call_ends(follow: Callable[..., Any], manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
-    inside, gate = threading.Event(), threading.Event()
-    twin = session.simulation.copy()
-    frames = []
-
-    def hold(count: int = 1, force: Any = None) -> None:
-        frames.append(count)
-        inside.set()
-        assert gate.wait(60)
-
-    twin.advance = twin._advance_frame = hold  # type: ignore[method-assign]
-    session.simulation.copy = lambda: twin  # type: ignore[method-assign]
-    twin.copy = lambda: twin  # type: ignore[method-assign]
-    arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
-    planning = asyncio.create_task(follow(session, arrow, most=400, method="constant", frames=100))
-    assert await asyncio.to_thread(inside.wait, 60)
-    planning.cancel()
-    for _ in range(10):  # turns of the loop, in which the call drops its work
-        await asyncio.sleep(0)
-    gate.set()
-    await asyncio.gather(planning, return_exceptions=True)
-    await session._planner.ended()
-    assert frames == [1]
-    assert session.control is None
 
 
 @pytest.mark.filterwarnings("ignore::hybridmpm.CostlyMaterialWarning")

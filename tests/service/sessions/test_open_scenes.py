@@ -3,36 +3,13 @@
 import time
 
 import numpy as np
-from tests.service.conftest import ARROW, JET, OPEN_SCENE, SCENE
+from tests.service.conftest import ARROW, JET, SCENE
 
 from hybridmpm import BoxSink, MpmSolver
 from hybridmpm.control import follow, prepare
 from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
-
-
-def test_frames_tell_who_comes_and_goes() -> None:
-    simulation, solver = (
-        Simulation(ChosenSolver(MpmSolver(OPEN_SCENE)), clock=time.perf_counter),
-        MpmSolver(OPEN_SCENE),
-    )
-    assert simulation.types is None
-    counts = set()
-    for _ in range(12):
-        simulation.advance(3)
-        solver.advance(3)
-        view = simulation.view()
-        frame = decode(view.message.of(2))
-        assert frame.population is not None
-        assert frame.population.ids.tolist() == solver.ids.tolist() == simulation.particles().ids.tolist()
-        assert frame.population.types.tolist() == solver.materials.tolist()
-        assert view.particles == len(frame.positions) == solver.particle_count
-        np.testing.assert_allclose(
-            view.centroid, np.average(solver.positions, 0, solver.mass.astype(np.float64)), rtol=1e-6
-        )
-        counts.add(view.particles)
-    assert len(counts) > 3
 
 
 def test_a_scene_that_has_run_empty_has_no_centroid() -> None:

@@ -8,7 +8,6 @@ from tests.service.conftest import ARROW, OVAL, SCENE
 
 from hybridmpm import (
     Box,
-    DomainError,
     MpmSolver,
     NeuralPhysics,
     Scene,
@@ -17,7 +16,6 @@ from hybridmpm.control import Arrow, follow, prepare, push
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.simulator import Simulator
-from hybridmpm.stream_frames import decode
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import ChosenSolver
 
@@ -34,33 +32,6 @@ class _Clock:
 
 def _simulation() -> Simulation:
     return Simulation(ChosenSolver(MpmSolver(SCENE)), clock=_Clock())
-
-
-def test_a_sketch_steers_for_its_frames_and_then_no_more() -> None:
-    simulation, solver = _simulation(), MpmSolver(SCENE)
-    simulation.advance(3)
-    solver.advance(3)
-    guidance = prepare(simulation.copy(), ARROW, frames=40, hold=2)
-    steered = simulation.steer(guidance, 1, {"most": 400})
-    assert (steered.number, steered.first_frame, steered.guidance) == (1, 3, guidance)
-    control = simulation.view().control
-    assert control is not None
-    assert (control.kind, control.phase, control.method) == ("arrow", "steering", "analytic")
-    assert (control.first_frame, control.frames_done, control.frames, control.hold) == (3, 0, 40, 2)
-    simulation.advance(40)
-    control = simulation.view().control
-    assert control is not None
-    assert (control.phase, control.frames_done, control.inside) == ("holding", 40, None)
-    simulation.advance(2)
-    view = simulation.view()
-    assert view.control is not None
-    assert (view.control.phase, view.control.frames_done) == ("done", 42)
-    assert decode(view.message.of(2)).steered
-    solver.advance(42, guidance)
-    simulation.advance(1)
-    solver.advance(1)
-    assert not decode(simulation.view().message.of(2)).steered
-    assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
 def test_what_was_reached_is_what_following_the_sketch_reports() -> None:
@@ -89,39 +60,6 @@ def test_late_input_costs_little_for_the_goal_is_aimed_at_from_where_the_particl
         assert control.inside is not None
         inside.append(control.inside)
     assert inside[1] >= inside[0] - 0.01
-
-
-def test_a_goal_that_is_out_of_reach_is_called_so() -> None:
-    simulation = _simulation()
-    guidance = prepare(simulation.copy(), ARROW, frames=5, cap=2)
-    assert not guidance.needs().reachable
-    simulation.steer(guidance, 1, {"most": 400})
-    simulation.advance(3)
-    control = simulation.view().control
-    assert control is not None
-    assert control.phase == "out_of_reach"
-    simulation.advance(2)
-    control = simulation.view().control
-    assert control is not None
-    assert control.phase == "done"
-    assert control.miss is not None
-    assert control.miss > 0.05
-
-
-def test_a_newer_sketch_replaces_an_older_one() -> None:
-    simulation, solver = _simulation(), MpmSolver(SCENE)
-    first = prepare(simulation.copy(), ARROW, frames=10)
-    simulation.steer(first, 1, {"most": 400})
-    simulation.advance(2)
-    second = prepare(simulation.copy(), Arrow(np.array([[0.5, 0.5], [0.45, 0.5]])), frames=5)
-    simulation.steer(second, 2, {"most": 400})
-    simulation.advance(6)
-    solver.advance(2, first)
-    solver.advance(6, second)
-    control = simulation.view().control
-    assert control is not None
-    assert (control.number, control.phase, control.frames_done) == (2, "done", 5)
-    assert np.array_equal(simulation.particles().positions, solver.positions)
 
 
 def test_a_sketch_that_is_taken_back_steers_no_more() -> None:
@@ -188,21 +126,6 @@ def test_a_sketch_wakes_regions_that_sleep() -> None:
     simulation.steer(prepare(simulation.copy(), arrow), 1, {"most": 400})
     simulation.advance(100)
     assert simulation.view().centroid[1] > start[1] + 0.1
-
-
-def test_a_failing_frame_leaves_the_state_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulation = _simulation()
-    advance = MpmSolver.advance
-
-    def fail_at_five(solver: MpmSolver, frames: int = 1, force: Any = None) -> None:
-        if solver.frame == 5:
-            raise DomainError("particle 1 left the box in frame 6")
-        advance(solver, frames, force)
-
-    monkeypatch.setattr(MpmSolver, "advance", fail_at_five)
-    with pytest.raises(DomainError):
-        simulation.advance(10)
-    assert simulation.view().frame == 5
 
 
 def test_it_stops_when_it_is_told_to() -> None:

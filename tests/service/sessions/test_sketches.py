@@ -126,22 +126,24 @@ async def _trace(session: Session, sketch: Arrow, **settings: Any) -> tuple[Guid
 
 
 @pytest.mark.parametrize("plan", [Session.steer, _trace])
-@pytest.mark.parametrize("stop", ["delete", "close"])
-async def test_neither_a_deletion_nor_a_stop_waits_for_a_plan(
+@pytest.mark.parametrize("stop", ["delete", "close", "cancel"])
+async def test_a_plan_ends_with_its_frame_when_nobody_wants_it_any_more(
     monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], stop: str, manager: SessionManager
 ) -> None:
     gate = _Gate(monkeypatch)
-
     session = await manager.create(lambda: SCENE)
     planning = asyncio.create_task(plan(session, ARROW, most=400, frames=100, method="constant"))
     await gate.reached()
+    if stop == "cancel":
+        planning.cancel()
     ending = asyncio.create_task(manager.delete(session.id) if stop == "delete" else manager.close())
     await asyncio.sleep(0.05)
     gate.open()
     await ending
-    with pytest.raises(SessionNotFoundError):
+    with pytest.raises(asyncio.CancelledError if stop == "cancel" else SessionNotFoundError):
         await planning
     assert gate.frames == 0
+    assert session.control is None
 
 
 async def test_whoever_cancels_work_beside_a_session_finds_it_ended(manager: SessionManager) -> None:
