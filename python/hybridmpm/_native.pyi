@@ -584,6 +584,8 @@ class Solver:
         mass: npt.NDArray[np.float32],
         volume: npt.NDArray[np.float32],
         volume_ratio: npt.NDArray[np.float32] | None = None,
+        body: npt.NDArray[np.uint32] | None = None,
+        contact_friction: float | None = None,
         substeps: str | int = "cfl",
         cfl: float | None = None,
         allow_unstable: bool = False,
@@ -623,6 +625,12 @@ class Solver:
             [kg] and rest volume [m^D].
         volume_ratio : float32 (N,), > 0, optional
             Initial J; 1 where not given.
+        body : uint32 (N,), < 2**31, optional
+            Number of each particle's body: elastic bodies part from each other and from all else. Where not
+            given, all of one material is one body. An emitter of elastic material makes a body of its own.
+        contact_friction : float >= 0, optional
+            Coulomb coefficient between an elastic body and anything else; the smaller `wall_friction` of the
+            two materials if absent.
         substeps : "cfl", "reference" or int >= 1
             "cfl": the fewest that the CFL bound allows, chosen anew as speeds change.
             "reference": floor(frame_dt / (0.02 dx)) + 1 a frame, the ground truth's rule.

@@ -52,6 +52,8 @@ def native_solver(
         material=particles.material,
         mass=particles.mass,
         volume=particles.volume,
+        body=particles.body.astype(np.uint32),
+        contact_friction=scene.contact_friction,
         substeps=substeps,
         cfl=cfl,
         sleep_speed=None if sleep is None else sleep.speed,

@@ -18,7 +18,7 @@ from hybridmpm.scene import plain_data
 from hybridmpm.scene.bodies import Body
 from hybridmpm.scene.drawing import svg
 from hybridmpm.scene.fields import Fault, Gravity, Range, Record, raise_faults, scene_error
-from hybridmpm.scene.materials import Material, Water
+from hybridmpm.scene.materials import Friction, Material, Water
 from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.openings import Emitter, Sink
 from hybridmpm.scene.sampling import Particles, sample
@@ -78,6 +78,11 @@ class Scene(Record):
     bodies: Annotated[tuple[Body, ...], Field(max_length=1000)] = Field(
         description="Shapes of material that become particles at the start; at least one in a scene without "
         "emitters."
+    )
+    contact_friction: Friction | None = Field(
+        None,
+        description="Coulomb coefficient between an elastic body and any other body [-]; the smaller "
+        "wall_friction of the two materials if absent.",
     )
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = Field(
         (), description="Solids in the way of the material."

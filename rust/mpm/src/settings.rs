@@ -18,6 +18,8 @@ pub struct SolverSettings<const D: usize> {
     /// Gravity [m/s^2].
     pub gravity: Vector<D>,
     pub walls: Walls<D>,
+    /// Coulomb coefficient between an elastic body and anything else; None takes the smaller wall friction of the two.
+    pub contact_friction: Option<f32>,
     /// 1 to 255 materials.
     pub materials: Vec<Material>,
     pub obstacles: Vec<Obstacle<D>>,
@@ -58,6 +60,15 @@ impl<const D: usize> SolverSettings<D> {
                 "materials",
                 "1 to 255 materials",
                 self.materials.len(),
+            ));
+        }
+        if let Some(mu) = self.contact_friction
+            && !(mu >= 0.0 && mu.is_finite())
+        {
+            return Err(MpmError::parameter(
+                "contact_friction",
+                "finite and >= 0",
+                mu,
             ));
         }
         if self.threads == 0 {

@@ -216,6 +216,7 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
         frame_dt,
         gravity,
         walls,
+        contact_friction,
         materials,
         obstacles,
         openings,
@@ -226,7 +227,7 @@ fn fingerprint<const D: usize>(settings: &SolverSettings<D>) -> u64 {
         emitters, sinks, ..
     } = openings;
     let text = format!(
-        "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {materials:?} {obstacles:?} \
+        "{D} {resolution} {frame_dt:?} {gravity:?} {walls:?} {contact_friction:?} {materials:?} {obstacles:?} \
          {emitters:?} {sinks:?} {sleep:?}"
     );
     fnv1a(text.as_bytes())

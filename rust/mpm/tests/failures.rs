@@ -40,6 +40,7 @@ fn bad_materials_and_particles_are_named() {
             mass: &mass,
             volume,
             volume_ratio: None,
+            body: None,
         };
         message(
             Solver::new(settings::<2>(32, vec![water()]), particles)

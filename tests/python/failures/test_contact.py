@@ -184,7 +184,8 @@ def test_jelly_blocks_part_after_they_have_met() -> None:
     solver.advance(40)
     assert gap() < 2, "they have met"
     solver.advance(60)
-    assert gap() > 15
+    # They meet where their faces are, two cells nearer than nodes would let them, and so part later.
+    assert gap() > 12
     assert np.mean(solver.velocities[body == 0, 0]) < -0.8
 
 

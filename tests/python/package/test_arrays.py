@@ -121,7 +121,7 @@ NATIVE: dict[str, tuple[Call, dict[str, Array]]] = {
     "Obstacle.moved": (lambda x: BALL.moving(velocity=(0.1, 0.2)).moved(x, 0.5), {"x": X}),
     "Emitter.__new__": (_emitted, WALLS),
     "AccelerationHistory.push": (_pushed, {"x": X}),
-    "Solver.__new__": (_solver, PARTICLES | {"volume_ratio": ONE}),
+    "Solver.__new__": (_solver, PARTICLES | {"volume_ratio": ONE, "body": np.arange(N, dtype=np.uint32) % 3}),
     "Solver.advance": (_advanced, {"force": FORCE, "out": np.zeros((3, N, 2), dtype=np.float32)}),
     "Solver.prescribe": (_prescribed, {"x": X, "v": V}),
     "Upsampler.__new__": (_upsampler, PARTICLES),

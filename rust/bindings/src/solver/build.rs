@@ -76,9 +76,14 @@ pub struct Arrays<'py> {
     mass: PyReadonlyArray1<'py, f32>,
     volume: PyReadonlyArray1<'py, f32>,
     volume_ratio: Option<PyReadonlyArray1<'py, f32>>,
+    body: Option<PyReadonlyArray1<'py, u32>>,
 }
 
 impl<'py> Arrays<'py> {
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one for each array of a Python constructor"
+    )]
     pub fn new(
         dim: usize,
         x: &Bound<'py, PyAny>,
@@ -87,6 +92,7 @@ impl<'py> Arrays<'py> {
         mass: &Bound<'py, PyAny>,
         volume: &Bound<'py, PyAny>,
         volume_ratio: Option<&Bound<'py, PyAny>>,
+        body: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         let vectors = format!("float32 of shape (N, {dim})");
         let scalars = "float32 of shape (N,)";
@@ -98,6 +104,9 @@ impl<'py> Arrays<'py> {
             volume: array::<f32, Ix1>("volume", scalars, volume)?,
             volume_ratio: volume_ratio
                 .map(|ratio| array::<f32, Ix1>("volume_ratio", scalars, ratio))
+                .transpose()?,
+            body: body
+                .map(|body| array::<u32, Ix1>("body", "uint32 of shape (N,)", body))
                 .transpose()?,
         };
         for (name, shape) in [("x", arrays.x.shape()), ("v", arrays.v.shape())] {
@@ -119,6 +128,7 @@ impl<'py> Arrays<'py> {
             mass: slice_of(&self.mass),
             volume: slice_of(&self.volume),
             volume_ratio: ratio.map(slice_of),
+            body: self.body.as_ref().map(slice_of),
         }
     }
 }
@@ -132,6 +142,7 @@ pub struct Arguments<'py> {
     pub wall_upper: Vec<f64>,
     /// Of the lower and the upper wall across each axis.
     pub wall_contacts: Vec<[Contact; 2]>,
+    pub contact_friction: Option<f32>,
     pub materials: Vec<Material>,
     pub obstacles: Vec<PyRef<'py, PyObstacle>>,
     pub emitters: Vec<PyRef<'py, PyEmitter>>,
@@ -169,6 +180,7 @@ impl Arguments<'_> {
                         upper: vector("wall_upper", &self.wall_upper)?,
                         contacts: std::array::from_fn(|axis| self.wall_contacts[axis]),
                     },
+                    contact_friction: self.contact_friction,
                     materials: self.materials,
                     obstacles,
                     openings: Openings {

@@ -106,7 +106,7 @@ impl PyUpsampler {
         volume: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let dim = solver.dimension();
-        let arrays = Arrays::new(dim, x, v, material, mass, volume, None)?;
+        let arrays = Arrays::new(dim, x, v, material, mass, volume, None, None)?;
         let particles = arrays.particles();
         let constants = UpsamplingConstants {
             affine_share,

@@ -13,7 +13,7 @@ mod wall_fill;
 mod walls;
 
 pub use bounds::Bounds;
-pub use contact::{Contact, ContactKind};
+pub use contact::{Contact, ContactKind, remaining_slip};
 pub use motion::{Motion, Swing};
 pub use node::MaterialFriction;
 pub use obstacle::{Obstacle, Placed};

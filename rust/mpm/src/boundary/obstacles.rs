@@ -112,13 +112,18 @@ impl<const D: usize> Obstacles<D> {
         }
     }
 
-    /// Applies contact to the grid velocities of some planes, and returns the work that moving obstacles did [J].
-    pub fn apply(&self, window: &mut Window<'_, D>, material_friction: &MaterialFriction) -> f64 {
+    /// Applies contact to the grid velocities of some spans in a window, and returns the work that moving obstacles did [J].
+    pub fn apply(
+        &self,
+        window: &mut Window<'_, D>,
+        spans: &[Span],
+        material_friction: &MaterialFriction,
+    ) -> f64 {
         if self.list.is_empty() {
             return 0.0;
         }
-        let active = window.active().iter();
-        active
+        spans
+            .iter()
             .map(|&span| self.apply_to_span(window, span, material_friction))
             .sum()
     }

@@ -16,7 +16,9 @@ use super::contact::{Contact, ContactKind, remaining_slip};
 use super::node::MaterialFriction;
 use super::wall_fill::cumulative;
 use super::walls::Walls;
-use crate::grid::{ActiveSpans, CHUNK, Layout, PADDING, SMALLEST_MASS, Span, Window, spline};
+use crate::grid::{
+    ActiveSpans, CHUNK, Fields, Layout, PADDING, SMALLEST_MASS, Span, Window, spline,
+};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 
 /// Distance from the wall at which contact begins [cells]. It must include material at rest on a wall, whose lowest
@@ -40,6 +42,8 @@ struct Side {
     /// Memory indices of the middle nodes of the lines that may carry material, in ascending order: those of each line if
     /// lines are parts of rows, else the first of each chunk of lines side by side.
     lines: Vec<usize>,
+    /// Those of them whose nodes carry several fields.
+    shared_lines: Vec<usize>,
 }
 
 /// All walls of a scene, prepared for one grid.
@@ -67,6 +71,7 @@ impl WallContact {
                 weights,
                 touching: (cumulative(-face) / cumulative(1.0 - face)) as f32,
                 lines: Vec::new(),
+                shared_lines: Vec::new(),
             }
         };
         let sides = (0..D)
@@ -82,7 +87,12 @@ impl WallContact {
     }
 
     /// Finds the node lines across each wall that may have mass.
-    pub fn activate<const D: usize>(&mut self, active: &ActiveSpans, layout: &Layout<D>) {
+    pub fn activate<const D: usize>(
+        &mut self,
+        active: &ActiveSpans,
+        fields: &Fields<D>,
+        layout: &Layout<D>,
+    ) {
         for side in &mut self.sides {
             side.lines.clear();
             let chunks = |span: &Span| {
@@ -107,7 +117,48 @@ impl WallContact {
                     side.lines.extend(of_row.flat_map(chunks));
                 }
             }
+            side.shared_lines.clear();
+            if fields.meet() {
+                let shared = side
+                    .lines
+                    .iter()
+                    .filter(|line| fields.is_shared(**line / CHUNK));
+                side.shared_lines.extend(shared);
+            }
         }
+    }
+
+    /// The other chunks of the lines across walls that have nodes in a chunk.
+    pub fn chunks_of_lines<const D: usize>(
+        &self,
+        layout: &Layout<D>,
+        chunk: usize,
+        others: &mut Vec<usize>,
+    ) {
+        for side in &self.sides {
+            let (at, stride, of_line) = if side.axis == D - 1 {
+                let of_node = |node: usize| node / CHUNK;
+                let of_line = of_node(side.middle - 1)..=of_node(side.middle + 1);
+                (chunk % (layout.row_length / CHUNK), 1, of_line)
+            } else {
+                let stride = layout.stride(side.axis) / CHUNK;
+                let at = chunk / stride % layout.extent;
+                (at, stride, side.middle - 1..=side.middle + 1)
+            };
+            if of_line.contains(&at) {
+                others.extend(
+                    of_line
+                        .filter(|&k| k != at)
+                        .map(|k| chunk + k * stride - at * stride),
+                );
+            }
+        }
+    }
+
+    /// Whether lines in a window carry several fields.
+    pub fn has_shared_lines<const D: usize>(&self, window: &Window<'_, D>) -> bool {
+        let shared = |side: &Side| !lines_in(window, &side.shared_lines).is_empty();
+        self.sides.iter().any(shared)
     }
 
     /// Coordinates along the first axis of the walls across it.
@@ -117,20 +168,23 @@ impl WallContact {
     }
 
     /// Applies contact with all walls to the grid velocities of a window of planes, which contains with the planes of a
-    /// wall also those before and behind it.
-    pub fn apply<const D: usize>(&self, window: &mut Window<'_, D>, friction: &MaterialFriction) {
+    /// wall also those before and behind it. `shared` is whether to change the lines that carry several fields, or all.
+    pub fn apply<const D: usize>(
+        &self,
+        window: &mut Window<'_, D>,
+        friction: &MaterialFriction,
+        shared: bool,
+    ) {
         for across_first in [false, true] {
             // Corners: walls across the first axis come last.
             let sides = self.sides.iter();
             for side in sides.filter(|side| (side.axis == 0) == across_first) {
-                let place = |node: usize| side.lines.partition_point(|&line| line < node);
-                let (first, end) = (window.first, window.first + window.nodes.len());
-                Self::resolve(
-                    window,
-                    side,
-                    &side.lines[place(first)..place(end)],
-                    friction,
-                );
+                let lines = if shared {
+                    &side.shared_lines
+                } else {
+                    &side.lines
+                };
+                Self::resolve(window, side, lines_in(window, lines), friction);
             }
         }
     }
@@ -154,6 +208,12 @@ impl WallContact {
             friction,
         });
     }
+}
+
+/// Those of some lines, in ascending order, that lie in a window.
+fn lines_in<'l, const D: usize>(window: &Window<'_, D>, lines: &'l [usize]) -> &'l [usize] {
+    let place = |node: usize| lines.partition_point(|&line| line < node);
+    &lines[place(window.first)..place(window.first + window.nodes.len())]
 }
 
 /// Contact of one wall on node lines.

@@ -109,6 +109,26 @@ pub struct Place {
     pub column: u16,
 }
 
+impl Place {
+    /// The lower one along each axis.
+    pub fn lowest(self, other: Self) -> Self {
+        Self {
+            plane: self.plane.min(other.plane),
+            row: self.row.min(other.row),
+            column: self.column.min(other.column),
+        }
+    }
+
+    /// The higher one along each axis.
+    pub fn highest(self, other: Self) -> Self {
+        Self {
+            plane: self.plane.max(other.plane),
+            row: self.row.max(other.row),
+            column: self.column.max(other.column),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

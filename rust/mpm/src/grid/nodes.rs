@@ -6,8 +6,10 @@ use std::ops::Range;
 use wide::f32x4;
 
 use super::active::{ActiveSpans, Band, Reach};
+use super::fields::{FieldSums, Fields};
 use super::layout::{CHUNK, Layout, Place, Span};
-use super::window::{SharedGrid, View, Window};
+use super::view::View;
+use super::window::{SharedGrid, Window};
 use threads::Team;
 
 /// Lighter nodes [kg] count as empty: the inverse of their mass would leave the range of float32.
@@ -24,13 +26,20 @@ pub struct Grid<const D: usize> {
     /// Whether something has been written to a chunk of nodes since it was cleared; the others are zero.
     pub(super) dirty: Vec<bool>,
     pub active: ActiveSpans,
+    /// Velocities of bodies that meet.
+    pub fields: Fields<D>,
     reach: Reach,
     /// Scratch of `activate`.
     bands: Vec<Band>,
 }
 
 impl<const D: usize> Grid<D> {
+    /// With a single field.
     pub fn new(resolution: usize, mixed_friction: bool) -> Self {
+        let sums = FieldSums {
+            friction: mixed_friction,
+            volume: false,
+        };
         let layout = Layout::new(resolution);
         let count = layout.row_count() * layout.row_length;
         Self {
@@ -43,6 +52,7 @@ impl<const D: usize> Grid<D> {
             },
             dirty: vec![false; count / CHUNK],
             active: ActiveSpans::none(&layout),
+            fields: Fields::new(layout, 1, sums),
             reach: Reach::new(&layout),
             bands: Vec::new(),
         }
@@ -83,6 +93,7 @@ impl<const D: usize> Grid<D> {
                 .then_some(self.friction_mass.as_mut_ptr()),
             dirty: self.dirty.as_mut_ptr(),
             active: &self.active,
+            fields: self.fields.shared(),
             borrowed: PhantomData,
         }
     }

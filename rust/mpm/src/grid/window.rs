@@ -7,7 +7,9 @@ use std::slice;
 use wide::f32x4;
 
 use super::active::ActiveSpans;
+use super::fields::SharedFields;
 use super::layout::{CHUNK, Layout, Span};
+use super::view::View;
 
 /// Some planes of the grid, which one thread may write while others write other planes.
 #[derive(Debug)]
@@ -59,15 +61,6 @@ impl<'a, const D: usize> Window<'a, D> {
     }
 }
 
-/// The nodes of some planes, to be read.
-#[derive(Debug, Clone, Copy)]
-pub struct View<'a, const D: usize> {
-    pub layout: Layout<D>,
-    /// Memory index of the first node.
-    pub first: usize,
-    pub nodes: &'a [f32x4],
-}
-
 /// A grid that several threads read and write, each time other planes. Whose turn it is the compiler cannot see.
 pub struct SharedGrid<'a, const D: usize> {
     pub(super) layout: Layout<D>,
@@ -76,6 +69,7 @@ pub struct SharedGrid<'a, const D: usize> {
     pub(super) friction_mass: Option<*mut f32>,
     pub(super) dirty: *mut bool,
     pub(super) active: &'a ActiveSpans,
+    pub fields: SharedFields<'a>,
     /// The grid cannot be used otherwise meanwhile.
     pub(super) borrowed: PhantomData<&'a mut f32x4>,
 }

@@ -9,7 +9,7 @@ use super::population::Population;
 use crate::boundary::{Obstacles, Shape};
 use crate::linalg::{Matrix, Vector};
 use crate::material::Constitutive;
-use crate::particles::{Activity, Group, MaterialGroup, Particle, with_group};
+use crate::particles::{Activity, EMITTED, Group, MaterialGroup, Particle, with_group};
 
 /// Where material enters and leaves a scene.
 #[derive(Debug, Clone)]
@@ -130,16 +130,23 @@ impl<const D: usize> FrameEnd<'_, D> {
         });
         self.population.flows[index] = flow;
         if !added.is_empty() {
-            self.add(emitter, &added);
+            self.add(index, emitter, &added);
         }
     }
 
     /// Appends particles at rest density that move with the emitter's velocity.
-    fn add(&mut self, emitter: &Emitter<D>, x: &[Vector<D>]) {
+    fn add(&mut self, index: usize, emitter: &Emitter<D>, x: &[Vector<D>]) {
         let first = self.population.ids.len() as u32;
         self.population.add(x.len(), emitter.mass);
         *self.max_speed = self.max_speed.max(emitter.velocity.norm());
-        let group = &mut self.groups[usize::from(emitter.material)];
+        let takes = |group: &&mut MaterialGroup<D>| {
+            let elastic = group.is_elastic();
+            with_group!(&**group, group => {
+                group.index == emitter.material && (!elastic || group.body == EMITTED + index as u32)
+            })
+        };
+        let mut groups = self.groups.iter_mut();
+        let group = groups.find(takes).expect("each emitter has a group");
         with_group!(group, group => append(group, emitter, x, first));
     }
 }

@@ -10,6 +10,8 @@ use crate::material::Constitutive;
 pub struct CutGroup<'a, const D: usize, M: Constitutive<D>> {
     pub material: &'a M,
     pub wall_friction: f32,
+    /// See `Group`.
+    pub field: u16,
     awake: Vec<Mutex<&'a mut [Block<D, M::State>]>>,
     border: Vec<&'a [Block<D, M::State>]>,
 }
@@ -20,6 +22,7 @@ impl<'a, const D: usize, M: Constitutive<D>> CutGroup<'a, D, M> {
         Self {
             material: &group.material,
             wall_friction: group.wall_friction,
+            field: group.field,
             awake: group.awake.by_slab().into_iter().map(Mutex::new).collect(),
             border: (group.border.by_slab().into_iter())
                 .map(|blocks| &*blocks)

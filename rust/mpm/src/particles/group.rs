@@ -72,9 +72,18 @@ impl Run {
     }
 }
 
-/// All particles of one material.
+/// Bodies with this number and above come out of the emitters, in their order.
+pub const EMITTED: u32 = 1 << 31;
+
+/// All particles of one material; of elastic solids, all of one body.
 #[derive(Debug, Clone)]
 pub struct Group<const D: usize, M: Constitutive<D>> {
+    /// Number of the material in the scene.
+    pub index: u8,
+    /// Number of the body; 0 for materials that flow.
+    pub body: u32,
+    /// Number of the velocity field: all that flows shares the first one, each elastic body has its own.
+    pub field: u16,
     pub material: M,
     pub wall_friction: f32,
     pub awake: Sorted<D, M::State>,
@@ -86,6 +95,9 @@ pub struct Group<const D: usize, M: Constitutive<D>> {
 impl<const D: usize, M: Constitutive<D>> Group<D, M> {
     pub fn new(material: M, wall_friction: f32, particles: &[Particle<D, M::State>]) -> Self {
         let mut group = Self {
+            index: 0,
+            body: 0,
+            field: 0,
             material,
             wall_friction,
             awake: Sorted::EMPTY,
@@ -217,6 +229,11 @@ macro_rules! with_both {
 }
 
 impl<const D: usize> MaterialGroup<D> {
+    /// Whether it is a body of its own.
+    pub fn is_elastic(&self) -> bool {
+        matches!(self, Self::Elastic(_))
+    }
+
     /// Takes over the particles of a group of the same material without allocating.
     pub fn copy_particles(&mut self, from: &Self) {
         with_both!(self, from, (to, from) => to.copy_from(from));

@@ -3,6 +3,7 @@
 mod block;
 mod cut;
 mod group;
+mod near;
 mod particle;
 mod places;
 mod slabs;
@@ -13,7 +14,8 @@ mod tiles;
 pub use block::Block;
 pub use cut::{CutGroup, unlocked};
 pub(crate) use group::with_group;
-pub use group::{Group, MaterialGroup};
+pub use group::{EMITTED, Group, MaterialGroup};
+pub use near::near_ones;
 pub use particle::{Activity, Particle};
 pub use slabs::{COLOURS, Slab, bands, fresh_planes};
 pub use sleep::{PERIOD, Sleep, WakeCauses, count_calm, decide};

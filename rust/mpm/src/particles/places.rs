@@ -67,6 +67,19 @@ impl Places {
         &self.located[self.starts[planes.start] as usize..self.starts[planes.end] as usize]
     }
 
+    /// Where the stencils of all start, plane by plane.
+    pub fn all(&self) -> impl Iterator<Item = Place> {
+        self.located.iter().map(|located| located.place)
+    }
+
+    /// The lowest and the highest place along each axis; None without particles.
+    pub fn bounds(&self) -> Option<[Place; 2]> {
+        let both = |place| [place, place];
+        let union = |a: [Place; 2], b: Place| [a[0].lowest(b), a[1].highest(b)];
+        let first = self.located.first()?.place;
+        Some(self.all().fold(both(first), union))
+    }
+
     /// Whether particles lie in the blocks of all parts, one after the other, in the order of cells.
     pub fn all_in_order(parts: &[Self]) -> bool {
         let filled = || parts.iter().filter(|part| !part.located.is_empty());

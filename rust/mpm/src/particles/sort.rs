@@ -17,6 +17,8 @@ use threads::Team;
 pub struct Sorter {
     /// Shelf by shelf.
     parts: Vec<Places>,
+    /// The ends of the parts of each shelf, two for each group.
+    ends: Vec<usize>,
     /// One for each slab.
     orders: Vec<Order>,
 }
@@ -44,7 +46,7 @@ impl Sorter {
         walls: &[usize],
         team: &Team,
     ) -> Vec<Slab> {
-        let ends = self.find(groups, layout, team);
+        self.find(groups, layout, team);
         let count = |plane: usize| {
             let of_plane = |part: &Places| part.of_planes(plane..plane + 1).len();
             self.parts.iter().map(of_plane).sum()
@@ -52,7 +54,7 @@ impl Sorter {
         let slabs = cut(&(0..layout.extent).map(count).collect::<Vec<_>>(), walls);
         self.orders.resize_with(slabs.len(), Order::default);
         let mut start = 0;
-        let mut ends = ends.into_iter();
+        let mut ends = self.ends.iter().copied();
         for group in groups {
             with_group!(group, group => {
                 let vacant = group.particles().next().map(|first| group.vacant_like(&first));
@@ -83,14 +85,35 @@ impl Sorter {
         located.map(|located| located.place)
     }
 
-    /// Finds all particles, on all free threads, and returns the ends of the parts of each shelf.
+    /// Where the stencils of a group start, plane by plane.
+    pub fn places_of(&self, group: usize) -> impl Iterator<Item = Place> {
+        self.parts_of(group).iter().flat_map(Places::all)
+    }
+
+    /// The lowest and the highest place of a group along each axis; None where it has no particles.
+    pub fn bounds_of(&self, group: usize) -> Option<[Place; 2]> {
+        let bounds = self.parts_of(group).iter().filter_map(Places::bounds);
+        bounds.reduce(|a, b| [a[0].lowest(b[0]), a[1].highest(b[1])])
+    }
+
+    fn parts_of(&self, group: usize) -> &[Places] {
+        let start = if group == 0 {
+            0
+        } else {
+            self.ends[2 * group - 1]
+        };
+        &self.parts[start..self.ends[2 * group + 1]]
+    }
+
+    /// Finds all particles, on all free threads.
     fn find<const D: usize>(
         &mut self,
         groups: &[MaterialGroup<D>],
         layout: &Layout<D>,
         team: &Team,
-    ) -> Vec<usize> {
-        let (mut parts, mut ends) = (Vec::new(), Vec::new());
+    ) {
+        let mut parts = Vec::new();
+        self.ends.clear();
         for (index, group) in groups.iter().enumerate() {
             with_group!(group, group => for (awake, sorted) in [(true, &group.awake), (false, &group.border)] {
                 let count = sorted.blocks.len();
@@ -101,7 +124,7 @@ impl Sorter {
                     awake,
                     blocks: first..count.min(first + share),
                 }));
-                ends.push(parts.len());
+                self.ends.push(parts.len());
             });
         }
         self.parts.resize_with(parts.len(), Places::default);
@@ -112,7 +135,6 @@ impl Sorter {
                 places.find(&shelf.blocks[part.blocks.clone()], part.blocks.start * LANES, layout);
             });
         });
-        ends
     }
 }
 

@@ -6,18 +6,19 @@ use super::cancel::CancelFlag;
 use crate::boundary::{Bounds, MaterialFriction, Obstacles, WallContact};
 use crate::error::MpmError;
 use crate::force::{Force, FrameForce};
-use crate::grid::Grid;
+use crate::grid::{FieldSums, Fields, Grid};
 use crate::initial::{Particles, group};
 use crate::linalg::norm;
 use crate::openings::{FrameEnd, Population};
 use crate::particles::{
-    MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide, with_group,
+    MaterialGroup, PERIOD, Slab, Sleep, Sorter, WakeCauses, bands, count_calm, decide, near_ones,
+    with_group,
 };
 use crate::settings::SolverSettings;
 use crate::snapshot;
 use crate::state::SolverState;
 use crate::substep::{
-    Bound, FrameReport, GridForces, Outcome, P2gStep, Stage, StepChooser, Substep,
+    Bound, FrameReport, GridForces, Meeting, Outcome, P2gStep, Stage, StepChooser, Substep,
 };
 use crate::volume::VolumeCorrection;
 use threads::{Team, interrupted};
@@ -31,6 +32,7 @@ pub struct Solver<const D: usize> {
     pub(super) walls: WallContact,
     pub(super) obstacles: Obstacles<D>,
     pub(super) material_friction: MaterialFriction,
+    pub(super) meeting: Meeting,
     /// None if no material is corrected.
     pub(super) volume: Option<VolumeCorrection<D>>,
     pub(super) team: Arc<Team>,
@@ -60,7 +62,15 @@ impl<const D: usize> Solver<D> {
         let frictions = || settings.materials.iter().map(|m| m.wall_friction);
         let uniform =
             frictions().all(|mu| mu.to_bits() == settings.materials[0].wall_friction.to_bits());
-        let grid = Grid::new(settings.resolution, !uniform);
+        let mut grid = Grid::new(settings.resolution, !uniform);
+        let densities: Vec<_> = settings.materials.iter().map(|m| m.density).collect();
+        let cell = dx.powi(D as i32);
+        let meeting = Meeting::new(&groups, &densities, cell, settings.contact_friction);
+        let sums = FieldSums {
+            friction: !uniform,
+            volume: meeting.mixes_densities(),
+        };
+        grid.fields = Fields::new(grid.layout, meeting.fields(), sums);
         let volume = groups
             .iter()
             .any(|group| with_group!(group, group => group.corrects_volume()))
@@ -76,6 +86,7 @@ impl<const D: usize> Solver<D> {
             } else {
                 MaterialFriction::Mixed
             },
+            meeting,
             volume,
             team: Arc::new(Team::new(settings.threads)?),
             grid,
@@ -269,7 +280,32 @@ impl<const D: usize> Solver<D> {
         let bands = bands(&self.slabs, self.grid.layout.extent);
         let places = |planes| self.sorter.places(planes);
         self.grid.activate(&bands, places, &self.team);
-        self.walls.activate(&self.grid.active, &self.grid.layout);
+        self.find_meetings();
+        let Grid {
+            active,
+            fields,
+            layout,
+            ..
+        } = &self.grid;
+        self.walls.activate(active, fields, layout);
+    }
+
+    /// Finds the nodes that several bodies may reach before the next sort, one of them elastic.
+    fn find_meetings(&mut self) {
+        let (fields, layout) = (&mut self.grid.fields, &self.grid.layout);
+        if !fields.any() {
+            return;
+        }
+        fields.clear();
+        let bounds = |group: usize| self.sorter.bounds_of(group);
+        let near = near_ones(&self.state.groups, bounds);
+        for (index, zone) in near {
+            let of_group = self.sorter.places_of(index);
+            let field = with_group!(&self.state.groups[index], group => group.field);
+            fields.add(field, of_group.filter(|place| zone.contains(*place)));
+        }
+        let walls = &self.walls;
+        fields.finish(|chunk, others| walls.chunks_of_lines(layout, chunk, others));
     }
 
     /// Leads the volumes of all particles back to the room that they take, after a sort; `dt` is the time since the
@@ -297,6 +333,7 @@ impl<const D: usize> Solver<D> {
                 walls: &self.walls,
                 obstacles: &self.obstacles,
                 material_friction: self.material_friction,
+                meeting: &self.meeting,
             },
             bounds: &self.bounds,
         };

@@ -41,9 +41,9 @@ impl<const D: usize> Solver<D> {
 
     /// Writes N indices into the materials.
     pub fn write_materials(&self, out: &mut [u8]) {
-        for (material, group) in (0..).zip(&self.state.groups) {
+        for group in &self.state.groups {
             with_group!(group, group => for p in group.particles() {
-                out[p.id as usize] = material;
+                out[p.id as usize] = group.index;
             });
         }
     }

@@ -5,10 +5,11 @@
 use wide::f32x4;
 
 use crate::boundary::{Bounds, Obstacles};
-use crate::grid::{Layout, Stencils, View};
+use crate::grid::{FieldView, Layout, Stencils, View};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide};
 use crate::material::{Constitutive, State};
 use crate::particles::{Activity, Block};
+use crate::substep::p2g::for_each_row;
 
 /// Result of a substep for some particles and nodes.
 #[derive(Debug, Clone, Copy)]
@@ -36,21 +37,37 @@ impl Outcome {
     }
 }
 
-/// Updates blocks of one group from the grid's velocities, over a substep of `dt` [s].
+/// The nodes that a group reads: those of the grid, and its own slots.
+#[derive(Clone, Copy)]
+pub struct Nodes<'a, const D: usize> {
+    pub grid: View<'a, D>,
+    pub own: Option<OwnView<'a>>,
+}
+
+/// Slots that a group reads, and its field.
+#[derive(Clone, Copy)]
+pub struct OwnView<'a> {
+    pub fields: FieldView<'a>,
+    pub field: u16,
+}
+
+/// Updates blocks of one group from the nodes' velocities, over a substep of `dt` [s].
 pub fn g2p<const D: usize, M: Constitutive<D>>(
     blocks: &mut [Block<D, M::State>],
     material: &M,
     friction: f32,
-    grid: View<'_, D>,
+    nodes: Nodes<'_, D>,
     bounds: &Bounds<D>,
     obstacles: &Obstacles<D>,
     dt: f32,
 ) -> Outcome {
+    let Nodes { grid, own } = nodes;
     run_wide(GatherBlocks {
         blocks,
         material,
         friction,
         grid,
+        own,
         bounds,
         obstacles,
         dt,
@@ -63,6 +80,7 @@ struct GatherBlocks<'a, const D: usize, M: Constitutive<D>> {
     material: &'a M,
     friction: f32,
     grid: View<'a, D>,
+    own: Option<OwnView<'a>>,
     bounds: &'a Bounds<D>,
     obstacles: &'a Obstacles<D>,
     dt: f32,
@@ -92,6 +110,7 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         let Self {
             material,
             grid,
+            own,
             bounds,
             obstacles,
             dt,
@@ -105,7 +124,22 @@ impl<const D: usize, M: Constitutive<D>> Kernel for GatherBlocks<'_, D, M> {
         let mut broken = [0u32; LANES];
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &grid.layout);
-            let sums = gather::<Q, D>(grid, &stencils, block.count.min(LANES));
+            let mut sums = gather::<Q, D>(grid, &stencils, block.count.min(LANES));
+            if let Some(own) = own {
+                let (count, stencils, sums) = (block.count.min(LANES), &stencils, &mut sums);
+                if stencils.start[..count]
+                    .iter()
+                    .any(|&start| own.fields.near(start as usize))
+                {
+                    run_wide(GatherOwn {
+                        own,
+                        grid,
+                        stencils,
+                        count,
+                        sums,
+                    });
+                }
+            }
             let moved = move_block(block, &stencils, &sums, grid.layout, bounds, dt);
             max_speed_squared = moved.max_speed_squared.fast_max(max_speed_squared);
             material.deform(&mut block.state, &block.affine, dt);
@@ -149,39 +183,87 @@ pub fn gather<Q: Quad, const D: usize>(
     }
     for i in 0..count {
         let start = stencils.start[i] as usize - grid.first;
-        // The rows of nodes are summed first, then what is left of each row along it.
-        let mut planes = [Q::zero(); 3];
-        let mut moments = [Q::zero(); D];
-        for a in 0..3 {
-            let row = |b: usize| {
-                let nodes = &rows[a][b][start..start + 4];
-                Q::load(nodes.try_into().expect("four nodes"))
-            };
-            if D == 3 {
-                let (sum, moment) = weighted([row(0), row(1), row(2)], &stencils.weights[1], i);
-                let weight = Q::splat(stencils.weights[0][a][i]);
-                planes[a] = sum;
-                moments[1] = moment.mul_add(weight, moments[1]);
-            } else {
-                planes[a] = row(0);
-            }
-        }
-        let (value, moment) = weighted(planes, &stencils.weights[0], i);
-        moments[0] = moment;
-        // By index: copies of whole arrays would be stored and waited for.
-        let last = &stencils.weights[D - 1];
-        let along = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
-        let value = value.mul(along);
-        let moment_along = value.mul(Q::of_nodes([0.0, 1.0, 2.0, 0.0]));
-        let first = moments[0].mul(along);
-        let quads = if D == 3 {
-            [value, first, moments[1].mul(along), moment_along]
-        } else {
-            [value, first, moment_along, Q::zero()]
-        };
-        sums.0[i] = Q::sums(quads);
+        sums.0[i] = sum_up::<Q, D>(stencils, i, |a, b| {
+            let nodes = &rows[a][b][start..start + 4];
+            Q::load(nodes.try_into().expect("four nodes"))
+        });
     }
     sums
+}
+
+/// Replaces the sums of the particles of a block that touch slots.
+struct GatherOwn<'a, 's, const D: usize> {
+    own: OwnView<'a>,
+    grid: View<'a, D>,
+    stencils: &'s Stencils<D>,
+    count: usize,
+    sums: &'s mut Sums,
+}
+
+impl<const D: usize> Kernel for GatherOwn<'_, '_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<Q: Quad>(self) {
+        let (own, layout) = (self.own, &self.grid.layout);
+        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
+        let (mut previous, mut touches) = (usize::MAX, false);
+        for i in 0..self.count {
+            let start = self.stencils.start[i] as usize;
+            if !own.fields.near(start) {
+                continue;
+            }
+            // Neighbours in the order often have the same nodes. Behind each row is an empty one.
+            if start != previous {
+                (previous, touches) = (start, false);
+                for_each_row::<D>(|a, b| {
+                    let first = start + layout.stencil_row([a, b]);
+                    let (row, has_own) = own.fields.row(self.grid, first, own.field);
+                    rows[a][b][..3].copy_from_slice(&row);
+                    touches |= has_own;
+                });
+            }
+            if touches {
+                self.sums.0[i] = sum_up::<Q, D>(self.stencils, i, |a, b| Q::load(&rows[a][b]));
+            }
+        }
+    }
+}
+
+/// Sums over the nodes of one particle, row by row and then along the rows.
+#[inline(always)]
+fn sum_up<Q: Quad, const D: usize>(
+    stencils: &Stencils<D>,
+    i: usize,
+    row: impl Fn(usize, usize) -> Q,
+) -> [f32x4; 4] {
+    let mut planes = [Q::zero(); 3];
+    let mut moments = [Q::zero(); D];
+    for a in 0..3 {
+        if D == 3 {
+            let rows = [row(a, 0), row(a, 1), row(a, 2)];
+            let (sum, moment) = weighted(rows, &stencils.weights[1], i);
+            let weight = Q::splat(stencils.weights[0][a][i]);
+            planes[a] = sum;
+            moments[1] = moment.mul_add(weight, moments[1]);
+        } else {
+            planes[a] = row(a, 0);
+        }
+    }
+    let (value, moment) = weighted(planes, &stencils.weights[0], i);
+    moments[0] = moment;
+    // By index: copies of whole arrays would be stored and waited for.
+    let last = &stencils.weights[D - 1];
+    let along = Q::of_nodes([last[0][i], last[1][i], last[2][i], 0.0]);
+    let value = value.mul(along);
+    let moment_along = value.mul(Q::of_nodes([0.0, 1.0, 2.0, 0.0]));
+    let first = moments[0].mul(along);
+    let quads = if D == 3 {
+        [value, first, moments[1].mul(along), moment_along]
+    } else {
+        [value, first, moment_along, Q::zero()]
+    };
+    Q::sums(quads)
 }
 
 /// Weighted sum of three for one lane, and that of each times its steps from the first.

@@ -2,6 +2,7 @@
 
 mod g2p;
 mod grid_update;
+mod meeting;
 mod p2g;
 mod stages;
 mod timestep;
@@ -10,6 +11,7 @@ mod transfer_tests;
 
 pub use g2p::{Outcome, gather};
 pub use grid_update::GridForces;
+pub use meeting::Meeting;
 pub use p2g::{P2gStep, for_each_row, scatter_row};
 pub use stages::{Interruption, Stage, Substep};
 pub use timestep::{

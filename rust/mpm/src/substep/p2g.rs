@@ -5,7 +5,7 @@
 use wide::f32x4;
 
 use crate::force::FrameForce;
-use crate::grid::{CHUNK, Layout, Stencils, Window};
+use crate::grid::{CHUNK, FieldWindow, Layout, Stencils, Window};
 use crate::linalg::{Kernel, LANES, Lanes, Quad, run_wide, shear_index};
 use crate::material::{Constitutive, State};
 use crate::particles::Block;
@@ -18,39 +18,66 @@ pub struct P2gStep<'a, const D: usize> {
     pub force: FrameForce<'a, D>,
 }
 
-/// Adds blocks of one group to the grid, where their particles rub against walls with this friction.
+/// Slots that a group writes to, and its field.
+pub struct Own<'a, 'f> {
+    pub fields: &'a mut FieldWindow<'f>,
+    pub field: u16,
+}
+
+/// Adds blocks of one group to the grid, where their particles rub against walls with this friction, and to its slots.
 pub fn p2g<const D: usize, M: Constitutive<D>>(
     blocks: &[Block<D, M::State>],
     material: &M,
     friction: f32,
     window: &mut Window<'_, D>,
+    own: Option<Own<'_, '_>>,
     step: P2gStep<'_, D>,
 ) {
-    run_wide(Scatter {
-        blocks,
-        material,
-        layout: window.layout,
-        step,
-        first: window.first,
-        nodes: window.nodes,
-        dirty: window.dirty,
-    });
+    let (layout, first) = (window.layout, window.first);
+    let grid = GridNodes {
+        nodes: &mut *window.nodes,
+        dirty: &mut *window.dirty,
+    };
+    let mut own = own;
+    if let Some(own) = &mut own {
+        let sink = OwnNodes { grid, first, own };
+        run_wide(Scatter {
+            blocks,
+            material,
+            layout,
+            step,
+            first,
+            sink,
+        });
+    } else {
+        run_wide(Scatter {
+            blocks,
+            material,
+            layout,
+            step,
+            first,
+            sink: grid,
+        });
+    }
+    if let Some(own) = &mut own
+        && !own.fields.volume.is_empty()
+    {
+        scatter_volume(blocks, &layout, own);
+    }
     if !window.friction_mass.is_empty() {
-        scatter_friction(blocks, friction, window);
+        scatter_friction(blocks, friction, window, own);
     }
 }
 
 /// The blocks of one group in one slab.
-struct Scatter<'a, const D: usize, M: Constitutive<D>> {
+struct Scatter<'a, const D: usize, M: Constitutive<D>, S> {
     blocks: &'a [Block<D, M::State>],
     material: &'a M,
     layout: Layout<D>,
     step: P2gStep<'a, D>,
-    /// Memory index of the first of `nodes`.
+    /// Memory index of the first node.
     first: usize,
-    nodes: &'a mut [f32x4],
-    /// Marks of the chunks that are written to.
-    dirty: &'a mut [bool],
+    sink: S,
 }
 
 /// Contribution of a particle to its nodes, in lanes of momentum and mass.
@@ -61,11 +88,73 @@ struct Shares<const D: usize> {
     per_step: [[[f32; 4]; LANES]; D],
 }
 
-impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
+/// Nodes that sums of cells are added to.
+trait Sink<const D: usize> {
+    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>);
+}
+
+/// The nodes of the grid alone.
+struct GridNodes<'a> {
+    nodes: &'a mut [f32x4],
+    /// Marks of the chunks that are written to.
+    dirty: &'a mut [bool],
+}
+
+impl<const D: usize> Sink<D> for GridNodes<'_> {
+    #[inline(always)]
+    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>) {
+        sums.flush(self.nodes, self.dirty, layout);
+    }
+}
+
+/// The nodes of the grid, and the slots of one field where there are some.
+struct OwnNodes<'a, 'o, 'w, 'f> {
+    grid: GridNodes<'a>,
+    /// Memory index of the first node.
+    first: usize,
+    own: &'o mut Own<'w, 'f>,
+}
+
+impl<const D: usize> Sink<D> for OwnNodes<'_, '_, '_, '_> {
+    #[inline(always)]
+    fn take<Q: Quad>(&mut self, sums: &mut CellSums<Q, D>, layout: &Layout<D>) {
+        if sums.start == usize::MAX || !self.own.fields.near(self.first + sums.start) {
+            return self.grid.take(sums, layout);
+        }
+        let rows = sums.taken();
+        self.add(sums.start, &rows, layout);
+    }
+}
+
+impl OwnNodes<'_, '_, '_, '_> {
+    #[inline(never)]
+    fn add<const D: usize>(
+        &mut self,
+        start: usize,
+        rows: &[[[f32x4; 4]; 3]; 3],
+        layout: &Layout<D>,
+    ) {
+        for_each_row::<D>(|a, b| {
+            let begin = start + layout.stencil_row([a, b]);
+            let places = self.own.fields.places(self.first + begin, self.own.field);
+            for step in 0..3 {
+                if let Some(place) = places[step] {
+                    self.own.fields.nodes[place] += rows[a][b][step];
+                } else {
+                    let node = begin + step;
+                    self.grid.nodes[node] += rows[a][b][step];
+                    self.grid.dirty[node / CHUNK] = true;
+                }
+            }
+        });
+    }
+}
+
+impl<const D: usize, M: Constitutive<D>, S: Sink<D>> Kernel for Scatter<'_, D, M, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<Q: Quad>(self) {
+    fn run<Q: Quad>(mut self) {
         let mut sums = CellSums::<Q, D>::new();
         for block in self.blocks {
             let stencils = Stencils::at(&block.x, &self.layout);
@@ -73,13 +162,13 @@ impl<const D: usize, M: Constitutive<D>> Kernel for Scatter<'_, D, M> {
             for i in 0..block.count.min(LANES) {
                 let start = stencils.start[i] as usize - self.first;
                 if start != sums.start {
-                    sums.flush(self.nodes, self.dirty, &self.layout);
+                    self.sink.take(&mut sums, &self.layout);
                     sums.start = start;
                 }
                 sums.add(&stencils, &shares, i);
             }
         }
-        sums.flush(self.nodes, self.dirty, &self.layout);
+        self.sink.take(&mut sums, &self.layout);
     }
 }
 
@@ -128,6 +217,19 @@ impl<Q: Quad, const D: usize> CellSums<Q, D> {
         }
     }
 
+    /// The sums of each node, which start anew. By index: closures would not be compiled for wide vectors.
+    #[inline(always)]
+    fn taken(&mut self) -> [[[f32x4; 4]; 3]; 3] {
+        let mut rows = [[[f32x4::ZERO; 4]; 3]; 3];
+        for a in 0..3 {
+            for b in 0..if D == 3 { 3 } else { 1 } {
+                rows[a][b] = self.rows[a][b].store();
+                self.rows[a][b] = Q::zero();
+            }
+        }
+        rows
+    }
+
     /// Adds the sums to the nodes. Node by node: a wide load would have to wait for the narrower or shifted stores of the
     /// neighbouring cell.
     #[inline(always)]
@@ -153,7 +255,7 @@ impl<Q: Quad, const D: usize> CellSums<Q, D> {
     }
 }
 
-impl<const D: usize, M: Constitutive<D>> Scatter<'_, D, M> {
+impl<const D: usize, M: Constitutive<D>, S> Scatter<'_, D, M, S> {
     #[inline(always)]
     fn shares(&self, block: &Block<D, M::State>, stencils: &Stencils<D>) -> Shares<D> {
         let dx = self.layout.dx();
@@ -250,22 +352,69 @@ fn scatter_friction<const D: usize, S: State>(
     blocks: &[Block<D, S>],
     friction: f32,
     window: &mut Window<'_, D>,
+    mut own: Option<Own<'_, '_>>,
 ) {
-    for block in blocks.iter().filter(|_| friction > 0.0) {
-        let stencils = Stencils::at(&block.x, &window.layout);
+    if friction <= 0.0 {
+        return;
+    }
+    let (layout, first) = (window.layout, window.first);
+    let on_grid = &mut *window.friction_mass;
+    let share = |block: &Block<D, S>, i: usize, of_row: f32| of_row * block.mass[i] * friction;
+    match &mut own {
+        None => for_each_row_of(blocks, &layout, |block, i, begin, of_row, along| {
+            let share = share(block, i, of_row);
+            (0..3).for_each(|step| on_grid[begin + step - first] += share * along[step]);
+        }),
+        Some(own) => for_each_row_of(blocks, &layout, |block, i, begin, of_row, along| {
+            let share = share(block, i, of_row);
+            let places = own.fields.places(begin, own.field);
+            for step in 0..3 {
+                let sum = match places[step] {
+                    Some(place) => &mut own.fields.friction_mass[place],
+                    None => &mut on_grid[begin + step - first],
+                };
+                *sum += share * along[step];
+            }
+        }),
+    }
+}
+
+/// Rest volume of what shares a field with materials of other densities.
+fn scatter_volume<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
+    layout: &Layout<D>,
+    own: &mut Own<'_, '_>,
+) {
+    for_each_row_of(blocks, layout, |block, i, begin, of_row, along| {
+        let places = own.fields.places(begin, own.field);
+        for (place, along) in places.iter().zip(along) {
+            if let Some(place) = place {
+                own.fields.volume[*place] += of_row * block.volume[i] * along;
+            }
+        }
+    });
+}
+
+/// Calls back with each particle, the first node of each row of its stencil, the weight of the row and those along it.
+#[inline(always)]
+fn for_each_row_of<const D: usize, S: State>(
+    blocks: &[Block<D, S>],
+    layout: &Layout<D>,
+    mut visit: impl FnMut(&Block<D, S>, usize, usize, f32, [f32; 3]),
+) {
+    for block in blocks {
+        let stencils = Stencils::at(&block.x, layout);
         for i in 0..block.count {
-            let start = stencils.start[i] as usize - window.first;
+            let start = stencils.start[i] as usize;
+            let along = std::array::from_fn(|step| stencils.weights[D - 1][step][i]);
             for_each_row::<D>(|a, b| {
                 let across = if D == 3 {
                     stencils.weights[1][b][i]
                 } else {
                     1.0
                 };
-                let weight = stencils.weights[0][a][i] * across * block.mass[i] * friction;
-                for step in 0..3 {
-                    let node = start + window.layout.stencil_row([a, b]) + step;
-                    window.friction_mass[node] += weight * stencils.weights[D - 1][step][i];
-                }
+                let of_row = stencils.weights[0][a][i] * across;
+                visit(block, i, start + layout.stencil_row([a, b]), of_row, along);
             });
         }
     }

@@ -3,11 +3,12 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::g2p::{Outcome, g2p};
+use super::g2p::{Nodes, Outcome, OwnView, g2p};
 use super::grid_update::{GridForces, grid_update};
-use super::p2g::{P2gStep, p2g};
+use super::meeting::find_slopes;
+use super::p2g::{Own, P2gStep, p2g};
 use crate::boundary::Bounds;
-use crate::grid::{Grid, View, Window};
+use crate::grid::{FieldView, FieldWindow, Grid, View, Window};
 use crate::material::Constitutive;
 use crate::particles::{
     COLOURS, CutGroup, MaterialGroup, Slab, bands, fresh_planes, unlocked, with_group,
@@ -18,12 +19,14 @@ use threads::{Step, Team, interrupted};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     P2g,
+    /// Finds the directions of contact between bodies. Without this stage all bodies share one field.
+    Slopes,
     GridUpdate,
     G2p,
 }
 
 impl Stage {
-    pub const ALL: [Self; 3] = [Self::P2g, Self::GridUpdate, Self::G2p];
+    pub const ALL: [Self; 4] = [Self::P2g, Self::Slopes, Self::GridUpdate, Self::G2p];
 
     /// The slabs that may go through it side by side, turn after turn. In G2P half of each takes its turn where there are
     /// few: threads wait less for the last.
@@ -31,7 +34,7 @@ impl Stage {
         match self {
             Self::P2g => &COLOURS,
             Self::G2p if slabs < FEW_SLABS => &[Step::ALL; 2],
-            Self::GridUpdate | Self::G2p => &[Step::ALL],
+            Self::Slopes | Self::GridUpdate | Self::G2p => &[Step::ALL],
         }
     }
 }
@@ -87,16 +90,20 @@ impl<const D: usize> Substep<'_, D> {
         team: &Team,
     ) -> Outcome {
         let bands = bands(slabs, grid.layout.extent);
+        let meet = grid.fields.meet() && stages.contains(&Stage::Slopes);
+        let stages = stages
+            .iter()
+            .filter(|&&stage| meet || stage != Stage::Slopes);
         let grid = grid.shared();
         let interruption = Interruption::new(groups);
         let groups: Vec<_> = groups.iter_mut().map(cut).collect();
         let outcomes: Vec<_> = slabs.iter().map(|_| Mutex::new(Outcome::NOTHING)).collect();
-        let of_stage = |&stage: &Stage| {
+        let of_stage = |stage: Stage| {
             let steps = stage.steps(slabs.len());
             let numbered = steps.iter().enumerate();
             numbered.map(move |(turn, &step)| ((stage, turn, steps.len()), step))
         };
-        let (stages, steps): (Vec<_>, Vec<_>) = stages.iter().flat_map(of_stage).unzip();
+        let (stages, steps): (Vec<_>, Vec<_>) = stages.copied().flat_map(of_stage).unzip();
         team.in_steps(slabs.len(), &steps, |number, slab| {
             if interruption.is_found() {
                 return;
@@ -106,24 +113,45 @@ impl<const D: usize> Substep<'_, D> {
             match stages[number] {
                 (Stage::P2g, ..) => {
                     // SAFETY: concurrent slabs have one colour, and so no plane in common.
-                    let window = &mut unsafe { grid.window(reach) };
+                    let window = &mut unsafe { grid.window(reach.clone()) };
                     window.clear(fresh_planes(slabs, slab));
-                    for group in &groups {
-                        group.p2g(slab, window, self.step);
+                    // SAFETY: as above.
+                    let mut fields = meet.then(|| unsafe { grid.fields.window(reach) });
+                    if let Some(fields) = &mut fields {
+                        fields.clear(fresh_planes(slabs, slab));
                     }
+                    for group in &groups {
+                        group.p2g(slab, window, fields.as_mut(), self.step);
+                    }
+                }
+                (Stage::Slopes, ..) => {
+                    let band = bands[slab].clone();
+                    let around = band.start.saturating_sub(1)..band.end + 1;
+                    // SAFETY: bands of slabs are disjoint.
+                    let slopes = unsafe { grid.fields.slopes(band) };
+                    // SAFETY: all slabs in reach only read nodes in this stage.
+                    let view = unsafe { grid.view(around.clone()) };
+                    // SAFETY: as above.
+                    let fields = unsafe { grid.fields.view(around) };
+                    find_slopes(slopes, view, fields);
                 }
                 (Stage::GridUpdate, ..) => {
                     // SAFETY: bands of slabs are disjoint.
                     let window = &mut unsafe { grid.window(bands[slab].clone()) };
-                    let work = grid_update(window, &self.forces, self.step.dt);
+                    // SAFETY: as above.
+                    let mut fields =
+                        meet.then(|| unsafe { grid.fields.window(bands[slab].clone()) });
+                    let work = grid_update(window, fields.as_mut(), &self.forces, self.step.dt);
                     unlocked(&outcomes[slab]).obstacle_work += work;
                 }
                 (Stage::G2p, part, parts) => {
                     // SAFETY: all slabs in reach only read in this stage.
-                    let view = unsafe { grid.view(reach) };
+                    let view = unsafe { grid.view(reach.clone()) };
+                    // SAFETY: as above.
+                    let fields = meet.then(|| unsafe { grid.fields.view(reach) });
                     let outcome = &mut *unlocked(&outcomes[slab]);
                     for group in &groups {
-                        *outcome = outcome.and(group.g2p(slab, (part, parts), view, self));
+                        *outcome = outcome.and(group.g2p(slab, (part, parts), view, fields, self));
                     }
                 }
             }
@@ -136,13 +164,20 @@ impl<const D: usize> Substep<'_, D> {
 
 /// A group of any material, cut into slabs.
 trait Cut<const D: usize>: Sync {
-    fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>);
+    fn p2g(
+        &self,
+        slab: usize,
+        window: &mut Window<'_, D>,
+        fields: Option<&mut FieldWindow<'_>>,
+        step: P2gStep<'_, D>,
+    );
     /// For one of `parts` parts of the slab.
     fn g2p(
         &self,
         slab: usize,
         part: (usize, usize),
         grid: View<'_, D>,
+        fields: Option<FieldView<'_>>,
         substep: &Substep<'_, D>,
     ) -> Outcome;
 }
@@ -152,9 +187,19 @@ fn cut<const D: usize>(group: &mut MaterialGroup<D>) -> Box<dyn Cut<D> + '_> {
 }
 
 impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
-    fn p2g(&self, slab: usize, window: &mut Window<'_, D>, step: P2gStep<'_, D>) {
+    fn p2g(
+        &self,
+        slab: usize,
+        window: &mut Window<'_, D>,
+        mut fields: Option<&mut FieldWindow<'_>>,
+        step: P2gStep<'_, D>,
+    ) {
         for blocks in [&**self.awake(slab), self.border(slab)] {
-            p2g(blocks, self.material, self.wall_friction, window, step);
+            let own = fields.as_deref_mut().map(|fields| Own {
+                fields,
+                field: self.field,
+            });
+            p2g(blocks, self.material, self.wall_friction, window, own, step);
         }
     }
 
@@ -163,6 +208,7 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         slab: usize,
         (part, parts): (usize, usize),
         grid: View<'_, D>,
+        fields: Option<FieldView<'_>>,
         substep: &Substep<'_, D>,
     ) -> Outcome {
         let (bounds, obstacles) = (substep.bounds, substep.forces.obstacles);
@@ -171,11 +217,15 @@ impl<const D: usize, M: Constitutive<D>> Cut<D> for CutGroup<'_, D, M> {
         let range = cut(part)..cut(part + 1);
         let blocks = &mut awake[range];
         let (material, friction) = (self.material, self.wall_friction);
+        let own = fields.map(|fields| OwnView {
+            fields,
+            field: self.field,
+        });
         g2p(
             blocks,
             material,
             friction,
-            grid,
+            Nodes { grid, own },
             bounds,
             obstacles,
             substep.step.dt,

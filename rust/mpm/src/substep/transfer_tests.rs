@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::grid_update::GridForces;
+use super::meeting::Meeting;
 use super::p2g::P2gStep;
 use super::stages::{Stage, Substep};
 use crate::boundary::{
@@ -141,6 +142,7 @@ fn there_and_back<const D: usize>(particles: &Set<D>) -> (Grid<D>, Set<D>) {
             walls: &WallContact::new(&walls, &layout),
             obstacles: &obstacles,
             material_friction: MaterialFriction::Uniform(0.0),
+            meeting: &Meeting::new(&groups, &[1.0], 1.0, None),
         },
         bounds: &Bounds::new(walls, &layout),
     };

@@ -35,6 +35,7 @@ pub fn settings<const D: usize>(resolution: usize, materials: Vec<Material>) -> 
         frame_dt: FRAME,
         gravity: Vector::from_fn(|axis, _| if axis == 1 { -GRAVITY } else { 0.0 }),
         walls,
+        contact_friction: None,
         materials,
         obstacles: Vec::<Obstacle<D>>::new(),
         openings: Openings::NONE,
@@ -52,6 +53,7 @@ pub struct Bodies {
     pub material: Vec<u8>,
     pub volume: Vec<f32>,
     pub volume_ratio: Vec<f32>,
+    pub body: Vec<u32>,
 }
 
 impl Bodies {
@@ -69,6 +71,7 @@ impl Bodies {
         });
         let spacing: [f32; D] =
             std::array::from_fn(|axis| (upper[axis] - lower[axis]) / per_axis[axis] as f32);
+        let body = self.body.last().map_or(0, |last| last + 1);
         for flat in 0..per_axis.iter().product() {
             let mut rest: usize = flat;
             for axis in 0..D {
@@ -81,6 +84,33 @@ impl Bodies {
             self.material.push(material);
             self.volume.push(spacing.iter().product());
             self.volume_ratio.push(1.0);
+            self.body.push(body);
+        }
+        self
+    }
+
+    /// The sites of a block that lie in a ball.
+    pub fn ball<const D: usize>(
+        mut self,
+        resolution: usize,
+        center: [f32; D],
+        radius: f32,
+        velocity: [f32; D],
+        material: u8,
+    ) -> Self {
+        let (lower, upper) = (center.map(|x| x - radius), center.map(|x| x + radius));
+        let block = Self::default().block(resolution, lower, upper, velocity, material);
+        let body = self.body.last().map_or(0, |last| last + 1);
+        for (site, x) in block.x.chunks(D).enumerate() {
+            let from_center = x.iter().zip(center).map(|(x, center)| (x - center).powi(2));
+            if from_center.sum::<f32>() < radius * radius {
+                self.x.extend(x);
+                self.v.extend(velocity);
+                self.material.push(material);
+                self.volume.push(block.volume[site]);
+                self.volume_ratio.push(1.0);
+                self.body.push(body);
+            }
         }
         self
     }
@@ -96,6 +126,7 @@ impl Bodies {
             mass: &mass,
             volume: &self.volume,
             volume_ratio: Some(&self.volume_ratio),
+            body: Some(&self.body),
         };
         Solver::new(settings, particles).unwrap()
     }

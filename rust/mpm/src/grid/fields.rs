@@ -1,0 +1,509 @@
+//! Velocities of bodies that meet: one field for each, kept only where several of them reach the same nodes.
+//!
+//! Elsewhere the nodes of the grid carry the one body that reaches them. A *slot* is one field on one chunk of nodes.
+//! Slots are found at each sort, for all nodes in reach before the next, so they are a function of the particles alone.
+//! On chunks with slots nothing is written to the grid itself; its nodes stay empty there.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::slice;
+
+use wide::f32x4;
+
+use super::layout::{CHUNK, Layout, MARGIN, Place};
+use super::view::View;
+
+/// Who reaches a chunk: nobody, one field, or several, which then have slots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Holder(u32);
+
+impl Holder {
+    const NOBODY: Self = Self(u32::MAX);
+    const SHARED: u32 = 1 << 31;
+
+    fn one(field: u16) -> Self {
+        Self(u32::from(field))
+    }
+
+    fn shared(first_slot: usize) -> Self {
+        Self(first_slot as u32 | Self::SHARED)
+    }
+
+    fn is_shared(self) -> bool {
+        self != Self::NOBODY && self.0 & Self::SHARED != 0
+    }
+
+    /// The field, where there is one alone.
+    fn alone(self) -> Option<u16> {
+        (self.0 & Self::SHARED == 0).then_some(self.0 as u16)
+    }
+
+    fn first_slot(self) -> Option<usize> {
+        self.is_shared()
+            .then_some((self.0 & !Self::SHARED) as usize)
+    }
+}
+
+/// One field on one chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Slot {
+    pub chunk: u32,
+    pub field: u16,
+}
+
+/// Additional quantities of the nodes of slots.
+#[derive(Debug, Clone, Copy)]
+pub struct FieldSums {
+    /// Wall friction times mass: where materials differ in friction.
+    pub friction: bool,
+    /// Rest volume: where materials of one field differ in density.
+    pub volume: bool,
+}
+
+/// The fields of a scene.
+#[derive(Debug, Clone)]
+pub struct Fields<const D: usize> {
+    layout: Layout<D>,
+    sums: FieldSums,
+    /// By chunk; empty where the scene has a single field.
+    holders: Vec<Holder>,
+    /// By chunk: whether a stencil that starts there may touch a slot.
+    near: Vec<bool>,
+    /// Chunks with a holder.
+    held: Vec<u32>,
+    /// In ascending order.
+    slots: Vec<Slot>,
+    /// The first slot of each plane, and behind the last plane their number.
+    starts: Vec<usize>,
+    /// As those of the grid.
+    nodes: Vec<f32x4>,
+    /// Gradients of the masses [kg/cell] in lanes 0..D.
+    slopes: Vec<f32x4>,
+    friction_mass: Vec<f32>,
+    volume: Vec<f32>,
+}
+
+impl<const D: usize> Fields<D> {
+    /// For a grid on which so many fields may meet.
+    pub fn new(layout: Layout<D>, count: usize, sums: FieldSums) -> Self {
+        let chunks = if count < 2 {
+            0
+        } else {
+            layout.row_count() * layout.row_length / CHUNK
+        };
+        Self {
+            layout,
+            sums,
+            holders: vec![Holder::NOBODY; chunks],
+            near: vec![false; chunks],
+            held: Vec::new(),
+            slots: Vec::new(),
+            starts: vec![0; layout.extent + 1],
+            nodes: Vec::new(),
+            slopes: Vec::new(),
+            friction_mass: Vec::new(),
+            volume: Vec::new(),
+        }
+    }
+
+    /// Whether several fields can meet at all.
+    pub fn any(&self) -> bool {
+        !self.holders.is_empty()
+    }
+
+    /// Whether some meet before the next sort.
+    pub fn meet(&self) -> bool {
+        !self.slots.is_empty()
+    }
+
+    /// Whether a chunk has slots.
+    pub fn is_shared(&self, chunk: usize) -> bool {
+        self.holders
+            .get(chunk)
+            .is_some_and(|holder| holder.is_shared())
+    }
+
+    /// Forgets all slots.
+    pub fn clear(&mut self) {
+        for chunk in self.held.drain(..) {
+            self.holders[chunk as usize] = Holder::NOBODY;
+        }
+        for slot in self.slots.drain(..) {
+            for start in starts_near(&self.layout, slot.chunk as usize) {
+                if let Some(near) = self.near.get_mut(start) {
+                    *near = false;
+                }
+            }
+        }
+    }
+
+    /// Adds the stencils of a field that start at some places, with all nodes that they reach before the next sort.
+    pub fn add(&mut self, field: u16, places: impl Iterator<Item = Place>) {
+        let mut previous = None;
+        for place in places {
+            if previous != Some(place) {
+                previous = Some(place);
+                self.add_place(field, place);
+            }
+        }
+    }
+
+    fn add_place(&mut self, field: u16, place: Place) {
+        let around = |first: u16| first as usize - MARGIN..first as usize + MARGIN + 3;
+        let rows = if D == 3 { around(place.row) } else { 0..1 };
+        let columns = around(place.column);
+        let chunks_per_row = self.layout.row_length / CHUNK;
+        for plane in around(place.plane) {
+            for row in rows.clone() {
+                let row = plane * self.layout.rows_per_plane() + row;
+                for chunk in columns.start / CHUNK..=(columns.end - 1) / CHUNK {
+                    self.hold(row * chunks_per_row + chunk, field);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn hold(&mut self, chunk: usize, field: u16) {
+        let holder = self.holders[chunk];
+        if holder == Holder::one(field) {
+            return;
+        }
+        if holder == Holder::NOBODY {
+            self.holders[chunk] = Holder::one(field);
+            self.held.push(chunk as u32);
+            return;
+        }
+        self.share(chunk);
+        self.push(chunk, field);
+    }
+
+    /// Gives the only field of a chunk a slot there.
+    fn share(&mut self, chunk: usize) -> bool {
+        let Some(field) = self.holders[chunk].alone() else {
+            return false;
+        };
+        self.holders[chunk] = Holder::shared(0);
+        self.push(chunk, field);
+        true
+    }
+
+    fn push(&mut self, chunk: usize, field: u16) {
+        let slot = Slot {
+            chunk: chunk as u32,
+            field,
+        };
+        if self.slots.last() != Some(&slot) {
+            self.slots.push(slot);
+        }
+    }
+
+    /// Makes the slots ready, after all fields were added. Where one node of a line across a wall has slots, all have:
+    /// `lines` returns the chunks of the other nodes of such lines.
+    pub fn finish(&mut self, lines: impl Fn(usize, &mut Vec<usize>)) {
+        let mut others = Vec::new();
+        let mut next = 0;
+        while next < self.slots.len() {
+            others.clear();
+            lines(self.slots[next].chunk as usize, &mut others);
+            for &chunk in &others {
+                self.share(chunk);
+            }
+            next += 1;
+        }
+        self.slots.sort_unstable();
+        self.slots.dedup();
+        let chunks_per_plane = self.layout.nodes_per_plane() / CHUNK;
+        for plane in 0..=self.layout.extent {
+            let first = (plane * chunks_per_plane) as u32;
+            self.starts[plane] = self.slots.partition_point(|slot| slot.chunk < first);
+        }
+        for index in (0..self.slots.len()).rev() {
+            let chunk = self.slots[index].chunk as usize;
+            self.holders[chunk] = Holder::shared(index);
+            for start in starts_near(&self.layout, chunk) {
+                if let Some(near) = self.near.get_mut(start) {
+                    *near = true;
+                }
+            }
+        }
+        let count = self.slots.len() * CHUNK;
+        let resize = |numbers: &mut Vec<f32>, needed: bool| {
+            numbers.clear();
+            numbers.resize(if needed { count } else { 0 }, 0.0);
+        };
+        resize(&mut self.friction_mass, self.sums.friction);
+        resize(&mut self.volume, self.sums.volume);
+        for nodes in [&mut self.nodes, &mut self.slopes] {
+            nodes.clear();
+            nodes.resize(count, f32x4::ZERO);
+        }
+    }
+
+    /// Lends the fields to threads that take turns on their planes.
+    pub(super) fn shared(&mut self) -> SharedFields<'_> {
+        SharedFields {
+            map: FieldMap {
+                holders: &self.holders,
+                near: &self.near,
+                slots: &self.slots,
+            },
+            starts: &self.starts,
+            nodes: self.nodes.as_mut_ptr(),
+            slopes: self.slopes.as_mut_ptr(),
+            friction_mass: (!self.friction_mass.is_empty())
+                .then_some(self.friction_mass.as_mut_ptr()),
+            volume: (!self.volume.is_empty()).then_some(self.volume.as_mut_ptr()),
+            borrowed: PhantomData,
+        }
+    }
+}
+
+/// The chunks where stencils start that may touch a chunk. Stencils are read four nodes wide.
+fn starts_near<const D: usize>(
+    layout: &Layout<D>,
+    chunk: usize,
+) -> impl Iterator<Item = usize> + use<D> {
+    let offsets: [[usize; 3]; 3] = std::array::from_fn(|a| {
+        std::array::from_fn(|b| {
+            let b = if D == 3 { b } else { 0 };
+            layout.stencil_row([a, b]) / CHUNK
+        })
+    });
+    let both = move |offset: usize| [chunk.checked_sub(offset), chunk.checked_sub(offset + 1)];
+    offsets.into_iter().flatten().flat_map(both).flatten()
+}
+
+/// Where the slots are.
+#[derive(Clone, Copy)]
+struct FieldMap<'a> {
+    holders: &'a [Holder],
+    near: &'a [bool],
+    slots: &'a [Slot],
+}
+
+impl FieldMap<'_> {
+    /// Whether a stencil that starts at this node may touch a slot.
+    #[inline(always)]
+    fn near(&self, start: usize) -> bool {
+        self.near[start / CHUNK]
+    }
+
+    /// The node of a field that stands for a node of the grid; None where the grid's own node does. The field reaches it.
+    #[inline(always)]
+    fn node(&self, index: usize, field: u16) -> Option<usize> {
+        let chunk = index / CHUNK;
+        let mut slot = self.holders[chunk].first_slot()?;
+        while self.slots[slot].field != field {
+            slot += 1;
+        }
+        debug_assert_eq!(self.slots[slot].chunk as usize, chunk);
+        Some(slot * CHUNK + index % CHUNK)
+    }
+
+    /// The same for three nodes side by side.
+    #[inline(always)]
+    fn nodes(&self, index: usize, field: u16) -> [Option<usize>; 3] {
+        let first = self.node(index, field);
+        // Nodes of the first one's chunk follow it.
+        let left = CHUNK - index % CHUNK;
+        let next = if left < 3 {
+            self.node(index + left, field)
+        } else {
+            None
+        };
+        std::array::from_fn(|step| {
+            if step < left {
+                first.map(|node| node + step)
+            } else {
+                next.map(|node| node + step - left)
+            }
+        })
+    }
+}
+
+/// Fields that several threads read and write, each time on other planes.
+pub struct SharedFields<'a> {
+    map: FieldMap<'a>,
+    starts: &'a [usize],
+    nodes: *mut f32x4,
+    slopes: *mut f32x4,
+    friction_mass: Option<*mut f32>,
+    volume: Option<*mut f32>,
+    /// The fields cannot be used otherwise meanwhile.
+    borrowed: PhantomData<&'a mut f32x4>,
+}
+
+// SAFETY: the pointers lead to plain numbers, and callers of `window`, `slopes` and `view` keep threads apart.
+unsafe impl Sync for SharedFields<'_> {}
+
+impl SharedFields<'_> {
+    /// The slots of some planes.
+    ///
+    /// # Safety
+    /// While they are in use, no other window and no view has a plane of them.
+    pub unsafe fn window(&self, planes: Range<usize>) -> FieldWindow<'_> {
+        let nodes = self.nodes_of(planes);
+        let (first, count) = (nodes.start, nodes.len());
+        // SAFETY: these are the nodes of the planes; the caller excludes other windows and views of them.
+        unsafe {
+            let numbers = |all: Option<*mut f32>| {
+                all.map_or(&mut [][..], |all| {
+                    slice::from_raw_parts_mut(all.add(first), count)
+                })
+            };
+            FieldWindow {
+                map: self.map,
+                starts: self.starts,
+                first,
+                slots: &self.map.slots[first / CHUNK..(first + count) / CHUNK],
+                nodes: slice::from_raw_parts_mut(self.nodes.add(first), count),
+                slopes: slice::from_raw_parts(self.slopes.add(first), count),
+                friction_mass: numbers(self.friction_mass),
+                volume: numbers(self.volume),
+            }
+        }
+    }
+
+    /// The slots of some planes, and the slopes of their nodes to be written.
+    ///
+    /// # Safety
+    /// While they are in use, nobody else uses the slopes of these planes.
+    pub unsafe fn slopes(&self, planes: Range<usize>) -> Slopes<'_> {
+        let nodes = self.nodes_of(planes);
+        Slopes {
+            slots: &self.map.slots[nodes.start / CHUNK..nodes.end / CHUNK],
+            // SAFETY: these are the slopes of the planes; the caller excludes other uses of them.
+            values: unsafe { slice::from_raw_parts_mut(self.slopes.add(nodes.start), nodes.len()) },
+        }
+    }
+
+    /// The nodes of the slots of some planes.
+    ///
+    /// # Safety
+    /// While they are in use, no window has a plane of them.
+    pub unsafe fn view(&self, planes: Range<usize>) -> FieldView<'_> {
+        let nodes = self.nodes_of(planes);
+        FieldView {
+            map: self.map,
+            first: nodes.start,
+            // SAFETY: these are the nodes of the planes; the caller excludes windows of them.
+            nodes: unsafe { slice::from_raw_parts(self.nodes.add(nodes.start), nodes.len()) },
+        }
+    }
+
+    fn nodes_of(&self, planes: Range<usize>) -> Range<usize> {
+        let last = self.starts.len() - 1;
+        CHUNK * self.starts[planes.start.min(last)]..CHUNK * self.starts[planes.end.min(last)]
+    }
+}
+
+/// The slots of some planes, and gradients of their nodes' masses [kg/cell] to be written.
+pub struct Slopes<'a> {
+    pub slots: &'a [Slot],
+    pub values: &'a mut [f32x4],
+}
+
+/// The slots of some planes, which one thread may write while others write those of other planes.
+pub struct FieldWindow<'a> {
+    map: FieldMap<'a>,
+    starts: &'a [usize],
+    /// Number of the first node.
+    first: usize,
+    pub slots: &'a [Slot],
+    pub nodes: &'a mut [f32x4],
+    /// Gradients of the nodes' masses [kg/cell].
+    pub slopes: &'a [f32x4],
+    /// Empty unless materials differ in wall friction.
+    pub friction_mass: &'a mut [f32],
+    /// Rest volume; empty unless materials of one field differ in density.
+    pub volume: &'a mut [f32],
+}
+
+impl FieldWindow<'_> {
+    /// Whether a stencil that starts at this node of the grid may touch a slot.
+    #[inline(always)]
+    pub fn near(&self, start: usize) -> bool {
+        self.map.near(start)
+    }
+
+    /// The places in `nodes` that stand for three nodes of the grid side by side; None where the grid's own do.
+    #[inline(always)]
+    pub fn places(&self, index: usize, field: u16) -> [Option<usize>; 3] {
+        let first = self.first;
+        self.map
+            .nodes(index, field)
+            .map(|node| node.map(|node| node - first))
+    }
+
+    /// Zeroes the nodes of some of the planes.
+    pub fn clear(&mut self, planes: Range<usize>) {
+        let last = self.starts.len() - 1;
+        let place = |plane: usize| CHUNK * self.starts[plane.min(last)] - self.first;
+        let places = place(planes.start)..place(planes.end);
+        self.nodes[places.clone()].fill(f32x4::ZERO);
+        for numbers in [&mut *self.friction_mass, &mut *self.volume] {
+            if !numbers.is_empty() {
+                numbers[places.clone()].fill(0.0);
+            }
+        }
+    }
+}
+
+/// The nodes of the slots of some planes, to be read.
+#[derive(Clone, Copy)]
+pub struct FieldView<'a> {
+    map: FieldMap<'a>,
+    /// Number of the first node.
+    first: usize,
+    nodes: &'a [f32x4],
+}
+
+impl FieldView<'_> {
+    /// Whether a stencil that starts at this node of the grid may touch a slot.
+    #[inline(always)]
+    pub fn near(&self, start: usize) -> bool {
+        self.map.near(start)
+    }
+
+    /// Three nodes side by side of a field that reaches them, its own or the grid's, and whether some are its own.
+    #[inline(always)]
+    pub fn row<const D: usize>(
+        &self,
+        grid: View<'_, D>,
+        index: usize,
+        field: u16,
+    ) -> ([f32x4; 3], bool) {
+        let places = self.map.nodes(index, field);
+        let nodes = std::array::from_fn(|step| match places[step] {
+            Some(place) => self.nodes[place - self.first],
+            None => grid.nodes[index + step - grid.first],
+        });
+        (nodes, places[0].is_some() | places[2].is_some())
+    }
+
+    /// Masses of a field on a chunk [kg]; none where it does not reach.
+    pub fn masses<const D: usize>(
+        &self,
+        grid: View<'_, D>,
+        chunk: usize,
+        field: u16,
+    ) -> [f32; CHUNK] {
+        let holder = self.map.holders[chunk];
+        let nodes = match holder.first_slot() {
+            Some(first) => {
+                let of_chunk = |slot: &&Slot| slot.chunk as usize == chunk;
+                let mut slots = self.map.slots[first..].iter().take_while(of_chunk);
+                let number = slots.position(|slot| slot.field == field);
+                number.map(|number| &self.nodes[(first + number) * CHUNK - self.first..])
+            }
+            None if holder.alone() == Some(field) => {
+                Some(&grid.nodes[chunk * CHUNK - grid.first..])
+            }
+            None => None,
+        };
+        nodes.map_or([0.0; CHUNK], |nodes| {
+            std::array::from_fn(|step| nodes[step].as_array()[3])
+        })
+    }
+}
