@@ -23,8 +23,9 @@ LIMITS = {
     "service": (("service/**.py",), 9_400),
     # The aims are 26 000 and 2 000: many tests of the service and of files repeat each other.
     # 400 lines are for arrows behind obstacles, and for who is to move; 500 for damaged files of sessions.
+    # 100 lines are for contact of elastic bodies.
     # 800 lines try arrays of all layouts, signals in all calls, copies, files and pictures; 600 are attacks.
-    "tests": (("tests/**.py",), 31_100),
+    "tests": (("tests/**.py",), 31_150),
     "tests of the laboratory": (("tests/lab/**.py",), 2_000),
 }
 """Patterns of git, and the most lines of the files that they match."""
