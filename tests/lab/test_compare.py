@@ -20,9 +20,8 @@ from hybridmpm_lab.commands import cli
 from hybridmpm_lab.compare import comparison, hybrid, lists, methods, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
-from hybridmpm_lab.harness.provenance import provenance, read_rows, shipped
-from hybridmpm_lab.harness.rows import FIRST_SEED
-from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness.provenance import provenance, shipped
+from hybridmpm_lab.harness.rows import FIRST_SEED, RowStore, read_rows
 from hybridmpm_lab.harness.table import equal_error, is_on_front
 
 NAMES = ("mpm 1", "mpm 1/16", "coarse 1/16", "neural fluids_2d all shown", "hybrid fluids_2d r_c 0.8")
@@ -134,7 +133,7 @@ def test_files_of_other_settings_and_damaged_files_are_refused(tmp_path: Path) -
 
 
 def test_all_methods_of_a_plan_are_compared() -> None:
-    for case in lists.tradeoff(lists.TradeoffSettings()):
+    for case in lists.tradeoff_cases(lists.TradeoffSettings()):
         name = case.head["scenario"]
         served = methods.serving(name)
         assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "coarse 1/64"} < set(case.methods)

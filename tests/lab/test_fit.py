@@ -1,6 +1,5 @@
 """Fitting of coarse levels: a short search, its file of trials, its table, and refusals."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,10 +12,10 @@ from click.testing import CliRunner
 from hybridmpm import ConfigError, DataError, MpmSolver, scenarios
 from hybridmpm.coarse import coarse_level, coarse_table
 from hybridmpm_lab.commands import cli
+from hybridmpm_lab.compare.truth import Truth
 from hybridmpm_lab.fitting import levels, search
-from hybridmpm_lab.fitting.cases import Case, measure
 from hybridmpm_lab.fitting.levels import FitSettings, fit_levels
-from hybridmpm_lab.fitting.space import SCALE, TARGETS, Constants, Target
+from hybridmpm_lab.fitting.search import SCALE, TARGETS, Constants, Target, measure
 
 TARGET = Target("water", 2, "1/64")
 
@@ -62,11 +61,9 @@ def test_a_search_is_resumed_where_it_stopped(folder: Path) -> None:
     assert 0 < seen.transport < 0.3
     scene = scenarios.water_2d(1_100_000)
     solver = MpmSolver(scene, coarse=coarse_level(scene, "1/64", coarse_table(folder / "levels.json")))
-    outcome = measure(Case.of("water_2d", 1_100_000, folder / "truths"), solver)
-    other = measure(
-        Case.of("water_2d", 1_100_001, folder / "truths"),
-        MpmSolver(scenarios.water_2d(1_100_001), coarse=solver.coarse),
-    )
+    outcome = measure(Truth.of(scene), solver)
+    second = scenarios.water_2d(1_100_001)
+    other = measure(Truth.of(second), MpmSolver(second, coarse=solver.coarse))
     assert seen.error == pytest.approx((outcome.error + other.error) / 2, rel=0.02)
     assert outcome.simulated == len(solver.coarse_positions)
     assert outcome.redone == 0
@@ -82,20 +79,19 @@ def test_a_search_comes_near_to_the_least_objective_and_keeps_better_constants(
         return {"value": float(np.square(far).sum())}
 
     monkeypatch.setattr(search, "objective", value)
-    monkeypatch.setattr(search, "measure", lambda _case, _solver: SimpleNamespace(transport=1.0))
-    cases: list[Any] = [SimpleNamespace(scene=scenarios.water_2d(0))]
+    monkeypatch.setattr(search, "measure", lambda _true, _solver: SimpleNamespace(transport=1.0))
+    truths: list[Any] = [SimpleNamespace(states=SimpleNamespace(scene=scenarios.water_2d(0)))]
     file = tmp_path / "trials.jsonl"
-    found = search.search(TARGET, cases, 80, file, lambda: None)
+    found = search.search(TARGET, truths, 80, file, lambda: None)
     start = value(TARGET, Constants.start(TARGET))["value"]
     assert value(TARGET, found)["value"] < 0.02 * start
     for known, stays in ((best, True), (replace(best, modulus=1.0), False)):
-        again = search.search(TARGET, cases, 80, file, lambda: None, known=known)
+        again = search.search(TARGET, truths, 80, file, lambda: None, known=known)
         assert (again == known) == stays
 
 
 def test_without_trials_the_levels_of_a_table_are_measured_anew(folder: Path, tmp_path: Path) -> None:
     fit(folder, 1)
-    shutil.copytree(folder / "truths", tmp_path / "truths")
     file = tmp_path / "levels.json"
     coarse_table.cache_clear()
     with pytest.raises(ConfigError, match="has no coarse level water_2d-1-64 to measure"):
@@ -137,8 +133,7 @@ def test_searches_begin_and_stay_within_bounds(target: Target) -> None:
     assert 8 <= level.resolution <= scene.resolution
 
 
-def test_the_command_prints_and_writes_the_levels(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder / "truths", tmp_path / "new" / "truths")
+def test_the_command_prints_and_writes_the_levels(tmp_path: Path) -> None:
     arguments = ["--scenario", "water_2d", "--coarse", "1/64", "--trials", "1", "--scenes", "1"]
     run = CliRunner().invoke
     done = run(cli, ["fit", str(tmp_path / "new"), *arguments, "--held-out", "2"])

@@ -10,6 +10,7 @@ from hybridmpm.planner import store
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.compare import plan_errors
 from hybridmpm_lab.harness import provenance, results
+from hybridmpm_lab.harness.rows import read_rows, write_rows
 
 ORIGIN = {"machine", "date", "commit", "command", "solver_version", "ingredients"}
 
@@ -52,19 +53,19 @@ def test_published_rows_are_drawn_again(one: results.Result, tmp_path: Path) -> 
 
 def test_plans_know_the_published_errors() -> None:
     shipped = store.shipped()
-    rows = provenance.read_rows(results.FOLDER / "tradeoff.json")
+    rows = read_rows(results.FOLDER / "tradeoff.json")
     assert plan_errors.calibration_of(rows, shipped.times) == shipped
 
 
 def test_rows_are_written_without_what_is_none_and_read_as_they_were(tmp_path: Path) -> None:
     file = tmp_path / "rows.json"
     rows = [{"a": None, "b": 1, "c": None}, {"a": None, "b": None, "c": 0.5}, {"a": 0, "b": False, "c": ""}]
-    provenance.write_rows(file, rows)
+    write_rows(file, rows)
     assert file.read_text().count("null") == 2
-    assert [list(row.items()) for row in provenance.read_rows(file)] == [list(row.items()) for row in rows]
+    assert [list(row.items()) for row in read_rows(file)] == [list(row.items()) for row in rows]
     # A field that the first row lacks is added to all.
-    provenance.write_rows(file, [{"a": 1}, {"a": None, "b": 2}])
-    assert provenance.read_rows(file) == [{"a": 1, "b": None}, {"a": None, "b": 2}]
+    write_rows(file, [{"a": 1}, {"a": None, "b": 2}])
+    assert read_rows(file) == [{"a": 1, "b": None}, {"a": None, "b": 2}]
 
 
 def test_rows_of_other_ingredients_are_outdated() -> None:
@@ -84,7 +85,7 @@ def test_rows_of_other_ingredients_are_outdated() -> None:
 def test_stale_results_are_listed_and_made_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     row = provenance.provenance("python -m hybridmpm_lab coarse").stamped({"error": 0.5})
     for name, version in (("coarse", 1), ("models", SOLVER_VERSION), ("hybrid", SOLVER_VERSION)):
-        provenance.write_rows(tmp_path / f"{name}.json", [row | {"solver_version": version}])
+        write_rows(tmp_path / f"{name}.json", [row | {"solver_version": version}])
     listed = (
         results.Result(name="coarse", command="coarse --scenes 2", minutes=3, has_runs=True),
         results.Result(

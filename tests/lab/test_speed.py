@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from hybridmpm import MpmSolver, SceneError, SimulationError, _core, scenarios
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.harness import timing
-from hybridmpm_lab.harness.provenance import read_rows
+from hybridmpm_lab.harness.rows import read_rows
 from hybridmpm_lab.harness.timing import Calibration
 from hybridmpm_lab.speed import solver
 from hybridmpm_lab.speed.baselines import SOLVERS

@@ -13,11 +13,17 @@ from hybridmpm.physics import NeuralModel
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.scene import BoxObstacle, Motion
 from hybridmpm_lab.commands import cli
-from hybridmpm_lab.harness.provenance import read_rows
-from hybridmpm_lab.stability.corrupted import CORRUPTIONS, Corrupted
-from hybridmpm_lab.stability.map import Cell, attempt, truth
-from hybridmpm_lab.stability.outcome import Look, Outcome, Run, judged, look
-from hybridmpm_lab.stability.stresses import METHODS, STRESSES, Method, block, scene
+from hybridmpm_lab.harness.rows import read_rows
+from hybridmpm_lab.stability.map import Cell, Look, Outcome, Run, attempt, judged, look, truth
+from hybridmpm_lab.stability.stresses import (
+    CORRUPTIONS,
+    METHODS,
+    STRESSES,
+    Corrupted,
+    Method,
+    block,
+    scene,
+)
 
 CALM = Look(finite=True, outside=0, energy=1.0, work=0.0, crowding=1.0, volume=0.04)
 

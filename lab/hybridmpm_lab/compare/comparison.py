@@ -1,27 +1,44 @@
 """The comparison of methods on scenes: errors scene by scene, times by turns, and the table of both."""
 
+import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
 
+import click
 import numpy as np
 
 from hybridmpm import metrics
-from hybridmpm.errors import SimulationError
+from hybridmpm._support.machine import usable_cores
+from hybridmpm.cli.progress import progress
+from hybridmpm.coarse import CoarseSimulator
+from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.planner.calibrating.impact import first_frame
 from hybridmpm.planner.candidates import RATIOS
 from hybridmpm.scene import Scene
-from hybridmpm_lab.compare import peers
+from hybridmpm_lab.compare import chart, peers
 from hybridmpm_lab.compare.methods import Method
-from hybridmpm_lab.compare.times import FIELDS, times
 from hybridmpm_lab.compare.truth import MEASURES, SHARES, Truth, errors, grid_errors, shares
+from hybridmpm_lab.harness.command import Measurement, number_option, runs_option, scenarios_setting, setting
 from hybridmpm_lab.harness.provenance import Provenance
-from hybridmpm_lab.harness.rows import FIRST_SEED, Progress, Row, significant
-from hybridmpm_lab.harness.settings import scenarios_setting, setting
-from hybridmpm_lab.harness.store import Key, RowStore
+from hybridmpm_lab.harness.rows import FIRST_SEED, Key, Progress, Row, RowStore, significant
 from hybridmpm_lab.harness.table import dominating, equal_error, is_on_front, row_name
+from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
+from hybridmpm_lab.speed.baselines import require_installed
+from hybridmpm_lab.speed.baselines.process import baseline_process
 
+FIELDS = ("ms_per_frame", "ms_p95", "slowdown")
+"""Fields of a row about its time."""
+PIECE = 8
+"""Frames of a piece: two updates of the shown particles, and one or two steps of each shipped network."""
+_APART = 2 * PIECE
+"""Frames from the start of a piece to that of the next."""
 BOUNDS = ("jitter", "still", *(f"merged {label}" for label, r_p in RATIOS.items() if r_p < 1))
 """Floors and ceiling of the error, which nobody can run: the truth with other jitter, the initial state held,
 the truth merged state by state."""
@@ -30,6 +47,21 @@ RIVALS = ("mpm", "coarse")
 FRONTS = ("error", "transport")
 """Errors by which rows have a Pareto front."""
 ORIGIN = ("machine", "date", "commit", "command", "solver_version", "ingredients")
+_COLUMNS = (
+    "scenario", "method", "label", "ms_per_frame", "ms_p95", "error", "error_se", "error_40", "error_100",
+    "error_200", "transport", "mpm_share", "failed", "on_front", "dominated_by", "equal_mpm_ms",
+)  # fmt: skip
+_OPTIONS = (
+    runs_option,
+    number_option("--jobs", 1, 1024, usable_cores(), "Processes for the errors; times are taken by one."),
+    number_option("--passes", 1, 1000, 9, "Timings of each piece; their lower quartile counts."),
+    click.option(
+        "--only",
+        type=click.Choice(["errors", "times", "table"]),
+        help="Do this part alone. Errors may be measured on a busy machine, times need an idle one; the "
+        "table is made of the rows in the file of --runs.",
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +151,7 @@ def measure_times(
     for case in cases:
         if not all(("times", *case.key, name) in store for name in case.methods):
             given = {"warm_up": case.warm_up, "span": case.span, "threads": case.threads}
-            for name, row in times(case.methods, case.timed(), passes=passes, **given):
+            for name, row in timed_rows(case.methods, case.timed(), passes=passes, **given):
                 store.add(("times", *case.key, name), origin.stamped(row))
         on_progress(1)
 
@@ -298,3 +330,112 @@ def mean(rows: Sequence[Row], name: str) -> float | None:
     """Return the mean of a field over the rows that have it; None without any."""
     values = [row[name] for row in rows if row.get(name) is not None]
     return significant(float(np.mean(values))) if values else None
+
+
+def timed_rows(
+    methods: Mapping[str, Method], scene: Scene, *, warm_up: int, span: int, passes: int, threads: int
+) -> Iterator[tuple[str, Row]]:
+    """Yield the name and the fields of the time of each method on a scene; None where it fails.
+
+    The pieces lie in the `span` frames after the first impact, or after the warm-up where that is later. All
+    pieces of all methods are timed once in each of the `passes`. Of the settings of a peer the quickest
+    counts.
+    """
+    start = first_frame(scene, warm_up)
+    timed: list[tuple[str, int, list[TimedCall]]] = []
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the rows of errors count them
+        for name, method in methods.items():
+            try:
+                if method.make is not None:
+                    timed.append((name, threads, _pieces(method.make(scene, threads), start, span)))
+                else:
+                    baseline = stack.enter_context(baseline_process(method.label))
+                    settings = peers.pieces(baseline, scene, start, span, PIECE)
+                    timed += [(name, its_threads, calls) for its_threads, calls in settings]
+            except SimulationError:
+                yield name, dict.fromkeys(FIELDS) | {"threads": threads}
+        calls = [call for *_, mine in timed for call in mine]
+        seconds = seconds_by_turns([*calls, TimedCall(call=Calibration(threads).slowdown)], passes)
+    quartiles = [float(np.percentile(mine, 25)) for mine in seconds]
+    slowdown = significant(quartiles.pop(), 3)
+    rows: dict[str, Row] = {}
+    for name, its_threads, mine in timed:
+        ms = [1e3 * quartiles.pop(0) for _ in mine]
+        row = {
+            "ms_per_frame": significant(float(np.median(ms))),
+            "ms_p95": significant(float(np.percentile(ms, 95))),
+            "slowdown": slowdown,
+            "threads": its_threads,
+        }
+        rows[name] = min(rows.get(name, row), row, key=lambda one: one["ms_per_frame"])
+    yield from rows.items()
+
+
+def _pieces(simulator: CoarseSimulator, start: int, span: int) -> list[TimedCall]:
+    calls = []
+    for frame in range(start, start + span - PIECE, _APART):
+        simulator.advance(frame - simulator.frame)
+        prepare = partial(_prepare, simulator, simulator.snapshot())
+        calls.append(TimedCall(prepare=prepare, call=partial(_shown, simulator)))
+    simulator.advance(start + span - simulator.frame)
+    return calls
+
+
+def _prepare(simulator: CoarseSimulator, snapshot: bytes) -> None:
+    """Return to a state, and touch the memory that the others used meanwhile by one frame."""
+    simulator.restore(snapshot)
+    simulator.advance(1)
+    _ = simulator.positions
+
+
+def _shown(simulator: CoarseSimulator) -> float:
+    """Return the time of a frame of a piece [s], each looked at."""
+    began = time.perf_counter()
+    for _ in range(PIECE):
+        simulator.advance(1)
+        _ = simulator.positions
+    return (time.perf_counter() - began) / PIECE
+
+
+def comparison_command(
+    *,
+    cases: Callable[[Any], list[Case]],
+    columns: Sequence[str] = _COLUMNS,
+    tabulated: Callable[[Sequence[Case], RowStore], list[Row]] | None = None,
+    draw: Callable[[Sequence[Row], Path], object] = chart.chart,
+    is_timed: bool = True,
+    **named: Any,
+) -> click.Command:
+    """Return the command of a comparison of methods on the scenes of cases."""
+
+    def measure(
+        settings: ComparisonSettings,
+        origin: Provenance,
+        *,
+        only: str | None,
+        passes: int,
+        jobs: int,
+        runs_file: Path | None,
+    ) -> list[Row]:
+        if only == "table" and runs_file is None:
+            raise ConfigError(
+                "--only table makes the table of runs that are there: name their file by --runs"
+            )
+        for peer in getattr(settings, "peer", ()):
+            require_installed(peer)
+        found, store = cases(settings), RowStore(settings.shared(), runs_file)
+        if only in (None, "errors"):
+            with progress("Errors", sum(len(case.seeds) for case in found)) as bar:
+                measure_errors(found, store, origin, jobs, bar.update)
+        if only in (None, "times") and is_timed:
+            with progress("Times", len(found)) as bar:
+                measure_times(found, store, origin, passes, bar.update)
+        rows = (tabulated or table)(found, store)
+        if not rows:
+            raise ConfigError(f"{runs_file} has no runs of these cases; measure them first")
+        if busy := {str(row["scenario"]) for row in rows if (row.get("slowdown") or 0) > QUIET}:
+            click.echo(f"The machine was busy while these were timed, so time them again: {', '.join(busy)}")
+        return rows
+
+    return Measurement(measure=measure, columns=columns, draw=draw, options=_OPTIONS, **named).command()

@@ -11,11 +11,18 @@ from hybridmpm.physics.manifest import default_model
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.planner.candidates import RATIOS, loaded
 from hybridmpm_lab.compare import methods, peers
-from hybridmpm_lab.compare.comparison import BOUNDS, RIVALS, Case, ComparisonSettings, seeds
+from hybridmpm_lab.compare.comparison import (
+    BOUNDS,
+    RIVALS,
+    Case,
+    ComparisonSettings,
+    comparison_command,
+    seeds,
+)
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.compare.truth import reference_scene
+from hybridmpm_lab.harness.command import scenarios_setting, setting
 from hybridmpm_lab.harness.rows import FIRST_SEED
-from hybridmpm_lab.harness.settings import scenarios_setting, setting
 from hybridmpm_lab.speed.baselines import SOLVERS
 
 THRESHOLDS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
@@ -48,14 +55,14 @@ class ModelsSettings(ComparisonSettings):
     )
 
 
-def tradeoff(settings: TradeoffSettings) -> list[Case]:
+def tradeoff_cases(settings: TradeoffSettings) -> list[Case]:
     """Return a case for each scenario, with every method of the library, and peers."""
     return [
         _case(name, _methods(name, settings), settings, methods.warm_up(name)) for name in settings.scenario
     ]
 
 
-def coarse(settings: CoarseSettings) -> list[Case]:
+def coarse_cases(settings: CoarseSettings) -> list[Case]:
     """Return a case for each scenario, with MPM of all and of fewer particles, from the first impact on."""
     return [
         _case(name, [one for one in methods.planned(name).values() if one.method in RIVALS], settings, 0)
@@ -63,7 +70,7 @@ def coarse(settings: CoarseSettings) -> list[Case]:
     ]
 
 
-def models(settings: ModelsSettings) -> list[Case]:
+def models_cases(settings: ModelsSettings) -> list[Case]:
     """Return a case for each scenario that one of the networks serves, of `settings.scenario` where given.
 
     Raises
@@ -117,3 +124,36 @@ def _methods(scenario: str, settings: TradeoffSettings) -> Iterator[Method]:
     if peers.can_simulate(scenarios.get(scenario, FIRST_SEED)):
         for package in settings.peer:
             yield Method(method="peer", label=package)
+
+
+tradeoff = comparison_command(
+    name="tradeoff",
+    settings=TradeoffSettings,
+    cases=tradeoff_cases,
+    summary="""Compare all methods by error and time.
+
+    Methods are MPM in full and with fewer particles, alone, showing all and fitted; softer; each
+    network of the library, and hybrids with it. Errors are taken against the truth in scenes that no data set
+    and no fit contains. Methods that another one beats in both are dominated, all others are the Pareto
+    front. equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
+    """,
+)
+coarse = comparison_command(
+    name="coarse",
+    settings=CoarseSettings,
+    cases=coarse_cases,
+    summary="""Compare MPM with fewer particles by error and time: alone, showing all, and fitted.
+
+    Beside them stand the floors of the error (jitter: the truth with other jitter; merged: the truth shown by
+    as few particles) and its ceiling (still: the initial state held).
+    """,
+)
+models = comparison_command(
+    name="models",
+    settings=ModelsSettings,
+    cases=models_cases,
+    summary="""Compare networks by error and time, beside MPM and free fall.
+
+    equal_mpm_ms is the time of the quickest MPM that errs no more: a network pays only below it.
+    """,
+)

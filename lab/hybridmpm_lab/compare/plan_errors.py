@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import click
+
 from hybridmpm import SOLVER_VERSION
 from hybridmpm._support.files import replacing
 from hybridmpm.planner import store
 from hybridmpm.planner.calibration import MEASURES, VERSION, Calibration, MachineTimes, MethodErrors
 from hybridmpm.planner.candidates import candidates
-from hybridmpm_lab.harness.rows import Row
+from hybridmpm_lab.harness.rows import Row, read_rows
 from hybridmpm_lab.harness.table import row_name
 
 _FLOOR = "jitter"
@@ -49,3 +51,12 @@ def refresh(file: Path, rows: Sequence[Row]) -> None:
     made = calibration_of(rows, store.shipped().times)
     with replacing(file) as part:
         part.write_text(made.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+@click.command("plan-errors")
+@click.argument("rows_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("calibration", type=click.Path(dir_okay=False, path_type=Path))
+def plan_errors(*, rows_file: Path, calibration: Path) -> None:
+    """Write the errors of ROWS_FILE, made by `tradeoff --json`, with the shipped times into CALIBRATION."""
+    refresh(calibration, read_rows(rows_file))
+    click.echo(f"wrote {calibration}")

@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,6 @@ from hybridmpm.planner.calibrating.impact import LONGEST_FALL, first_impact
 from hybridmpm.recording import Recording, record
 from hybridmpm.scene import Scene
 from hybridmpm.simulator import Simulator
-from hybridmpm_lab.harness.grid import TrueGrids
 from hybridmpm_lab.harness.rows import AT, EVERY, FIRST_SEED
 
 _CROWD = 100
@@ -43,6 +43,42 @@ def reference_scene(scenario: str) -> Scene:
     """Return the scene for latencies: of a hundred test scenes that with the most particles."""
     scenes = [scenarios.get(scenario, seed) for seed in range(FIRST_SEED, FIRST_SEED + _CROWD)]
     return max(scenes, key=lambda scene: len(scene.sample().x))
+
+
+class TrueGrids:
+    """Grids of the states of a truth, for comparing many simulations with it by `metrics.grid_rmse`.
+
+    Parameters
+    ----------
+    x : (F, N, D)
+        Positions [m] of F states.
+    mass : (N,)
+        Masses [kg].
+    resolution : int
+        Cells per metre of the scene's grid.
+    """
+
+    def __init__(self, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int) -> None:
+        self._resolution = resolution
+        self._masses = np.stack([self._normalised(one, mass) for one in x])
+        self._norms = np.linalg.norm(self._masses, axis=1)
+
+    def rmse(self, row: int, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32]) -> float:
+        """Return the `grid_rmse` of particles (n, D), (n,) against the state `row`, in single precision."""
+        apart = self._normalised(x, mass) - self._masses[row]
+        return float(np.sqrt(np.dot(apart, apart)) / self._norms[row])
+
+    def nrmse_over_rmse(self, row: int) -> float:
+        """Return by what a `grid_rmse` against the state `row` has to be multiplied for the `grid_nrmse`."""
+        true = self._masses[row]
+        return float(self._norms[row] / (np.sqrt(true.size) * true.max()))
+
+    def _normalised(
+        self, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float32]:
+        nodes = metrics.grid_mass(x, mass, self._resolution).ravel()
+        share: npt.NDArray[np.float32] = nodes / np.float32(nodes.sum(dtype=np.float64))
+        return share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +119,11 @@ class Truth:
             calm=int(ends[0]) if len(ends) else int(run.frames[-1]),
             states=_later(run),
         )
+
+    @cached_property
+    def grids(self) -> TrueGrids:
+        """Grids of the states."""
+        return TrueGrids(self.states.positions, self.states.mass, self.states.scene.resolution)
 
     def jittered(self) -> Recording:
         """Return the states of the truth with other jitter: the uncertainty of the truth itself."""
@@ -164,7 +205,8 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
         metrics.transport_distance(run.positions[row], run.mass, true.positions[row], true.mass)
         for row in rows.values()
     ]
-    dense, right = (_density(states, list(rows.values())) for states in (run, true))
+    at = list(rows.values())
+    dense, right = (densities(one.scene, one.positions[at], one.mass, one.types) for one in (run, true))
     return {
         **{name: float(measured[name].mean()) for name in _MEANS},
         "error": float(measured["grid_rmse"].mean()),
@@ -177,7 +219,7 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
 def grid_errors(run: Recording, truth: Truth) -> dict[str, float]:
     """Return `error`, its readings at the frames of `AT`, and `grid_nrmse` of `errors`, which are quick."""
     true = truth.states
-    grids = TrueGrids(true.positions, true.mass, true.scene.resolution)
+    grids = truth.grids
     inside = np.clip(run.positions, 0, 1)
     rmse = np.array([grids.rmse(row, x, run.mass) for row, x in enumerate(inside)])
     scales = np.array([grids.nrmse_over_rmse(row) for row in range(len(rmse))])
@@ -207,8 +249,10 @@ def _counts(simulator: Simulator) -> _Counts:
     return {"network": by_network, "free_fall": 0, "rest": 0}
 
 
-def _density(states: Recording, rows: list[int]) -> npt.NDArray[np.float64]:
-    """Return the 99th percentile of the density in some states, over that at rest [-]."""
-    rest = {material.type_id: material.density for material in states.scene.materials}
-    volumes = states.mass / np.array([rest[kind] for kind in states.types.tolist()])
-    return metrics.density_percentile(states.positions[rows], volumes, states.scene.resolution)
+def densities(
+    scene: Scene, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], types: npt.NDArray[np.integer]
+) -> npt.NDArray[np.float64]:
+    """Return the 99th percentile of the density of states x (..., N, D), over that at rest [-]."""
+    rest = {material.type_id: material.density for material in scene.materials}
+    volumes = mass / np.array([rest[kind] for kind in types.tolist()])
+    return metrics.density_percentile(x, volumes, scene.resolution)

@@ -27,7 +27,7 @@ from hybridmpm.control import (
     reversed_from_seed,
 )
 from hybridmpm.errors import SketchError
-from hybridmpm_lab.control.backcast import Backcast
+from hybridmpm_lab.control.methods import Backcast
 
 RIVALS = ("constant", "analytic", "backcast")
 KINDS = ("oval", "arrow")

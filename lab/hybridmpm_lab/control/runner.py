@@ -15,14 +15,18 @@ from hybridmpm.control.goal.goal import Goal
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.simulator import Simulator
-from hybridmpm_lab.control.measures import distance_from_path, end_figures, force_figures
+from hybridmpm_lab.control.measures import (
+    LEAST_SEEDS,
+    distance_from_path,
+    end_figures,
+    features,
+    force_figures,
+)
 from hybridmpm_lab.control.methods import FILLED, NAMES, ORACLE, Methods, methods_of, takes_part
-from hybridmpm_lab.control.naturalness import LEAST_SEEDS, features
 from hybridmpm_lab.control.suite import FAMILIES, REFERENCE_SEEDS, VERSION, Case, cases, digest
+from hybridmpm_lab.harness.command import scenarios_setting, setting
 from hybridmpm_lab.harness.provenance import Provenance, shipped
-from hybridmpm_lab.harness.rows import Progress, Row, significant
-from hybridmpm_lab.harness.settings import scenarios_setting, setting
-from hybridmpm_lab.harness.store import Key, RowStore
+from hybridmpm_lab.harness.rows import Key, Progress, Row, RowStore, significant
 from hybridmpm_lab.harness.timing import Calibration
 
 HORIZON = 100
@@ -114,8 +118,6 @@ class Trial:
     row: Row
     looks: list[list[float]]
     """Features of some frames, (4, 13); empty without a run."""
-    end: npt.NDArray[np.floating] | None
-    """Positions at the end (N, D) [m]; None where the run failed."""
 
 
 def problem(case: Case) -> Problem:
@@ -147,7 +149,6 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
     head = {"scenario": case.scenario, "family": case.family, "sketch": case.kind, "seed": case.seed}
     head |= {"bodies": len(problem.simulator.scene.bodies), "method": name}
     looks: list[list[float]] = []
-    end: npt.NDArray[np.floating] | None = None
     figures: Row = {}
     failed = None
     if name == FILLED:
@@ -155,7 +156,7 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
         figures = end_figures(problem.simulator, problem.judged, problem.truth, end, end)
     else:
         try:
-            figures, looks, end = _followed(problem, name, method or problem.oracle or name)
+            figures, looks = _followed(problem, name, method or problem.oracle or name)
         except Exception as error:
             # A wrong force raises an error of both kinds.
             if isinstance(error, ConfigError) or not isinstance(error, SimulationError):
@@ -166,10 +167,12 @@ def run(problem: Problem, name: str, method: Method | None) -> Trial:
                 ) from error
             failed = str(error)
     rounded = {measure: significant(figures.get(measure)) for measure in MEASURES}
-    return Trial(head | rounded | {"failed": failed}, looks, end)
+    return Trial(head | rounded | {"failed": failed}, looks)
 
 
-def measure(settings: ControlSettings, store: RowStore, origin: Provenance, on_progress: Progress) -> None:
+def run_missing(
+    settings: ControlSettings, store: RowStore, origin: Provenance, on_progress: Progress
+) -> None:
     """Run what the store lacks, and add it run by run; `on_progress` counts runs, see `count_missing`.
 
     `slowdown` of a run is the larger slowdown of the machine before and after it. For scenarios with enough
@@ -234,10 +237,8 @@ def _weights(name: str, scenario: str) -> list[str]:
     return [file] if file in shipped() else []
 
 
-def _followed(
-    problem: Problem, name: str, method: Method | str
-) -> tuple[Row, list[list[float]], npt.NDArray[np.floating]]:
-    """Return figures, features of some frames, and the positions at the end."""
+def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, list[list[float]]]:
+    """Return figures, and features of some frames."""
     twin = problem.simulator.copy()
     cap = ORACLE_CAP if name == ORACLE else CAP
     start = time.perf_counter()
@@ -270,7 +271,7 @@ def _followed(
     figures |= force_figures(guidance.goal, [result.force_at(index) for index in range(frames)])
     if problem.case.kind == "arrow":
         figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
-    return figures, looks, end
+    return figures, looks
 
 
 def _uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:

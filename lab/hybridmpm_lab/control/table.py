@@ -1,17 +1,31 @@
-"""Means over the sketches of each family, scenario and kind, and the tables of docs/results/control.md."""
+"""Means over the sketches of each family, scenario and kind, their tables, and their chart."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
+import click
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.cli.progress import progress
 from hybridmpm.metrics import Estimate
-from hybridmpm_lab.control.methods import CONSTANT, Methods
-from hybridmpm_lab.control.naturalness import LEAST_SEEDS, TOLERANCE, auc, real_against_real
-from hybridmpm_lab.control.runner import MEASURES, rows_of, run_key
+from hybridmpm_lab.control.measures import LEAST_SEEDS, TOLERANCE, auc, real_against_real
+from hybridmpm_lab.control.methods import CONSTANT, FILLED, NAMES, Methods
+from hybridmpm_lab.control.runner import (
+    MEASURES,
+    ControlSettings,
+    count_missing,
+    rows_of,
+    run_key,
+    run_missing,
+    run_store,
+)
 from hybridmpm_lab.control.suite import REFERENCE_SEEDS, SETTINGS, Case, cases
-from hybridmpm_lab.harness.rows import Row, significant
-from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.harness import charts
+from hybridmpm_lab.harness.command import Measurement, runs_option
+from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.rows import Row, RowStore, significant
 
 _Floats = npt.NDArray[np.float64]
 ALL = "all"
@@ -33,6 +47,11 @@ _UNIT = {
     "path_error": "distance from the path [mm]",
     "transport": "transport [mm]",
 }
+_LABELS = {
+    "error": "final grid_rmse",
+    "path_error": "distance from the path [m]",
+    "transport": "transport distance [m]",
+}
 _COSTS = {
     "inside": "inside",
     "inside_later": "20 frames later",
@@ -42,18 +61,6 @@ _COSTS = {
     "total_ms": "total [ms]",
     "slowdown": "slowdown",
 }
-_IN_2D, _IN_3D = SETTINGS[:2], SETTINGS[2:]
-AIMS: tuple[tuple[str, str, str, tuple[str, ...], float], ...] = (
-    ("oval", "all", "analytic", _IN_2D, 0.60),
-    ("oval", "1", "analytic", _IN_2D, 0.33),
-    ("oval", "1", "analytic", _IN_3D, 0.65),
-    ("arrow", "all", "analytic", SETTINGS, 0.75),
-    ("arrow", "all", "backcast", ("water_2d", "water_3d"), 0.62),
-    ("oval", "all", "learned", _IN_2D, 0.60),
-    ("arrow", "all", "learned", _IN_2D, 0.60),
-)
-"""Kind of sketch, number of bodies, method, scenarios, and the largest mean error over that of the constant
-force, in the reversed family."""
 
 
 def judged_by(family: str) -> str:
@@ -104,35 +111,6 @@ def means(store: RowStore, some: Sequence[Case], methods: Methods) -> list[Row]:
     return rows
 
 
-def compared_with_aims(rows: Sequence[Row]) -> list[Row]:
-    """Return a row for each of `AIMS` and each scenario with runs.
-
-    `measured` is a ratio of mean errors of paired runs, `se` its standard error to first order.
-    """
-    there = [row for row in rows if row["family"] == "reversed" and row["failed"] is None]
-    found = []
-    for kind, bodies, method, scenarios, aim in AIMS:
-        mine = [row for row in there if row["sketch"] == kind and bodies in ("all", str(row["bodies"]))]
-        for scenario in scenarios:
-            pairs = _pairs([row for row in mine if row["scenario"] == scenario], method, "error")
-            if len(pairs):
-                ratio, error = ratio_of_means(pairs)
-                row: Row = {"scenario": scenario, "sketch": kind, "bodies": bodies, "method": method}
-                row |= {"count": len(pairs), "aim": aim, "measured": significant(ratio, 3)}
-                found.append(row | {"se": significant(error, 2), "met": ratio <= aim})
-    return found
-
-
-def ratio_of_means(pairs: _Floats) -> tuple[float, float | None]:
-    """Return mean(a) / mean(b) of pairs (K, 2), and its standard error to first order; None for one pair."""
-    mine, others = pairs.T
-    ratio = float(mine.mean() / others.mean())
-    if len(pairs) < 2:
-        return ratio, None
-    apart = mine - ratio * others
-    return ratio, float(apart.std(ddof=1) / np.sqrt(len(pairs)) / others.mean())
-
-
 def tables(rows: Sequence[Row]) -> str:
     """Return tables in Markdown, of rows of `means`.
 
@@ -166,19 +144,6 @@ def tables(rows: Sequence[Row]) -> str:
     return "\n".join(
         part for part in [*parts, _table("reversed: nrmse (ratio)", _beside_paper(rows))] if part
     )
-
-
-def aims_table(aims: Sequence[Row]) -> str:
-    """Return rows of `compared_with_aims` as a table in Markdown."""
-    cells: Cells = {}
-    for row in aims:
-        bodies = ", one body" if row["bodies"] == "1" else ""
-        line = f"{row['scenario']}, {row['sketch']}s{bodies}, {row['method']}"
-        cells[line, "sketches"] = str(row["count"])
-        cells[line, "largest ratio"] = f"{row['aim']:.2f}"
-        cells[line, "measured"] = f"{row['measured']}" + ("" if row["se"] is None else f" ± {row['se']}")
-        cells[line, ""] = "met" if row["met"] else "missed"
-    return _table("aims", cells)
 
 
 def _beside_paper(rows: Sequence[Row]) -> Cells:
@@ -268,3 +233,76 @@ def _naturalness(runs: Sequence[Row], natural: tuple[list[_Floats], float] | Non
     found = auc(looks, natural[0]) if natural is not None and is_valid else None
     reals = None if natural is None else natural[1]
     return {"naturalness": significant(found), "naturalness_of_reals": significant(reals)}
+
+
+def chart(rows: Sequence[Row], file: Path) -> None:
+    """Draw a panel for each family and kind of sketch, as SVG and PNG; raises as `charts` does.
+
+    Small points are the means of single scenarios, large ones those of all sketches. A dotted line is the
+    perfectly filled sketch in the reversed family. The error is that of `judged_by`.
+    """
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["family"], row["sketch"]), []).append(row)
+    methods = dict.fromkeys(row["method"] for row in rows if row["method"] != FILLED)
+    ordered = sorted(methods, key=lambda name: NAMES.index(name) if name in NAMES else len(NAMES))
+    columns = min(3, len(groups))
+    figure, axes = charts.panels(columns, -(-len(groups) // columns), width=4.2, height=3.3)
+    for panel in axes.flat[len(groups) :]:
+        panel.set_visible(False)
+    for ((family, kind), group), panel in zip(groups.items(), axes.flat, strict=False):
+        measure = judged_by(family)
+        for index, method in enumerate(ordered):
+            _draw(panel, [row for row in group if row["method"] == method], measure, index)
+        panel.set(
+            xscale="log", title=f"{family}, {kind}s", xlabel="planning time [ms]", ylabel=_LABELS[measure]
+        )
+        charts.plain_log_ticks(panel.xaxis)
+        if measure == "error":
+            for row in [row for row in group if row["method"] == FILLED][-1:]:
+                panel.axhline(row[measure], color="#333333", linestyle=":", label="sketch perfectly filled")
+            panel.set(ylim=(0, 1.05 * panel.get_ylim()[1]))
+        else:
+            panel.set(yscale="log")
+            charts.plain_log_ticks(panel.yaxis)
+    entries = charts.entries(axes)
+    columns = min(3, axes.shape[1])
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns, fontsize=8)
+    charts.save(figure, file)
+
+
+def _draw(panel: Any, rows: Sequence[Row], measure: str, index: int) -> None:
+    """Draw one method; colour and marker follow from its index."""
+    points = [row for row in rows if row[measure] is not None and row["plan_ms"] is not None]
+    colours, markers = charts.COLOURS, charts.MARKERS
+    colour = colours[index % len(colours)]
+    marker = markers[(index + index // len(colours)) % len(markers)]
+    for row in points:
+        look: Row = {"markersize": 4, "alpha": 0.45}
+        if row["scenario"] == ALL or len(points) == 1:
+            look = {"markersize": 9, "zorder": 3, "label": row["method"]}
+        at = [row["plan_ms"]], [row[measure]], [row[f"{measure}_se"] or 0.0]
+        panel.errorbar(*at, color=colour, marker=marker, linestyle="", **look)
+
+
+def _measure(settings: ControlSettings, origin: Provenance, runs_file: Path | None) -> list[Row]:
+    store = run_store(runs_file)
+    with progress("Measuring", count_missing(settings, store)) as bar:
+        run_missing(settings, store, origin, bar.update)
+    return means(store, settings.cases, settings.methods)
+
+
+control = Measurement(
+    name="control",
+    settings=ControlSettings,
+    measure=_measure,
+    draw=chart,
+    show=lambda rows: click.echo(tables(rows)),
+    options=(runs_option,),
+    summary="""Compare methods of control on a fixed suite of sketches.
+
+    The families are: states that are led back to where they came from (reversed), free ovals, bent arrows,
+    ovals behind obstacles, fluid in pieces that is to be gathered, and ovals and arrows as a hand draws them.
+    With --runs an interrupted command is resumed.
+    """,
+).command()

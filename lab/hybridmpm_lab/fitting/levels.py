@@ -6,18 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
 import numpy as np
 
 from hybridmpm import SOLVER_VERSION, scenarios
 from hybridmpm._support.files import replacing
+from hybridmpm.cli.progress import progress
 from hybridmpm.coarse import CoarseTable, FittedLevel, HeldOut, coarse_level, coarse_table, fastest_impact
 from hybridmpm.errors import CoarseWarning, ConfigError
 from hybridmpm.mpm import MpmSolver
-from hybridmpm_lab.fitting.cases import Case, Outcome, measure
-from hybridmpm_lab.fitting.search import PRICE, search
-from hybridmpm_lab.fitting.space import RATIOS, TARGETS, Constants, Target
+from hybridmpm_lab.compare.truth import Truth
+from hybridmpm_lab.fitting.search import PRICE, RATIOS, TARGETS, Constants, Outcome, Target, measure, search
+from hybridmpm_lab.harness.command import setting, settings_options
 from hybridmpm_lab.harness.rows import FIRST_SEED, Row, significant
-from hybridmpm_lab.harness.settings import setting
+from hybridmpm_lab.harness.table import print_table
 
 LARGEST_COMPRESSION = 0.02
 """Compression of matter at rest up to which moduli are lowered: the settled depth is wrong by as much."""
@@ -71,15 +73,8 @@ def fit_levels(
     The file keeps its levels that are not among the targets, and the constants of a target that no trial
     beats on the training scenes. An interrupted call is resumed with the trial at which it stopped.
 
-    Parameters
-    ----------
-    settings : FitSettings
-    folder : Path
-        Folder of the trials and of the truths of scenes; made if it is missing.
-    file : Path
-        File of the table, JSON.
-    on_step : callable
-        Called after each trial and after each test scene.
+    `folder` has the trials, and is made if it is missing; `file` is that of the table, JSON. `on_step` is
+    called after each trial and after each level on a test scene.
 
     Raises
     ------
@@ -90,8 +85,7 @@ def fit_levels(
     ExportError
         A file cannot be written.
     """
-    truths = folder / "truths"
-    truths.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     older = coarse_table(file).entries if file.exists() else ()
     entries = {Target(one.material, one.dim, one.name): one for one in older}
     missing = [target.key for target in settings.targets if target not in entries]
@@ -99,15 +93,14 @@ def fit_levels(
         raise ConfigError(
             f"{file} has no coarse level {missing[0]} to measure; fit it with at least one trial"
         )
-    cases: dict[str, list[Case]] = {}
+    truths: dict[str, list[Truth]] = {}
     for target in settings.targets if settings.trials else ():
-        if target.scenario not in cases:
+        if target.scenario not in truths:
             # Those of one scenario at a time: in 3D they take half a gigabyte.
-            seeds = range(settings.scenes)
-            cases = {target.scenario: [Case.of(target.scenario, seed, truths) for seed in seeds]}
+            truths = {target.scenario: [_truth(target.scenario, seed) for seed in range(settings.scenes)]}
         known = Constants.of(entries[target]) if target in entries else None
         trials = folder / f"{target.key}.jsonl"
-        found = search(target, cases[target.scenario], settings.trials, trials, on_step, known=known)
+        found = search(target, truths[target.scenario], settings.trials, trials, on_step, known=known)
         constants: Row = {name: significant(value) for name, value in vars(found).items()}
         entries[target] = FittedLevel(
             material=target.material,
@@ -121,15 +114,18 @@ def fit_levels(
             held_out=(),
         )
     table = _table(entries)
-    for target in settings.targets:
-        seen = []
-        for scenario, count in settings.judged(target).items():
-            outcomes = []
-            for seed in range(FIRST_SEED, FIRST_SEED + count):
-                outcomes.append(_outcomes(target, table, Case.of(scenario, seed, truths)))
+    outcomes: dict[Target, dict[str, list[_Outcomes]]] = {target: {} for target in settings.targets}
+    for scenario in dict.fromkeys(name for target in outcomes for name in settings.judged(target)):
+        most = max(settings.judged(target).get(scenario, 0) for target in outcomes)
+        for index in range(most):
+            mine = [one for one in outcomes if index < settings.judged(one).get(scenario, 0)]
+            true = _truth(scenario, FIRST_SEED + index)
+            for target in mine:
+                outcomes[target].setdefault(scenario, []).append(_outcomes(target, table, true))
                 on_step()
-            seen.append(_held_out(scenario, outcomes))
-        entries[target] = entries[target].model_copy(update={"held_out": tuple(seen)})
+    for target, seen in outcomes.items():
+        held_out = tuple(_held_out(name, seen[name]) for name in settings.judged(target))
+        entries[target] = entries[target].model_copy(update={"held_out": held_out})
     table = _table(entries)
     with replacing(file) as part:
         part.write_text(json.dumps(table.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
@@ -145,17 +141,24 @@ def _table(entries: Mapping[Target, FittedLevel]) -> CoarseTable:
     )
 
 
-def _outcomes(target: Target, table: CoarseTable, case: Case) -> tuple[Outcome, Outcome, Outcome]:
-    """Run a level of a table, the same r_p without fitting, and its coarse particles alone."""
+def _truth(scenario: str, seed: int) -> Truth:
+    return Truth.of(scenarios.get(scenario, seed))
+
+
+_Outcomes = tuple[Outcome, Outcome, Outcome]
+"""Outcomes of a level, of the same r_p without fitting, and of its coarse particles alone."""
+
+
+def _outcomes(target: Target, table: CoarseTable, true: Truth) -> _Outcomes:
+    scene = true.states.scene
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CoarseWarning)  # Frames that are redone are counted.
-        level = coarse_level(case.scene, target.name, table)
-        fitted = measure(case, MpmSolver(case.scene, coarse=level))
-    unfitted = measure(case, MpmSolver(case.scene, r_p=target.r_p, show_all=True))
-    return fitted, unfitted, measure(case, MpmSolver(case.scene, r_p=target.r_p))
+        fitted = measure(true, MpmSolver(scene, coarse=coarse_level(scene, target.name, table)))
+    unfitted = measure(true, MpmSolver(scene, r_p=target.r_p, show_all=True))
+    return fitted, unfitted, measure(true, MpmSolver(scene, r_p=target.r_p))
 
 
-def _held_out(scenario: str, outcomes: Sequence[tuple[Outcome, Outcome, Outcome]]) -> HeldOut:
+def _held_out(scenario: str, outcomes: Sequence[_Outcomes]) -> HeldOut:
     """Return means and standard errors of `_outcomes` of test scenes."""
     fitted, unfitted, plain = zip(*outcomes, strict=True)
     errors, others = (np.array([one.error for one in runs]) for runs in (fitted, unfitted))
@@ -179,3 +182,41 @@ def _fastest(target: Target) -> float:
     """Return the largest speed of an impact in the scenarios of a target [m/s], with a margin."""
     scenes = (scenarios.get(name, seed) for name in scenarios_of(target) for seed in range(_SEEN))
     return _MARGIN * max(fastest_impact(scene) for scene in scenes)
+
+
+_COLUMNS = (
+    "material", "dim", "coarse", "particles_per_cell", "modulus", "cfl", "affine_share", "relaxation",
+    "scenario", "error", "error_se", "unfitted", "transport", "transport_few", "density", "substeps",
+)  # fmt: skip
+
+
+@click.command()
+@click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
+@click.option(
+    "--table",
+    "file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="JSON file of the levels. Those that it has stay unless this search beats them. Default: "
+    "levels.json in FOLDER.",
+)
+@settings_options(FitSettings)
+def fit(settings: FitSettings, folder: Path, file: Path | None) -> None:
+    """Fit the constants of coarse levels: grid, moduli, step and upsampling, for each material and dimension.
+
+    FOLDER keeps every trial: an interrupted command is resumed, and with more
+    --trials it searches on. Two commands may share a FOLDER if they fit different scenarios into different
+    tables. Use a table by MpmSolver(scene, coarse=coarse_level(scene, "1/16", coarse_table(FILE))).
+    """
+    file = folder / "levels.json" if file is None else file
+    if file.parent != folder and not file.parent.is_dir():
+        raise click.UsageError(f"--table: the folder {file.parent} does not exist.")
+    with progress("Fitting", settings.steps) as bar:
+        table = fit_levels(settings, folder=folder, file=file, on_step=lambda: bar.update(1))
+    rows = [
+        {"coarse": entry.name, **entry.model_dump(exclude={"held_out"}), **seen.model_dump()}
+        for entry in table.entries
+        for seen in entry.held_out
+    ]
+    print_table(rows, _COLUMNS)
+    click.echo(f"wrote {file}")

@@ -56,6 +56,15 @@ def plain_log_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def entries(axes: Any) -> dict[str, Any]:
+    """Return the labelled lines of an array of axes by label, each once."""
+    return {
+        label: handle
+        for panel in axes.flat
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write the figure in the format that the suffix of `path` names, such as .svg or .png.
 

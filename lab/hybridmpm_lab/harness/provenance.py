@@ -1,11 +1,10 @@
-"""The origin of a measurement, its ingredients, and the file of its rows."""
+"""The origin of a measurement and its ingredients."""
 
 import dataclasses
 import datetime as dt
 import hashlib
 import json
 import subprocess
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,9 +13,7 @@ import onnx
 
 import hybridmpm
 from hybridmpm import SOLVER_VERSION
-from hybridmpm._support.files import replacing
 from hybridmpm._support.machine import cpu_model, usable_cores
-from hybridmpm.errors import ConfigError, DataError
 from hybridmpm_lab.harness.rows import Row
 
 _LIBRARY = Path(hybridmpm.__file__).parent
@@ -97,46 +94,15 @@ def outdated(row: Row) -> str | None:
     return None
 
 
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as a JSON list of flat objects, one a line; raises `ExportError`.
-
-    The first row has all fields. The others lack those that are None, which `read_rows` fills in.
-    """
-    first = dict.fromkeys(name for row in rows for name in row) | rows[0]
-    short = [{name: value for name, value in row.items() if value is not None} for row in rows[1:]]
-    with replacing(path) as part:
-        lines = ",\n".join(json.dumps(row, separators=(",", ":")) for row in (first, *short))
-        part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-
-
-def read_rows(path: Path) -> list[Row]:
-    """Read a file of `write_rows`; raises `DataError` where it is none."""
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))
-        empty = dict.fromkeys(name for row in rows for name in row)
-        return [empty | row for row in rows]
-    except (OSError, ValueError, TypeError) as error:
-        raise DataError(f"{path} has no rows of a result: {error}") from None
-
-
 def _commit(file: Path) -> str | None:
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(file.parent), *arguments]
+        return subprocess.run(command, capture_output=True, check=True, text=True).stdout.strip()  # noqa: S603
+
     try:
         # An installed copy may lie in some other project's checkout, which does not track it.
-        _git(file.parent, "ls-files", "--error-unmatch", file.name)
-        head = _git(file.parent, "rev-parse", "--short=12", "HEAD")
-        changed = _git(file.parent, "status", "--porcelain", "--untracked-files=no")
-    except ConfigError:
+        git("ls-files", "--error-unmatch", file.name)
+        head = git("rev-parse", "--short=12", "HEAD")
+        return f"{head}-dirty" if git("status", "--porcelain", "--untracked-files=no") else head
+    except (OSError, subprocess.CalledProcessError):
         return None
-    return f"{head}-dirty" if changed else head
-
-
-def _git(folder: Path, *arguments: str) -> str:
-    command = ["git", "-C", str(folder), *arguments]
-    try:
-        done = subprocess.run(command, capture_output=True, check=True)  # noqa: S603 - constants
-    except OSError as error:
-        raise ConfigError(f"this needs git: {error.strerror or error}") from None
-    except subprocess.CalledProcessError as error:
-        reason = error.stderr.decode(errors="replace").strip()
-        raise ConfigError(f"{folder}: {reason}; run this in a checkout with its history") from None
-    return done.stdout.decode("utf-8", "surrogateescape").strip()

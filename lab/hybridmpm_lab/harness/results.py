@@ -1,12 +1,17 @@
 """The published results: their files, commands and order, and which are no longer of what ships."""
 
-from collections.abc import Iterator
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import click
+
+from hybridmpm.errors import ConfigError
 from hybridmpm.planner.store import SHIPPED
-from hybridmpm_lab.harness.provenance import outdated, read_rows
-from hybridmpm_lab.harness.rows import Row
+from hybridmpm_lab.harness.provenance import outdated
+from hybridmpm_lab.harness.rows import Row, read_rows
+from hybridmpm_lab.harness.table import print_table
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs/results"
 """Folder of the published rows; the laboratory is run in its checkout."""
@@ -87,11 +92,45 @@ STALE = {
 """Results that are known to be stale, with the reason why nobody can make them today."""
 
 
-def stale() -> Iterator[tuple[Result, list[str]]]:
-    """Yield the results that are no longer of what ships, and those that need them, with the reasons."""
-    old: set[str] = set()
+@click.command("all")
+@click.option("--stale", is_flag=True, help="List the stale results, and make none.")
+@click.option(
+    "--runs",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    metavar="FOLDER",
+    help="Folder of the runs so far; the same command resumes with them after an interruption.",
+)
+def all(*, stale: bool, runs: Path) -> None:  # noqa: A001 - the name of the command
+    """Make the stale published results anew, in order; times need an idle machine.
+
+    A result is stale where the solver, a network, a fitted table or a result that took part is no longer the
+    one that ships.
+    """
+    found: dict[str, tuple[Result, list[str]]] = {}
     for one in RESULTS:
-        reasons = one.reasons() + [f"needs {name}" for name in one.needs if name in old]
-        if reasons:
-            old.add(one.name)
-            yield one, reasons
+        if reasons := one.reasons() + [f"needs {name}" for name in one.needs if name in found]:
+            found[one.name] = one, reasons
+    rows = [
+        {
+            "result": one.name,
+            "minutes": one.minutes,
+            "needs": ", ".join(one.needs),
+            "command": " ".join(["python -m hybridmpm_lab", *one.words(runs)]),
+            "reason": "; ".join(reasons),
+        }
+        for one, reasons in found.values()
+    ]
+    if rows:
+        print_table(rows, tuple(rows[0]))
+    minutes = sum(one.minutes for one, _ in found.values())
+    click.echo(f"{len(found)} of {len(RESULTS)} results are stale; making them takes {minutes} minutes")
+    if stale:
+        return
+    runs.mkdir(parents=True, exist_ok=True)
+    for one, _ in found.values():
+        for words in (one.words(runs), (one.after or "").split()):
+            command = [sys.executable, "-m", "hybridmpm_lab", *words]
+            if words and subprocess.run(command, check=False).returncode:  # noqa: S603 - constants
+                raise ConfigError(f"{one.name} could not be made; the same command resumes here")

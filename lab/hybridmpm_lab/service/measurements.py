@@ -18,8 +18,8 @@ from hybridmpm._support.machine import usable_cores
 from hybridmpm.client import AsyncClient, AsyncSession
 from hybridmpm.errors import SimulationError
 from hybridmpm.stream_frames import Frame
+from hybridmpm_lab.harness.command import setting
 from hybridmpm_lab.harness.rows import Progress, Row, significant
-from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.server import Server, running
@@ -57,6 +57,11 @@ class ServiceSettings:
     repeats: int = setting(20, "Number of sketches and of pushes.", low=1, high=1000)
     kills: int = setting(200, "Number of kills at random moments.", low=1, high=100_000)
     seed: int = setting(0, "Seed of the clients and the moments of kills.", low=0)
+
+    @property
+    def steps(self) -> int:
+        """Number of parts."""
+        return len(self.part)
 
 
 def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:

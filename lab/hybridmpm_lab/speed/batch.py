@@ -6,8 +6,8 @@ from functools import partial
 
 from hybridmpm import scenarios
 from hybridmpm.mpm import MpmBatch
+from hybridmpm_lab.harness.command import Measurement, measured, setting
 from hybridmpm_lab.harness.rows import Progress, Row
-from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.timing import TimedCall, seconds_by_turns
 
 _RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
@@ -59,3 +59,14 @@ def measure(settings: BatchSettings, on_progress: Progress) -> Iterator[Row]:
 def _restore(batch: MpmBatch, starts: Sequence[bytes]) -> None:
     for member, start in zip(batch, starts, strict=True):
         member.restore(start)
+
+
+batch = Measurement(
+    name="batch",
+    settings=BatchSettings,
+    measure=measured(measure),
+    columns=(
+        "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
+    ),
+    summary="""Time many scenes on one thread and on several, in the middle of their splash.""",
+).command()  # fmt: skip

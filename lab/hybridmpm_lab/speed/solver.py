@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +17,11 @@ from hybridmpm import _core
 from hybridmpm.errors import SimulationError
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.scene import Box, Scene
+from hybridmpm_lab.harness import charts
+from hybridmpm_lab.harness.command import Measurement, measured, setting
 from hybridmpm_lab.harness.rows import Progress, Row
-from hybridmpm_lab.harness.settings import setting
 from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
-from hybridmpm_lab.speed.baselines import SOLVERS
+from hybridmpm_lab.speed.baselines import SOLVERS, require_installed
 from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
 
 CASES = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
@@ -121,6 +123,8 @@ def measure(settings: SolverSettings, on_progress: Progress) -> Iterator[Row]:
         The state before the measurement is not a splash, or a baseline's state afterwards is not ours: a
         speed would mean nothing.
     """
+    for package in settings.baseline:
+        require_installed(package)
     calibration = Calibration(max(settings.threads))
     with contextlib.ExitStack() as stack:
         baselines = [stack.enter_context(baseline_process(name)) for name in settings.baseline]
@@ -218,3 +222,51 @@ def require_agreement(ours: np.ndarray, theirs: np.ndarray, scene: Scene, baseli
             f"half of the particles of {baseline} ended {apart:.2g} m or more from ours, allowed is half a "
             f"cell, {scene.dx / 2:.2g} m; its speed would mean nothing"
         )
+
+
+def draw(rows: Sequence[Row], file: Path) -> None:
+    """Draw the time of a particle in a substep over the particles, with the widest vector instructions.
+
+    A panel is a material in a dimension, a line a number of threads or the fastest baseline.
+    """
+    widest = max((row["instructions"] for row in rows), key=INSTRUCTIONS.index)
+    rows = [row for row in rows if row["instructions"] == widest]
+    cases = list(dict.fromkeys((row["material"], row["dim"]) for row in rows))
+    columns = 2 if len(cases) == 4 else len(cases)
+    figure, axes = charts.panels(columns, len(cases) // columns)
+    for axis, case in zip(axes.flat, cases, strict=True):
+        here = [row for row in rows if (row["material"], row["dim"]) == case]
+        threads = sorted({row["threads"] for row in here})
+        lines = [(f"hybridmpm, threads: {count}", "ns_per_particle_substep", count) for count in threads]
+        if any(row["peer_ns"] is not None for row in here):
+            lines.append(("fastest baseline", "peer_ns", threads[0]))
+        for (label, field, count), marker in zip(lines, charts.MARKERS, strict=False):
+            mine = [row for row in here if row["threads"] == count and row[field] is not None]
+            points = sorted((row["particles"], row[field]) for row in mine)
+            axis.plot(*zip(*points, strict=True), marker=marker, label=label)
+        axis.set(
+            title=f"{case[0]} {case[1]}D", xscale="log", xlabel="particles", ylabel="ns per particle substep"
+        )
+        axis.set(ylim=(0, 1.1 * axis.dataLim.y1))
+    legend = charts.entries(axes)
+    figure.legend(legend.values(), legend.keys(), loc="outside upper center", ncols=3)
+    charts.save(figure, file)
+
+
+speed = Measurement(
+    name="speed",
+    settings=SolverSettings,
+    measure=measured(measure),
+    columns=(
+        "dim", "material", "frame", "particles", "resolution", "threads", "instructions", "substeps",
+        "ns_per_particle_substep", "spread", "ms_per_frame", "slowdown", "loaded", "peer", "peer_way",
+        "peer_ns", "ratio",
+    ),
+    draw=draw,
+    summary="""Time the solver on splashing blocks.
+
+    The blocks are of water and sand, in 2D and 3D; the solver takes the ground truth's substeps. All that is
+    timed takes turns, in pieces of up to 20 frames, whose lower quartile counts. A row is marked as loaded
+    where the machine was busy before or after.
+    """,
+).command()  # fmt: skip

@@ -4,8 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import click
+
 from hybridmpm._support.files import replacing
+from hybridmpm.cli.progress import progress
 from hybridmpm_lab.harness import charts
+from hybridmpm_lab.validation import CASES
 from hybridmpm_lab.validation.case import Case, Check, Curve, Result
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"
@@ -91,3 +95,33 @@ def _style(curve: Curve) -> dict[str, Any]:
     else:
         style |= {"linestyle": curve.style, "linewidth": 1 if curve.colour is None else 1.5}
     return style | {"label": curve.label or None} | dict(curve.options)
+
+
+@click.command()
+@click.argument("cases", nargs=-1, type=click.Choice(list(CASES)), metavar="[CASE]...")
+@click.option(
+    "--out",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write a page of these cases to: README.md and charts.",
+)
+@click.pass_context
+def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> None:
+    """Compare the solver with experiments and closed forms, and print each figure with its target.
+
+    All cases are run if none is named. The exit status is 1 if a figure is outside its tolerance.
+    """
+    chosen = [name for name in CASES if name in cases or not cases]
+    outcomes = []
+    with progress("Validating", len(chosen)) as bar:
+        for name in chosen:
+            case = CASES[name]
+            outcomes.append((name, case, case.run()))
+            bar.update(1)
+    for _, case, result in outcomes:
+        click.echo(f"{case.title}\n{text_table(result.checks)}\n")
+    if out is not None:
+        write(out, outcomes)
+        click.echo(f"wrote {out / 'README.md'} and its charts")
+    failed = any(check.verdict == "FAIL" for _, _, result in outcomes for check in result.checks)
+    ctx.exit(1 if failed else 0)

@@ -15,17 +15,15 @@ from hybridmpm_lab.control.runner import (
     MEASURES,
     ControlSettings,
     count_missing,
-    measure,
     rows_of,
     run_key,
+    run_missing,
     run_store,
 )
-from hybridmpm_lab.control.sheets import sheets
 from hybridmpm_lab.control.suite import Case, cases
-from hybridmpm_lab.control.table import aims_table, compared_with_aims, means, tables
-from hybridmpm_lab.harness.provenance import Provenance, read_rows
-from hybridmpm_lab.harness.rows import Row
-from hybridmpm_lab.harness.store import RowStore
+from hybridmpm_lab.control.table import means, tables
+from hybridmpm_lab.harness.provenance import Provenance
+from hybridmpm_lab.harness.rows import RowStore, read_rows
 
 pytestmark = pytest.mark.needs("ot", "metrics")
 
@@ -111,11 +109,11 @@ def test_an_interrupted_command_resumes_and_ends_with_the_same_rows(tmp_path: Pa
 
     assert count_missing(both, run_store()) == 4
     with pytest.raises(KeyboardInterrupt):
-        measure(both, run_store(file), SOURCE, stop_after_two)
+        run_missing(both, run_store(file), SOURCE, stop_after_two)
     resumed, whole = run_store(file), run_store()
     assert count_missing(both, resumed) == 2
     for store in (resumed, whole):
-        measure(both, store, SOURCE, ignore)
+        run_missing(both, store, SOURCE, ignore)
     found = [rows_of(CASES, both.methods, store) for store in (resumed, whole, run_store(file))]
     for row in (row for rows in found for row in rows):
         for name in TIMES:
@@ -173,7 +171,7 @@ def test_a_wrong_method_is_refused_before_anything_runs(name: str, message: str)
 )
 def test_a_broken_method_is_named_with_its_case_and_its_error(name: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        measure(settings(f"my_control:{name}"), run_store(), SOURCE, ignore)
+        run_missing(settings(f"my_control:{name}"), run_store(), SOURCE, ignore)
 
 
 @pytest.mark.usefixtures("mine")
@@ -183,7 +181,7 @@ def test_the_command_compares_ones_own_method_with_the_others(tmp_path: Path) ->
     words = [
         *("--family", "gather", "--scenario", "water_2d", "--seeds", "1", "--method", "analytic"),
         *("--method", "filled", *own[:2], "--json", str(rows_file)),
-        *("--chart", str(picture), "--sheets", str(tmp_path)),
+        *("--chart", str(picture)),
     ]
     done = invoke(*words)
     assert done.exit_code == 0, done.output
@@ -201,25 +199,9 @@ def test_the_command_compares_ones_own_method_with_the_others(tmp_path: Path) ->
     assert rows["filled"]["transport"] < rows["analytic"]["transport"] < rows["constant"]["transport"]
     assert all(row["count"] == 1 < row["suite_count"] for row in rows.values())
     assert picture.stat().st_size > 5_000
-    assert all((tmp_path / f"control-{name}.png").stat().st_size > 5_000 for name in ("gather", "worst"))
     failed = invoke(*words[:6], *own[2:])
     assert "| water_2d | " in failed.output
     assert "| failed |" in failed.output
-
-
-def test_the_worst_sheet_has_the_worst_case_of_each_family() -> None:
-    some = cases(["free", "bent"], ["water_2d", "sand_2d"], seeds=2)
-
-    def row(case: Case, value: float) -> Row:
-        head = {**vars(case), "sketch": case.kind, "method": "analytic", "failed": None}
-        return head | {"transport": value, "path_error": value}
-
-    rows = [row(case, 0.01 * index) for index, case in enumerate(some)]
-    rows[-1]["failed"] = "the solver stopped"
-    found = sheets(some, rows)
-    assert set(found) == {"free", "bent", "worst"}
-    free = [case for case in some if case.family == "free"]
-    assert {case.family: case for case in found["worst"]} == {"free": free[-1], "bent": some[-2]}
 
 
 def test_families_without_sketches_in_a_scenario_are_refused() -> None:
@@ -233,13 +215,13 @@ def test_the_method_of_the_page_can_be_run(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "my_springs.py").write_text(example)
     monkeypatch.syspath_prepend(str(tmp_path))
     store = run_store()
-    measure(settings("my_springs:Springs"), store, SOURCE, ignore)
+    run_missing(settings("my_springs:Springs"), store, SOURCE, ignore)
     row = store[run_key(CASES[0], "springs")]["run"]
     assert row["inside"] > 0.5
     assert row["peak_g"] <= 15.001
 
 
-def test_tables_have_figures_costs_aims_and_the_papers_ratios() -> None:
+def test_tables_have_figures_costs_and_the_papers_ratios() -> None:
     some = cases(["reversed"], ["water_2d"], seeds=2)[:2]
     store = run_store()
     for case, better in zip(some, (0.5, 0.7), strict=True):
@@ -247,11 +229,9 @@ def test_tables_have_figures_costs_aims_and_the_papers_ratios() -> None:
         add(store, case, "analytic", error=better, nrmse=0.1, rms_g=2.0, plan_ms=20.0, slowdown=1.2)
     methods = methods_of(("constant", "analytic"))
     text = tables(means(store, some, methods))
-    text += aims_table(compared_with_aims(rows_of(some, methods, store)))
     assert "Measured on a part of the sketches, 2 a row or more; m, 2026-01-01, commit 0123456." in text
     assert "| water_2d | 1.000 ± 0.000 | 0.600 ± 0.100 |" in text
     assert "| reversed, ovals, analytic |  |  |  | 20 |  |  | 1.2 |" in text
-    assert "| water_2d, ovals, one body, analytic | 2 | 0.33 | 0.6 ± 0.1 | missed |" in text
     assert "| paper, learned | 0.0802 (0.88) |" in text
     assert "| ovals, analytic | 0.1000 ± 0.0000 (0.60) |" in text
 
@@ -259,5 +239,4 @@ def test_tables_have_figures_costs_aims_and_the_papers_ratios() -> None:
 def test_the_page_has_the_tables_of_the_committed_results() -> None:
     page = PAGE.read_text(encoding="utf-8")
     rows = read_rows(DOCS / "results" / "control.json")
-    # Aims need single runs, which are not committed; all other tables follow from the rows.
     assert [part for part in tables(rows).split("\n\n") if part.strip() not in page] == []

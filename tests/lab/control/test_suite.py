@@ -10,11 +10,17 @@ import pytest
 from hybridmpm import Box, MpmSolver, Scene, scenarios
 from hybridmpm.control import Arrow, Ellipse, prepare
 from hybridmpm.control.goal.room import Room
-from hybridmpm_lab.control.measures import distance_from_path, end_figures, force_figures
-from hybridmpm_lab.control.naturalness import FEATURES, auc, features, real_against_real
+from hybridmpm_lab.control.measures import (
+    FEATURES,
+    auc,
+    distance_from_path,
+    end_figures,
+    features,
+    force_figures,
+    real_against_real,
+)
 from hybridmpm_lab.control.runner import Problem, problem, run
 from hybridmpm_lab.control.suite import Case, cases, digest
-from hybridmpm_lab.control.table import ratio_of_means
 
 pytestmark = pytest.mark.needs("ot", "metrics")
 
@@ -179,10 +185,3 @@ def test_the_classifier_separates_different_sets_and_no_equal_ones() -> None:
     assert real_against_real(real) == pytest.approx(0.5, abs=0.05)
     assert auc(seeds(1.0)[:50], real) > 0.95
     assert auc(real[:50], real[50:]) == pytest.approx(0.5, abs=0.15)
-
-
-def test_a_ratio_of_means_has_no_error_where_all_pairs_have_that_ratio() -> None:
-    constant = np.array([1.0, 1.2, 0.8])
-    pairs = np.column_stack([0.6 * constant, constant])
-    np.testing.assert_allclose(ratio_of_means(pairs), (0.6, 0), atol=1e-12)
-    np.testing.assert_allclose(ratio_of_means(np.array([[0.5, 1.0], [0.7, 1.0]])), (0.6, 0.1))

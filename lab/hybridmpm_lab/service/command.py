@@ -1,14 +1,12 @@
 """`python -m hybridmpm_lab service`."""
 
-from functools import partial
-
-from hybridmpm_lab.commands.options import Measurement, measured
+from hybridmpm_lab.harness.command import Measurement, measured
 from hybridmpm_lab.service.measurements import ServiceSettings, measure
 
 service = Measurement(
     name="service",
     settings=ServiceSettings,
-    measure=lambda settings, origin: measured(partial(measure, settings), len(settings.part), origin),
+    measure=measured(measure),
     columns=("measure", "sessions", "viewers", "value", "unit", "aim"),
     summary="""Measure how long the clients of the service wait.
 
