@@ -36,6 +36,8 @@ By default it grows to megabytes, and a sleeping client would fill it for minute
 
 _SILENT_SECONDS = 60.0
 """Time between two messages in the log that connections cannot be taken."""
+_SWITCH_SECONDS = 0.0005
+"""Time after which a thread lets another one run Python code [s]; by default ten times as long."""
 _BACKLOG = 128
 """Number of connections that wait for the server, or that it takes at once."""
 _FILES = 100
@@ -79,6 +81,8 @@ def serve(host: str | None = None, port: int | None = None, **flags: Any) -> Non
     sys.stdout.write(f"hybridmpm listens on {url} (Ctrl+C ends it)\n")
     sys.stdout.flush()
     with listener:
+        # Threads that run Python code keep the event loop waiting for so long whenever it is woken.
+        sys.setswitchinterval(_SWITCH_SECONDS)
         app = create_app(settings)
         # What the first check would have to wait for.
         prepare()

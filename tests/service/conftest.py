@@ -23,6 +23,7 @@ from hybridmpm.control import Arrow, Ellipse
 from hybridmpm.stream_frames import Frame, decode
 from hybridmpm_service import Settings, create_app
 from hybridmpm_service.server import listen, make_server
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import Session
 
 WAIT_SECONDS = 60
@@ -35,6 +36,7 @@ SMALL_SCENE: dict[str, Any] = {
     "bodies": [{"shape": "box", "lower": [0.4, 0.4], "upper": [0.6, 0.6], "material": "water"}],
 }
 SCENE = Scene.parse(SMALL_SCENE)
+SOURCE = SceneSource(data=SCENE)
 JET = RectangularEmitter(lower=(0.1, 0.6), upper=(0.1, 0.7), material="sand", velocity=(2.0, 0.0))
 DRAIN = BoxSink(lower=(0.4, 0.0), upper=(0.6, 0.5))
 OPEN_SCENE = SCENE.model_copy(update={"emitters": (JET,), "sinks": (DRAIN,)})

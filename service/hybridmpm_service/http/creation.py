@@ -5,13 +5,12 @@ from typing import Any, Literal, Self
 from pydantic import ConfigDict, Field, model_validator
 from pydantic.config import JsonDict
 
-from hybridmpm import Scene, UnknownScenarioError, scenarios
 from hybridmpm.coarse import coarse_table
 from hybridmpm.scenarios import NAMES
 from hybridmpm.simulator import Kind
-from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.logs import LogBody
 from hybridmpm_service.sessions.inputs import Strict
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.solvers import SolverChoice
 
 Measure = Literal["grid_rmse", "grid_nrmse", "grid_node_error", "transport", "kinetic_energy", "centroid"]
@@ -42,22 +41,9 @@ class SceneRequest(Strict):
     scene: dict[str, Any] | None = None
     """Scene of your own, in place of a scenario, as `hybridmpm schema` describes it."""
 
-    def make_scene(self) -> Scene:
-        """Return the scene, drawn from the scenario or read as it was sent.
-
-        Raises
-        ------
-        SceneError
-            The scene is not valid.
-        FieldError
-            There is no such scenario.
-        """
-        if self.scenario is None:
-            return Scene.parse(self.scene)
-        try:
-            return scenarios.get(self.scenario, self.seed or 0)
-        except UnknownScenarioError as err:
-            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+    def source(self) -> SceneSource:
+        """Return the choice of the scene."""
+        return SceneSource(self.scenario, None if self.scenario is None else self.seed or 0, self.scene)
 
     @model_validator(mode="after")
     def _one_scene(self) -> Self:

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, FailFast, Field, model_validator
 
+from hybridmpm import Scene
 from hybridmpm.simulator import Kind
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import Frame, Input, Origin, PushInput, SketchInput, Strict, Versions
@@ -103,11 +104,13 @@ class LogBody(Strict):
         ends = {"frame": log.frame, "inputs": list(log.inputs), "digest": log.digest}
         return cls.model_validate({"format": FORMAT, **log.origin.record(), **ends})
 
-    def log(self, most_frames: int, most_sketch_frames: int) -> SessionLog:
+    def log(self, scene: Scene, most_frames: int, most_sketch_frames: int) -> SessionLog:
         """Return the log.
 
         Parameters
         ----------
+        scene : Scene
+            What `scene` contains.
         most_frames : int
             Largest frame at which it may end.
         most_sketch_frames : int
@@ -115,14 +118,14 @@ class LogBody(Strict):
 
         Raises
         ------
-        SceneError, FieldError, SketchError
+        FieldError, SketchError
             Something is out of range.
         """
         if self.frame > most_frames:
             raise FieldError("body.log.frame", f"must be at most {most_frames}, got {self.frame}")
-        origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()})
+        origin = Origin.of_record(vars(self) | {"versions": self.versions.model_dump()}, scene)
         for place, one in enumerate(self.inputs):
-            _check(one, f"body.log.inputs[{place}]", origin.scene.dim, most_sketch_frames)
+            _check(one, f"body.log.inputs[{place}]", scene.dim, most_sketch_frames)
         return SessionLog(origin=origin, frame=self.frame, inputs=tuple(self.inputs), digest=self.digest)
 
 

@@ -14,6 +14,7 @@ from hybridmpm.scene import plain_data
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.sessions.inputs import INPUT, FrameCount, Hand, SketchSettings, Strict
 from hybridmpm_service.sessions.player import MAX_SPEED, MIN_SPEED
+from hybridmpm_service.sessions.turns import Turns
 
 MAX_VALUES = 1 << 15
 """Largest number of values in one text: items of arrays, and fields of objects.
@@ -26,6 +27,8 @@ MAX_LOG_VALUES = 1 << 18
 
 All but its inputs have to be at most `MAX_VALUES`.
 """
+_QUICK_BYTES = 1 << 14
+"""Largest body that is read on the event loop: it takes less than a millisecond."""
 _LOG = re.compile(rb'\s*\{\s*"log"\s*:')
 _INPUTS = re.compile(rb'"inputs"\s*:\s*\[')
 _START_BYTES = 256
@@ -96,9 +99,16 @@ def read_json(text: bytes | str, field: str) -> Any:
     return value
 
 
-def is_log(data: bytes) -> bool:
-    """Return whether a body is the log of a session, which takes long to read."""
-    return _LOG.match(data) is not None
+async def read_body(turns: Turns, data: bytes) -> Any:
+    """Return the value of a body of JSON, as `read_json` does; a large one is read off the event loop."""
+    if _LOG.match(data) is not None:
+        return await turns.run(lambda: read_json(data, "body"))
+    if len(data) <= _QUICK_BYTES:
+        return read_json(data, "body")
+    try:
+        return await turns.apart(plain_data.from_json, data)
+    except (ValueError, RecursionError) as err:
+        raise FieldError("body", f"is not JSON: {err}") from None
 
 
 def _read_log(data: bytes) -> Any:

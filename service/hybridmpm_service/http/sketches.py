@@ -25,7 +25,7 @@ from hybridmpm.control import (
 )
 from hybridmpm_service.errors import FieldError, UnsupportedFormatError, UploadTooLargeError
 from hybridmpm_service.http.answers import Answer, example
-from hybridmpm_service.http.requests import SketchRequest, read_json
+from hybridmpm_service.http.requests import SketchRequest, read_body
 from hybridmpm_service.sessions.inputs import SketchRecord, SketchSettings
 from hybridmpm_service.sessions.turns import Turns
 from hybridmpm_service.sessions.view import CellMeans
@@ -88,8 +88,9 @@ async def read_sketch(request: Request, turns: Turns, max_upload_bytes: int) -> 
 
 
 async def _read_strokes(turns: Turns, data: bytes) -> tuple[Sketch, SketchSettings]:
+    content = await read_body(turns, data)
+
     def parse() -> tuple[Sketch, SketchSettings]:
-        content = read_json(data, "body")
         body = _checked(lambda: SketchRequest.model_validate(content))
         return parse_strokes(body.strokes), body.settings()
 

@@ -12,8 +12,8 @@ from fastapi.routing import APIRoute
 
 from hybridmpm_service.errors import FieldError, IdempotencyKeyError, UnavailableError
 from hybridmpm_service.http.door import is_json
-from hybridmpm_service.http.requests import is_log, read_json
-from hybridmpm_service.sessions.turns import CLIENT, Client, Turns
+from hybridmpm_service.http.requests import read_body
+from hybridmpm_service.sessions.turns import CLIENT, Client
 
 HEADER = "Idempotency-Key"
 _LONGEST_KEY = 200
@@ -117,13 +117,7 @@ class SessionRoute(APIRoute):
         async def call(request: Request) -> Response:
             body = await request.body()
             if takes_model and body and is_json(request.headers):
-                turns: Turns = request.app.state.sessions.turns
-                # A log may have a thousand times more values than any other body.
-                value = (
-                    await turns.run(lambda: read_json(body, "body"))
-                    if is_log(body)
-                    else read_json(body, "body")
-                )
+                value = await read_body(request.app.state.sessions.turns, body)
                 request = _ReadRequest(request, body, value)
             return await handle(request)
 

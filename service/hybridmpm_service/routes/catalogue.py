@@ -28,7 +28,7 @@ async def list_scenarios() -> ScenarioList:
 
 
 @router.get("/v1/scenarios/{name}", tags=["scenarios"], responses=problems(404, 422))
-def get_scene(
+async def get_scene(
     name: Annotated[str, Path(description="Name of the scenario.")],
     seed: Annotated[int, Query(ge=0, lt=2**53, description="Seed that the scene is drawn with.")] = 0,
 ) -> dict[str, Any]:
@@ -60,9 +60,9 @@ async def livez() -> Health:
 
 @router.get("/readyz", tags=["health"], responses=problems(503))
 async def readyz(sessions: Sessions) -> Health:
-    """Answer whether a session can be created now."""
+    """Answer whether a session can be created now, and work goes on."""
     await sessions.expire()
-    refusal = sessions.why_full()
+    refusal = sessions.why_full() or sessions.turns.why_stuck()
     if refusal is not None:
         raise refusal
     return Health(status="ready")

@@ -18,7 +18,7 @@ async def check_scene(body: CheckScene, sessions: Sessions) -> CheckBody:
     The first frames are tried. A scene that is not valid is answered as well, with its faults as findings.
     """
     try:
-        return CheckBody.of(await sessions.check(body.make_scene, body.scenario, body.choice()))
+        return CheckBody.of(await sessions.check(body.source(), body.choice()))
     except SceneError as error:
         return CheckBody.refused(error)
 
@@ -28,6 +28,6 @@ async def make_plan(body: PlanRequest, sessions: Sessions) -> PlanBody:
     """Choose the fastest method within an error, or the most accurate within a time; nothing is simulated."""
     return PlanBody.of(
         *await sessions.plan(
-            body.make_scene, max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure
+            body.source(), max_error=body.max_error, budget_ms=body.budget_ms, measure=body.measure
         )
     )

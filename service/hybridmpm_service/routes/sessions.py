@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
+from hybridmpm import Scene
 from hybridmpm.export import Cloud
 from hybridmpm_service.errors import FieldError
 from hybridmpm_service.http.answers import DecisionList, ParticlesBody, PressureBody, SessionBody, SessionList
@@ -42,10 +43,10 @@ async def create_session(
 async def _created(body: CreateSession, sessions: Sessions, limits: Limits) -> Session:
     sent = body.log
     if sent is not None:
+        scene = await sessions.turns.apart(Scene.parse, sent.scene)
         most = limits.max_replay_frames, limits.max_sketch_frames
-        return await sessions.replay(await sessions.turns.run(lambda: sent.log(*most)))
-    seed = None if body.scenario is None else body.seed or 0
-    return await sessions.create(body.make_scene, scenario=body.scenario, seed=seed, choice=body.choice())
+        return await sessions.replay(await sessions.turns.run(lambda: sent.log(scene, *most)))
+    return await sessions.create(body.source(), body.choice())
 
 
 @router.post("/{session_id}/fork", status_code=201, responses=problems(404, 503))

@@ -244,8 +244,8 @@ class Origin:
         }
 
     @classmethod
-    def of_record(cls, record: Mapping[str, Any]) -> Self:
-        """Return the origin of a record.
+    def of_record(cls, record: Mapping[str, Any], scene: Scene | None = None) -> Self:
+        """Return the origin of a record, whose scene may have been read already.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Origin:
             The record is malformed.
         """
         return cls(
-            scene=Scene.parse(record["scene"]),
+            scene=scene or Scene.parse(record["scene"]),
             scenario=record["scenario"],
             seed=record["seed"],
             choice=SolverChoice(**{name: record[name] for name in ("solver", "coarse", "model", "r_c")}),

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from hybridmpm import CancelFlag, Scene, SimulationError, checking, usable_cores
 from hybridmpm.checking import Finding, SceneCheck
-from hybridmpm.physics import WEIGHTS
 from hybridmpm.planner import Estimate, Plan
 from hybridmpm_service.errors import (
     ServiceError,
@@ -20,16 +19,12 @@ from hybridmpm_service.errors import (
     UnavailableError,
 )
 from hybridmpm_service.sessions import scene_work
-from hybridmpm_service.sessions.admission import (
-    building_cost,
-    estimated_frame_seconds,
-    within_limits,
-    without_errors,
-)
+from hybridmpm_service.sessions.admission import estimated_frame_seconds, without_errors
 from hybridmpm_service.sessions.inputs import Origin
 from hybridmpm_service.sessions.journal import Folder
 from hybridmpm_service.sessions.player import DEFAULT_SPEED, Clock, Machine
 from hybridmpm_service.sessions.revival import Revived, SessionLog, revived_from_file, revived_from_log
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import CLOSE_DELETED, Session
 from hybridmpm_service.sessions.session_file import SessionFile
 from hybridmpm_service.sessions.simulation import Simulation
@@ -41,8 +36,6 @@ CLOSE_GOING_AWAY = 1001
 """WebSocket close code of a server that stops."""
 _ENDING_SECONDS = 0.5
 """Longest time that a call waits for the threads of an ended session; they need some milliseconds."""
-_SMALL = 5_000_000
-"""Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 
 _log = logging.getLogger(__name__)
 
@@ -76,9 +69,7 @@ class SessionManager:
         self._settings = settings
         self.clock = clock
         self.draining = asyncio.Event()
-        self._solvers = SolverFactory(
-            threads=settings.threads, folder=Path(settings.models) if settings.models else WEIGHTS
-        )
+        self._solvers = SolverFactory(threads=settings.threads, folder=settings.models)
         self._folder = Folder(Path(settings.state_folder)) if settings.state_folder else None
         self._kept = [] if self._folder is None else self._folder.names()
         self._reviving = set(self._kept)
@@ -96,22 +87,12 @@ class SessionManager:
         """Factory of the simulators of sessions, with the models."""
         return self._solvers
 
-    async def create(
-        self,
-        make_scene: Callable[[], Scene],
-        *,
-        scenario: str | None = None,
-        seed: int | None = None,
-        choice: SolverChoice | None = None,
-    ) -> Session:
+    async def create(self, source: SceneSource, choice: SolverChoice | None = None) -> Session:
         """Start a session.
 
         Parameters
         ----------
-        make_scene : callable
-            Returns the scene; called off the event loop.
-        scenario, seed : optional
-            Source of the scene, if it is drawn.
+        source : SceneSource
         choice : SolverChoice, optional
             Simulator of the session; MPM if absent.
 
@@ -129,22 +110,20 @@ class SessionManager:
         wanted = choice or SolverChoice()
 
         async def make(turn: Turn) -> Revived:
-            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
-            found = without_errors(await _examined(turn, scene), wanted)
+            scene, found = await self._examined(turn, source)
+            left = without_errors(found, wanted)
 
             def build() -> Revived:
-                chosen = self._admitted(wanted, scene, scenario)
+                chosen = self._admitted(wanted, scene, source.scenario)
                 simulation = Simulation(chosen, clock=self.clock)
-                return Revived(simulation, Origin.of(scene, chosen, scenario, seed), None, found)
+                return Revived(simulation, Origin.of(scene, chosen, source.scenario, source.seed), None, left)
 
             return await turn.in_thread(build)
 
         # Scenarios are small.
-        return await self._create(make, memory=HEAVY if scenario is None else 0)
+        return await self._create(make, memory=HEAVY if source.scenario is None else 0)
 
-    async def check(
-        self, make_scene: Callable[[], Scene], scenario: str | None, choice: SolverChoice
-    ) -> SceneCheck:
+    async def check(self, source: SceneSource, choice: SolverChoice) -> SceneCheck:
         """Return the check of a scene; parameters as in `create`.
 
         Raises
@@ -158,20 +137,14 @@ class SessionManager:
         ConfigError, FieldError, ModelDamagedError
             The coarse level or the model is refused.
         """
-        solvers = self._solvers
-        async with self.turns.turn(memory=HEAVY) as turn:
-            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
-            return await turn.apart(
-                scene_work.checked, scene, scenario, choice, solvers.threads, solvers.folder
-            )
+        return await self.turns.apart(scene_work.checked, source, self._settings, choice)
 
-    async def plan(self, make_scene: Callable[[], Scene], **demand: object) -> tuple[Plan, list[Estimate]]:
+    async def plan(self, source: SceneSource, **demand: object) -> tuple[Plan, list[Estimate]]:
         """Return a plan for a scene, and the estimates of all methods.
 
         Parameters
         ----------
-        make_scene : callable
-            As in `create`.
+        source : SceneSource
         **demand
             The others of `hybridmpm.planner.plan`.
 
@@ -180,9 +153,7 @@ class SessionManager:
         UnavailableError, WorkTooLongError, SceneError
             As `check`.
         """
-        async with self.turns.turn(memory=HEAVY) as turn:
-            scene = await turn.in_thread(lambda: within_limits(make_scene(), self._settings))
-            return await turn.apart(scene_work.planned, scene, demand)
+        return await self.turns.apart(scene_work.planned, source, self._settings, demand)
 
     async def replay(self, log: SessionLog) -> Session:
         """Start a session from a log: it is computed again, then paused.
@@ -196,18 +167,18 @@ class SessionManager:
         """
 
         async def make(turn: Turn) -> Revived:
-            scene = await turn.in_thread(lambda: within_limits(log.origin.scene, self._settings))
+            scene, found = await self._examined(turn, SceneSource(data=log.origin.scene))
             origin = replace(log.origin, scene=scene)
-            found = without_errors(await _examined(turn, scene), origin.choice)
+            left = without_errors(found, origin.choice)
 
             def compute() -> Revived:
-                chosen = self._admitted(origin.choice, origin.scene, origin.scenario)
+                chosen = self._admitted(origin.choice, scene, origin.scenario)
                 limited = replace(log, origin=origin)
                 return revived_from_log(limited, chosen, self.clock, turn.flag, turn.check)
 
-            return replace(await turn.in_thread(compute), findings=found)
+            return replace(await turn.in_thread(compute), findings=left)
 
-        return await self._create(make, memory=HEAVY)
+        return await self._create(make, memory=HEAVY, short=False)
 
     async def fork(self, name: str) -> Session:
         """Start an independent session in the present state of another.
@@ -309,8 +280,6 @@ class SessionManager:
         """Return the refusal of a new session; None if one can be created."""
         if self.draining.is_set():
             return UnavailableError("the server is shutting down")
-        if (stuck := self.turns.why_stuck()) is not None:
-            return stuck
         limit = self._settings.max_sessions
         # Sessions that end take memory and a core as long as their threads run.
         if len(self.all()) + len(self._reviving) + self._being_made + len(self._ending) >= limit:
@@ -358,11 +327,19 @@ class SessionManager:
         self._machine.check(load, "a new session of this scene")
         return chosen
 
-    async def _create(self, make: Callable[[Turn], Awaitable[Revived]], *, memory: int) -> Session:
+    async def _examined(self, turn: Turn, source: SceneSource) -> tuple[Scene, tuple[Finding, ...]]:
+        """Return a scene and its static findings; one of a client is read in a process apart."""
+        if source.data is not None:
+            return await turn.apart(scene_work.examined, source, self._settings)
+        return await turn.in_thread(lambda: scene_work.examined(source, self._settings))
+
+    async def _create(
+        self, make: Callable[[Turn], Awaitable[Revived]], *, memory: int, short: bool = True
+    ) -> Session:
         await self._check_room()
 
         async def made() -> Revived:
-            async with self.turns.turn(memory=memory) as turn:
+            async with self.turns.turn(memory=memory, short=short) as turn:
                 return await make(turn)
 
         return await self._begun(asyncio.create_task(made()))
@@ -479,13 +456,6 @@ async def _soon(endings: list[asyncio.Task[None]]) -> None:
     """Wait for sessions that end, but not for long: the others go on, and are counted."""
     if endings:
         await asyncio.wait(endings, timeout=_ENDING_SECONDS)
-
-
-async def _examined(turn: Turn, scene: Scene) -> tuple[Finding, ...]:
-    """Return the static findings of a scene; one that may take long is built in a process apart first."""
-    if building_cost(scene) <= _SMALL:
-        return await turn.in_thread(lambda: checking.findings(scene))
-    return await turn.apart(scene_work.examined, scene)
 
 
 def _estimate(origin: Origin, r_p: float) -> float:

@@ -2,56 +2,94 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
-from hybridmpm import Scene, checking, scenarios
+from hybridmpm import Scene, UnknownScenarioError, checking, scenarios
 from hybridmpm.checking import Finding, SceneCheck
 from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner import Estimate, Plan, estimates, plan
+from hybridmpm_service.errors import FieldError
+from hybridmpm_service.sessions.admission import building_cost, within_limits
 from hybridmpm_service.sessions.solvers import SolverChoice, SolverFactory
+from hybridmpm_service.settings import Settings
 
+_SMALL = 5_000_000
+"""Building cost of scenes that are built without a trial: it takes some tens of milliseconds."""
 _solvers = cache(SolverFactory)
 
 
-def examined(scene: Scene) -> tuple[Finding, ...]:
-    """Return the static findings of a scene; build it first, so that one that takes too long is found out.
+@dataclass(frozen=True)
+class SceneSource:
+    """A scene as a client chooses it: a scenario with a seed, or a scene, read already or not."""
+
+    scenario: str | None = None
+    seed: int | None = None
+    data: Mapping[str, Any] | Scene | None = None
+
+    def scene(self, settings: Settings) -> Scene:
+        """Return the scene, within the limits of the settings.
+
+        Raises
+        ------
+        SceneError
+            The scene is not valid, or beyond a limit.
+        FieldError
+            There is no such scenario.
+        """
+        if isinstance(self.data, Scene):
+            return within_limits(self.data, settings)
+        if self.scenario is None:
+            return within_limits(Scene.parse(self.data), settings)
+        try:
+            return within_limits(scenarios.get(self.scenario, self.seed or 0), settings)
+        except UnknownScenarioError as err:
+            raise FieldError("body.scenario", str(err).removeprefix("scenario: ")) from None
+
+
+def examined(source: SceneSource, settings: Settings) -> tuple[Scene, tuple[Finding, ...]]:
+    """Return a scene and its static findings; one that takes too long to build is found out here.
 
     Raises
     ------
-    SceneError
-        The scene cannot be filled with particles.
+    SceneError, FieldError
+        As `SceneSource.scene`; or the scene cannot be filled with particles.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        MpmSolver(scene)
-    return checking.findings(scene)
+    scene = source.scene(settings)
+    if building_cost(scene) > _SMALL:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            MpmSolver(scene)
+    return scene, checking.findings(scene)
 
 
-def checked(
-    scene: Scene, scenario: str | None, choice: SolverChoice, threads: int, folder: Path
-) -> SceneCheck:
-    """Return the check of a scene for a simulator; parameters as in `SolverFactory` and its `make`."""
-    if choice == SolverChoice() and threads == 1:
+def checked(source: SceneSource, settings: Settings, choice: SolverChoice) -> SceneCheck:
+    """Return the check of a scene for a simulator; errors as `SceneSource.scene` and `SolverFactory.make`."""
+    scene = source.scene(settings)
+    if choice == SolverChoice() and settings.threads == 1:
         return checking.check(scene)
-    solvers = _solvers(threads=threads, folder=folder)
-    return checking.check_with(scene, lambda: solvers.make(choice, scene, scenario).simulator)
+    solvers = _solvers(threads=settings.threads, folder=settings.models)
+    return checking.check_with(scene, lambda: solvers.make(choice, scene, source.scenario).simulator)
 
 
-def planned(scene: Scene, demand: Mapping[str, Any]) -> tuple[Plan, list[Estimate]]:
+def planned(
+    source: SceneSource, settings: Settings, demand: Mapping[str, Any]
+) -> tuple[Plan, list[Estimate]]:
     """Return the plan for a scene, and the estimates of all methods.
 
     Parameters
     ----------
-    scene : Scene
+    source : SceneSource
+    settings : Settings
     demand : mapping
         Other arguments of `hybridmpm.planner.plan`.
     """
+    scene = source.scene(settings)
     return plan(scene, **demand), [one for one, _ in estimates(scene, measure=demand["measure"])]
 
 
 def warm_up() -> None:
     """Import and read what the functions of this module need; no thread is started."""
-    planned(scenarios.get("water_2d", 0), {"budget_ms": 1.0, "measure": "grid_rmse"})
+    planned(SceneSource("water_2d", 0), Settings(), {"budget_ms": 1.0, "measure": "grid_rmse"})
     scenarios.get("water_3d", 0).sample()

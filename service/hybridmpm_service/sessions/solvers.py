@@ -67,8 +67,8 @@ class SolverFactory:
     ----------
     threads : int
         Number of threads of each simulator; the result does not depend on it.
-    folder : Path
-        Folder of the models and their manifest.
+    folder : path
+        Folder of the models and their manifest; if empty, that of the library.
 
     Raises
     ------
@@ -76,9 +76,10 @@ class SolverFactory:
         The manifest is missing or damaged.
     """
 
-    def __init__(self, *, threads: int, folder: Path = WEIGHTS) -> None:
-        self.threads, self.folder = threads, folder
-        self._models = models(folder)
+    def __init__(self, *, threads: int, folder: str | Path = "") -> None:
+        self.threads = threads
+        self.folder = Path(folder) if folder else WEIGHTS
+        self._models = models(self.folder)
         self._loaded: dict[str, NeuralModel] = {}
         self._lock = threading.Lock()
 

@@ -3,7 +3,7 @@
 Whatever a client can make expensive has a turn: creation, checks, plans, replays, sketches, recordings, data
 sets and large answers. Only as many turns run at once as there are cores. The others wait, or pause where
 they are. Those run whose client has had the least time lately: counted by address first, by connection then.
-So a short piece of work does not wait for a long one, and a client that asks for much waits for itself.
+One more runs among those that are short, so that short work does not wait for the long work of others.
 """
 
 import asyncio
@@ -30,13 +30,16 @@ _TICK_SECONDS = 0.05
 _HALF_LIFE_SECONDS = 10.0
 """Time after which half of a client's use is forgotten."""
 MAX_TURNS = 256
-"""Largest number of turns, those that wait among them."""
+"""Largest number of short turns, and of others, those that wait among them."""
 MAX_MEMORY = 1 << 30
-"""Largest memory of all turns that have started, as they estimate it; an address may have half [bytes]."""
+"""Largest memory of all turns that have started, as they estimate it; an address may have three quarters,
+and half of it for anything but scenes [bytes]."""
 HEAVY = 24 << 20
 """Memory of a scene that is built, or of a process that checks one [bytes]; other work counts as nothing."""
+SHORT_SECONDS = 0.1
+"""Time after which a turn is no longer among the short ones."""
 STUCK_SECONDS = 5.0
-"""Waiting for a first start for longer means that work is stuck: the server is not ready."""
+"""Time without a first start after which work that waits is stuck: the server is not ready."""
 
 
 class Client(NamedTuple):
@@ -61,9 +64,11 @@ class Turn:
         *,
         memory: int,
         background: bool,
+        short: bool,
     ) -> None:
         self.client, self.number = client, number
         self.memory, self.background = memory, background
+        self._begins_short = short
         self.flag = CancelFlag()
         """Set at the end: it ends a frame that is being computed."""
         self.spent = 0.0
@@ -81,6 +86,11 @@ class Turn:
     def running(self) -> bool:
         """Whether the turn may run now."""
         return self._go.is_set()
+
+    @property
+    def short(self) -> bool:
+        """Whether the work is expected to be short, and has been so far."""
+        return self._begins_short and self.spent < SHORT_SECONDS
 
     def check(self) -> None:
         """Wait while others have precedence. Called between pieces of work, in its thread.
@@ -181,7 +191,7 @@ class Turns:
     Parameters
     ----------
     slots : int >= 1
-        Number of turns that run at once.
+        Number of turns that run at once, beside one of the short ones.
     """
 
     def __init__(self, slots: int) -> None:
@@ -189,9 +199,11 @@ class Turns:
         self._turns: list[Turn] = []
         self._numbers = itertools.count()
         self._spent: defaultdict[str | Client, float] = defaultdict(float)
-        self._pool = ThreadPoolExecutor(MAX_TURNS, "work")
+        self._pool = ThreadPoolExecutor(2 * MAX_TURNS, "work")
         self._latest = time.monotonic()
         self._waiting: dict[Turn, float] = {}
+        self._begun = {True: self._latest, False: self._latest}
+        """When a turn has last begun, among the short ones and the others."""
         self._timer: asyncio.TimerHandle | None = None
         self._closed = False
 
@@ -201,6 +213,7 @@ class Turns:
         *,
         memory: int = 0,
         background: bool = False,
+        short: bool = True,
         on_join: Callable[[Turn], object] = lambda _turn: None,
     ) -> AsyncIterator[Turn]:
         """Wait for a turn of the present client, and keep it while the block runs.
@@ -211,6 +224,8 @@ class Turns:
             Estimate of the memory that it takes, if that is much [bytes].
         background : bool
             Nobody waits for an answer: other work of the same connection goes first, older work next.
+        short : bool
+            The work is expected to take less than `SHORT_SECONDS`.
         on_join : callable
             Called with the turn before it waits.
 
@@ -219,7 +234,7 @@ class Turns:
         UnavailableError
             Too much work waits, or the server stops.
         """
-        turn = self._join(memory=memory, background=background)
+        turn = self._join(memory=memory, background=background, short=short and not background)
         try:
             on_join(turn)
             await turn.started.wait()
@@ -237,11 +252,21 @@ class Turns:
         async with self.turn() as turn:
             return await turn.in_thread(work)
 
+    async def apart(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of a function in a process of its own, in a turn of its own."""
+        async with self.turn(memory=HEAVY, short=False) as turn:
+            return await turn.apart(function, *arguments)
+
     def why_stuck(self) -> UnavailableError | None:
-        """Return why new work would wait for long; None if it would not."""
-        longest = time.monotonic() - min(self._waiting.values(), default=time.monotonic())
-        if longest > STUCK_SECONDS:
-            return UnavailableError(f"work has been waiting for {longest:.0f} s")
+        """Return why new work would wait for long; None if work begins one after the other."""
+        now = time.monotonic()
+        for short, begun in self._begun.items():
+            waiting = (
+                since for one, since in self._waiting.items() if one.short == short and not one.background
+            )
+            longest = now - max(begun, min(waiting, default=now))
+            if longest > STUCK_SECONDS:
+                return UnavailableError(f"work has been waiting for {longest:.0f} s, and none has begun")
         return None
 
     def close(self, error: Exception) -> None:
@@ -259,18 +284,18 @@ class Turns:
         client = CLIENT.get()
         if self._closed:
             raise UnavailableError("the server is shutting down")
-        if sum(not one.flag.is_set for one in self._turns) >= MAX_TURNS:
-            self._make_room(client)
         turn = Turn(client, next(self._numbers), self._pool, **settings)
+        alike = [one for one in self._turns if one.short == turn.short and not one.flag.is_set]
+        if len(alike) >= MAX_TURNS:
+            self._make_room(client, alike)
         self._turns.append(turn)
         self._waiting[turn] = time.monotonic()
         self._decide()
         return turn
 
-    def _make_room(self, client: Client) -> None:
+    def _make_room(self, client: Client, active: list[Turn]) -> None:
         """End the newest turn of the address that has most, unless that is the one that wants another."""
         full = UnavailableError(f"{MAX_TURNS} pieces of work wait already: try again later")
-        active = [one for one in self._turns if not one.flag.is_set]
         counts = Counter(one.client.address for one in active)
         address, most = counts.most_common(1)[0]
         if counts[client.address] + 1 >= most:
@@ -286,18 +311,17 @@ class Turns:
         for turn in self._turns:
             if turn.started.is_set():
                 taken[turn.client.address] += turn.memory
-        chosen = set[Turn]()
+        chosen, free = set[Turn](), {True: 1, False: self._slots}
         for turn in sorted(active, key=self._precedence):
-            if len(chosen) == self._slots:
-                break
+            if not free[turn.short]:
+                continue
             if not turn.started.is_set():
-                own, others = taken[turn.client.address], taken.total()
-                full = own + turn.memory > MAX_MEMORY / 2 or others + turn.memory > MAX_MEMORY
-                # One that takes more than there is has to be alone.
-                if turn.memory and others and full:
+                if not _fits(turn, taken):
                     continue
                 taken[turn.client.address] += turn.memory
+                self._begun[turn.short] = self._latest
             chosen.add(turn)
+            free[turn.short] -= 1
         for turn in active:
             turn.allow(running=turn in chosen)
         if self._timer is not None:
@@ -324,6 +348,15 @@ class Turns:
         client, age = turn.client, 0.0 if turn.background else turn.spent
         spent = (self._spent.get(client.address, 0.0), self._spent.get(client, 0.0))
         return *spent, turn.background, age, turn.number
+
+
+def _fits(turn: Turn, taken: Counter[str]) -> bool:
+    """Return whether there is memory for a turn beside what was `taken` for each address."""
+    # What is left beside one large piece of work is for scenes.
+    most = MAX_MEMORY * (0.75 if turn.memory <= HEAVY else 0.5)
+    own, all_of_them = taken[turn.client.address] + turn.memory, taken.total() + turn.memory
+    # One that takes more than there is has to be alone.
+    return not turn.memory or not taken.total() or (own <= most and all_of_them <= MAX_MEMORY)
 
 
 def _gone() -> UnavailableError:

@@ -1,12 +1,14 @@
 """Limits of the whole service, on servers with small ones."""
 
+import json
 from collections.abc import Callable
 from typing import Any
 
 import httpx
 import pytest
-from tests.service.conftest import WAIT_SECONDS
+from tests.service.conftest import SMALL_SCENE, WAIT_SECONDS
 
+from hybridmpm import Scene
 from hybridmpm_service.sessions.simulation import Simulation
 
 
@@ -90,3 +92,26 @@ def test_a_connection_too_many_is_refused_and_the_others_go_on(
         stream.send(type="step")
         assert stream.frame()
     service.http.delete(path)
+
+
+def test_scenes_and_large_bodies_are_read_in_processes_apart(
+    service: Any, problem: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the process of the service they would keep everything else waiting."""
+    log = service.http.get(f"{service.create()}/log").json()
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise AssertionError("read in the process of the service")
+
+    monkeypatch.setattr(Scene, "model_validate", fail)
+    scene = {"scene": SMALL_SCENE}
+    assert service.http.post("/v1/sessions", json={"log": log}).status_code == 201
+    assert service.http.post("/v1/sessions", json=scene).status_code == 201
+    assert service.http.post("/v1/checks", json=scene).status_code == 200
+    assert service.http.post("/v1/plans", json=scene | {"budget_ms": 1}).status_code == 200
+    monkeypatch.setattr("hybridmpm_service.http.requests.read_json", fail)
+    large = json.dumps(scene) + " " * (1 << 14)
+    for body, status in ((large, 201), (large.replace("{", '{"scene":1,', 1), 422)):
+        answer = service.http.post("/v1/sessions", content=body, headers={"Content-Type": "application/json"})
+        assert answer.status_code == status, answer.text
+    assert "stands twice" in problem(answer, 422)["detail"]

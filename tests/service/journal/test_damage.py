@@ -23,6 +23,7 @@ from hybridmpm_service.errors import SessionNotFoundError
 from hybridmpm_service.sessions import session_file
 from hybridmpm_service.sessions.manager import SessionManager
 from hybridmpm_service.sessions.revival import digest_of
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.viewers import Mailbox
 
 _VALUES: tuple[Any, ...] = (None, 0, 1, -1, 7, 1.5, "x", b"\x00\xff", "", "[" * 5000, 10**18)
@@ -39,7 +40,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
     async def play() -> None:
         manager = SessionManager(Settings(max_load=64.0, state_folder=str(folder / "live")))
-        session = await manager.create(lambda: OPEN_SCENE, scenario=None)
+        session = await manager.create(SceneSource(data=OPEN_SCENE))
         hand = Mailbox()
         await session.advance(3)
         await session.steer(ARROW, most=400, frames=20)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import ARROW, OPEN_SCENE, OVAL, SCENE, until
+from tests.service.conftest import ARROW, OPEN_SCENE, OVAL, SCENE, SOURCE, until
 
 from hybridmpm import Box, Scene, SimulationError
 from hybridmpm.control import push
@@ -20,6 +20,7 @@ from hybridmpm_service.errors import SessionNotFoundError, StorageError, Unavail
 from hybridmpm_service.sessions import journal, session_file
 from hybridmpm_service.sessions.inputs import Hand, PushInput
 from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import Session
 from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import SolverChoice
@@ -88,7 +89,7 @@ async def test_a_crash_costs_nothing(
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", interval)
     left = tmp_path / "left"
     async with _service(tmp_path / "live") as manager:
-        session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
+        session = await manager.create(SceneSource(data=CASES[case][0]), choice=CASES[case][1])
         assert session.kept == "disk"
         await _story(session)
         _killed(tmp_path / "live", left)
@@ -105,7 +106,7 @@ async def test_a_crash_costs_nothing(
 
 async def test_a_stop_keeps_what_the_player_has_computed(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         with session.viewer():
             session.play()
             await until(lambda: session.view.frame >= 12)
@@ -118,7 +119,10 @@ async def test_a_stop_keeps_what_the_player_has_computed(tmp_path: Path) -> None
 
 async def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        deleted, reset = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+        deleted, reset = (
+            await manager.create(SOURCE),
+            await manager.create(SOURCE),
+        )
         await _story(reset)
         await reset.reset()
         await manager.delete(deleted.id)
@@ -133,7 +137,7 @@ async def test_what_was_deleted_expired_or_reset_stays_so(tmp_path: Path) -> Non
 
 async def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await _story(session)
         fork = await manager.fork(session.id)
         await fork.advance(11)
@@ -149,7 +153,7 @@ async def test_a_fork_is_kept_by_itself(tmp_path: Path) -> None:
 @pytest.mark.parametrize("case", CASES)
 async def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
     async with _service(None) as manager:
-        session = await manager.create(lambda: CASES[case][0], choice=CASES[case][1])
+        session = await manager.create(SceneSource(data=CASES[case][0]), choice=CASES[case][1])
         await _story(session)
         log = await session.log()
         again = await manager.replay(log)
@@ -161,7 +165,7 @@ async def test_a_log_is_computed_again_to_the_same_bits(case: str) -> None:
 
 async def test_a_log_of_another_version_is_played_and_says_what_is_not_promised() -> None:
     async with _service(None) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await session.advance(10)
         log = await session.log()
         older = log.origin.versions.model_copy(update={"solver": 3})
@@ -183,7 +187,7 @@ async def test_a_session_of_another_version_is_computed_again_from_frame_0(
     with monkeypatch.context() as patch:
         patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
         async with _service(tmp_path) as manager:
-            await _story(await manager.create(lambda: SCENE))
+            await _story(await manager.create(SOURCE))
     async with _service(tmp_path) as manager:
         (session,) = manager.all()
         assert session.view.frame == 60
@@ -208,7 +212,7 @@ async def test_a_disk_that_cannot_be_written_stops_nothing(
 
     monkeypatch.setattr(session_file, "_insert", failing)
     async with _service(tmp_path) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         full[0] = True
         await _story(session)
         assert session.kept == "failing"
@@ -228,7 +232,7 @@ async def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
     async with _service(tmp_path, max_sessions=1) as manager:
         monkeypatch.setattr(session_file, "_TABLES", ["CREATE nonsense"])
         with pytest.raises(StorageError, match="cannot be read or written"):
-            await manager.create(lambda: SCENE)
+            await manager.create(SOURCE)
         assert manager.all() == []
         assert manager.why_full() is None
         assert _files(tmp_path) == []
@@ -237,7 +241,7 @@ async def test_a_session_that_cannot_be_kept_from_the_start_is_refused(
 async def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> None:
     """Its end acts, so it is an input: the next crash must not bring the push back."""
     async with _service(tmp_path / "live") as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await session.advance(5)
         made = PushInput(frame=5, push=Hand.of(push((0.5, 0.4), (1.0, 0.0), 0.1)))
         # The process is killed after the input was written, and before its frame.
@@ -256,7 +260,7 @@ async def test_a_hand_that_pushed_lets_go_once_and_for_all(tmp_path: Path) -> No
 
 async def test_a_fork_that_has_computed_nothing_keeps_its_sketch(tmp_path: Path) -> None:
     async with _service(tmp_path / "live") as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await session.steer(ARROW, most=400, frames=20)
         fork = await manager.fork(session.id)
         _killed(tmp_path / "live", tmp_path / "left")
@@ -267,7 +271,7 @@ async def test_a_fork_that_has_computed_nothing_keeps_its_sketch(tmp_path: Path)
 
 async def test_a_number_is_never_given_to_two_sketches(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         assert (await session.steer(ARROW, most=400, frames=20)).number == 1
         await session.release()
     async with _service(tmp_path) as manager:
@@ -289,14 +293,14 @@ async def test_frames_of_one_call_are_kept_while_it_runs(
 
     monkeypatch.setattr(session_file.SessionFile, "check", noted)
     async with _service(tmp_path) as manager:
-        await (await manager.create(lambda: SCENE)).advance(20)
+        await (await manager.create(SOURCE)).advance(20)
         assert checked == list(range(1, 21))
 
 
 async def test_a_session_that_rests_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journal, "CHECKPOINT_SECONDS", 1e9)
     async with _service(tmp_path / "live") as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await session.advance(5)
         simulation = session.simulation
         await until(lambda: not simulation.journal.is_behind(simulation.computed_seconds, resting=True))
@@ -324,10 +328,10 @@ async def test_computing_again_from_frame_0_goes_on_where_it_was_interrupted(
     with monkeypatch.context() as patch:
         patch.setattr("hybridmpm_service.sessions.inputs.SOLVER_VERSION", 3)
         async with _service(tmp_path) as manager:
-            session = await manager.create(lambda: SCENE)
+            session = await manager.create(SOURCE)
             await _story(session)
             # Other sessions are there without waiting for this one.
-            await manager.create(lambda: SCENE)
+            await manager.create(SOURCE)
     with monkeypatch.context() as patch:
         patch.setattr(Simulation, "act", interrupted)
         for _ in range(7):
@@ -347,7 +351,7 @@ async def test_a_damaged_file_costs_its_session_alone(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with _service(tmp_path) as manager:
-        names = [(await manager.create(lambda: SCENE)).id for _ in range(2)]
+        names = [(await manager.create(SOURCE)).id for _ in range(2)]
     damaged = tmp_path / f"{names[0]}.session"
     damaged.write_bytes(b"?" * 4096)
     async with _service(tmp_path) as manager:
@@ -366,7 +370,7 @@ async def test_a_creation_that_was_killed_leaves_nothing(tmp_path: Path) -> None
 
 async def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        name = (await manager.create(lambda: SCENE)).id
+        name = (await manager.create(SOURCE)).id
 
     manager = SessionManager(Settings(state_folder=str(tmp_path), max_load=64.0))
     with pytest.raises(UnavailableError, match="computed again after a restart"):
@@ -378,11 +382,11 @@ async def test_a_session_is_not_there_before_it_is_computed_again(tmp_path: Path
 
 async def test_sessions_stay_in_their_order(tmp_path: Path) -> None:
     async with _service(tmp_path) as manager:
-        names = [(await manager.create(lambda: SCENE)).id for _ in range(4)]
+        names = [(await manager.create(SOURCE)).id for _ in range(4)]
         # A file that changes last is not the newest session.
         await manager.get(names[0]).advance(3)
     async with _service(tmp_path) as manager:
-        names.append((await manager.create(lambda: SCENE)).id)
+        names.append((await manager.create(SOURCE)).id)
         assert [session.id for session in manager.all()] == names
 
 
@@ -400,7 +404,7 @@ async def test_more_inputs_than_are_kept_cost_the_log_alone(
 ) -> None:
     monkeypatch.setattr(journal, "MAX_INPUTS", 4)
     async with _service(tmp_path) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         await _story(session)
         positions = (await session.particles()).positions
         with pytest.raises(Exception, match="no longer has a log; a reset begins a new one"):
@@ -416,7 +420,7 @@ async def test_more_inputs_than_are_kept_cost_the_log_alone(
 
 async def test_the_replay_of_a_cancelled_call_ends() -> None:
     async with _service(None, max_sessions=2) as manager:
-        session = await manager.create(lambda: SCENE)
+        session = await manager.create(SOURCE)
         log = dataclasses.replace(await session.log(), frame=100_000)
         replaying = asyncio.create_task(manager.replay(log))
         await asyncio.sleep(0.1)

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.service.conftest import SCENE
+from tests.service.conftest import SCENE, SOURCE
 from tests.service.sessions.conftest import Manage
 
 from hybridmpm_service.errors import MachineFullError
@@ -62,17 +62,20 @@ async def test_a_full_machine_refuses_new_sessions_and_forks_and_lets_those_that
     manage: Manage, costs: dict[Any, float]
 ) -> None:
     manager = manage(max_load=2.0)
-    first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    first, second = (
+        await manager.create(SOURCE),
+        await manager.create(SOURCE),
+    )
     for session in (first, second):
         session.play()
         costs[session.simulation] = 0.9 / QUARTER
     assert first.load == pytest.approx(0.9)
     assert 0.0 < estimated_frame_seconds(SCENE) * QUARTER < 0.1
-    await manager.delete((await manager.create(lambda: SCENE)).id)
+    await manager.delete((await manager.create(SOURCE)).id)
     costs[first.simulation] = 1.2 / QUARTER
     costs[second.simulation] = 1.0 / QUARTER
     refused: list[Callable[[], Awaitable[Session]]] = [
-        lambda: manager.create(lambda: SCENE),
+        lambda: manager.create(SOURCE),
         lambda: manager.fork(first.id),
     ]
     for attempt in refused:
@@ -87,7 +90,7 @@ async def test_a_paused_session_costs_nothing_and_is_asked_again_when_it_plays(
     manage: Manage, costs: dict[Any, float]
 ) -> None:
     manager = manage(max_load=1.0)
-    sessions = [await manager.create(lambda: SCENE) for _ in range(4)]
+    sessions = [await manager.create(SOURCE) for _ in range(4)]
     for session in sessions:
         costs[session.simulation] = 0.6 / QUARTER
     first, second, *others = sessions
@@ -106,7 +109,10 @@ async def test_whoever_plays_may_go_slower_but_not_faster_than_there_is_time_for
     manage: Manage, costs: dict[Any, float]
 ) -> None:
     manager = manage(max_load=1.0)
-    first, second = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    first, second = (
+        await manager.create(SOURCE),
+        await manager.create(SOURCE),
+    )
     for session in (first, second):
         costs[session.simulation] = 0.3 / QUARTER
         session.play()
@@ -128,7 +134,7 @@ async def test_a_session_costs_its_estimate_until_its_first_frame_and_a_fork_wha
     manage: Manage, costs: dict[Any, float]
 ) -> None:
     manager = manage(max_load=1.0)
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     assert session.frame_seconds == estimated_frame_seconds(SCENE)
     costs[session.simulation] = 0.002
     session.set_speed(0.5)

@@ -5,7 +5,7 @@ import threading
 from typing import Any
 
 import pytest
-from tests.service.conftest import SCENE, Hold, until
+from tests.service.conftest import SCENE, SOURCE, Hold, until
 from tests.service.sessions.conftest import Clock, Manage
 
 from hybridmpm import Box, Elastic, Scene, SceneError
@@ -16,7 +16,9 @@ from hybridmpm_service.errors import (
     TooManySessionsError,
 )
 from hybridmpm_service.sessions.manager import SessionManager
+from hybridmpm_service.sessions.scene_work import SceneSource
 from hybridmpm_service.sessions.session import Session
+from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.work import MAX_WAITING, traced
 
 pytestmark = pytest.mark.anyio
@@ -24,7 +26,10 @@ pytestmark = pytest.mark.anyio
 
 async def test_a_session_that_nobody_uses_expires(manage: Manage, clock: Clock) -> None:
     manager = manage(idle_seconds=100)
-    unused, used = await manager.create(lambda: SCENE), await manager.create(lambda: SCENE)
+    unused, used = (
+        await manager.create(SOURCE),
+        await manager.create(SOURCE),
+    )
     clock.now = 90
     manager.get(used.id)
     clock.now = 101
@@ -39,7 +44,7 @@ async def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_l
     manage: Manage, clock: Clock
 ) -> None:
     manager = manage(idle_seconds=100)
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     with session.viewer():
         clock.now = 1000
         await manager.expire()
@@ -54,18 +59,18 @@ async def test_a_session_that_is_watched_does_not_expire_before_its_viewer_has_l
 
 async def test_there_is_room_for_so_many_sessions_and_for_one_more_after_a_delete(manage: Manage) -> None:
     manager = manage(max_sessions=2)
-    first = await manager.create(lambda: SCENE)
-    await manager.create(lambda: SCENE)
+    first = await manager.create(SOURCE)
+    await manager.create(SOURCE)
     with pytest.raises(TooManySessionsError, match="all 2 sessions"):
-        await manager.create(lambda: SCENE)
+        await manager.create(SOURCE)
     await manager.delete(first.id)
     assert manager.why_full() is None
-    await manager.create(lambda: SCENE)
+    await manager.create(SOURCE)
 
 
 async def test_many_who_ask_at_once_do_not_get_more_than_the_limit(manage: Manage) -> None:
     manager = manage(max_sessions=2)
-    tries = [manager.create(lambda: SCENE) for _ in range(6)]
+    tries = [manager.create(SOURCE) for _ in range(6)]
     results = await asyncio.gather(*tries, return_exceptions=True)
     assert sum(isinstance(result, TooManySessionsError) for result in results) == 4
 
@@ -73,7 +78,7 @@ async def test_many_who_ask_at_once_do_not_get_more_than_the_limit(manage: Manag
 async def test_a_refused_scene_takes_no_room(manage: Manage) -> None:
     manager = manage(max_particles=10, max_sessions=1)
     with pytest.raises(SceneError, match="max_particles"):
-        await manager.create(lambda: SCENE)
+        await manager.create(SOURCE)
     assert manager.all() == []
     assert manager.why_full() is None
 
@@ -81,11 +86,11 @@ async def test_a_refused_scene_takes_no_room(manage: Manage) -> None:
 async def test_a_grid_beyond_the_servers_memory_is_refused_with_what_fits(manage: Manage) -> None:
     manager = manage(max_grid_nodes=31 * 31)
     with pytest.raises(SceneError, match="resolution: must be at most 30 in 2D"):
-        await manager.create(lambda: SCENE)
+        await manager.create(SOURCE)
 
 
 async def test_work_is_done_in_the_order_in_which_it_was_asked_for(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     forward, back, state = session.advance(5), session.reset(), session.particles()
     _, _, particles = await asyncio.gather(forward, back, state)
     assert particles.frame == 0
@@ -94,7 +99,7 @@ async def test_work_is_done_in_the_order_in_which_it_was_asked_for(manager: Sess
 async def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_wait(
     manager: SessionManager,
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = threading.Event()
     session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
     waiting = [asyncio.create_task(session.advance(1)) for _ in range(MAX_WAITING)]
@@ -110,7 +115,7 @@ async def test_calls_do_not_pile_up_without_end_and_a_delete_answers_those_that_
 async def test_a_cancelled_call_ends_after_its_frame_and_still_reaches_the_viewers(
     manager: SessionManager,
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     hold = Hold(session)
     calling = asyncio.create_task(session.advance(1000))
     queued = asyncio.create_task(session.advance(1000))
@@ -135,7 +140,7 @@ async def test_a_delete_ends_the_frame_that_is_being_computed(manage: Manage) ->
     slow = Scene(dim=2, resolution=190, frame_dt=0.015, bodies=(block,))
 
     manager = manage(max_frame_cost=10**9)
-    session = await manager.create(lambda: slow)
+    session = await manager.create(SceneSource(data=slow))
     arrow = Arrow(points=((0.5, 0.5), (0.6, 0.5)))
     calls = [
         asyncio.create_task(call)
@@ -156,30 +161,33 @@ async def test_a_delete_ends_the_frame_that_is_being_computed(manage: Manage) ->
 
 async def test_sessions_that_still_end_take_room(manage: Manage) -> None:
     manager = manage(max_sessions=1)
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     hold = Hold(session)
     calling = asyncio.create_task(session.advance(1))
     assert await asyncio.to_thread(hold.reached.wait, 60)
     await manager.delete(session.id)
     with pytest.raises(TooManySessionsError):
-        await manager.create(lambda: SCENE)
+        await manager.create(SOURCE)
     hold.gate.set()
     with pytest.raises(SessionNotFoundError):
         await calling
     await asyncio.gather(*manager._ending)
-    await manager.create(lambda: SCENE)
+    await manager.create(SOURCE)
 
 
-async def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_session(manage: Manage) -> None:
+async def test_a_cancelled_creation_takes_room_until_it_is_done_and_makes_no_session(
+    manage: Manage, monkeypatch: pytest.MonkeyPatch
+) -> None:
     manager = manage(max_sessions=1)
     inside, gate = threading.Event(), threading.Event()
 
-    def make() -> Scene:
+    def make(*arguments: Any, **settings: Any) -> Simulation:
         inside.set()
         assert gate.wait(60)
-        return SCENE
+        return Simulation(*arguments, **settings)
 
-    making = asyncio.create_task(manager.create(make))
+    monkeypatch.setattr("hybridmpm_service.sessions.manager.Simulation", make)
+    making = asyncio.create_task(manager.create(SOURCE))
     assert await asyncio.to_thread(inside.wait, 60)
     making.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -207,12 +215,12 @@ async def test_a_scene_whose_frames_are_too_dear_is_refused_with_the_figure_and_
     manager = manage(max_frame_cost=200_000)
     dear = SCENE.model_copy(update=change)
     with pytest.raises(SceneError, match=message):
-        await manager.create(lambda: dear)
-    await manager.create(lambda: SCENE)
+        await manager.create(SceneSource(data=dear))
+    await manager.create(SOURCE)
 
 
 async def test_a_session_pauses_when_its_last_viewer_leaves(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     with session.viewer():
         with session.viewer():
             session.play()
@@ -222,7 +230,7 @@ async def test_a_session_pauses_when_its_last_viewer_leaves(manager: SessionMana
 
 async def test_a_session_does_not_expire_while_a_call_is_worked_on(manage: Manage, clock: Clock) -> None:
     manager = manage(idle_seconds=100)
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = threading.Event()
     session.simulation.advance = lambda *_: gate.wait(60) and 1  # type: ignore[method-assign]
     calling = asyncio.create_task(session.advance(1))
@@ -240,7 +248,7 @@ async def test_a_session_does_not_expire_while_a_call_is_worked_on(manage: Manag
 
 
 async def test_a_player_that_had_to_queue_still_gets_its_turn(manager: SessionManager, clock: Clock) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = threading.Event()
     holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
     # Its own turns would queue too, and a player gives way to whoever waits.
@@ -255,7 +263,7 @@ async def test_a_player_that_had_to_queue_still_gets_its_turn(manager: SessionMa
 
 
 async def test_a_player_gives_way_to_commands_after_a_frame(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = threading.Event()
     holding = asyncio.create_task(session._on_worker(lambda: gate.wait(60)))
     session._player.start()

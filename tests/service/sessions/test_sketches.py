@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.conftest import SCENE
+from tests.service.conftest import SCENE, SOURCE
 
 from hybridmpm import DomainError, MpmSolver, SketchError
 from hybridmpm.control import Arrow, ControlledTrajectory, Ellipse, Guidance, prepare, push
@@ -57,7 +57,7 @@ def _phase(session: Session) -> str | None:
 async def test_a_session_goes_on_while_a_sketch_is_prepared(
     monkeypatch: pytest.MonkeyPatch, manager: SessionManager
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = _Gate(monkeypatch)
     steering = asyncio.create_task(session.steer(ARROW, most=400, frames=20))
     await gate.reached()
@@ -75,7 +75,7 @@ async def test_a_session_goes_on_while_a_sketch_is_prepared(
 async def test_an_older_sketch_steers_until_the_newer_one_does(
     monkeypatch: pytest.MonkeyPatch, manager: SessionManager
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     first = await session.steer(ARROW, most=400, frames=20)
     gate = _Gate(monkeypatch)
     steering = asyncio.create_task(session.steer(ARROW, most=400, frames=30))
@@ -108,7 +108,7 @@ async def test_a_sketch_that_is_being_prepared_is_dropped(
 ) -> None:
     gate = _Gate(monkeypatch)
 
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     dropped = asyncio.create_task(session.steer(ARROW, most=400, frames=100, method="constant"))
     await gate.reached()
     interfering = asyncio.create_task(interfere(session))
@@ -131,7 +131,7 @@ async def test_a_plan_ends_with_its_frame_when_nobody_wants_it_any_more(
     monkeypatch: pytest.MonkeyPatch, plan: Callable[..., Any], stop: str, manager: SessionManager
 ) -> None:
     gate = _Gate(monkeypatch)
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     planning = asyncio.create_task(plan(session, ARROW, most=400, frames=100, method="constant"))
     await gate.reached()
     if stop == "cancel":
@@ -147,7 +147,7 @@ async def test_a_plan_ends_with_its_frame_when_nobody_wants_it_any_more(
 
 
 async def test_whoever_cancels_work_beside_a_session_finds_it_ended(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     begun, notes = threading.Event(), []
 
     def work(_twin: Simulator, check: Callable[[], None]) -> None:
@@ -169,7 +169,7 @@ async def test_whoever_cancels_work_beside_a_session_finds_it_ended(manager: Ses
 
 
 async def test_a_sketch_that_is_refused_leaves_the_older_one(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     await session.steer(ARROW, most=400, frames=20)
     outside = Ellipse(np.array([0.03, 0.03]), np.array([0.02, 0.02]), 0.0)
     with pytest.raises(SketchError, match="no part of the oval is free"):
@@ -179,7 +179,7 @@ async def test_a_sketch_that_is_refused_leaves_the_older_one(manager: SessionMan
 
 
 async def test_frames_that_are_not_given_stay_within_the_limit(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     far = Arrow(np.array([[0.5, 0.3], [0.5, 0.7]]))
     free = await session.steer(far, most=400)
     assert free.guidance.frames == free.guidance.needs().suggested_frames > 17
@@ -190,7 +190,7 @@ async def test_frames_that_are_not_given_stay_within_the_limit(manager: SessionM
 async def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(
     monkeypatch: pytest.MonkeyPatch, manager: SessionManager
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     gate = _Gate(monkeypatch)
     tracing = asyncio.create_task(_trace(session, ARROW, most=400, frames=20))
     await gate.reached()
@@ -205,7 +205,7 @@ async def test_a_sketch_is_steered_by_while_a_trajectory_is_computed(
 async def test_a_frame_that_fails_under_a_sketch_pauses_and_a_reset_helps(
     monkeypatch: pytest.MonkeyPatch, manager: SessionManager
 ) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     await session.steer(ARROW, most=400, frames=20)
     advance = MpmSolver.advance
 
@@ -227,7 +227,7 @@ async def test_a_frame_that_fails_under_a_sketch_pauses_and_a_reset_helps(
 
 
 async def test_a_hand_lets_go_when_its_viewer_leaves(manager: SessionManager) -> None:
-    session = await manager.create(lambda: SCENE)
+    session = await manager.create(SOURCE)
     hand = push((0.5, 0.5), (1, 0), 0.1)
     with session.viewer() as other:
         with session.viewer() as mailbox:

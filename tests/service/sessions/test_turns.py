@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -79,6 +80,29 @@ async def test_clients_have_equal_shares_however_much_they_ask_for(turns: Turns)
         await one.end()
 
 
+async def test_short_work_does_not_wait_for_the_long_work_of_equals(
+    monkeypatch: pytest.MonkeyPatch, turns: Turns
+) -> None:
+    """Each of the others has had less time than the client whose work is short."""
+    now = time.monotonic()
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now))
+    CLIENT.set(Client("a", 100))
+    async with turns.turn():
+        now += 0.09
+    long = [_Long(turns, Client("a", port), short=False) for port in range(20)]
+    await until(lambda: long[0].steps)
+    CLIENT.set(Client("a", 100))
+    await turns.run(lambda: None)
+    assert long[1].turn is None
+    slow = _Long(turns, Client("a", 100))
+    await until(lambda: slow.steps)
+    now += 0.11
+    await until(lambda: slow.turn is not None and not slow.turn.running)
+    await turns.run(lambda: None)
+    for one in (*long, slow):
+        await one.end()
+
+
 async def test_work_in_the_background_lets_other_work_of_its_connection_pass(turns: Turns) -> None:
     jobs = [_Long(turns, Client("a", 1), background=True) for _ in range(2)]
     await until(lambda: jobs[0].steps > 10)
@@ -91,6 +115,7 @@ async def test_work_in_the_background_lets_other_work_of_its_connection_pass(tur
 @pytest.mark.parametrize("turns", [5], indirect=True)
 async def test_the_memory_of_started_work_is_bounded(monkeypatch: pytest.MonkeyPatch, turns: Turns) -> None:
     monkeypatch.setattr(module, "MAX_MEMORY", 100)
+    monkeypatch.setattr(module, "HEAVY", 10)
     first = _Long(turns, Client("a", 1), memory=60)
     await until(lambda: first.steps)
     second = _Long(turns, Client("b", 1), memory=50)
