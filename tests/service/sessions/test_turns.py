@@ -157,8 +157,11 @@ async def test_a_process_apart_gives_its_result_or_its_error() -> None:
 
 
 def _gone(pid: int) -> bool:
-    state = Path(f"/proc/{pid}/stat")
-    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z"
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+    return state.rpartition(")")[2].split()[0] == "Z"
 
 
 @pytest.mark.parametrize("end", ["client", "stop", "crash"])
