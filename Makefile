@@ -52,7 +52,7 @@ format: dev ## format Python and Rust
 bench: dev ## time the solver on one thread
 	$(BIN)/python -m hybridmpm_lab speed --threads 1
 
-validate: dev ## compare the solver with experiments and closed forms, and write docs/results/validation
+validate: dev ## compare the solver with experiments and closed forms, and renew docs/results/validation
 	$(BIN)/python -m hybridmpm_lab validate --out docs/results/validation
 
 clean: ## remove the environment and all builds

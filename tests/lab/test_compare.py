@@ -13,6 +13,7 @@ from hybridmpm import Ball, MpmSolver, NonFiniteError, Scene, metrics, scenarios
 from hybridmpm.errors import ConfigError, DataError
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.manifest import models
+from hybridmpm.physics.simulator import NeuralPhysics
 from hybridmpm.planner import store as calibrations
 from hybridmpm.planner.calibration import MEASURES as PLANNED
 from hybridmpm.planner.calibration import Calibration
@@ -138,7 +139,10 @@ def test_all_methods_of_a_plan_are_compared() -> None:
         served = methods.serving(name)
         assert {"mpm truth", "mpm 1/1.75", "mpm softer 1/4", "coarse 1/64"} < set(case.methods)
         assert {f"{kind} {one}" for one in served for kind in ("neural", "hybrid")} < set(case.methods)
-        assert [one.r_c for one in case.methods.values() if one.variant == "cosine"][0::5] == [0.0, 0.9]
+        assert [one.settings["r_c"] for one in case.methods.values() if one.variant == "cosine"][0::5] == [
+            0.0,
+            0.9,
+        ]
         assert case.warm_up == max(5 * models()[one].r_t for one in served)
         assert case.bounds[:3] == ("jitter", "still", "merged 1/1.75")
 
@@ -165,7 +169,7 @@ def test_errors_count_from_the_impact_or_the_first_prediction(drop: Scene) -> No
     assert truth.shares(true, counts, is_whole=True)["mpm_share"] == 1
     held = true.still()
     np.testing.assert_array_equal(held.positions[1], drop.sample().x)
-    falling = methods.free_fall(1.0, 4).simulator(drop, 1)
+    falling = methods.free_fall(1.0, 4).make(drop)
     assert truth.grid_errors(true.rollout(falling)[0], true)["error"] > 0.2
 
 
@@ -189,16 +193,16 @@ class Wandering(FreeFall):
         return super().step(history, *others) * np.float32(1 if self.calls <= 3 else np.nan)
 
 
-def lost(scene: Scene, threads: int) -> Any:
-    from hybridmpm.physics.simulator import NeuralPhysics
-
-    return NeuralPhysics(scene, Wandering(scene.frame_dt, r_p=1 / 16, r_t=8), show_all=False, threads=threads)
+class Lost(Method):
+    def make(self, scene: Scene, threads: int = 1) -> NeuralPhysics:
+        network = Wandering(scene.frame_dt, r_p=1 / 16, r_t=8)
+        return NeuralPhysics(scene, network, show_all=False, threads=threads)
 
 
 def test_a_failure_is_counted_and_the_others_are_measured() -> None:
-    broken = Method(method="neural", label="lost", r_p=1 / 16, r_t=8, make=lost)
+    broken = Lost(method="neural", label="lost", r_p=1 / 16, r_t=8)
     with pytest.raises(NonFiniteError, match="frame 65"):
-        lost(scenarios.water_2d(1), 1).advance(100)
+        broken.make(scenarios.water_2d(1)).advance(100)
     known = methods.planned("water_2d")
     case = Case(
         head={"scenario": "water_2d"},

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hybridmpm import MpmSolver, SceneError, SimulationError, _core, scenarios
+from hybridmpm import MpmSolver, SceneError, SimulationError, scenarios
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.harness import timing
 from hybridmpm_lab.harness.rows import read_rows
@@ -70,16 +70,6 @@ def test_a_baseline_is_measured_beside_ours(
         assert f"--baseline {package}" in row["command"]
     assert "ratio" in printed
     assert "fastest baseline" in (tmp_path / "chart.svg").read_text()
-
-
-def test_instructions_have_their_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver, "CASES", solver.CASES[:1])
-    in_use = solver.SolverSettings(instructions=solver.INSTRUCTIONS).instructions_in_use()
-    assert in_use == list(solver.INSTRUCTIONS[: len(in_use)])
-    every = [word for name in solver.INSTRUCTIONS for word in ("--instructions", name)]
-    _, rows = measured(tmp_path, "speed", "--particles", "216", "--threads", "1", *every)
-    assert [row["instructions"] for row in rows] == in_use
-    assert _core.limit_instructions("avx512") == in_use[-1]
 
 
 def test_a_baseline_that_computes_something_else_is_refused() -> None:

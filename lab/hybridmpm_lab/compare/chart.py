@@ -90,13 +90,8 @@ def _panel(panel: Any, rows: Sequence[Row], shades: Any) -> None:
             bbox={"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.3},
         )
     beyond = sum(row["error"] > top for row in points)
-    untrained = [row["ms_per_frame"] for row in rows if row["variant"] == "untrained" and row["ms_per_frame"]]
-    notes = [f"{beyond} beyond"] if beyond else []
-    if untrained:
-        listed = ", ".join(f"{ms:.0f}" for ms in sorted(untrained))
-        notes.append(f"networks of the paper's size, untrained: {listed} ms")
     look = {"va": "top", "ha": "right", "fontsize": 7, "color": _BOUND}
-    panel.text(0.98, 0.98, "; ".join(notes), transform=panel.transAxes, **look)
+    panel.text(0.98, 0.98, f"{beyond} beyond" if beyond else "", transform=panel.transAxes, **look)
     panel.set(xscale="log", xlabel="ms per frame", ylim=(0, top))
     charts.plain_log_ticks(panel.xaxis)
     panel.tick_params(axis="x", labelsize=7, labelrotation=45)
@@ -122,11 +117,7 @@ def _point(panel: Any, row: Row, *, is_front: bool, colour: Any) -> None:
 
 def _explain(panel: Any, others: Sequence[Any], marks: dict[str, str], shades: Any) -> None:
     """Fill the last panel with the meaning of lines, markers and colours."""
-    lines = {
-        label: handle
-        for other in others
-        for handle, label in zip(*other.get_legend_handles_labels(), strict=True)
-    }
+    lines = charts.entries(others)
     grey = partial(Line2D, [], [], color="#555555", linestyle="none")
     hollow = grey(marker="o", markerfacecolor="white")
     points = {label: grey(marker=marker) for marker, label in marks.items()}

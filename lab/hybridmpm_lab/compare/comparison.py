@@ -28,7 +28,7 @@ from hybridmpm_lab.compare.truth import MEASURES, SHARES, Truth, errors, grid_er
 from hybridmpm_lab.harness.command import Measurement, number_option, runs_option, scenarios_setting, setting
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import FIRST_SEED, Key, Progress, Row, RowStore, significant
-from hybridmpm_lab.harness.table import dominating, equal_error, is_on_front, row_name
+from hybridmpm_lab.harness.table import dominating, equal_error, is_on_front, mean_fields, row_name
 from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
 from hybridmpm_lab.speed.baselines import require_installed
 from hybridmpm_lab.speed.baselines.process import baseline_process
@@ -211,7 +211,7 @@ def _one(name: str, case: Case, truth: Truth) -> Row:
             elif kind == "peer":
                 run = peers.states(label, truth)
             else:
-                simulator = case.methods[name].simulator(truth.states.scene, case.threads)
+                simulator = case.methods[name].make(truth.states.scene, case.threads)
                 run, counts = truth.rollout(simulator)
                 facts = shares(truth, counts, is_whole=case.until is not None)
                 facts["particles"] = len(simulator.coarse_positions)
@@ -259,16 +259,19 @@ def ratios(case: Case, name: str, store: RowStore, measure_: str = "error") -> d
 def _of_case(case: Case, store: RowStore) -> list[Row]:
     names = dict.fromkeys((*case.methods, *case.bounds))
     known = {name: samples(case, name, store) for name in names}
-    by_scene = metrics.ErrorTable()
-    for name, mine in known.items():
-        if not any(row["failed"] for row in mine.values()):
-            for seed, row in mine.items():
-                by_scene.add(name, str(seed), {one: row[one] for one in MEASURES if one in row})
+    whole = {
+        name: [] if any(row["failed"] for row in mine.values()) else list(mine.values())
+        for name, mine in known.items()
+    }
+    there = [one for one in MEASURES if any(one in row for mine in whole.values() for row in mine)]
     rows = []
     for name in names:
         time = store.get(("times", *case.key, name)) or {}
         if known[name] or time:
-            row = _row(case, name, list(known[name].values()), time, by_scene)
+            estimates: Row = {}
+            for one in there or ["error"]:
+                estimates |= mean_fields(one, (row.get(one) for row in whole[name]))
+            row = _row(case, name, list(known[name].values()), time, estimates)
             rows.append(row | _ratio_fields(case, name, store) if case.base else row)
     real = [row for row in rows if row_name(row) not in BOUNDS]
     rivals = [row for row in real if row["method"] in RIVALS]
@@ -285,23 +288,18 @@ def _of_case(case: Case, store: RowStore) -> list[Row]:
     return rows
 
 
-def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metrics.ErrorTable) -> Row:
+def _row(case: Case, name: str, known: Sequence[Row], time: Row, estimates: Row) -> Row:
     kind, _, label = name.partition(" ")
     method = case.methods.get(name)
-    estimates: Row = {}
-    for one in [one for one in MEASURES if one in by_scene.measures] or ["error"]:
-        found = by_scene.estimate(name, one) if name in by_scene.methods else None
-        estimates[one] = significant(found.mean if found else None)
-        estimates[f"{one}_se"] = significant(found.standard_error if found else None)
     first = known[0] if known else time
     return {
         **case.head,
         "method": method.method if method else kind,
         "label": method.label if method else label or None,
-        "variant": method and method.variant,
+        "variant": (method and method.variant) or None,
         "r_p": significant(method.r_p if method else RATIOS.get(label)),
         "r_t": method and method.r_t,
-        "r_c": method and method.r_c,
+        "r_c": method and method.settings.get("r_c"),
         "threads": time.get("threads", case.threads),
         "warm_up": case.warm_up,
         "scenes": len(known),
@@ -318,12 +316,7 @@ def _row(case: Case, name: str, known: Sequence[Row], time: Row, by_scene: metri
 def _ratio_fields(case: Case, name: str, store: RowStore) -> Row:
     """Return the mean ratio to the base's error, its standard error, and the largest ratio."""
     found = list(ratios(case, name, store).values())
-    spread = metrics.Estimate.of(found) if found else None
-    return {
-        "ratio": significant(spread.mean if spread else None),
-        "ratio_se": significant(spread.standard_error if spread else None),
-        "worst": significant(max(found, default=None)),
-    }
+    return mean_fields("ratio", found) | {"worst": significant(max(found, default=None))}
 
 
 def mean(rows: Sequence[Row], name: str) -> float | None:
@@ -347,7 +340,7 @@ def timed_rows(
         warnings.simplefilter("ignore")  # the rows of errors count them
         for name, method in methods.items():
             try:
-                if method.make is not None:
+                if method.method != "peer":
                     timed.append((name, threads, _pieces(method.make(scene, threads), start, span)))
                 else:
                     baseline = stack.enter_context(baseline_process(method.label))

@@ -2,131 +2,107 @@
 
 import fnmatch
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hybridmpm import metrics
 from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import ConfigError
 from hybridmpm.hybrid import HybridSimulator
-from hybridmpm.mpm import MpmSolver
 from hybridmpm.physics.free_fall import FreeFall
 from hybridmpm.physics.manifest import models
 from hybridmpm.physics.simulator import NeuralPhysics
-from hybridmpm.physics.stepper import Stepper
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.planner.candidates import RATIOS, Candidate, candidates, loaded
 from hybridmpm.scene import Scene
 
-LEARNED = ("neural", "hybrid")
-"""Methods with a network."""
 _SOUND = ("non-finite", "outside", "cosine")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Method:
-    """A way to simulate any scene of a scenario; it can be sent to other processes."""
+class Method(Candidate):
+    """A candidate of the planner, or a way to simulate a scene that no plan chooses.
 
-    method: str
-    """Kind of the method: "mpm", "coarse", "neural", "hybrid", "free fall" or "peer"."""
-    label: str
-    """Name among those of its kind."""
-    variant: str | None = None
-    """Difference from others of its kind, such as "fitted"; charts have a marker for each."""
+    `method` then is "free fall", in the place of a network, or "peer", a solver of others.
+    """
+
+    method: str  # type: ignore[assignment]
+    variant: str = ""
     r_p: float = 1.0
-    """Share of the particles that is simulated."""
-    r_t: int = 1
-    """Frames that are computed at once."""
-    r_c: float | None = None
-    """Least cosine of a hybrid with the paper's safeguard alone."""
-    make: Callable[[Scene, int], CoarseSimulator] | None = None
-    """Function of a scene and a number of threads that returns a simulator at frame 0."""
-    ingredients: tuple[str, ...] = ()
-    """Fitted files of the library that take part; see `harness.provenance.shipped`."""
+    falls: bool = False
+    """Whether free fall takes the place of the network."""
+    other_jitter: bool = False
+    """Whether the particles have another jitter."""
 
     @property
-    def name(self) -> str:
-        """Method and label, unique in a table."""
-        return f"{self.method} {self.label}"
+    def ingredients(self) -> tuple[str, ...]:
+        """Fitted files of the library that take part; see `harness.provenance.shipped`."""
+        network = (self.model,) if self.model in models() else ()
+        return (*network, "levels") if "coarse" in self.settings else network
 
-    def simulator(self, scene: Scene, threads: int) -> CoarseSimulator:
-        """Return a simulator at frame 0; raises as its class does."""
-        if self.make is None:
-            raise ConfigError(f"{self.name} is no simulator of the library")
-        return self.make(scene, threads)
+    def make(self, scene: Scene, threads: int = 1) -> CoarseSimulator:
+        """Return a simulator of a scene at frame 0; raises as its class does."""
+        if self.falls:
+            kind: Callable[..., CoarseSimulator] = (
+                HybridSimulator if self.method == "hybrid" else NeuralPhysics
+            )
+            network = FreeFall(scene.frame_dt, r_p=self.r_p, r_t=self.r_t)
+            return kind(scene, network, threads=threads, **self.settings)
+        return super().make(metrics.other_jitter(scene) if self.other_jitter else scene, threads)
 
 
 def planned(scenario: str) -> dict[str, Method]:
     """Return all methods that a plan chooses among, by name."""
-    return {name: of_candidate(one) for name, one in candidates(scenario).items()}
-
-
-def of_candidate(one: Candidate) -> Method:
-    """Return a candidate of the planner as a method."""
-    return Method(
-        method=one.method,
-        label=one.label,
-        variant=one.variant,
-        r_p=one.r_p,
-        r_t=one.r_t,
-        make=one.make,
-        ingredients=((one.model,) if one.model else ()) + (("levels",) if "coarse" in one.settings else ()),
-    )
+    return {name: Method(**vars(one)) for name, one in candidates(scenario).items()}
 
 
 def truth() -> Method:
     """Return MPM with all particles at the ground truth's substeps."""
-    settings = {"substeps": "reference"}
-    return of_candidate(Candidate(method="mpm", label="truth", variant="plain", r_p=1.0, settings=settings))
+    return Method(method="mpm", label="truth", variant="plain", settings={"substeps": "reference"})
 
 
 def cosine_hybrid(model: str, r_c: float) -> Method:
     """Return a hybrid that the cosine alone guards, besides checks that the state is sound."""
-    entry = models()[model]
     settings = {"r_c": r_c, "guards": _SOUND}
-    return Method(
-        method="hybrid",
-        label=f"{model} r_c {r_c}",
-        variant="cosine",
-        r_p=entry.r_p,
-        r_t=entry.r_t,
-        r_c=r_c,
-        make=partial(_make_learned, HybridSimulator, partial(_shipped, model), settings),
-        ingredients=(model,),
+    return replace(
+        network(model), method="hybrid", label=f"{model} r_c {r_c}", variant="cosine", settings=settings
     )
 
 
 def network(name: str) -> Method:
-    """Return a network alone, without the particles that it does not simulate.
+    """Return a network of the library or of an ONNX file alone, without the particles that it leaves out.
 
-    Parameters
-    ----------
-    name : str
-        Name of a network of the library, or an ONNX file; raises as `NeuralModel.load` does.
+    Raises as `NeuralModel.load` does.
     """
     model = loaded(name, 1)
+    settings = {"show_all": False}
     return Method(
         method="neural",
         label=Path(name).stem,
         variant="alone",
         r_p=model.r_p,
         r_t=model.r_t,
-        make=partial(_make_learned, NeuralPhysics, partial(_shipped, name), {"show_all": False}),
-        ingredients=(name,) if name in models() else (),
+        model=name,
+        settings=settings,
     )
 
 
 def free_fall(r_p: float, r_t: int, *, is_guarded: bool = False) -> Method:
     """Return free fall in the place of a network, alone or in a hybrid that shows all particles."""
-    kind = HybridSimulator if is_guarded else NeuralPhysics
     return Method(
         method="hybrid" if is_guarded else "free fall",
         label="free fall" if is_guarded else f"r_p {ratio_label(r_p)}, r_t {r_t}",
         r_p=r_p,
         r_t=r_t,
-        make=partial(_make_learned, kind, partial(_falling, r_p, r_t), {"show_all": is_guarded}),
+        falls=True,
+        settings={"show_all": is_guarded},
     )
+
+
+def other_mpm(name: str, r_p: float) -> Method:
+    """Return MPM with fewer particles that shows all, of the scene with other jitter."""
+    settings = {"r_p": r_p, "show_all": True}
+    return Method(method="coarse", label=name, r_p=r_p, other_jitter=True, settings=settings)
 
 
 def serving(scenario: str) -> list[str]:
@@ -161,30 +137,3 @@ def matching(methods: Iterable[Method], patterns: Sequence[str]) -> dict[str, Me
     if not chosen:
         raise ConfigError(f"no method matches {', '.join(patterns)}; there are {', '.join(known)}")
     return chosen
-
-
-def other_mpm(name: str, r_p: float) -> Method:
-    """Return MPM with fewer particles that shows all, of the scene with other jitter."""
-    return Method(method="coarse", label=name, r_p=r_p, make=partial(_jittered, r_p))
-
-
-def _make_learned(
-    kind: Callable[..., CoarseSimulator],
-    stepper: Callable[[Scene, int], Stepper],
-    settings: dict[str, object],
-    scene: Scene,
-    threads: int,
-) -> CoarseSimulator:
-    return kind(scene, stepper(scene, threads), threads=threads, **settings)
-
-
-def _shipped(model: str, _scene: Scene, threads: int) -> Stepper:
-    return loaded(model, threads)
-
-
-def _falling(r_p: float, r_t: int, scene: Scene, _threads: int) -> Stepper:
-    return FreeFall(scene.frame_dt, r_p=r_p, r_t=r_t)
-
-
-def _jittered(r_p: float, scene: Scene, threads: int) -> CoarseSimulator:
-    return MpmSolver(metrics.other_jitter(scene), r_p=r_p, show_all=True, threads=threads)

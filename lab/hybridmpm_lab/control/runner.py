@@ -42,7 +42,7 @@ MEASURES = (
     "rms_g", "peak_g", "bound_g", "rms_ratio", "handed_over", "plan_ms", "first_frame_ms", "total_ms",
     "slowdown",
 )  # fmt: skip
-"""Figures of a run, in the order of the rows; each may be None. `measure` adds `slowdown`."""
+"""Figures of a run, in the order of the rows; each may be None. `run_missing` adds `slowdown`."""
 _NETWORKS = {"learned": "transport", "controlnet": "controlnet"}
 
 
@@ -199,7 +199,7 @@ def run_missing(
 
 
 def count_missing(settings: ControlSettings, store: RowStore) -> int:
-    """Return the number of steps that `measure` will count."""
+    """Return the number of steps that `run_missing` will count."""
     runs = sum(len(_missing(settings, case, store)) for case in settings.cases)
     return runs + len(_missing_references(settings, store))
 

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from hybridmpm.cli.progress import progress
-from hybridmpm.metrics import Estimate
 from hybridmpm_lab.control.measures import LEAST_SEEDS, TOLERANCE, auc, real_against_real
 from hybridmpm_lab.control.methods import CONSTANT, FILLED, NAMES, Methods
 from hybridmpm_lab.control.runner import (
@@ -26,6 +25,7 @@ from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, runs_option
 from hybridmpm_lab.harness.provenance import Provenance
 from hybridmpm_lab.harness.rows import Row, RowStore, significant
+from hybridmpm_lab.harness.table import mean_fields
 
 _Floats = npt.NDArray[np.float64]
 ALL = "all"
@@ -195,19 +195,12 @@ def _figures(rows: Sequence[Row], name: str, judged: str) -> Row:
     there = [row for row in rows if row["failed"] is None]
     row: Row = {}
     for measure in MEASURES:
-        values = [one[measure] for one in there if one["method"] == name and one[measure] is not None]
-        mean = Estimate.of(values) if values else None
-        row[measure] = significant(mean.mean if mean else None)
-        if measure in _SPREADS:
-            row[f"{measure}_se"] = significant(mean.standard_error if mean else None, 2)
+        found = mean_fields(measure, (one[measure] for one in there if one["method"] == name), 2)
+        row |= found if measure in _SPREADS else {measure: found[measure]}
     pairs = _pairs(there, name, judged)
-    gaps = pairs[:, 0] - pairs[:, 1]
-    gap = Estimate.of(gaps.tolist()) if len(gaps) and name != CONSTANT else None
-    return row | {
-        "gap": significant(gap.mean if gap else None),
-        "gap_se": significant(gap.standard_error if gap else None, 2),
-        "wins": significant(float(np.mean(gaps < 0))) if gap else None,
-    }
+    gaps = (pairs[:, 0] - pairs[:, 1]).tolist() if name != CONSTANT else []
+    wins = significant(float(np.mean(np.array(gaps) < 0))) if gaps else None
+    return row | mean_fields("gap", gaps, 2) | {"wins": wins}
 
 
 def _pairs(rows: Sequence[Row], name: str, measure: str) -> _Floats:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -57,10 +58,10 @@ def plain_log_ticks(axis: Any) -> None:
 
 
 def entries(axes: Any) -> dict[str, Any]:
-    """Return the labelled lines of an array of axes by label, each once."""
+    """Return the labelled lines of axes, one or an array, by label, each once."""
     return {
         label: handle
-        for panel in axes.flat
+        for panel in np.ravel(axes)
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
     }
 

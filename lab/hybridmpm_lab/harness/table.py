@@ -1,10 +1,11 @@
 """The table of a comparison: rows against each other on one Pareto front, and on the screen."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import click
 
-from hybridmpm_lab.harness.rows import Row
+from hybridmpm.metrics import Estimate
+from hybridmpm_lab.harness.rows import Row, significant
 
 
 def dominating(row: Row, others: Sequence[Row], measure: str = "error") -> Row | None:
@@ -37,6 +38,14 @@ def equal_error(row: Row, others: Sequence[Row]) -> Row | None:
         return None
     as_good = [other for other in others if _is_measured(other, "error") and other["error"] <= row["error"]]
     return min(as_good, key=lambda other: other["ms_per_frame"], default=None)
+
+
+def mean_fields(name: str, values: Iterable[float | None], digits: int = 4) -> Row:
+    """Return the mean of those values that are there, and its standard error to some digits as `..._se`."""
+    there = [value for value in values if value is not None]
+    found = Estimate.of(there) if there else None
+    spread = significant(found.standard_error if found else None, digits)
+    return {name: significant(found.mean if found else None), f"{name}_se": spread}
 
 
 def row_name(row: Row) -> str:

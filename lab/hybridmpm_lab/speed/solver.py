@@ -55,9 +55,6 @@ class SolverSettings:
         (120,), "Frames before: at 0 the block flies, at 120 it splashes.", low=0, high=10_000
     )
     threads: tuple[int, ...] = setting((1, 2), "Number of threads of our solver.", low=1, high=1024)
-    instructions: tuple[str, ...] = setting(
-        INSTRUCTIONS[-1:], "Widest vector instructions of our solver.", INSTRUCTIONS
-    )
     baseline: tuple[str, ...] = setting(
         (), "Package of a plain solver to be timed by turns; the fastest of all their ways counts.", SOLVERS
     )
@@ -72,16 +69,10 @@ class SolverSettings:
             for dim, of in CASES
         ]
 
-    def instructions_in_use(self) -> list[str]:
-        """Return the sets of `instructions` that the processor has, or the widest that it has instead."""
-        in_use = [_core.limit_instructions(widest) for widest in self.instructions]
-        _core.limit_instructions(INSTRUCTIONS[-1])
-        return list(dict.fromkeys(in_use))
-
     @property
     def steps(self) -> int:
         """Number of rows."""
-        return len(self.subjects()) * len(self.threads) * len(self.instructions_in_use())
+        return len(self.subjects()) * len(self.threads)
 
 
 def falling_block(dim: int, material: str, particles: int) -> Scene:
@@ -149,18 +140,13 @@ def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Basel
     substeps = first.last_frame.substeps if first.last_frame else 0
     frames = min(20, max(4, math.ceil(_PIECE / count)))
 
-    def restore(solver: MpmSolver, instructions: str) -> None:
-        _core.limit_instructions(instructions)
+    def restore(solver: MpmSolver) -> None:
         solver.restore(start)
         solver.advance(1)  # untimed: it touches the memory that the others use
 
-    own = [(threads, widest) for widest in settings.instructions_in_use() for threads in solvers]
     calls = [
-        TimedCall(
-            prepare=partial(restore, solvers[threads], widest),
-            call=partial(solvers[threads].advance, frames),
-        )
-        for threads, widest in own
+        TimedCall(prepare=partial(restore, solver), call=partial(solver.advance, frames))
+        for solver in solvers.values()
     ]
     others = []
     for baseline in baselines:
@@ -170,10 +156,7 @@ def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Basel
         TimedCall(prepare=partial(baseline.restore, way, 1), call=partial(baseline.advance, way, frames))
         for baseline, _, way, _ in others
     ]
-    try:
-        times = seconds_by_turns(calls, settings.repeats)
-    finally:
-        _core.limit_instructions(INSTRUCTIONS[-1])
+    times = seconds_by_turns(calls, settings.repeats)
     for baseline, name, way, _ in others:
         require_agreement(first.positions, baseline.positions(way), scene, f"{name}, {way}")
 
@@ -183,15 +166,15 @@ def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Basel
 
     peer: dict[str, Any] = dict.fromkeys(("peer", "peer_way", "peer_threads", "peer_ns"))
     if others:
-        fastest = min(range(len(others)), key=lambda k: ns[len(own) + k])
-        peer = dict(zip(peer, (*others[fastest][1:], ns[len(own) + fastest]), strict=True))
+        fastest = min(range(len(others)), key=lambda k: ns[len(solvers) + k])
+        peer = dict(zip(peer, (*others[fastest][1:], ns[len(solvers) + fastest]), strict=True))
     return [
         {
             "particles": count,
             "resolution": scene.resolution,
             "frame": subject.run_up,
             "threads": threads,
-            "instructions": widest,
+            "instructions": _core.limit_instructions(INSTRUCTIONS[-1]),
             "substeps": substeps,
             "ns_per_particle_substep": mine,
             "spread": round(float(high / low) - 1, 3),
@@ -199,7 +182,7 @@ def _timed(subject: Subject, settings: SolverSettings, baselines: Sequence[Basel
             **peer,
             "ratio": peer["peer_ns"] and round(peer["peer_ns"] / mine, 2),
         }
-        for (threads, widest), mine, (low, high) in zip(own, ns, quartiles, strict=False)
+        for threads, mine, (low, high) in zip(solvers, ns, quartiles, strict=False)
     ]
 
 

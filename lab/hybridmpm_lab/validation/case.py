@@ -79,16 +79,6 @@ class Result(NamedTuple):
     panels: Sequence[Panel]
 
 
-class Case(NamedTuple):
-    """A validation case."""
-
-    title: str
-    text: str
-    """Measured quantity, method and finding, in Markdown."""
-    run: Callable[[], Result]
-    """Runs the case at full length."""
-
-
 def recorded(
     solver: MpmSolver, steps: int, measure: Callable[[MpmSolver], tuple[float, ...]], *, every: int = 1
 ) -> tuple[Floats, Floats]:

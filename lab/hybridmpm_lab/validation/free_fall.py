@@ -1,12 +1,6 @@
 """Balls of all materials are thrown sideways and fall.
 
-The solver is symplectic Euler in time: in each of n equal substeps dt, gravity acts before particles move. So
-each particle has to follow
-
-    x = x_0 + v_0 t + g (t² + t dt) / 2,   t = n dt
-
-up to rounding. Accepted is one unit of rounding a substep in the position and one in the velocity's part of
-it (2^-24 each, for positions below 1 m).
+With n equal substeps dt, each particle has to follow x = x_0 + v_0 t + g (t² + t dt) / 2 up to rounding.
 """
 
 import numpy as np

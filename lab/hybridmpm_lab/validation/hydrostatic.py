@@ -1,14 +1,6 @@
 """A column of water 0.4 m deep falls into its own compression and comes to rest.
 
-The Kirchhoff stress tau = lambda J (J - 1) is the pressure lambda (1 - J), and the density is rho_0 / J. At
-depth s below the surface dp/ds = rho g gives -lambda J dJ/ds = rho_0 g, hence
-
-    J(s) = sqrt(1 - 2 rho_0 g s / lambda),
-
-1.4 % of compression on the floor, and half as much in the mean over the particles. Positions and J are
-averaged over one second after three. Judged are the means of eight layers of equal height, relative to the
-compression on the floor, and the mean over all particles. Single particles scatter, above all beside the
-floor: the jitter that they start with never decays.
+At depth s below the surface the closed form is J(s) = sqrt(1 - 2 rho_0 g s / lambda).
 """
 
 import numpy as np

@@ -1,6 +1,7 @@
-"""The page of validation: README.md and a chart for each case. The same build writes the same bytes."""
+"""The page of validation: its figures and a chart for each case. The same build writes the same bytes."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,56 +9,42 @@ import click
 
 from hybridmpm._support.files import replacing
 from hybridmpm.cli.progress import progress
+from hybridmpm.errors import DataError
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.validation import CASES
-from hybridmpm_lab.validation.case import Case, Check, Curve, Result
+from hybridmpm_lab.validation.case import Check, Curve, Result
 
 _HEADER = "| figure | measured | target | accepted | |\n|---|---:|---:|---:|---|\n"
-_INTRO = """\
-# Validation
-
-The solver compared with experiments and closed forms from the literature. `python -m hybridmpm_lab validate`
-writes this page and its charts. The tests run the same functions, some shorter, with the same tolerances.
-
-"""
-
-Outcome = tuple[str, Case, Result]
-"""Name, case and result of a run."""
 
 
-def write(folder: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write NAME.svg for each case, and README.md, into an existing folder.
+def write(folder: Path, results: Mapping[str, Result]) -> None:
+    """Draw NAME.svg for each case into a folder, and renew its figures in the folder's README.md.
 
     Raises
     ------
-    ConfigError
-        matplotlib is not installed.
+    DataError
+        The page has no section of a case.
     ExportError
         A file could not be written.
     """
-    for name, _, result in outcomes:
+    page = folder / "README.md"
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    for name, result in results.items():
+        text = renewed(text, name, result.checks)
         _draw(result, folder / f"{name}.svg")
-    with replacing(folder / "README.md") as part:
-        part.write_text(markdown(outcomes), encoding="utf-8")
+    with replacing(page) as part:
+        part.write_text(text, encoding="utf-8")
 
 
-def markdown(outcomes: Sequence[Outcome]) -> str:
-    """Return the text of the page."""
-    verdicts = [check.verdict for _, _, result in outcomes for check in result.checks]
-    summary = f"{verdicts.count('pass')} of {len(verdicts) - verdicts.count('reported')} judged figures pass"
-    failed = [
-        f"[{case.title.lower()}](#{case.title.lower().replace(' ', '-')}), {check.quantity}"
-        for _, case, result in outcomes
-        for check in result.checks
-        if check.verdict == "FAIL"
-    ]
-    misses = f"; these do not: {'; '.join(failed)}" if failed else ""
-    return f"{_INTRO}{summary}{misses}.\n" + "".join(_section(*one) for one in outcomes)
-
-
-def _section(name: str, case: Case, result: Result) -> str:
-    table = "".join(f"| {' | '.join(_cells(check))} |\n" for check in result.checks)
-    return f"\n## {case.title}\n\n{case.text}\n![{case.title}]({name}.svg)\n\n{_HEADER}{table}"
+def renewed(text: str, name: str, checks: Sequence[Check]) -> str:
+    """Return the text of the page with the figures of a case, and with the number of those that pass."""
+    table = _HEADER + "".join(f"| {' | '.join(_cells(check))} |\n" for check in checks)
+    text, count = re.subn(rf"(\]\({name}\.svg\)\n\n)(\|.*\n)*", lambda old: old[1] + table, text)
+    if count != 1:
+        raise DataError(f"the page has no section with the chart {name}.svg")
+    passed, failed = text.count(" | pass |\n"), text.count(" | FAIL |\n")
+    summary = f"{passed} of {passed + failed} judged figures pass.\n"
+    return re.sub(r"\d+ of \d+ judged figures pass\.\n", summary, text, count=1)
 
 
 def _cells(check: Check) -> tuple[str, ...]:
@@ -103,7 +90,7 @@ def _style(curve: Curve) -> dict[str, Any]:
     "--out",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     metavar="FOLDER",
-    help="Folder to write a page of these cases to: README.md and charts.",
+    help="Folder of the page, README.md, whose figures and charts of these cases are renewed.",
 )
 @click.pass_context
 def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> None:
@@ -112,16 +99,15 @@ def validate(ctx: click.Context, cases: tuple[str, ...], out: Path | None) -> No
     All cases are run if none is named. The exit status is 1 if a figure is outside its tolerance.
     """
     chosen = [name for name in CASES if name in cases or not cases]
-    outcomes = []
+    results = {}
     with progress("Validating", len(chosen)) as bar:
         for name in chosen:
-            case = CASES[name]
-            outcomes.append((name, case, case.run()))
+            results[name] = CASES[name]()
             bar.update(1)
-    for _, case, result in outcomes:
-        click.echo(f"{case.title}\n{text_table(result.checks)}\n")
+    for name, result in results.items():
+        click.echo(f"{name}\n{text_table(result.checks)}\n")
     if out is not None:
-        write(out, outcomes)
+        write(out, results)
         click.echo(f"wrote {out / 'README.md'} and its charts")
-    failed = any(check.verdict == "FAIL" for _, _, result in outcomes for check in result.checks)
+    failed = any(check.verdict == "FAIL" for result in results.values() for check in result.checks)
     ctx.exit(1 if failed else 0)

@@ -1,26 +1,4 @@
-"""Columns of sand in 3D, of radius r_0 and height a r_0, are let go on a floor.
-
-r_0 is 0.12 m (0.08 m for the tall one) at 96 cells per metre, so 11.5 (7.7) cells. With r the radius and h
-the height of the heap, Lube et al. (2004; J. Fluid Mech. 508) fit to sand and other grains that rest at about
-30 degrees
-
-    (r - r_0) / r_0 = 1.24 a for a < 1.7, 1.6 sqrt(a) above;   h / r_0 = a, at most 0.88 a^(1/6).
-
-The heap ends where a ring of one cell is half a cell deep in the mean; its height is that of the two
-innermost rings. Only the run-out on the sliding floor is judged, for this model does not reach run-out and
-height together.
-
-With sand of 30 degrees, meant in triaxial compression, on a sticky floor the run-out is half of the fit. For
-a = 1, where the fit is 1.24, a sticky floor stops the lowest layer of one cell, most of a thin toe (run-out
-0.65; 1.00 on a floor of friction 0.3; no difference in the experiments). The grid gives 0.56, 0.65, 0.68 at
-5.8, 11.5, 17.3 cells in r_0, an angle of 20 degrees 0.91: a cone that fits triaxial compression resists more
-when matter spreads to all sides. Stiffness (0.69, 0.56, 0.56 at 1e5, 1e6, 1e7 Pa and 64 cells per metre) and
-the correction of volumes (0.56 with and without) matter less.
-
-Sand of 20 degrees on a floor of friction 0.3 runs as far as the fits say, within 12 %, but its heap is up to
-half too low: one friction angle is not enough for both. Real sand resists more where it shears fast, and less
-than a cone in extension.
-"""
+"""Columns of sand in 3D, of radius r_0 and height a r_0, are let go on a sticky and on a sliding floor."""
 
 from typing import NamedTuple
 

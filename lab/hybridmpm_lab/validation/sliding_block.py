@@ -1,18 +1,7 @@
-"""A stiff elastic block (E = 100 MPa, 0.125 m) is let go on a plane, for every kind of contact.
+"""A stiff elastic block is let go on a plane, for every kind of contact.
 
-The plane is inclined by 24 degrees, or by 10 where it has to hold the block; the friction angle is 15
-degrees. With Coulomb's coefficient mu, a rigid block that starts at rest has moved by
-
-    x = g t² / 2 (sin(theta) - mu cos(theta))    if tan(theta) > mu, else not at all;
-
-without friction where contact is slip, not at all where it is sticky. Walls and obstacles are different code,
-so the plane is once a wall with tilted gravity, once a half-space across the grid. Judged is the path at the
-end, relative to the closed form, or to a free block's path where the block has to stay.
-
-The error arises as the block is let go. While waves run through it, it presses on the plane in jolts without
-friction, and keeps a little too much speed (7 mm/s on the half-space at 64², where its ragged bottom meets
-the grid's staircase of nodes). The later acceleration is that of the closed form. On the wall the error falls
-as 1 / sqrt(E).
+With Coulomb's coefficient mu, a rigid block has moved by x = g t² / 2 (sin(theta) - mu cos(theta)) where
+tan(theta) > mu, else not at all. The plane is once a wall with tilted gravity, once a half-space.
 """
 
 from typing import NamedTuple

@@ -1,12 +1,6 @@
 """Each material runs at fixed CFL numbers, in three cases chosen to hurt, until it no longer survives.
 
-The CFL number is dt times the signal speed sqrt((D lambda + 2 mu) / density) over dx. The cases are a splash
-(a column slides over the floor, collapses and hits a wall), single particles, free and at walls, with J in
-[0.9, 1.1], and the same with J in [0.5, 2]. A run survives without an error, an energy 5 % above that of the
-start, and a speed three times that of free fall; jets of a splash reach 2.3 times at all steps. Numbers rise
-from 0.2 in steps of 0.025. Judged is the largest number up to which a splash and single particles survive,
-over the default: at least 1.5. Particles alone oscillate; the first island of failures of elastic ones lies
-where symplectic Euler takes four steps a period, CFL 0.71.
+The CFL number is dt times the signal speed sqrt((D lambda + 2 mu) / density) over dx.
 """
 
 import math

@@ -1,11 +1,7 @@
-"""Water between frictionless walls 0.75 m apart starts at rest with a surface that is a cosine of 2 cm.
+"""Water of depth h between walls a distance L apart starts at rest with a surface that is a cosine.
 
-Linear theory gives the lowest sideways mode of water of depth h between walls a distance L apart:
-
-    ω² = g k tanh(k h),   k = π / L    (Lamb, Hydrodynamics, article 228).
-
-The horizontal centroid follows this mode. The period is twice the mean time between its crossings of the
-middle, over three periods.
+The lowest sideways mode is ω² = g k tanh(k h), k = π / L (Lamb, Hydrodynamics, article 228). The period is
+twice the mean time between the crossings of the middle by the centroid.
 """
 
 import numpy as np
