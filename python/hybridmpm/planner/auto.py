@@ -32,7 +32,10 @@ _NTH_LONGEST = 2
 """The second longest time of the window has to keep within the budget: one frame in twenty may exceed it."""
 _ROOM = 0.8
 """Largest share of the budget that a more accurate level may take, by its estimate, to be tried."""
-_LONGEST_WAIT = 4096
+_FIRST_WAIT, _LONGEST_WAIT = 2 * WINDOW, 1024
+"""Frames at a level before a more accurate one is tried, and the most of them after failed attempts."""
+_QUIET = 8 * WINDOW
+"""Frames in a row that must leave room, after busy ones, for the machine to count as quiet again."""
 
 _Floats = npt.NDArray[np.float32]
 
@@ -70,8 +73,10 @@ class Controller:
     index: int
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _frames: int = 0
-    _wait: int = 2 * WINDOW
+    _wait: int = _FIRST_WAIT
     _climbed: bool = False
+    _with_room: int = 0
+    _was_busy: bool = False
 
     @property
     def time(self) -> float | None:
@@ -83,7 +88,9 @@ class Controller:
 
         Above the budget it is the most accurate of the faster levels whose estimate is within, else the
         fastest. Otherwise it is the next more accurate level, if the budget has room for it. After a level
-        that exceeded the budget, the next attempt takes twice as many frames.
+        that exceeded the budget, the next attempt takes twice as many frames, until one lasts. Where the
+        budget had no room for a while, for other programs slowed the machine, the attempt is made as soon as
+        it is quiet again.
         """
         self._times.append(milliseconds)
         self._frames += 1
@@ -96,16 +103,21 @@ class Controller:
             if self._climbed:
                 self._wait = min(2 * self._wait, _LONGEST_WAIT)
             self._change(max(within, default=0), climbed=False)
-        elif (
-            self.index + 1 < len(self.expected)
-            and self._frames >= self._wait
-            and factor * self.expected[self.index + 1] <= _ROOM * self.budget
-        ):
-            self._change(self.index + 1, climbed=True)
+            return self.index
+        if self._climbed and self._frames >= _FIRST_WAIT:
+            self._climbed, self._wait = False, _FIRST_WAIT
+        if self.index + 1 < len(self.expected):
+            has_room = factor * self.expected[self.index + 1] <= _ROOM * self.budget
+            self._with_room = self._with_room + 1 if has_room else 0
+            self._was_busy |= not has_room
+            is_quiet_again = self._was_busy and self._with_room >= _QUIET
+            if has_room and (self._frames >= self._wait or is_quiet_again):
+                self._change(self.index + 1, climbed=True)
         return self.index
 
     def _change(self, index: int, *, climbed: bool) -> None:
         self.index, self._climbed, self._frames = index, climbed, 0
+        self._with_room, self._was_busy = 0, False
         self._times.clear()
 
 

@@ -50,6 +50,35 @@ def test_an_attempt_that_fails_is_repeated_ever_more_rarely() -> None:
     assert (waits[1:] > 1.5 * waits[:-1]).all()
 
 
+@pytest.mark.parametrize("busy", [60, 700, 5000])
+@pytest.mark.parametrize("spike", [1.0, 5.0, 40.0])
+def test_the_level_is_found_again_when_the_machine_is_quiet(busy: int, spike: float) -> None:
+    controller, random = Controller(EXPECTED, 0.5, 2), np.random.default_rng(7)
+    levels = []
+    for frame in range(busy + 1600):
+        # Other programs come in bursts: a frame in six waits for them, in nine of ten stretches of 50.
+        is_busy = frame < busy and frame // 50 % 10 != 9 and random.random() < 1 / 6
+        levels.append(controller.enter(EXPECTED[controller.index] + spike * is_busy))
+    assert min(levels[:busy]) < 2
+    quiet = levels[busy:]
+    assert quiet[-1] == 2
+    # At worst the longest wait, and then a step of 40 frames each.
+    assert quiet.index(2) <= 1024 + 3 * 2 * WINDOW + WINDOW
+    # Level 3 never fits, so nothing is tried again and again.
+    assert max(quiet) == 2
+
+
+def test_an_attempt_that_lasts_ends_the_waiting() -> None:
+    controller = Controller(EXPECTED, 0.5, 1)
+    for _ in range(1500):
+        controller.enter(0.2 if controller.index == 1 else 0.6)
+    slow = [controller.enter(0.2 if controller.index == 1 else 0.3) for _ in range(2000)]
+    assert slow[-1] == 2
+    # One burst of others costs no more than a few windows now.
+    assert run(controller, 3.0, WINDOW)[-1] < 2
+    assert run(controller, 0.75, 5 * WINDOW)[-1] == 2
+
+
 def test_single_slow_frames_change_nothing() -> None:
     controller = Controller(EXPECTED, 0.5, 2)
     for frame in range(20 * WINDOW):
