@@ -6,12 +6,12 @@ r_p is the number of coarse particles over that of the scene.
 from hybridmpm.coarse.level import (
     CoarseLevel,
     coarse_level,
-    coarse_warnings,
     fastest_impact,
     settled_potential,
 )
 from hybridmpm.coarse.merging import FEWEST_PER_CELL, balanced_clusters, coarse_resolution, merge
 from hybridmpm.coarse.simulator import CoarseSimulator
+from hybridmpm.coarse.suitability import coarse_warnings
 from hybridmpm.coarse.table import CoarseTable, FittedLevel, HeldOut, coarse_table
 from hybridmpm.coarse.upsampler import CoarseParticles, Upsampler
 
