@@ -7,8 +7,11 @@ import numpy.typing as npt
 
 from hybridmpm.checking.report import Finding
 from hybridmpm.scene import Scene
+from hybridmpm.scene.gaps import narrow_gaps, wide_enough
 from hybridmpm.scene.scene import MIN_CELLS_THICK
 
+CHOKED = 0.7
+"""Share of a flow below which a gap is a finding [-]."""
 _SMALL = 0.01
 """Largest overlap of a body that is no finding, as a share of its volume."""
 _SAMPLES = 20_000
@@ -25,6 +28,7 @@ def of_geometry(scene: Scene) -> Iterator[Finding]:
     """Yield the findings about places and shapes of a scene's parts."""
     yield from _thin_obstacles(scene)
     yield from _thin_bodies(scene)
+    yield from _narrow_gaps(scene)
     yield from _taken(scene)
 
 
@@ -43,8 +47,7 @@ def _thin_obstacles(scene: Scene) -> Iterator[Finding]:
 
 def _thin_bodies(scene: Scene) -> Iterator[Finding]:
     for index, body in enumerate(scene.bodies):
-        lower, upper = body.bounds
-        thickness = float((upper - lower).min())
+        thickness = body.smallest_extent
         if thickness < scene.dx * (1 - 1e-9):
             yield Finding(
                 severity="warning",
@@ -53,6 +56,22 @@ def _thin_bodies(scene: Scene) -> Iterator[Finding]:
                 "particles hardly interact",
                 advice=f"make it at least {scene.dx:.3g} m thick, or raise the resolution",
             )
+
+
+def _narrow_gaps(scene: Scene) -> Iterator[Finding]:
+    """Yield a finding about gaps that the scene's grid chokes, with the narrowest of them."""
+    is_sand = all(material.kind == "sand" for material in scene.materials)
+    found = [gap for gap in narrow_gaps(scene) if gap.flow(scene.resolution, is_sand=is_sand) < CHOKED]
+    if found:
+        gap, others = found[0], f"; {len(found) - 1} more are narrow" if len(found) > 1 else ""
+        yield Finding(
+            severity="warning",
+            field=", ".join(name for name in gap.between if name.startswith("obstacles")),
+            problem=f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
+            f"{gap.width * scene.resolution:.2g} cells wide and lets about "
+            f"{gap.flow(scene.resolution, is_sand=is_sand):.0%} of a flow through{others}",
+            advice=f"make it {wide_enough(CHOKED, scene.resolution):.2g} m wide, or raise the resolution",
+        )
 
 
 def _taken(scene: Scene) -> Iterator[Finding]:

@@ -8,18 +8,26 @@ import numpy as np
 from hybridmpm.coarse.level import CoarseLevel, coarse_level, fastest_impact, settled_potential
 from hybridmpm.coarse.table import CoarseTable, coarse_table
 from hybridmpm.scene import Scene
+from hybridmpm.scene.gaps import narrow_gaps, wide_enough
 
 SHALLOW = {2: 1.0, 3: 2.0}
 """Depth [cells of the level], by dimension, below which matter at rest loses volume."""
 UNEQUAL = 10.0
 """Warn when densities differ by more than this factor."""
+SLENDER = 2.0
+"""Thickness of an elastic body [cells of the level] below which it folds; other bodies take one cell."""
+SMALL_SINK = {2: 5.0, 3: 11.0}
+"""Measure of a sink [cells of the level], by dimension, below which it drains less than it should."""
+CHOKED = 0.75
+"""Share of the scene's own flow through a gap below which a level chokes it [-]."""
 
 
 def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None = None) -> list[str]:
     """Return a sentence for each property of a scene that is outside the bounds of a fitted level.
 
-    Checked are the speed of impacts, obstacles thinner than a cell of the level's grid, the depth of matter
-    at rest in cells, and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
+    Checked are the speed of impacts, obstacles and bodies thinner than a cell of the level's grid or elastic
+    bodies thinner than two, gaps between solids, sinks of some cells, the depth of matter at rest in cells,
+    and ratios of densities above 10. `MpmSolver` warns of each with a `CoarseWarning`.
 
     Parameters
     ----------
@@ -33,6 +41,9 @@ def coarse_warnings(scene: Scene, level: CoarseLevel, table: CoarseTable | None 
     return [
         *_speed_warnings(scene, level),
         *_obstacle_warnings(scene, level, known),
+        *_body_warnings(scene, level),
+        *_gap_warnings(scene, level),
+        *_sink_warnings(scene, level),
         *_depth_warnings(scene, level),
         *_density_warnings(scene, level),
     ]
@@ -53,12 +64,55 @@ def _depth_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     """Warn where matter settles into about a cell of the level, but into several of the scene."""
     gravity = float(np.linalg.norm(scene.gravity))
     depth = settled_potential(scene) / gravity if gravity else math.inf
-    if 2 * scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
+    if scene.dx <= depth < SHALLOW[scene.dim] / level.resolution:
         yield (
             f"matter settles {depth:.2g} m deep in this scene, where a cell of coarse level {level.name!r} "
             f"is {_cell(level):g} m wide, so at rest its volume may be off by a tenth or more: take a coarse "
             "level of more particles"
         )
+
+
+def _body_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn of bodies too thin for the level, but not for the scene's own grid."""
+    for i, body in enumerate(scene.bodies):
+        is_elastic = body.material.kind == "elastic"
+        cells = SLENDER if is_elastic else 1.0
+        if scene.dx <= body.smallest_extent < cells / level.resolution:
+            so = "it folds and moves otherwise" if is_elastic else "it gathers in lumps"
+            yield (
+                f"bodies[{i}] ({body.material.kind}) is {body.smallest_extent:.3g} m thin, less than "
+                f"{cells:g} cell{'s' * is_elastic} of {_cell(level):g} m of coarse level {level.name!r}, so "
+                f"{so}: take a coarse level of more particles, or MpmSolver(scene), which simulates all"
+            )
+
+
+def _gap_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn of gaps that let through much less on the level's grid than on the scene's own."""
+    found = [(gap.flow(level.resolution), gap.flow(scene.resolution), gap) for gap in narrow_gaps(scene)]
+    choked = [one for one in found if one[0] < CHOKED * one[1]]
+    if choked:
+        flow, own, gap = min(choked, key=lambda one: one[0] / one[1])
+        others = f", and {len(choked) - 1} more are narrow" if len(choked) > 1 else ""
+        yield (
+            f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
+            f"{gap.width * level.resolution:.2g} cells of coarse level {level.name!r} wide and lets about "
+            f"{flow / own:.0%} of the scene's flow through{others}: take a coarse level of more particles, or "
+            f"widen it to {wide_enough(CHOKED, level.resolution, scene.resolution):.2g} m"
+        )
+
+
+def _sink_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
+    """Warn of sinks of less than some cells of the level, which miss what flows past them."""
+    for i, sink in enumerate(scene.sinks):
+        cells = sink.measure * level.resolution**scene.dim
+        is_flat = sink.smallest_extent < 0.5 / level.resolution
+        if level.resolution < scene.resolution and (cells < SMALL_SINK[scene.dim] or is_flat):
+            yield (
+                f"sinks[{i}] has {cells:.2g} cells of coarse level {level.name!r} and is "
+                f"{sink.smallest_extent * level.resolution:.2g} cells thick, so it drains less than it should: "
+                f"make it at least half a cell, {0.5 * _cell(level):g} m, thick and "
+                f"{SMALL_SINK[scene.dim]:g} cells large, or take a coarse level of more particles"
+            )
 
 
 def _density_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:

@@ -26,11 +26,6 @@ class Box(BoxShape, _Body):
         """Lower and upper corner of the box [m]."""
         return np.array(self.lower), np.array(self.upper)
 
-    @property
-    def measure(self) -> float:
-        """Area in 2D [m^2], volume in 3D [m^3]."""
-        return math.prod(self.extents)
-
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
         lower, upper = self.bounds
@@ -45,11 +40,6 @@ class Ball(BallShape, _Body):
         """Lower and upper corner of the bounding box [m]."""
         center = np.array(self.center)
         return center - self.radius, center + self.radius
-
-    @property
-    def measure(self) -> float:
-        """Area in 2D [m^2], volume in 3D [m^3]."""
-        return math.pi * self.radius**2 if len(self.center) == 2 else 4 / 3 * math.pi * self.radius**3
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, D) lie strictly inside; shape (N,)."""
@@ -100,6 +90,13 @@ class Polygon(_Body):
         """Area [m^2] by the shoelace formula; exact where the outline does not cross itself."""
         x, y = np.array(self.vertices).T
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+    @property
+    def smallest_extent(self) -> float:
+        """Shorter side [m] of the rectangle with this area and length of the outline: a thin one may bend."""
+        corners = np.array(self.vertices)
+        outline = float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).sum())
+        return (outline - math.sqrt(max(0.0, outline**2 - 16 * self.measure))) / 4
 
     def contains(self, x: Points) -> npt.NDArray[np.bool_]:
         """Whether points (N, 2) lie inside; shape (N,)."""

@@ -66,11 +66,6 @@ class SegmentObstacle(Segment, _Obstacle):
 class BoxObstacle(BoxShape, _Obstacle):
     """Axis-aligned solid box."""
 
-    @property
-    def smallest_extent(self) -> float:
-        """Shortest side of the box [m]."""
-        return min(self.extents)
-
     def _at_rest(self) -> _core.Obstacle:
         return _core.Obstacle.box(self.lower, self.upper, contact=self.contact, friction=self.friction)
 
@@ -78,22 +73,12 @@ class BoxObstacle(BoxShape, _Obstacle):
 class BallObstacle(BallShape, _Obstacle):
     """Solid disc in 2D, ball in 3D."""
 
-    @property
-    def smallest_extent(self) -> float:
-        """Diameter of the ball [m]."""
-        return 2 * self.radius
-
     def _at_rest(self) -> _core.Obstacle:
         return _core.Obstacle.ball(self.center, self.radius, contact=self.contact, friction=self.friction)
 
 
 class CylinderObstacle(CylinderShape, _Obstacle):
     """Solid cylinder with flat ends, 3D only."""
-
-    @property
-    def smallest_extent(self) -> float:
-        """Diameter, or length where that is less [m]."""
-        return min(2 * self.radius, self.length)
 
     def _at_rest(self) -> _core.Obstacle:
         return _core.Obstacle.cylinder(

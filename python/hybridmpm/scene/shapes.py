@@ -40,6 +40,16 @@ class BoxShape(Shaped):
         """Side lengths (D,) [m]."""
         return tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
 
+    @property
+    def measure(self) -> float:
+        """Area in 2D [m^2], volume in 3D [m^3]."""
+        return math.prod(self.extents)
+
+    @property
+    def smallest_extent(self) -> float:
+        """Shortest side of the box [m]."""
+        return min(self.extents)
+
 
 class BallShape(Shaped):
     """Disc in 2D, ball in 3D."""
@@ -47,6 +57,16 @@ class BallShape(Shaped):
     shape: Literal["ball"] = "ball"
     center: Point = Field(description="Centre of the ball, D coordinates [m].")
     radius: Length = Field(description="Radius of the ball [m].")
+
+    @property
+    def measure(self) -> float:
+        """Area in 2D [m^2], volume in 3D [m^3]."""
+        return math.pi * self.radius**2 if len(self.center) == 2 else 4 / 3 * math.pi * self.radius**3
+
+    @property
+    def smallest_extent(self) -> float:
+        """Diameter of the ball [m]."""
+        return 2 * self.radius
 
 
 class Segment(Shaped):
@@ -80,3 +100,8 @@ class CylinderShape(Segment):
     start: Point = Field(description="Centre of one end, D coordinates [m].")
     end: Point = Field(description="Centre of the other end, D coordinates [m].")
     radius: Length = Field(description="Radius of the cylinder [m].")
+
+    @property
+    def smallest_extent(self) -> float:
+        """Diameter of the cylinder or distance of its ends, the smaller one [m]."""
+        return min(2 * self.radius, self.length)
