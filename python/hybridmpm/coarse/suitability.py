@@ -18,7 +18,7 @@ SLENDER = 2.0
 """Thickness of an elastic body [cells of the level] below which it folds; other bodies take one cell."""
 SMALL_SINK = {2: 5.0, 3: 11.0}
 """Measure of a sink [cells of the level], by dimension, below which it drains less than it should."""
-CHOKED = 0.75
+CHOKED = 2 / 3
 """Share of the scene's own flow through a gap below which a level chokes it [-]."""
 
 
@@ -93,11 +93,12 @@ def _gap_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
     if choked:
         flow, own, gap = min(choked, key=lambda one: one[0] / one[1])
         others = f", and {len(choked) - 1} more are narrow" if len(choked) > 1 else ""
+        wider = wide_enough(CHOKED, level.resolution, scene.resolution)
         yield (
             f"the gap of {gap.width:.3g} m between {' and '.join(gap.between)} is "
             f"{gap.width * level.resolution:.2g} cells of coarse level {level.name!r} wide and lets about "
-            f"{flow / own:.0%} of the scene's flow through{others}: take a coarse level of more particles, or "
-            f"widen it to {wide_enough(CHOKED, level.resolution, scene.resolution):.2g} m"
+            f"{flow / own:.0%} of the scene's flow through{others}: widen it to {wider:.2g} m, or take a "
+            "coarse level of more particles"
         )
 
 
@@ -109,8 +110,8 @@ def _sink_warnings(scene: Scene, level: CoarseLevel) -> Iterator[str]:
         if level.resolution < scene.resolution and (cells < SMALL_SINK[scene.dim] or is_flat):
             yield (
                 f"sinks[{i}] has {cells:.2g} cells of coarse level {level.name!r} and is "
-                f"{sink.smallest_extent * level.resolution:.2g} cells thick, so it drains less than it should: "
-                f"make it at least half a cell, {0.5 * _cell(level):g} m, thick and "
+                f"{sink.smallest_extent * level.resolution:.2g} of them thick, so it drains less than it "
+                f"should: make it at least {0.5 * _cell(level):g} m thick and "
                 f"{SMALL_SINK[scene.dim]:g} cells large, or take a coarse level of more particles"
             )
 

@@ -90,7 +90,10 @@ def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
     for key in np.unique(low * len(x) + high).tolist():
         meeting, sides = lowest[low * len(x) + high == key], (key // len(x), key % len(x))
         for point in _openings(meeting[_WIDER * first[meeting] < peaks[[*sides]].min()], x, first):
-            solids, width = int(pair[point]), float(first[point] + second[point])
+            # Parts may meet beside the narrowest place.
+            around = np.flatnonzero((pair == pair[point]) & (first > 0))
+            around = around[np.linalg.norm(x[around] - x[point], axis=1) < _AROUND * first[point]]
+            solids, width = int(pair[point]), float((first + second)[around].min())
             is_gap = width > _TOUCHING * step and solids // len(names) < len(still)
             wide = first >= _WIDER * first[point]
             starts = [_nearest(x, np.flatnonzero(wide & (part == side)), point) for side in sides]

@@ -23,6 +23,7 @@ from hybridmpm.cli import cli
 BLOCK = {"shape": "box", "material": "water", "lower": [0.2, 0.2], "upper": [0.4, 0.4]}
 
 SMALL = BLOCK | {"lower": [0.5, 0.2], "upper": [0.6, 0.3]}
+SLIVER = {"shape": "polygon", "material": "water", "vertices": [[0.2, 0.2], [0.21, 0.19], [0.4, 0.4]]}
 SPOUT = {
     "shape": "rectangle",
     "material": "water",
@@ -67,6 +68,14 @@ def test_a_scene_without_faults_gets_its_figures_and_nothing_else() -> None:
         (
             {"bodies": [BLOCK | {"upper": [0.4, 0.21]}]},
             "warning", "bodies[0]", ["0.01 m thin", "0.0156 m"],
+        ),
+        (
+            {"obstacles": [{"shape": "box", "lower": [0.1, 0.5], "upper": [0.85, 0.6]}]},
+            "warning", "obstacles[0]", ["gap of 0.05 m", "upper wall along x is 3.2 cells", "59%", "0.068 m wide"],
+        ),
+        (
+            {"bodies": [SLIVER]},
+            "warning", "bodies[0]", ["thin, less than one cell"],
         ),
         (
             {"bodies": [BLOCK, BLOCK | {"lower": [0.3, 0.2], "upper": [0.5, 0.4]}]},
