@@ -8,7 +8,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from hybridmpm.scene.obstacles import Obstacle
 from hybridmpm.scene.scene import Scene
+from hybridmpm.scene.walls import Walls
 
 _EVALUATIONS = 1_000_000
 """Largest number of signed distances that a search takes, points times solids: it bounds its time."""
@@ -38,8 +40,6 @@ class Gap:
     """Paths of the obstacles, or names of the walls."""
     width: float
     """Width [m]."""
-    center: tuple[float, ...]
-    """A point (D,) in the gap [m], about the middle of it."""
 
     def flow(self, resolution: int, *, is_sand: bool = False) -> float:
         """Return the share of a flow [-] that a grid of `resolution` cells per metre lets through.
@@ -54,7 +54,6 @@ def wide_enough(share: float, resolution: int, finer: int | None = None) -> floa
     return _LOST / (1 - share) * (1 / resolution - (share / finer if finer else 0.0))
 
 
-@lru_cache(maxsize=64)
 def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
     """Return the gaps between solids that stand still which lead from one part of the room to another.
 
@@ -64,28 +63,36 @@ def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
     round it that rises no higher. Gaps below 1.5 distances of the lattice are not seen; these are half a cell
     of the scene or, where there are many obstacles, more.
     """
-    still = [(f"obstacles[{i}]", one.to_native()) for i, one in enumerate(scene.obstacles) if not one.motion]
+    return _gaps(scene.walls, scene.obstacles, scene.gravity, scene.dx)
+
+
+@lru_cache(maxsize=64)
+def _gaps(
+    walls: Walls, obstacles: tuple[Obstacle, ...], gravity: tuple[float, ...], dx: float
+) -> tuple[Gap, ...]:
+    still = [(f"obstacles[{i}]", one.to_native()) for i, one in enumerate(obstacles) if not one.motion]
     if not still:
         return ()
-    lower, upper = np.array(scene.walls.lower), np.array(scene.walls.upper)
+    lower, upper, dim = np.array(walls.lower), np.array(walls.upper), len(gravity)
     names = [name for name, _ in still]
-    names += [f"the {end} wall along {'xyz'[a]}" for a in range(scene.dim) for end in ("lower", "upper")]
+    names += [f"the {end} wall along {'xyz'[a]}" for a in range(dim) for end in ("lower", "upper")]
     volume = float(np.prod(upper - lower))
-    step = max(_FINEST * scene.dx, (volume * len(names) / _EVALUATIONS) ** (1 / scene.dim))
+    step = max(_FINEST * dx, (volume * len(names) / _EVALUATIONS) ** (1 / dim))
     axes = [np.arange(a + step / 2, b, step) for a, b in zip(lower, upper, strict=True)]
     shape = tuple(len(axis) for axis in axes)
-    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, scene.dim)
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dim)
     points = x.astype(np.float32)
-    walls = (d for a in range(scene.dim) for d in (x[:, a] - lower[a], upper[a] - x[:, a]))
-    first, second, pair = _two_nearest(
-        itertools.chain((solid.signed_distance(points) for _, solid in still), walls), len(x), len(names)
+    distances = itertools.chain(
+        (np.float64(solid.signed_distance(points)) for _, solid in still),
+        (d for a in range(dim) for d in (x[:, a] - lower[a], upper[a] - x[:, a])),
     )
+    first, second, pair = _two_nearest(distances, len(x), len(names))
     part, ones, others = _parts(first.reshape(shape))
     peaks = np.zeros(len(x))
     np.maximum.at(peaks, part, first)
     low, high = np.sort([part[ones], part[others]], axis=0)
     lowest = np.where(first[ones] < first[others], ones, others)
-    height = -(x @ np.array(scene.gravity))
+    height = -(x @ np.array(gravity))
     found: dict[int, Gap] = {}
     for key in np.unique(low * len(x) + high).tolist():
         meeting, sides = lowest[low * len(x) + high == key], (key // len(x), key % len(x))
@@ -97,11 +104,11 @@ def narrow_gaps(scene: Scene) -> tuple[Gap, ...]:
             is_gap = width > _TOUCHING * step and solids // len(names) < len(still)
             wide = first >= _WIDER * first[point]
             starts = [_nearest(x, np.flatnonzero(wide & (part == side)), point) for side in sides]
-            wide &= height <= height[starts].max() + first[point] * np.linalg.norm(scene.gravity)
+            wide &= height <= height[starts].max() + first[point] * np.linalg.norm(gravity)
             known = found.get(solids)
             if is_gap and not (known and known.width <= width) and not _leads(wide.reshape(shape), *starts):
                 between = (names[solids // len(names)], names[solids % len(names)])
-                found[solids] = Gap(between, width, tuple(x[point].tolist()))
+                found[solids] = Gap(between, width)
     return tuple(sorted(found.values(), key=lambda gap: gap.width))
 
 
@@ -181,16 +188,16 @@ def _parts(clearance: _Floats) -> tuple[_Whole, _Whole, _Whole]:
     sizes = np.bincount(uphill[flat > 0], minlength=flat.size) / np.count_nonzero(flat > 0)
     owner: dict[int, int] = {}
     for edge in order[np.sort(firsts)].tolist():
-        a, b = (_root(owner, int(uphill[side[edge]])) for side in (ones, others))
-        a, b = (a, b) if flat[a] < flat[b] else (b, a)
-        alike = sizes[a] < _CORNER or flat[b] < _EQUAL * flat[a]
-        if a != b and alike and flat[a] <= _WIDER * saddles[edge]:
-            owner[a] = b
-            sizes[b] += sizes[a]
-    roots = np.arange(flat.size)
+        roots = (_root(owner, int(uphill[side[edge]])) for side in (ones, others))
+        less, more = sorted(roots, key=lambda root: float(flat[root]))
+        alike = sizes[less] < _CORNER or flat[more] < _EQUAL * flat[less]
+        if less != more and alike and flat[less] <= _WIDER * saddles[edge]:
+            owner[less] = more
+            sizes[more] += sizes[less]
+    last = np.arange(flat.size)
     for one in owner:
-        roots[one] = _root(owner, one)
-    part = roots[uphill]
+        last[one] = _root(owner, one)
+    part = last[uphill]
     apart = (part[ones] != part[others]) & (np.minimum(sizes[part[ones]], sizes[part[others]]) > _CORNER)
     return part, ones[apart], others[apart]
 

@@ -164,8 +164,9 @@ def test_particles_must_neither_come_nor_go(clock: Clock) -> None:
 
 def test_a_warning_of_a_level_is_told_once(clock: Clock) -> None:
     scene: Scene = scenarios.water_ramps_2d(2_000_000)
-    with pytest.warns(CoarseWarning, match="thick"):
+    with pytest.warns(CoarseWarning) as told:
         solver = AutoSolver(scene, budget_ms=0.05, clock=clock)
+    assert any("thick" in str(one.message) for one in told)
     clock.frame_seconds = 1e-5
     solver.advance(70)  # here any warning is an error
     assert solver.changes
