@@ -40,6 +40,7 @@ from hybridmpm.errors import (
     SoftMaterialWarning,
     StepSizeError,
     ThinObstacleWarning,
+    TornBodyWarning,
     UnknownScenarioError,
 )
 from hybridmpm.mpm import MpmBatch, MpmSolver, Sleep
@@ -133,6 +134,7 @@ __all__ = [
     "SoftMaterialWarning",
     "StepSizeError",
     "ThinObstacleWarning",
+    "TornBodyWarning",
     "UnknownScenarioError",
     "Wall",
     "WallFaces",

@@ -117,3 +117,11 @@ class CoarseWarning(UserWarning):
     The scene is faster than those that the level was fitted to, or an obstacle is thinner than a cell of its
     grid, for example. Frames are valid, but their errors may be larger than the table of levels says.
     """
+
+
+class TornBodyWarning(UserWarning):
+    """An elastic body has come apart: pieces of it are so far from each other that nothing joins them.
+
+    Elastic solids have no strength of their own. They part where they are stretched until the particles share
+    no grid nodes. The message names the body; `MpmSolver.torn_bodies` lists all.
+    """

@@ -10,6 +10,7 @@ from hybridmpm.checking.matter import of_matter
 from hybridmpm.checking.openings import of_openings
 from hybridmpm.checking.probe import Probe, probe, probe_scene
 from hybridmpm.checking.report import Finding, SceneCheck
+from hybridmpm.checking.speed import of_speed
 from hybridmpm.coarse import coarse_warnings
 from hybridmpm.errors import ConfigError, SimulationError
 from hybridmpm.mpm import MpmSolver
@@ -116,7 +117,9 @@ def findings(scene: Scene, resolution: int | None = None) -> tuple[Finding, ...]
     `resolution` is that of the grid that simulates, in cells per metre; the scene's if absent.
     """
     cells = resolution or scene.resolution
-    return _most_severe_first([*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells)])
+    return _most_severe_first(
+        [*of_geometry(scene), *of_openings(scene), *of_matter(scene, cells), *of_speed(scene)]
+    )
 
 
 def estimated_memory(scene: Scene, resolution: int, particles: int) -> int:

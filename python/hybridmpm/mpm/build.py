@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from hybridmpm import _core
-from hybridmpm.coarse import CoarseLevel, Upsampler, merge
+from hybridmpm.coarse import CoarseLevel, Upsampler
 from hybridmpm.coarse.merging import spacing_at
 from hybridmpm.coarse.upsampler import CoarseParticles
 from hybridmpm.errors import ConfigError, SceneError
 from hybridmpm.mpm.sleep import Sleep
-from hybridmpm.scene import Emitter, Scene
+from hybridmpm.scene import Emitter, Particles, Scene
 from hybridmpm.scene.sampling import JITTER
 
 _PATTERNS = 16
@@ -19,6 +19,7 @@ _PATTERNS = 16
 
 def native_solver(
     scene: Scene,
+    particles: Particles,
     *,
     substeps: str | int,
     cfl: float | None,
@@ -27,8 +28,7 @@ def native_solver(
     level: CoarseLevel,
     threads: int,
 ) -> _core.Solver:
-    """Return the solver of a scene's particles at a coarse level; see `MpmSolver` for the settings."""
-    particles = merge(scene.sample(), level.r_p)
+    """Return the solver of a scene's particles, as merged for a coarse level; settings as in `MpmSolver`."""
     materials = [
         material.softened(factor, scene.potential_drop) if factor < 1 else material
         for material, factor in zip(scene.materials, level.moduli, strict=True)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from hybridmpm import _core
 from hybridmpm._support import signals
 from hybridmpm._support.arguments import flag, float32, whole
-from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level, coarse_warnings
+from hybridmpm.coarse import CoarseLevel, CoarseSimulator, Upsampler, coarse_level, coarse_warnings, merge
 from hybridmpm.coarse.upsampler import CoarseParticles
 from hybridmpm.decisions import Decision, Mode
 from hybridmpm.errors import (
@@ -22,6 +22,7 @@ from hybridmpm.errors import (
     FullBoxWarning,
     SoftMaterialWarning,
     ThinObstacleWarning,
+    TornBodyWarning,
 )
 from hybridmpm.force import CheckedForce
 from hybridmpm.mpm.build import native_solver, upsampler_of
@@ -29,14 +30,17 @@ from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.scene_warnings import full_box, soft_materials
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.stepper import MpmStepper
+from hybridmpm.mpm.tearing import torn_bodies
 from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scenarios.checked import checked_scene
-from hybridmpm.scene import ParticleLimitWarning, Scene
+from hybridmpm.scene import Elastic, ParticleLimitWarning, Scene
 from hybridmpm.scene.openings import EmitterStatus
 from hybridmpm.simulator import Kind
 from hybridmpm.snapshots import SavedState
 
 Substeps = Literal["cfl", "reference"] | int
+_TEARING_PERIOD = 32
+"""Frames between two searches for bodies that have come apart."""
 
 
 class MpmSolver(CoarseSimulator):
@@ -90,6 +94,8 @@ class MpmSolver(CoarseSimulator):
     CoarseWarning
         The scene is or becomes faster than those that the coarse level was fitted to, an obstacle or the
         layer of all matter at rest is thinner than a cell of its grid, or a frame had to be done again.
+    TornBodyWarning
+        From `advance`: an elastic body has come apart. Looked for every 32 frames.
 
     Notes
     -----
@@ -138,9 +144,12 @@ class MpmSolver(CoarseSimulator):
             show_all = True
         self._warned: frozenset[str] = frozenset()
         self._threads = whole("threads", threads, 1, 1024)
+        particles = merge(scene.sample(), self._level.r_p)
+        self._bodies = particles.body
         build = partial(
             native_solver,
             scene,
+            particles,
             substeps=self._substeps,
             allow_unstable=allow_unstable,
             sleep=sleep,
@@ -277,7 +286,26 @@ class MpmSolver(CoarseSimulator):
         """Mass, momentum, energies and extremes over the particles simulated, at this instant."""
         return self._solver.diagnostics()
 
+    def torn_bodies(self) -> dict[int, float]:
+        """Return the elastic bodies that have come apart, by index into `Scene.bodies`.
+
+        The values are the shares of their particles in the largest piece [-]. Pieces are parted where no
+        particles are nearer than 1.5 to 3 grid cells. A body that has lost less than 1 % counts as whole.
+        """
+        elastic = [
+            index for index, body in enumerate(self._scene.bodies) if isinstance(body.material, Elastic)
+        ]
+        if not elastic:
+            return {}
+        # Emitters number their particles after those of the bodies.
+        numbers = self._solver.ids.astype(np.int64)
+        present = numbers < len(self._bodies)
+        bodies = np.where(present, self._bodies[np.where(present, numbers, 0)], -1)
+        mine = np.isin(bodies, elastic)
+        return torn_bodies(self.coarse_positions[mine], bodies[mine], 1 / self.resolution)
+
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
+        period = self.frame // _TEARING_PERIOD
         shows_all = self._upsampler is not None
         by_particle = force.array is not None and force.array.ndim > 1
         if force.by_frame or (shows_all and (by_particle or path is not None)):
@@ -290,6 +318,8 @@ class MpmSolver(CoarseSimulator):
             # The core computes all frames in one call.
             self._solver.advance(frames, force.array, path)
         self._warn(stacklevel=4)
+        if self.frame // _TEARING_PERIOD != period and "torn" not in self._warned:
+            self._warn_of_tears(stacklevel=4)
 
     def _advance_coarse(self, force: npt.NDArray[np.float32] | None) -> None:
         self._stepper.advance(1, force)
@@ -378,6 +408,14 @@ class MpmSolver(CoarseSimulator):
                 "says; take a coarse level of more particles"
             )
             self._warn_once("speed", CoarseWarning, text, stacklevel)
+
+    def _warn_of_tears(self, stacklevel: int) -> None:
+        for body, share in self.torn_bodies().items():
+            text = (
+                f"bodies[{body}] has come apart by frame {self.frame}: its largest piece has {share:.0%} of "
+                "it; make it stiffer, or lower the speeds"
+            )
+            self._warn_once("torn", TornBodyWarning, text, stacklevel)
 
     def _warn_once(self, key: str, category: type[Warning], text: str, stacklevel: int) -> None:
         if key not in self._warned:

@@ -2,13 +2,16 @@
 
 use super::constitutive::{Constitutive, State, Volumes};
 use super::lame::Lame;
-use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, determinant, ln, svd};
+use crate::linalg::{LANES, Lanes, Matrix, Symmetric, Symmetrics, Vector, determinant, ln, svd};
 
 /// Fixed-corotated solid (Stomakhin et al. 2012) with a barrier against collapse. Its state is F.
 ///
 /// The energy mu |F - R|^2 + lambda / 2 (J - 1)^2 stays finite as J vanishes: what has been pressed so far never
 /// comes back. Below J_b it therefore gains (lambda + 2 mu) / 4 ln^2(J / J_b), which no pressure exhausts. Its share
 /// of tau, (lambda + 2 mu) / 2 ln(J / J_b), is as stiff in ln J everywhere, so the substep need not shrink.
+///
+/// For lambda < 0 the second term has no lower bound. There lambda / 2 tr(S - I)^2 replaces it, with the stretches S: equal
+/// at small strains, and positive together with the first at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elastic {
     pub lame: Lame,
@@ -22,6 +25,10 @@ pub struct GradientBlock<const D: usize>([[Lanes; D]; D]);
 impl Elastic {
     /// J_b: above it nothing changes.
     const BARRIER: f32 = 0.5;
+
+    /// Squared norm of dt C above which a substep follows the flow through its own duration: I + dt C may turn matter
+    /// inside out.
+    const LARGE_CHANGE: f32 = 0.25;
 
     fn barrier_modulus(&self) -> f32 {
         0.25 * (self.lame.lambda + 2.0 * self.lame.mu)
@@ -56,10 +63,14 @@ impl<const D: usize> Constitutive<D> for Elastic {
             let parts = svd(&f);
             let rotation = parts.u * parts.v.transpose();
             let j = determinant(&f);
-            let tau = (f - rotation) * f.transpose() * (2.0 * mu)
-                + Matrix::from_diagonal_element(
-                    lambda * j * (j - 1.0) + 2.0 * self.barrier_modulus() * Self::collapse(j),
-                );
+            let mut tau = (f - rotation) * f.transpose() * (2.0 * mu);
+            let barrier = 2.0 * self.barrier_modulus() * Self::collapse(j);
+            if lambda < 0.0 {
+                tau += rotation * f.transpose() * (lambda * strain(&parts.sigma).sum())
+                    + Matrix::from_diagonal_element(barrier);
+            } else {
+                tau += Matrix::from_diagonal_element(lambda * j * (j - 1.0) + barrier);
+            }
             stress.set(i, &Symmetric::from_fn(|row, column| tau[(row, column)]));
         }
         stress
@@ -69,7 +80,12 @@ impl<const D: usize> Constitutive<D> for Elastic {
     fn deform(&self, states: &mut GradientBlock<D>, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
             let f = Matrix::load(states, i);
-            let change = Matrix::from_fn(|row, column| dt * affine[row][column][i]) * f;
+            let gradient = Matrix::<D>::from_fn(|row, column| dt * affine[row][column][i]);
+            if gradient.norm_squared() > Self::LARGE_CHANGE {
+                (steady_flow(&gradient) * f).store(states, i);
+                continue;
+            }
+            let change = gradient * f;
             // Not (I + dt C) F: 1 + dt C_ii keeps few digits of a small dt C_ii, always the same ones in a steady
             // rotation, and a ball that spins would gain energy from that.
             (f + change).store(states, i);
@@ -89,12 +105,34 @@ impl<const D: usize> Constitutive<D> for Elastic {
     }
 
     fn energy_density(&self, f: &Matrix<D>) -> f32 {
-        let stretch = svd(f).sigma.add_scalar(-1.0).norm_squared();
+        let strain = strain(&svd(f).sigma);
         let j = determinant(f);
-        self.lame.mu * stretch
-            + 0.5 * self.lame.lambda * (j - 1.0).powi(2)
+        let volumetric = if self.lame.lambda < 0.0 {
+            strain.sum()
+        } else {
+            j - 1.0
+        };
+        self.lame.mu * strain.norm_squared()
+            + 0.5 * self.lame.lambda * volumetric.powi(2)
             + self.barrier_modulus() * Self::collapse(j).powi(2)
     }
+}
+
+/// Stretches less 1, from singular values.
+#[inline(always)]
+fn strain<const D: usize>(sigma: &Vector<D>) -> Vector<D> {
+    sigma.add_scalar(-1.0)
+}
+
+/// The deformation by a velocity gradient that stays the same, exp(g) by (I + g / 8)^8: positive for any gradient of a
+/// substep.
+#[cold]
+fn steady_flow<const D: usize>(gradient: &Matrix<D>) -> Matrix<D> {
+    let mut flow = Matrix::identity() + gradient * 0.125;
+    for _ in 0..3 {
+        flow *= flow;
+    }
+    flow
 }
 
 impl<const D: usize> State for Matrix<D> {

@@ -99,15 +99,18 @@ impl Material {
 
     /// Speed of the fastest wave at rest, sqrt((lambda + 2 mu) / rho) [m/s].
     pub fn sound_speed(&self) -> f32 {
-        self.speed_of_modes(1)
+        let Lame { mu, lambda } = self.lame();
+        ((lambda + 2.0 * mu) / self.density).sqrt()
     }
 
-    /// Speed that limits explicit steps in `dim` dimensions, sqrt((dim lambda + 2 mu) / rho) [m/s].
+    /// Speed that limits explicit steps in `dim` dimensions, sqrt((dim lambda + 2 mu) / rho) [m/s], without lambda < 0.
     ///
     /// A particle alone on its nodes swells and shrinks with angular frequency 2 / dx times this, since
-    /// dC/dt = 4 / (rho dx^2) tau: stiffer than any wave in the bulk, and first to become unstable.
+    /// dC/dt = 4 / (rho dx^2) tau: stiffer than any wave in the bulk, and first to become unstable. With lambda < 0 it
+    /// changes its shape faster than its volume.
     pub fn signal_speed(&self, dim: usize) -> f32 {
-        self.speed_of_modes(dim)
+        let Lame { mu, lambda } = self.lame();
+        ((dim as f32 * lambda.max(0.0) + 2.0 * mu) / self.density).sqrt()
     }
 
     /// dt times the signal speed over dx at which splashes and single particles were last seen to be stable, the
@@ -130,16 +133,15 @@ impl Material {
         }
     }
 
-    fn speed_of_modes(&self, dim: usize) -> f32 {
-        let Lame { mu, lambda } = match &self.model {
+    fn lame(&self) -> Lame {
+        match &self.model {
             Model::Water(water) => Lame {
                 mu: 0.0,
                 lambda: water.bulk_modulus,
             },
             Model::Sand(sand) => sand.lame,
             Model::Elastic(elastic) => elastic.lame,
-        };
-        ((dim as f32 * lambda + 2.0 * mu) / self.density).sqrt()
+        }
     }
 }
 

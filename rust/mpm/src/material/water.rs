@@ -20,6 +20,9 @@ impl Water {
     /// Smallest J: tau = lambda J (J - 1) weakens below J = 1/2 and vanishes with J, so matter that an impact has compressed
     /// so far would not expand again.
     const SMALLEST_RATIO: f32 = 0.1;
+    /// Smallest factor on J of a substep. Impacts faster than sound may ask for less than nothing; the pressure of half of
+    /// the volume stops them in the next substeps.
+    const SMALLEST_CHANGE: f32 = 0.5;
 
     #[inline(always)]
     fn stiffness(&self, volume_ratio: f32) -> f32 {
@@ -55,7 +58,14 @@ impl<const D: usize> Constitutive<D> for Water {
     fn deform(&self, volume_ratios: &mut Lanes, affine: &[[Lanes; D]; D], dt: f32) {
         for i in 0..LANES {
             let divergence: f32 = (0..D).map(|axis| affine[axis][axis][i]).sum();
-            let ratio = volume_ratios[i] * (1.0 + dt * divergence);
+            let change = 1.0 + dt * divergence;
+            // Not `max`, which would hide a NaN.
+            let bounded = if change < Self::SMALLEST_CHANGE {
+                Self::SMALLEST_CHANGE
+            } else {
+                change
+            };
+            let ratio = volume_ratios[i] * bounded;
             // An inversion is an error that has to be seen.
             let floored = ratio > 0.0 && ratio < Self::SMALLEST_RATIO;
             volume_ratios[i] = if floored { Self::SMALLEST_RATIO } else { ratio };
