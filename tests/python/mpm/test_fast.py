@@ -6,11 +6,12 @@ import pytest
 from hybridmpm import Ball, Box, Elastic, MpmSolver, Sand, Scene, TornBodyWarning, Water
 from hybridmpm.checking import findings
 from hybridmpm.mpm.tearing import largest_piece
+from hybridmpm.scene import Material
 
 pytestmark = pytest.mark.filterwarnings("ignore::hybridmpm.TornBodyWarning")
 
 
-def thrown(material: object, speed: float, seed: int = 0, dim: int = 2) -> Scene:
+def thrown(material: Material, speed: float, seed: int = 0, dim: int = 2) -> Scene:
     center = (0.5 + 0.003 * seed, 0.4, 0.5)[:dim]
     velocity = (0.6 * speed, -0.8 * speed, 0.0)[:dim]
     ball = Ball(material=material, center=center, radius=0.1, velocity=velocity, seed=seed)
@@ -29,7 +30,7 @@ def thrown(material: object, speed: float, seed: int = 0, dim: int = 2) -> Scene
     ],
     ids=str,
 )
-def test_no_speed_of_a_scene_inverts_matter(material: object, dim: int) -> None:
+def test_no_speed_of_a_scene_inverts_matter(material: Material, dim: int) -> None:
     for seed, speed in enumerate((15.0, 30.0, 50.0)):
         solver = MpmSolver(thrown(material, speed, seed, dim))
         solver.advance(40)
@@ -67,7 +68,7 @@ def test_an_auxetic_solid_stretches_as_theory_says() -> None:
 @pytest.mark.parametrize(
     ("material", "low"), [(Water(), 0.3), (Sand(), 0.3), (Elastic(), 0.3), (Elastic(poisson_ratio=-0.6), 0.3)]
 )
-def test_a_finding_names_the_compression_that_an_impact_brings(material: object, low: float) -> None:
+def test_a_finding_names_the_compression_that_an_impact_brings(material: Material, low: float) -> None:
     sound = material.to_native(1.0).sound_speed
     assert not findings(thrown(material, low * sound))
     scene = thrown(material, 0.7 * sound)
@@ -89,7 +90,7 @@ def test_speeds_come_from_falls_emitters_obstacles_and_other_bodies() -> None:
     high = {"shape": "box", "lower": [0.3, 0.7], "upper": [0.5, 0.8]}
     steel = {"kind": "elastic", "density": 8000, "youngs_modulus": 1e8}
 
-    def speeds(*bodies: dict, **more: object) -> list[str]:
+    def speeds(*bodies: dict[str, object], **more: object) -> list[str]:
         scene = Scene.parse({"dim": 2, "bodies": list(bodies), **more})
         return [
             f"{one.field}: {one.problem.split(',')[0]}" for one in findings(scene) if "hit" in one.problem
