@@ -4,7 +4,7 @@ from hybridmpm.cli import commands_of
 
 _MODULES = {
     "all": "harness.results",
-    "batch": "speed.batch",
+    "batch": "speed.solver",
     "control": "control.table",
     "coarse": "compare.lists",
     "fit": "fitting.levels",

@@ -12,8 +12,8 @@ import pytest
 
 from hybridmpm import Ball, Box, BoxObstacle, ConfigError, MpmSolver, Scene, Walls
 from hybridmpm.scene import Material, Sand, Water
+from hybridmpm_lab.speed.baselines import baseline_process
 from hybridmpm_lab.speed.baselines.constants import Constants
-from hybridmpm_lab.speed.baselines.process import baseline_process
 
 TOLERANCE = 1e-4
 """[m] over the first 200 substeps, the project's target; both solvers compute in float32."""

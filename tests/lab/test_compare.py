@@ -22,8 +22,7 @@ from hybridmpm_lab.compare import comparison, hybrid, lists, methods, truth
 from hybridmpm_lab.compare.comparison import Case
 from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.harness.provenance import provenance, shipped
-from hybridmpm_lab.harness.rows import FIRST_SEED, RowStore, read_rows
-from hybridmpm_lab.harness.table import equal_error, is_on_front
+from hybridmpm_lab.harness.rows import FIRST_SEED, RowStore, equal_error, is_on_front, read_rows
 
 NAMES = ("mpm 1", "mpm 1/16", "coarse 1/16", "neural fluids_2d all shown", "hybrid fluids_2d r_c 0.8")
 

@@ -13,9 +13,8 @@ from hybridmpm import ConfigError, DataError, MpmSolver, scenarios
 from hybridmpm.coarse import coarse_level, coarse_table
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.compare.truth import Truth
-from hybridmpm_lab.fitting import levels, search
-from hybridmpm_lab.fitting.levels import FitSettings, fit_levels
-from hybridmpm_lab.fitting.search import SCALE, TARGETS, Constants, Target, measure
+from hybridmpm_lab.fitting import levels
+from hybridmpm_lab.fitting.levels import SCALE, TARGETS, Constants, FitSettings, Target, fit_levels, measure
 
 TARGET = Target("water", 2, "1/64")
 
@@ -78,15 +77,15 @@ def test_a_search_comes_near_to_the_least_objective_and_keeps_better_constants(
         far = [np.log(constants.modulus / best.modulus), constants.affine_share - best.affine_share]
         return {"value": float(np.square(far).sum())}
 
-    monkeypatch.setattr(search, "objective", value)
-    monkeypatch.setattr(search, "measure", lambda _true, _solver: SimpleNamespace(transport=1.0))
+    monkeypatch.setattr(levels, "objective", value)
+    monkeypatch.setattr(levels, "measure", lambda _true, _solver: SimpleNamespace(transport=1.0))
     truths: list[Any] = [SimpleNamespace(states=SimpleNamespace(scene=scenarios.water_2d(0)))]
     file = tmp_path / "trials.jsonl"
-    found = search.search(TARGET, truths, 80, file, lambda: None)
+    found = levels.search(TARGET, truths, 80, file, lambda: None)
     start = value(TARGET, Constants.start(TARGET))["value"]
     assert value(TARGET, found)["value"] < 0.02 * start
     for known, stays in ((best, True), (replace(best, modulus=1.0), False)):
-        again = search.search(TARGET, truths, 80, file, lambda: None, known=known)
+        again = levels.search(TARGET, truths, 80, file, lambda: None, known=known)
         assert (again == known) == stays
 
 

@@ -19,6 +19,7 @@ from hybridmpm._support.machine import usable_cores
 from hybridmpm.cli.progress import progress
 from hybridmpm.coarse import CoarseSimulator
 from hybridmpm.errors import ConfigError, SimulationError
+from hybridmpm.mpm import MpmSolver
 from hybridmpm.planner.calibrating.impact import first_frame
 from hybridmpm.planner.candidates import RATIOS
 from hybridmpm.scene import Scene
@@ -27,11 +28,21 @@ from hybridmpm_lab.compare.methods import Method
 from hybridmpm_lab.compare.truth import MEASURES, SHARES, Truth, errors, grid_errors, shares
 from hybridmpm_lab.harness.command import Measurement, number_option, runs_option, scenarios_setting, setting
 from hybridmpm_lab.harness.provenance import Provenance
-from hybridmpm_lab.harness.rows import FIRST_SEED, Key, Progress, Row, RowStore, significant
-from hybridmpm_lab.harness.table import dominating, equal_error, is_on_front, mean_fields, row_name
+from hybridmpm_lab.harness.rows import (
+    FIRST_SEED,
+    Key,
+    Progress,
+    Row,
+    RowStore,
+    dominating,
+    equal_error,
+    is_on_front,
+    mean_fields,
+    row_name,
+    significant,
+)
 from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
-from hybridmpm_lab.speed.baselines import require_installed
-from hybridmpm_lab.speed.baselines.process import baseline_process
+from hybridmpm_lab.speed.baselines import baseline_process, require_installed
 
 FIELDS = ("ms_per_frame", "ms_p95", "slowdown")
 """Fields of a row about its time."""
@@ -203,7 +214,8 @@ def _one(name: str, case: Case, truth: Truth) -> Row:
         warnings.simplefilter("always")
         try:
             if kind == "jitter":
-                run = truth.jittered()
+                other = metrics.other_jitter(truth.states.scene)
+                run, _ = truth.rollout(MpmSolver(other, substeps="reference"))
             elif kind == "still":
                 run = truth.still()
             elif kind == "merged":
@@ -272,7 +284,10 @@ def _of_case(case: Case, store: RowStore) -> list[Row]:
             for one in there or ["error"]:
                 estimates |= mean_fields(one, (row.get(one) for row in whole[name]))
             row = _row(case, name, list(known[name].values()), time, estimates)
-            rows.append(row | _ratio_fields(case, name, store) if case.base else row)
+            if case.base:
+                found = list(ratios(case, name, store).values())
+                row |= mean_fields("ratio", found) | {"worst": significant(max(found, default=None))}
+            rows.append(row)
     real = [row for row in rows if row_name(row) not in BOUNDS]
     rivals = [row for row in real if row["method"] in RIVALS]
     for row in rows:
@@ -311,12 +326,6 @@ def _row(case: Case, name: str, known: Sequence[Row], time: Row, estimates: Row)
         **{one: first.get(one) for one in ORIGIN},
         **{f"timed_{one}": time.get(one) for one in ("date", "commit")},
     }
-
-
-def _ratio_fields(case: Case, name: str, store: RowStore) -> Row:
-    """Return the mean ratio to the base's error, its standard error, and the largest ratio."""
-    found = list(ratios(case, name, store).values())
-    return mean_fields("ratio", found) | {"worst": significant(max(found, default=None))}
 
 
 def mean(rows: Sequence[Row], name: str) -> float | None:
@@ -366,29 +375,27 @@ def timed_rows(
 
 
 def _pieces(simulator: CoarseSimulator, start: int, span: int) -> list[TimedCall]:
+
+    def prepare(snapshot: bytes) -> None:
+        """Return to a state, and touch the memory that the others used meanwhile by one frame."""
+        simulator.restore(snapshot)
+        simulator.advance(1)
+        _ = simulator.positions
+
+    def shown() -> float:
+        """Return the time of a frame of a piece [s], each looked at."""
+        began = time.perf_counter()
+        for _ in range(PIECE):
+            simulator.advance(1)
+            _ = simulator.positions
+        return (time.perf_counter() - began) / PIECE
+
     calls = []
     for frame in range(start, start + span - PIECE, _APART):
         simulator.advance(frame - simulator.frame)
-        prepare = partial(_prepare, simulator, simulator.snapshot())
-        calls.append(TimedCall(prepare=prepare, call=partial(_shown, simulator)))
+        calls.append(TimedCall(prepare=partial(prepare, simulator.snapshot()), call=shown))
     simulator.advance(start + span - simulator.frame)
     return calls
-
-
-def _prepare(simulator: CoarseSimulator, snapshot: bytes) -> None:
-    """Return to a state, and touch the memory that the others used meanwhile by one frame."""
-    simulator.restore(snapshot)
-    simulator.advance(1)
-    _ = simulator.positions
-
-
-def _shown(simulator: CoarseSimulator) -> float:
-    """Return the time of a frame of a piece [s], each looked at."""
-    began = time.perf_counter()
-    for _ in range(PIECE):
-        simulator.advance(1)
-        _ = simulator.positions
-    return (time.perf_counter() - began) / PIECE
 
 
 def comparison_command(

@@ -111,6 +111,8 @@ def _bounds(material: str, found: Sequence[Case], store: RowStore) -> Iterator[R
     most so many times MPM's with a probability of 90 % (split conformal prediction; Vovk et al. 2005); None
     where there are too few. `held` is the share of the scenes with odd seeds in which it was.
     """
+    of_first = (row for name in found[0].methods for row in samples(found[0], name, store).values())
+    origin: Row = next(of_first, {})
     for after in AT:
         by_seed = [
             (seed, ratio)
@@ -126,7 +128,7 @@ def _bounds(material: str, found: Sequence[Case], store: RowStore) -> Iterator[R
             "method": "hybrid",
             "after": after,
             **bound(known, fresh),
-            **_origin(found[0], store),
+            **{name: origin.get(name) for name in ORIGIN},
         }
 
 
@@ -137,11 +139,6 @@ def bound(known: Sequence[float], fresh: Sequence[float]) -> Row:
     held = None if limit is None or not fresh else float(np.mean(np.array(fresh) <= limit))
     counts = {"calibrated_on": len(known), "tested_on": len(fresh)}
     return {"bound": significant(limit), "held": significant(held)} | counts
-
-
-def _origin(case: Case, store: RowStore) -> Row:
-    row = next((one for name in case.methods for one in samples(case, name, store).values()), {})
-    return {name: row.get(name) for name in ORIGIN}
 
 
 def chart(rows: Sequence[Row], file: Path) -> None:

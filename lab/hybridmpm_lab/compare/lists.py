@@ -1,6 +1,6 @@
 """The lists of methods and scenes of the trade-off, of coarse modes and of networks."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +10,7 @@ from hybridmpm.physics import manifest
 from hybridmpm.physics.manifest import default_model
 from hybridmpm.physics.track import warmup_frames
 from hybridmpm.planner.candidates import RATIOS, loaded
-from hybridmpm_lab.compare import methods, peers
+from hybridmpm_lab.compare import methods
 from hybridmpm_lab.compare.comparison import (
     BOUNDS,
     RIVALS,
@@ -57,9 +57,15 @@ class ModelsSettings(ComparisonSettings):
 
 def tradeoff_cases(settings: TradeoffSettings) -> list[Case]:
     """Return a case for each scenario, with every method of the library, and peers."""
-    return [
-        _case(name, _methods(name, settings), settings, methods.warm_up(name)) for name in settings.scenario
-    ]
+    found = []
+    for name in settings.scenario:
+        cosines = [methods.cosine_hybrid(default_model(name), r_c) for r_c in THRESHOLDS]
+        some = [methods.truth(), *methods.planned(name).values(), *cosines]
+        scene = scenarios.get(name, FIRST_SEED)
+        if not scene.obstacles and len(scene.materials) == 1:  # Solvers of others take no other scenes.
+            some += [Method(method="peer", label=package) for package in settings.peer]
+        found.append(_case(name, some, settings, methods.warm_up(name)))
+    return found
 
 
 def coarse_cases(settings: CoarseSettings) -> list[Case]:
@@ -114,16 +120,6 @@ def _case(scenario: str, some: Iterable[Method], settings: ComparisonSettings, w
         span=settings.span,
         threads=settings.threads,
     )
-
-
-def _methods(scenario: str, settings: TradeoffSettings) -> Iterator[Method]:
-    yield methods.truth()
-    yield from methods.planned(scenario).values()
-    for r_c in THRESHOLDS:
-        yield methods.cosine_hybrid(default_model(scenario), r_c)
-    if peers.can_simulate(scenarios.get(scenario, FIRST_SEED)):
-        for package in settings.peer:
-            yield Method(method="peer", label=package)
 
 
 tradeoff = comparison_command(

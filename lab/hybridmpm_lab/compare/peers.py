@@ -1,5 +1,6 @@
 """Solvers of others on the scenes of the comparison: their states, and pieces of them that can be timed."""
 
+import dataclasses
 from collections.abc import Iterator
 from functools import partial
 
@@ -10,15 +11,10 @@ from hybridmpm.recording import Recording
 from hybridmpm.scene import Scene
 from hybridmpm_lab.compare.truth import Truth
 from hybridmpm_lab.harness.timing import TimedCall
-from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
+from hybridmpm_lab.speed.baselines import Baseline, baseline_process
 
 _PRECISE = "serial"
 """Setting whose errors are taken; the others add in another order and are as precise."""
-
-
-def can_simulate(scene: Scene) -> bool:
-    """Return whether the plain solvers of others take a scene: one material, and no obstacles."""
-    return not scene.obstacles and len(scene.materials) == 1
 
 
 def states(package: str, truth: Truth) -> Recording:
@@ -37,13 +33,8 @@ def states(package: str, truth: Truth) -> Recording:
             positions.append(baseline.positions(_PRECISE))
             velocities.append((positions[-1] - before) / scene.frame_dt)
             now = frame
-    particles = scene.sample()
-    return Recording(
-        scene=scene,
-        ids=np.arange(len(particles.x), dtype=np.uint64),
-        types=particles.types,
-        mass=particles.mass,
-        frames=truth.states.frames,
+    return dataclasses.replace(
+        truth.states,
         positions=np.clip(np.array(positions, dtype=np.float32), 0, 1),
         velocities=np.array(velocities, dtype=np.float32),
     )

@@ -10,8 +10,7 @@ from hybridmpm._support.files import replacing
 from hybridmpm.planner import store
 from hybridmpm.planner.calibration import MEASURES, VERSION, Calibration, MachineTimes, MethodErrors
 from hybridmpm.planner.candidates import candidates
-from hybridmpm_lab.harness.rows import Row, read_rows
-from hybridmpm_lab.harness.table import row_name
+from hybridmpm_lab.harness.rows import Row, read_rows, row_name
 
 _FLOOR = "jitter"
 

@@ -37,48 +37,13 @@ MEASURES = (
 SHARES = ("mpm_share", "network", "free_fall", "rest", "contact")
 """Shares of the frames; see `shares`."""
 _Counts = dict[str, int]
+_Floats = npt.NDArray[np.float32]
 
 
 def reference_scene(scenario: str) -> Scene:
     """Return the scene for latencies: of a hundred test scenes that with the most particles."""
     scenes = [scenarios.get(scenario, seed) for seed in range(FIRST_SEED, FIRST_SEED + _CROWD)]
     return max(scenes, key=lambda scene: len(scene.sample().x))
-
-
-class TrueGrids:
-    """Grids of the states of a truth, for comparing many simulations with it by `metrics.grid_rmse`.
-
-    Parameters
-    ----------
-    x : (F, N, D)
-        Positions [m] of F states.
-    mass : (N,)
-        Masses [kg].
-    resolution : int
-        Cells per metre of the scene's grid.
-    """
-
-    def __init__(self, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], resolution: int) -> None:
-        self._resolution = resolution
-        self._masses = np.stack([self._normalised(one, mass) for one in x])
-        self._norms = np.linalg.norm(self._masses, axis=1)
-
-    def rmse(self, row: int, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32]) -> float:
-        """Return the `grid_rmse` of particles (n, D), (n,) against the state `row`, in single precision."""
-        apart = self._normalised(x, mass) - self._masses[row]
-        return float(np.sqrt(np.dot(apart, apart)) / self._norms[row])
-
-    def nrmse_over_rmse(self, row: int) -> float:
-        """Return by what a `grid_rmse` against the state `row` has to be multiplied for the `grid_nrmse`."""
-        true = self._masses[row]
-        return float(self._norms[row] / (np.sqrt(true.size) * true.max()))
-
-    def _normalised(
-        self, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32]
-    ) -> npt.NDArray[np.float32]:
-        nodes = metrics.grid_mass(x, mass, self._resolution).ravel()
-        share: npt.NDArray[np.float32] = nodes / np.float32(nodes.sum(dtype=np.float64))
-        return share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,18 +82,33 @@ class Truth:
             impact=impact,
             start=start,
             calm=int(ends[0]) if len(ends) else int(run.frames[-1]),
-            states=_later(run),
+            states=dataclasses.replace(
+                run, frames=run.frames[1:], positions=run.positions[1:], velocities=run.velocities[1:]
+            ),
         )
 
     @cached_property
-    def grids(self) -> TrueGrids:
-        """Grids of the states."""
-        return TrueGrids(self.states.positions, self.states.mass, self.states.scene.resolution)
+    def _masses(self) -> _Floats:
+        """Normalised grid masses (F, K) of the states, for many comparisons."""
+        return np.stack([self._normalised(x, self.states.mass) for x in self.states.positions])
 
-    def jittered(self) -> Recording:
-        """Return the states of the truth with other jitter: the uncertainty of the truth itself."""
-        solver = MpmSolver(metrics.other_jitter(self.states.scene), substeps="reference")
-        return self.rollout(solver)[0]
+    @cached_property
+    def _norms(self) -> _Floats:
+        return np.asarray(np.linalg.norm(self._masses, axis=1))
+
+    def rmse(self, row: int, x: _Floats, mass: _Floats) -> float:
+        """Return the `grid_rmse` of particles (n, D), (n,) against the state `row`, in single precision."""
+        apart = self._normalised(x, mass) - self._masses[row]
+        return float(np.sqrt(np.dot(apart, apart)) / self._norms[row])
+
+    def nrmse_over_rmse(self, row: int) -> float:
+        """Return by what a `grid_rmse` against the state `row` has to be multiplied for the `grid_nrmse`."""
+        true = self._masses[row]
+        return float(self._norms[row] / (np.sqrt(true.size) * true.max()))
+
+    def _normalised(self, x: _Floats, mass: _Floats) -> _Floats:
+        nodes = metrics.grid_mass(x, mass, self.states.scene.resolution).ravel()
+        return np.asarray(nodes / np.float32(nodes.sum(dtype=np.float64)))
 
     def still(self) -> Recording:
         """Return the initial state, held at rest."""
@@ -137,20 +117,10 @@ class Truth:
         return dataclasses.replace(self.states, positions=held, velocities=np.zeros_like(held))
 
     def rollout(self, simulator: Simulator) -> tuple[Recording, list[_Counts]]:
-        """Simulate the frames of the truth.
+        """Simulate the frames of the truth, and return their states; raises `SimulationError`.
 
-        Returns
-        -------
-        Recording
-            The states of the truth's frames.
-        list of dict
-            Numbers of the frames so far that MPM did not simulate, by their source, at the start and at each
-            state.
-
-        Raises
-        ------
-        SimulationError
-            A frame fails.
+        The counts are the numbers of frames so far that MPM did not simulate, by their source, at the start
+        and at each state.
         """
         simulator.advance(self.start - simulator.frame)
         counts, positions, velocities = [_counts(simulator)], [], []
@@ -187,17 +157,12 @@ def shares(truth: Truth, counts: list[_Counts], *, is_whole: bool) -> dict[str, 
 
 
 def errors(run: Recording, truth: Truth) -> dict[str, float]:
-    """Compare states with the truth.
+    """Return those of `MEASURES` whose frames are there.
 
-    Returns
-    -------
-    dict
-        Some of `MEASURES`, those of frames that are there. `error` is the mean of `grid_rmse` over the
-        states, `error_40` that of the state 40 frames after the start; `grid_nrmse` and `grid_node_error` are
-        means of the other readings. `transport` is the distance of transport [m] by an assignment of 300
-        clusters, a mean over the frames of `AT`. The relative
-        error of the 99th percentile of the density at the particles is `density_error`, a mean of these
-        frames. All others are means over the states of the errors of `metrics.compare`.
+    `error` is the mean of `grid_rmse` over the states, `error_40` that of the state 40 frames after the
+    start. `transport` is the distance of transport [m] by an assignment of 300 clusters, `density_error` the
+    relative error of the 99th percentile of the density at the particles: means over the frames of `AT`. All
+    others are means over the states of the errors of `metrics.compare`.
     """
     true = truth.states
     measured, rows = metrics.compare(run, true), _rows(true)
@@ -219,10 +184,9 @@ def errors(run: Recording, truth: Truth) -> dict[str, float]:
 def grid_errors(run: Recording, truth: Truth) -> dict[str, float]:
     """Return `error`, its readings at the frames of `AT`, and `grid_nrmse` of `errors`, which are quick."""
     true = truth.states
-    grids = truth.grids
     inside = np.clip(run.positions, 0, 1)
-    rmse = np.array([grids.rmse(row, x, run.mass) for row, x in enumerate(inside)])
-    scales = np.array([grids.nrmse_over_rmse(row) for row in range(len(rmse))])
+    rmse = np.array([truth.rmse(row, x, run.mass) for row, x in enumerate(inside)])
+    scales = np.array([truth.nrmse_over_rmse(row) for row in range(len(rmse))])
     at = {f"error_{frame}": float(rmse[row]) for frame, row in _rows(true).items()}
     return {"error": float(rmse.mean()), "grid_nrmse": float((rmse * scales).mean())} | at
 
@@ -230,13 +194,6 @@ def grid_errors(run: Recording, truth: Truth) -> dict[str, float]:
 def _rows(true: Recording) -> dict[int, int]:
     """Return the rows of the frames of `AT` that are there."""
     return {frame: frame // EVERY - 1 for frame in AT if frame // EVERY <= len(true.frames)}
-
-
-def _later(run: Recording) -> Recording:
-    """Return a recording without its first state."""
-    return dataclasses.replace(
-        run, frames=run.frames[1:], positions=run.positions[1:], velocities=run.velocities[1:]
-    )
 
 
 def _counts(simulator: Simulator) -> _Counts:
@@ -250,7 +207,7 @@ def _counts(simulator: Simulator) -> _Counts:
 
 
 def densities(
-    scene: Scene, x: npt.NDArray[np.float32], mass: npt.NDArray[np.float32], types: npt.NDArray[np.integer]
+    scene: Scene, x: _Floats, mass: _Floats, types: npt.NDArray[np.integer]
 ) -> npt.NDArray[np.float64]:
     """Return the 99th percentile of the density of states x (..., N, D), over that at rest [-]."""
     rest = {material.type_id: material.density for material in scene.materials}

@@ -48,28 +48,12 @@ _SPLITS = 16
 def end_figures(
     simulator: Simulator, goal: Goal, truth: _Positions | None, x: _Positions, later: _Positions | None
 ) -> Row:
-    """Measure the end of a run.
+    """Measure the end of a run, at positions `x` (N, D) [m], and `later` after the goal was held.
 
-    Parameters
-    ----------
-    simulator : Simulator
-        Gives the scene and the masses (N,) [kg].
-    goal : Goal
-        Goal of the sketch.
-    truth : (N, D), optional
-        True positions [m]; None where the sketch has no truth.
-    x : (N, D)
-        Positions [m] at the end.
-    later : (N, D), optional
-        Positions [m] after the goal was held.
-
-    Returns
-    -------
-    Row
-        `error`, `nrmse` and `node_error`: `grid_rmse`, `grid_nrmse` and `grid_node_error` against the truth.
-        `transport`: distance [m] of 300 clusters from the truth, or from the filled sketch. `inside` and
-        `inside_later`: shares of the mass in the goal. `centroid_error`: distance [m] of the centre of mass
-        from that of the goal. A figure without a meaning for the sketch is None.
+    `error`, `nrmse` and `node_error` are `grid_rmse`, `grid_nrmse` and `grid_node_error` against the true
+    positions, where there are any. `transport` is the distance [m] of 300 clusters from the truth, or else
+    from the filled sketch. `inside` and `inside_later` are shares of the mass in the goal, `centroid_error`
+    is the distance [m] of the centre of mass from that of the goal. A figure without a meaning is None.
     """
     mass, resolution = simulator.mass, simulator.scene.resolution
     errors: Row = dict.fromkeys(_GRID_ERRORS)

@@ -1,7 +1,7 @@
 """The runner: prepares cases, runs each method on each, and keeps the rows; an interrupted run is resumed."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -188,12 +188,17 @@ def run_missing(
                 trial = run(ready, name, settings.methods[name])
                 after = calibration.slowdown()
                 row = trial.row | {"slowdown": significant(max(before, after), 3)}
-                row = origin.using(*_weights(name, case.scenario)).stamped(row)
+                file = f"{_NETWORKS.get(name.partition('-')[0])}_{scenarios.describe(case.scenario).dim}d"
+                row = origin.using(*({file} & set(shipped()))).stamped(row)
                 store.add(run_key(case, name), {"run": row, "looks": trial.looks})
                 before = after
                 on_progress(1)
     for scenario, seed in _missing_references(settings, store):
-        looks = [_look(solver) for solver in _uncontrolled(scenario, seed)]
+        # From a horizon before the start of control of reversed cases to a horizon after it.
+        middle, solver, looks = _control_frame(seed), MpmSolver(scenarios.get(scenario, seed)), []
+        for frame in range(middle - HORIZON + _APART, middle + HORIZON + 1, _APART):
+            solver.advance(frame - solver.frame)
+            looks.append(_look(solver))
         store.add(("reference", scenario, seed), {"looks": looks})
         on_progress(1)
 
@@ -230,28 +235,13 @@ def _missing_references(settings: ControlSettings, store: RowStore) -> list[tupl
     return [one for one in wanted if ("reference", *one) not in store]
 
 
-def _weights(name: str, scenario: str) -> list[str]:
-    """Return the networks that a method may use, of the keys of `shipped`."""
-    network = _NETWORKS.get(name.partition("-")[0])
-    file = f"{network}_{scenarios.describe(scenario).dim}d"
-    return [file] if file in shipped() else []
-
-
 def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, list[list[float]]]:
     """Return figures, and features of some frames."""
     twin = problem.simulator.copy()
-    cap = ORACLE_CAP if name == ORACLE else CAP
+    settings: Row = {"frames": problem.frames, "cap": ORACLE_CAP if name == ORACLE else CAP}
+    settings |= {"gentle": False, "hold": HOLD, "seed": problem.case.seed}
     start = time.perf_counter()
-    following = follow(
-        twin,
-        problem.sketch,
-        method,
-        frames=problem.frames,
-        cap=cap,
-        gentle=False,
-        hold=HOLD,
-        seed=problem.case.seed,
-    )
+    following = follow(twin, problem.sketch, method, **settings)
     guidance, frames = following.guidance, following.guidance.frames
     moments = {-(-frames * part // _LOOKS) for part in range(1, _LOOKS + 1)}
     figures: Row = {"handed_over": float(guidance.method != name), "plan_ms": guidance.planning_ms}
@@ -272,19 +262,6 @@ def _followed(problem: Problem, name: str, method: Method | str) -> tuple[Row, l
     if problem.case.kind == "arrow":
         figures["path_error"] = distance_from_path(result.centroids[: frames + 1], problem.judged.path)
     return figures, looks
-
-
-def _uncontrolled(scenario: str, seed: int) -> Iterator[MpmSolver]:
-    """Simulate a scene without control, and yield its solver in eight frames.
-
-    They span the frames that reversed cases are led through and those that would follow by themselves: from a
-    horizon before the start of control to a horizon after it.
-    """
-    start = _control_frame(seed)
-    solver = MpmSolver(scenarios.get(scenario, seed))
-    for frame in range(start - HORIZON + _APART, start + HORIZON + 1, _APART):
-        solver.advance(frame - solver.frame)
-        yield solver
 
 
 def _look(simulator: Simulator) -> list[float]:

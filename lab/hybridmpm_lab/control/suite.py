@@ -107,6 +107,11 @@ def cases(
     families: Collection[str] = FAMILIES, names: Collection[str] = scenarios.NAMES, seeds: int | None = None
 ) -> list[Case]:
     """Return the cases of some families and scenarios, at most `seeds` of each kind of sketch."""
+
+    def moving(family: Family, scenario: str) -> list[int]:
+        left_out = _STILL[scenario] if family == "reversed" else ()
+        return [seed for index, seed in enumerate(_SUITE[family][2]) if index not in left_out][:_MOST]
+
     return [
         Case(family, scenario, kind, seed)
         for family, (mine, kinds, _) in _SUITE.items()
@@ -114,13 +119,8 @@ def cases(
         for scenario in mine
         if scenario in names
         for kind in kinds
-        for seed in _seeds(family, scenario)[:seeds]
+        for seed in moving(family, scenario)[:seeds]
     ]
-
-
-def _seeds(family: Family, scenario: str) -> list[int]:
-    left_out = _STILL[scenario] if family == "reversed" else ()
-    return [seed for index, seed in enumerate(_SUITE[family][2]) if index not in left_out][:_MOST]
 
 
 @functools.cache

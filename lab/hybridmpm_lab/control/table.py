@@ -24,8 +24,7 @@ from hybridmpm_lab.control.suite import REFERENCE_SEEDS, SETTINGS, Case, cases
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, runs_option
 from hybridmpm_lab.harness.provenance import Provenance
-from hybridmpm_lab.harness.rows import Row, RowStore, significant
-from hybridmpm_lab.harness.table import mean_fields
+from hybridmpm_lab.harness.rows import Row, RowStore, mean_fields, significant
 
 _Floats = npt.NDArray[np.float64]
 ALL = "all"

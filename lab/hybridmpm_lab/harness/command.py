@@ -11,8 +11,7 @@ import click
 from hybridmpm import scenarios
 from hybridmpm.cli.progress import progress
 from hybridmpm_lab.harness.provenance import Provenance, provenance
-from hybridmpm_lab.harness.rows import Progress, Row, read_rows, write_rows
-from hybridmpm_lab.harness.table import print_table
+from hybridmpm_lab.harness.rows import Progress, Row, print_table, read_rows, write_rows
 
 Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -20,16 +19,10 @@ Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 def setting(
     default: Any, text: str, kind: Any = None, low: float | None = None, high: float | None = None
 ) -> Any:
-    """Return the field of a settings class that is an option of a command, too.
+    """Return the field of a settings class that is an option of a command, too, with `text` as its help.
 
-    Parameters
-    ----------
-    default
-        A tuple for an option that may be given several times.
-    text : str
-        Help of the option.
-    kind : click type or sequence of str, optional
-        Type of a value, or its choices; None for whole numbers between `low` and `high`.
+    An option with a tuple as default may be given several times. `kind` is the type of a value, or a sequence
+    of choices; without it, values are whole numbers between `low` and `high`.
     """
     if kind is None and low is not None:
         kind = click.IntRange(int(low), None if high is None else int(high))

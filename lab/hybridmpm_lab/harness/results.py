@@ -10,8 +10,7 @@ import click
 from hybridmpm.errors import ConfigError
 from hybridmpm.planner.store import SHIPPED
 from hybridmpm_lab.harness.provenance import outdated
-from hybridmpm_lab.harness.rows import Row, read_rows
-from hybridmpm_lab.harness.table import print_table
+from hybridmpm_lab.harness.rows import Row, print_table, read_rows
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs/results"
 """Folder of the published rows; the laboratory is run in its checkout."""

@@ -52,17 +52,13 @@ def _work(numbers: np.ndarray) -> None:
         np.sqrt(numbers, out=numbers)
 
 
-def _nothing() -> None:
-    """Prepare nothing."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class TimedCall:
     """A call whose time is measured."""
 
     call: Callable[[], object]
     """The call; it is timed, unless it returns a float: the time by a clock of its own [s]."""
-    prepare: Callable[[], object] = _nothing
+    prepare: Callable[[], object] = lambda: None
     """Called before each measurement, and not timed."""
 
 

@@ -1,4 +1,4 @@
-"""Speed of the solver on scenes of blocks, beside plain solvers of others.
+"""Speed of the solver on scenes of blocks, beside plain solvers of others, and of batches of scenes.
 
 All simulations of a scene are timed by turns in short pieces: ours in this process, each other in its own.
 """
@@ -13,16 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridmpm import _core
+from hybridmpm import _core, scenarios
 from hybridmpm.errors import SimulationError
-from hybridmpm.mpm import MpmSolver
+from hybridmpm.mpm import MpmBatch, MpmSolver
 from hybridmpm.scene import Box, Scene
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, measured, setting
 from hybridmpm_lab.harness.rows import Progress, Row
 from hybridmpm_lab.harness.timing import QUIET, Calibration, TimedCall, seconds_by_turns
-from hybridmpm_lab.speed.baselines import SOLVERS, require_installed
-from hybridmpm_lab.speed.baselines.process import Baseline, baseline_process
+from hybridmpm_lab.speed.baselines import SOLVERS, Baseline, baseline_process, require_installed
 
 CASES = ((2, "water"), (2, "sand"), (3, "water"), (3, "sand"))
 """Dimension and material of falling blocks."""
@@ -32,6 +31,8 @@ INSTRUCTIONS = ("portable", "avx2", "avx512")
 """Sets of vector instructions, the narrowest first."""
 _PIECE = 200_000  # particle-frames of one timing; one of few frames would measure how memory is fetched
 _LOW, _HIGH = 0.1, 0.9  # places of the walls [m]
+
+_RUN_UP = 120  # frames before the measurement: most bodies have hit the floor by then and are spreading
 
 
 class Subject(NamedTuple):
@@ -252,4 +253,63 @@ speed = Measurement(
     timed takes turns, in pieces of up to 20 frames, whose lower quartile counts. A row is marked as loaded
     where the machine was busy before or after.
     """,
+).command()  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchSettings:
+    """Size and length of the measurement."""
+
+    scenario: str = setting("water_2d", "Scenario of the scenes.", scenarios.NAMES)
+    scenes: tuple[int, ...] = setting(
+        (16,), "Number of scenes, of the seeds 0 and following.", low=1, high=4096
+    )
+    threads: int = setting(2, "Number of threads that one thread is compared with.", low=2, high=1024)
+    frames: int = setting(10, "Number of frames timed in one go.", low=1, high=1000)
+    repeats: int = setting(9, "Number of timings, the least of which counts.", low=1, high=1000)
+
+    @property
+    def steps(self) -> int:
+        """Number of rounds."""
+        return self.repeats * len(self.scenes)
+
+
+def measure_batches(settings: BatchSettings, on_progress: Progress) -> Iterator[Row]:
+    """Time each batch and yield a row for one thread and one for several; `on_progress` counts rounds."""
+    threads, frames = settings.threads, settings.frames
+    for count in settings.scenes:
+        scenes = [scenarios.get(settings.scenario, seed) for seed in range(count)]
+        batches = {each: MpmBatch(scenes, threads=each) for each in (1, threads)}
+        batches[threads].advance(_RUN_UP)
+        starts = [member.snapshot() for member in batches[threads]]
+        calls = [
+            TimedCall(prepare=partial(_restore_all, batch, starts), call=partial(batch.advance, frames))
+            for batch in batches.values()
+        ]
+        seconds = [min(mine) for mine in seconds_by_turns(calls, settings.repeats, on_progress)]
+        for (each, batch), mine in zip(batches.items(), seconds, strict=True):
+            yield {
+                "scenario": settings.scenario,
+                "scenes": count,
+                "particles": sum(member.particle_count for member in batch),
+                "threads": each,
+                "ms_per_scene_frame": round(1e3 * mine / (count * frames), 4),
+                "frames_per_second": round(count * frames / mine, 1),
+                "speedup": round(seconds[0] / mine, 3),
+            }
+
+
+def _restore_all(batch: MpmBatch, starts: Sequence[bytes]) -> None:
+    for member, start in zip(batch, starts, strict=True):
+        member.restore(start)
+
+
+batch = Measurement(
+    name="batch",
+    settings=BatchSettings,
+    measure=measured(measure_batches),
+    columns=(
+        "scenario", "scenes", "particles", "threads", "ms_per_scene_frame", "frames_per_second", "speedup",
+    ),
+    summary="""Time many scenes on one thread and on several, in the middle of their splash.""",
 ).command()  # fmt: skip

@@ -26,8 +26,7 @@ from hybridmpm.simulator import Simulator
 from hybridmpm_lab.harness import charts
 from hybridmpm_lab.harness.command import Measurement, runs_option, setting
 from hybridmpm_lab.harness.provenance import Provenance
-from hybridmpm_lab.harness.rows import Row, RowStore
-from hybridmpm_lab.harness.table import print_table
+from hybridmpm_lab.harness.rows import Row, RowStore, print_table
 from hybridmpm_lab.stability.stresses import STRESSES, Corrupted, Method, Trial
 
 Outcome = Literal["survived", "refused", "degraded", "failed"]
@@ -332,7 +331,11 @@ def _driven(trial: Trial, simulator: Simulator, make: Callable[[], Simulator] | 
             if not looks[-1].finite:
                 break
     mass = float(simulator.mass.sum(dtype=np.float64))
-    return Run(tuple(looks), mass, passed, twin is None or _same(simulator, twin))
+    same = twin is None or (
+        np.array_equal(simulator.positions, twin.positions)
+        and np.array_equal(simulator.velocities, twin.velocities)
+    )
+    return Run(tuple(looks), mass, passed, same)
 
 
 def _work(simulator: Simulator, before: npt.NDArray[np.float32], force: npt.ArrayLike | None) -> float:
@@ -343,10 +346,6 @@ def _work(simulator: Simulator, before: npt.NDArray[np.float32], force: npt.Arra
         moved = simulator.positions.astype(np.float64) - before
         work += float(simulator.mass @ (moved * np.asarray(force)).sum(axis=1))
     return work
-
-
-def _same(one: Simulator, two: Simulator) -> bool:
-    return np.array_equal(one.positions, two.positions) and np.array_equal(one.velocities, two.velocities)
 
 
 def draw(rows: Sequence[Row], file: Path) -> None:

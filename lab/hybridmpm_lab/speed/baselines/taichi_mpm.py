@@ -79,16 +79,9 @@ class Solver(Constants):
         affine: npt.NDArray[np.float32],
         volume_ratio: npt.NDArray[np.float32],
     ) -> None:
-        """Take over a state.
+        """Take over positions [m], velocities [m/s], APIC matrices C [1/s] and J [-].
 
-        Parameters
-        ----------
-        x, v : float32 (N, D)
-            Positions [m] and velocities [m/s].
-        affine : float32 (N, D, D)
-            APIC matrices C [1/s].
-        volume_ratio : float32 (N,)
-            J [-]. Sand starts at F = J^(1/D) I: its shear and the volume that it gained are lost.
+        Sand starts at F = J^(1/D) I: its shear and the volume that it gained are lost.
         """
         self._x.from_numpy(x)
         self._v.from_numpy(v)
