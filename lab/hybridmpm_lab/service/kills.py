@@ -5,6 +5,7 @@ import contextlib
 import json
 import random
 import time
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +15,15 @@ from typing import Any
 import httpx
 from websockets.exceptions import WebSocketException
 
-from hybridmpm import CancelFlag
+from hybridmpm import Scene
 from hybridmpm.client import AsyncClient, AsyncSession, AsyncStream, ServiceError
 from hybridmpm.errors import SimulationError
 from hybridmpm_lab.service.server import Server, running
 from hybridmpm_lab.service.viewers import WAIT
 from hybridmpm_service.http.logs import LogBody
-from hybridmpm_service.sessions.revival import revived_from_log
+from hybridmpm_service.sessions.journal import Journal
+from hybridmpm_service.sessions.revival import digest_of, replay
+from hybridmpm_service.sessions.simulation import Simulation
 from hybridmpm_service.sessions.solvers import SolverFactory
 
 _WATER = {"shape": "box", "lower": [0.4, 0.4], "upper": [0.5, 0.5], "material": "water"}
@@ -45,7 +48,7 @@ class Outcome:
 
     kills: int = 0
     logs: int = 0
-    """Logs that were computed again without an interruption."""
+    """Logs whose states were computed again without an interruption."""
     frames: int = 0
     """Their frames."""
     inputs: int = 0
@@ -64,7 +67,6 @@ class _Known:
 
     frame: int = 0
     sketches: set[int] = field(default_factory=set)
-    log: dict[str, Any] | None = None
 
 
 @dataclass
@@ -75,6 +77,8 @@ class _Record:
     """Sessions by their ids."""
     gone: set[str] = field(default_factory=set)
     """Ids of deleted sessions."""
+    logs: defaultdict[str, list[dict[str, Any]]] = field(default_factory=lambda: defaultdict(list))
+    """All logs of each session, in their order, those of deleted ones as well."""
 
 
 def kills(count: int, seed: int = 0, *, longest: float = 1.0) -> Outcome:
@@ -94,13 +98,12 @@ def kills(count: int, seed: int = 0, *, longest: float = 1.0) -> Outcome:
                 with running("--state-folder", str(Path(folder) / "state")) as server:
                     asyncio.run(all_answer(server.address, list(record.known)))
                     outcome.restarts += [time.perf_counter() - start] if record.known else []
-                    logs = asyncio.run(_compare(server.address, record, outcome))
+                    asyncio.run(_compare(server.address, record, outcome))
                     if left:
                         asyncio.run(_load(server, record, rng, rng.uniform(0.02, longest)))
                         outcome.kills += 1
-                logs += [one.log for one in record.known.values() if one.log and one.log not in logs]
-                for log in logs:
-                    _compute_again(log, solvers, outcome)
+            for logs in record.logs.values():
+                _compute_again(logs, solvers, outcome)
     return outcome
 
 
@@ -120,25 +123,23 @@ async def all_answer(address: str, ids: Sequence[str]) -> None:
                     break
 
 
-async def _compare(address: str, record: _Record, outcome: Outcome) -> list[dict[str, Any]]:
-    """Count what was acknowledged and is gone; return the logs of all sessions."""
-    logs = []
+async def _compare(address: str, record: _Record, outcome: Outcome) -> None:
+    """Count what was acknowledged and is gone; note the logs of all sessions."""
     async with AsyncClient(address, timeout=WAIT) as client:
         sessions = await client.sessions()
         outcome.lost += len(record.gone & {session.id for session in sessions})
         for session in sessions:
             log, before = await session.log(), record.known.setdefault(session.id, _Known())
             numbers = {one["number"] for one in log["inputs"] if one["kind"] == "sketch"}
-            old = before.log["inputs"] if before.log else []
+            old = record.logs[session.id][-1]["inputs"] if record.logs[session.id] else []
             kept = (
                 log["frame"] >= before.frame,
                 before.sketches <= numbers,
                 log["inputs"][: len(old)] == old,
             )
             outcome.lost += kept.count(False)
-            record.known[session.id] = _Known(log["frame"], numbers, log)
-            logs.append(log)
-    return logs
+            record.known[session.id] = _Known(log["frame"], numbers)
+            record.logs[session.id].append(log)
 
 
 async def _load(server: Server, record: _Record, rng: random.Random, seconds: float) -> None:
@@ -188,8 +189,9 @@ async def _act(
     elif kind < 0.87:
         await session.release()
     elif kind < 0.93:
-        own.log = await session.log()
-        own.frame = max(own.frame, own.log["frame"])
+        log = await session.log()
+        record.logs[session.id].append(log)
+        own.frame = max(own.frame, log["frame"])
     elif len(record.known) < _MOST_SESSIONS:
         made = await (session.fork() if kind < 0.97 else client.create(**rng.choice(_BODIES)))
         record.known[made.id] = _Known()
@@ -201,13 +203,27 @@ async def _act(
         record.gone.add(name)
 
 
-def _compute_again(log: dict[str, Any], solvers: SolverFactory, outcome: Outcome) -> None:
-    """Compute a log again without an interruption, and compare the digests."""
-    stored = LogBody.model_validate_json(json.dumps(log)).log(10**9, 10**9)
+def _compute_again(logs: Sequence[dict[str, Any]], solvers: SolverFactory, outcome: Outcome) -> None:
+    """Compute a session again without an interruption, and compare its state at the end of each of its logs.
+
+    The latest log has the inputs of all; whether it has is counted elsewhere.
+    """
+    longest = max(reversed(logs), key=lambda log: int(log["frame"]))
+    scene = Scene.parse(longest["scene"])
+    stored = LogBody.model_validate_json(json.dumps(longest)).log(scene, 10**9, 10**9)
     origin = stored.origin
     chosen = solvers.make(origin.choice, origin.scene, origin.scenario)
-    again = revived_from_log(stored, chosen, time.perf_counter, CancelFlag())
-    outcome.logs += 1
-    outcome.frames += stored.frame
-    outcome.inputs += len(stored.inputs)
-    outcome.differing += again.notice is not None
+    journal = Journal(stored.inputs, pending=len(stored.inputs))
+    simulation = Simulation(chosen, clock=time.perf_counter, journal=journal)
+    ends, digests = {log["frame"] for log in logs}, dict[int, str]()
+
+    def look() -> None:
+        if simulation.frame in ends - digests.keys():
+            digests[simulation.frame] = digest_of(simulation.particles())
+
+    replay(simulation, stored.inputs, stored.frame, check=look)
+    look()
+    outcome.logs += len(logs)
+    outcome.frames += sum(log["frame"] for log in logs)
+    outcome.inputs += sum(len(log["inputs"]) for log in logs)
+    outcome.differing += sum(digests[log["frame"]] != log["digest"] for log in logs)
