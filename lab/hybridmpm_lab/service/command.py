@@ -7,11 +7,11 @@ service = Measurement(
     name="service",
     settings=ServiceSettings,
     measure=measured(measure),
-    columns=("measure", "sessions", "viewers", "value", "unit", "aim"),
+    columns=("measure", "sessions", "viewers", "value", "calm", "unit", "aim"),
     summary="""Measure how long the clients of the service wait.
 
     The service runs as a process of its own on this machine, beside the clients. The rows are the intervals
     of frames, the time until a sketch and a push are seen, until hostile uploads are refused, and until
-    sessions are back after `kill -9`, and the cost of a slow client.
+    sessions are back after `kill -9`. With --part attacks they are the waits of a bystander beside attacks.
     """,
 ).command()

@@ -20,18 +20,17 @@ from hybridmpm.errors import SimulationError
 from hybridmpm.stream_frames import Frame
 from hybridmpm_lab.harness.command import setting
 from hybridmpm_lab.harness.rows import Progress, Row, significant
+from hybridmpm_lab.service.attacks import ATTACKS, attacked
 from hybridmpm_lab.service.hostile import uploads
 from hybridmpm_lab.service.kills import all_answer, kills
 from hybridmpm_lab.service.server import Server, running
-from hybridmpm_lab.service.slow_client import slowly_watching
 from hybridmpm_lab.service.viewers import WAIT, Viewer, playing, watching
 
-PARTS = ("slow-client", "intervals", "real-time", "sketch", "push", "hostile", "restart")
-"""The measurements, in their order; "kills" has to be chosen, since it takes half an hour."""
+PARTS = ("intervals", "real-time", "sketch", "push", "hostile", "restart")
+"""The measurements, in their order; "attacks" and "kills" have to be chosen: they take long."""
 _SPEED = 0.25  # Simulated seconds per second at which frames are watched
 _REAL_TIME: Row = {"coarse": "1/16"}
-_REAL_TIME_SESSIONS, _SLOW_SESSIONS = 8, 4
-_ROUNDS = 2  # Times that the slow client comes and goes, so that a disturbance of the machine hits both sides
+_REAL_TIME_SESSIONS = 8
 _RESTING: Row = {
     "scene": {
         "name": "resting",
@@ -47,7 +46,7 @@ _RESTING: Row = {
 class ServiceSettings:
     """Size and length of the measurements."""
 
-    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", (*PARTS, "kills"))
+    part: tuple[str, ...] = setting(PARTS, "Part of the measurement.", (*PARTS, "attacks", "kills"))
     sessions: tuple[int, ...] = setting(
         (1, 4, 16), "Number of sessions with one viewer each.", low=1, high=16
     )
@@ -68,7 +67,8 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
     """Measure a service on this machine, and yield the rows; `on_progress` counts parts.
 
     A row has `measure`, `sessions`, `viewers` (of each session), `value`, `unit`, and `aim`: the largest
-    value, or for a time scale the least, that the service should reach; None where there is no aim.
+    value, or for a time scale the least, that the service should reach; None where there is no aim. Rows of
+    attacks have `calm`, too: the value without the attack.
 
     Raises
     ------
@@ -80,8 +80,6 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
     alone = [(count, 1) for count in settings.sessions]
     crowds = dict.fromkeys([*alone, *((1, count) for count in settings.viewers)])
     live: dict[str, list[Callable[[Server], Coroutine[None, None, list[Row]]]]] = {
-        # First: memory that other parts have used and released would hide what a slow client takes.
-        "slow-client": [partial(slow_client, seconds=seconds)],
         "intervals": [partial(frame_intervals, crowd=crowd, seconds=seconds) for crowd in crowds],
         "real-time": [partial(real_time, seconds=seconds)],
         "sketch": [partial(sketch, repeats=repeats)],
@@ -96,6 +94,12 @@ def measure(settings: ServiceSettings, on_progress: Progress) -> Iterator[Row]:
                 on_progress(1)
     if "restart" in settings.part:
         yield from restart(settings.kept, seconds)
+        on_progress(1)
+    if "attacks" in settings.part:
+        for name, attack in ATTACKS.items():
+            for measure, value, calm, unit, aim in attacked(attack, seconds):
+                row = _row(f"{measure} beside {name}", value, unit, aim, (1, 1))
+                yield row | {"calm": significant(calm)}
         on_progress(1)
     if "kills" in settings.part:
         yield from killed(settings.kills, settings.seed)
@@ -132,37 +136,6 @@ async def real_time(server: Server, seconds: float) -> list[Row]:
     return [
         _row(f"{name} time scale, coarse 1/16, aim 1", value, "simulated s/s", 1.0, (len(bodies), 1))
         for name, value in (("mean", np.mean(scales)), ("least", np.min(scales)))
-    ]
-
-
-async def slow_client(server: Server, seconds: float) -> list[Row]:
-    """Measure the cost of a client at 1 KB/s: the others' frame intervals, and memory.
-
-    Four sessions of water_2d play at a quarter of real time, each with a viewer that keeps up. The slow
-    client watches the first of them for `seconds` [s], stays away for as long, and so on. It connects anew
-    every six seconds, since the server drops it after five. The memory is the largest growth of the process
-    over the most before the client came, with the frames that the system queues for the client.
-    """
-    without, beside, growth = [], [], []
-    async with playing(server.address, _bodies(_SLOW_SESSIONS), speed=_SPEED) as watchers:
-        await _warm_up(watchers, seconds)
-        for _ in range(_ROUNDS):
-            before = await _most(server.memory, seconds)
-            without.append(_intervals(watchers))
-            async with slowly_watching(server.port, watchers[0].path) as slow:
-                _forget(watchers)
-                most = await _most(lambda: server.memory(slow.port), seconds)
-                beside.append(_intervals(watchers))
-            if before is not None and most is not None:
-                growth.append((most - before) / 2**20)
-            _forget(watchers)
-    p99 = [np.percentile(np.concatenate(times), 99) for times in (without, beside)]
-    name, crowd = "frame interval p99", (_SLOW_SESSIONS, 1)
-    return [
-        _row(f"{name} without a client at 1 KB/s", p99[0], "ms", None, crowd),
-        _row(f"{name} beside a client at 1 KB/s", p99[1], "ms", None, crowd),
-        _row(f"{name} beside a client at 1 KB/s, over without", p99[1] / p99[0], "-", 1.05, crowd),
-        _row("memory held for a client at 1 KB/s", max(growth, default=None), "MiB", 2.0, crowd),
     ]
 
 
@@ -323,15 +296,6 @@ def _forget(watchers: Sequence[Viewer]) -> None:
 
 def _intervals(watchers: Sequence[Viewer]) -> np.ndarray:
     return np.concatenate([viewer.intervals() for viewer in watchers])
-
-
-async def _most(memory: Callable[[], int | None], seconds: float) -> int | None:
-    """Return the largest memory within a time [bytes]."""
-    end, most = time.perf_counter() + seconds, memory()
-    while time.perf_counter() < end:
-        await asyncio.sleep(min(0.05, seconds))
-        most = None if most is None else max(most, memory() or 0)
-    return most
 
 
 def _bodies(sessions: int) -> list[Row]:

@@ -26,21 +26,14 @@ class Server:
         """Address of the server."""
         return f"http://127.0.0.1:{self.port}"
 
-    def memory(self, client_port: int = 0) -> int | None:
-        """Return the memory of the process [bytes], with the frames queued for a client of a port of its own.
-
-        None where the system does not report it; only Linux does.
-        """
+    def memory(self, kind: str = "VmRSS") -> int | None:
+        """Return the memory of the process [bytes], with "VmHWM" the largest so far; None without /proc."""
         try:
             text = Path(f"/proc/{self.process.pid}/status").read_text(encoding="ascii", errors="replace")
-            lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
         except OSError:
             return None
-        found = re.search(r"VmRSS:\s*(\d+) kB", text)
-        ours, theirs = f":{self.port:04X}", f":{client_port:04X}"
-        rows = [line.split() for line in lines]
-        queued = [row[4] for row in rows if client_port and row[1].endswith(ours) and row[2].endswith(theirs)]
-        return None if found is None else 1024 * int(found[1]) + sum(int(one[:8], 16) for one in queued)
+        found = re.search(rf"{kind}:\s*(\d+) kB", text)
+        return None if found is None else 1024 * int(found[1])
 
 
 @contextmanager

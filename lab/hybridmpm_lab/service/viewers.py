@@ -38,13 +38,14 @@ class Viewer:
 
     def forget(self) -> None:
         """Forget the frames so far."""
-        self._arrivals: list[float] = []
+        self.arrivals: list[float] = []
+        """Times at which the frames arrived [s]."""
         self._ends: list[bytes] = []
 
     @property
     def frames(self) -> int:
         """Number of frames since the last `forget`."""
-        return len(self._arrivals)
+        return len(self.arrivals)
 
     async def send(self, kind: str, **values: Any) -> None:
         """Send a command of the player."""
@@ -67,9 +68,9 @@ class Viewer:
     def intervals(self) -> np.ndarray:
         """Return the times between successive frames [ms]."""
         self.check()
-        if len(self._arrivals) < 2:
+        if len(self.arrivals) < 2:
             raise SimulationError("a viewer saw fewer than two frames; measure for a longer time")
-        return 1e3 * np.diff(self._arrivals)
+        return 1e3 * np.diff(self.arrivals)
 
     def time_scale(self) -> float:
         """Return the simulated seconds per second between the first and the last frame."""
@@ -95,7 +96,7 @@ class Viewer:
 
     def _note(self, message: bytes) -> None:
         now = time.perf_counter()
-        self._arrivals.append(now)
+        self.arrivals.append(now)
         self._ends = [*self._ends[:1], message]
         if self._expected is not None and self._expected[0](decode(message)):
             if not self._expected[1].done():

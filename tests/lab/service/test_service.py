@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,11 +17,9 @@ from hybridmpm import SimulationError
 from hybridmpm.stream_frames import Frame, encode
 from hybridmpm_lab.commands import cli
 from hybridmpm_lab.service import measurements, server
+from hybridmpm_lab.service.attacks import ATTACKS
 from hybridmpm_lab.service.hostile import uploads
-from hybridmpm_lab.service.slow_client import slowly_watching
 from hybridmpm_lab.service.viewers import Viewer, watching
-
-IS_LINUX = sys.platform == "linux"
 
 
 def run(file: Path, *options: str) -> dict[tuple[str, int, int], float | None]:
@@ -68,7 +65,7 @@ def test_kills_cost_nothing_that_was_acknowledged(tmp_path: Path, kills: int) ->
 
 @pytest.mark.long
 def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
-    parts = [word for name in ("slow-client", "real-time", "sketch", "restart") for word in ("--part", name)]
+    parts = [word for name in ("real-time", "sketch", "restart") for word in ("--part", name)]
     figures: Any = run(tmp_path / "service.json", *parts, "--kept", "2", "--seconds", "1", "--repeats", "3")
     # A player catches up at most a tenth of a second at once.
     assert 0 < figures["least time scale, coarse 1/16, aim 1", 8, 1] < 1.2
@@ -76,12 +73,19 @@ def test_the_other_parts_of_the_measurement(tmp_path: Path) -> None:
     sketch = [figures[f"sketch to the first steered frame, {which}", 1, 1] for which in ("p50", "worst")]
     assert 0 < sketch[0] <= sketch[1]
     assert figures["restart after kill -9, until all sessions answer", 2, 0] > 0
-    ratio = figures["frame interval p99 beside a client at 1 KB/s, over without", 4, 1]
-    sides = [figures[f"frame interval p99 {side} a client at 1 KB/s", 4, 1] for side in ("beside", "without")]
-    assert ratio == pytest.approx(sides[0] / sides[1], rel=1e-3)
-    growth = figures["memory held for a client at 1 KB/s", 4, 1]
-    # Frames of some seconds are queued by the system.
-    assert growth > 0.1 if IS_LINUX else growth is None
+
+
+def test_a_small_twin_of_the_attacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = "empty pongs at 1 MB/s"
+    monkeypatch.setattr(measurements, "ATTACKS", {name: ATTACKS[name]})
+    figures: Any = run(tmp_path / "attacks.json", "--part", "attacks", "--seconds", "0.5")
+    assert {measure for measure, *_ in figures} == {
+        f"{measure} beside {name}"
+        for measure in ("GET p99", "POST worst", "frame interval p99", "memory", "end on SIGTERM")
+    }
+    waits = [row for row in json.loads((tmp_path / "attacks.json").read_text()) if row["unit"] == "ms"]
+    assert len(waits) == 3
+    assert all(row["calm"] > 0 and row["value"] > 0 for row in waits)
 
 
 def test_a_service_that_does_not_start_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,22 +151,6 @@ def test_a_viewer_reports_why_no_frame_comes(message: str | None, error: str) ->
             await viewer.arrival(viewer.expect(lambda _: True))
 
     watched(send, use)
-
-
-def test_a_slow_client_that_is_refused_measures_nothing() -> None:
-    async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await reader.readuntil(b"\r\n\r\n")
-        writer.write(b"HTTP/1.1 403 Forbidden\r\n\r\n")
-        writer.close()
-
-    async def run() -> None:
-        async with await asyncio.start_server(refuse, "127.0.0.1", 0) as running:
-            port = running.sockets[0].getsockname()[1]
-            async with slowly_watching(port, "/stream"):
-                await asyncio.sleep(0.1)
-
-    with pytest.raises(SimulationError, match=r"refuses a slow client: HTTP/1\.1 403 Forbidden"):
-        asyncio.run(run())
 
 
 @pytest.mark.parametrize("status", [200, 500])
