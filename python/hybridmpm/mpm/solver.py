@@ -30,7 +30,7 @@ from hybridmpm.mpm.cost import costly_materials
 from hybridmpm.mpm.scene_warnings import full_box, soft_materials
 from hybridmpm.mpm.sleep import Sleep
 from hybridmpm.mpm.stepper import MpmStepper
-from hybridmpm.mpm.tearing import torn_bodies
+from hybridmpm.mpm.tearing import WHOLE, largest_piece, torn_bodies
 from hybridmpm.probes.probe import PressureSamples
 from hybridmpm.scenarios.checked import checked_scene
 from hybridmpm.scene import Elastic, ParticleLimitWarning, Scene
@@ -302,7 +302,14 @@ class MpmSolver(CoarseSimulator):
         present = numbers < len(self._bodies)
         bodies = np.where(present, self._bodies[np.where(present, numbers, 0)], -1)
         mine = np.isin(bodies, elastic)
-        return torn_bodies(self.coarse_positions[mine], bodies[mine], 1 / self.resolution)
+        dx = 1 / self.resolution
+        torn = torn_bodies(self.coarse_positions[mine], bodies[mine], dx)
+        if torn:
+            # Obstacles and earlier bodies may part a body from the start.
+            start = merge(self._scene.sample(), self._level.r_p)
+            first = {body: largest_piece(start.x[start.body == body], dx) for body in torn}
+            torn = {body: share for body, share in torn.items() if share < WHOLE * first[body]}
+        return torn
 
     def _advance(self, frames: int, force: CheckedForce, path: npt.NDArray[np.float32] | None) -> None:
         period = self.frame // _TEARING_PERIOD

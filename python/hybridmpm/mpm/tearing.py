@@ -27,14 +27,14 @@ def torn_bodies(x: npt.NDArray[np.float32], body: npt.NDArray[np.integer], dx: f
     dx : float
         Size of a grid cell [m].
     """
-    shares = {int(number): largest_piece(x[body == number], _REACH * dx) for number in np.unique(body)}
+    shares = {int(number): largest_piece(x[body == number], dx) for number in np.unique(body)}
     return {number: share for number, share in shares.items() if share < WHOLE}
 
 
-def largest_piece(x: npt.NDArray[np.float32], side: float) -> float:
-    """Return the share of points (n, D) in the largest group that touching cubes of side `side` [m] join."""
+def largest_piece(x: npt.NDArray[np.float32], dx: float) -> float:
+    """Return the share of points (n, D) in the largest piece on a grid of cells of side `dx` [m]."""
     cubes, cube, counts = np.unique(
-        np.floor(x / side).astype(np.int32), axis=0, return_inverse=True, return_counts=True
+        np.floor(x / (_REACH * dx)).astype(np.int32), axis=0, return_inverse=True, return_counts=True
     )
     graph = _core.radius_graph(cubes.astype(np.float32), 1.01 * x.shape[1] ** 0.5)
     one, two = graph.senders, graph.receivers

@@ -9,7 +9,7 @@ from hybridmpm import (
     BatchError,
     Box,
     ConfigError,
-    InvertedError,
+    DomainError,
     MpmBatch,
     MpmSolver,
     Scene,
@@ -150,7 +150,7 @@ def test_failing_scenes_are_named_and_the_others_advance(drop: Scene) -> None:
     with pytest.raises(BatchError, match=r"^scene 0: particle .*; scene 2: particle ") as caught:
         batch.advance(3)
     failures = caught.value.failures
-    assert {index: type(error) for index, error in failures.items()} == {0: InvertedError, 2: InvertedError}
+    assert {index: type(error) for index, error in failures.items()} == {0: DomainError, 2: DomainError}
     assert batch[1].frame == 3
     # The state is the one before the failed frame, and the batch goes on from there, to fail again.
     assert batch[0].frame == batch[2].frame < 3

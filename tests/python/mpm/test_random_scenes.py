@@ -32,6 +32,9 @@ from hybridmpm import (
 )
 from hybridmpm.cli.report import usable_cores
 
+# Forces of some scenes tear soft bodies, which is no fault.
+pytestmark = pytest.mark.filterwarnings("ignore::hybridmpm.TornBodyWarning")
+
 Vector = npt.NDArray[np.float64]
 Material = Water | Sand | Elastic
 
